@@ -1,0 +1,36 @@
+# `make run` and `make test` are all one needs; both make the environment first.
+SCENARIO ?= scenarios/indoor_lab.yaml
+DURATION ?=
+REPORT ?=
+
+BIN := .venv/bin
+READY := .venv/.ready
+SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
+	$(wildcard ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
+
+.PHONY: help setup run test check benchmarks clean
+
+help: ## show this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+setup: $(READY) ## make the environment in .venv and nothing else
+
+$(READY): $(SOURCES_OF_SETUP)
+	@./setup.sh
+
+run: setup ## start SCENARIO and show what arrives in ROS (DURATION=20 ends by itself)
+	@$(BIN)/groundlink up $(SCENARIO) \
+		$(if $(DURATION),--duration $(DURATION)) $(if $(REPORT),--report $(REPORT))
+
+test: setup ## run every test: units, architecture, style, types, and the real system
+	@$(BIN)/python -m pytest
+
+check: test ## what CI runs
+
+benchmarks: setup ## measure what the documents claim
+	@$(BIN)/python -m benchmarks.lidar
+	@$(BIN)/python -m benchmarks.physics
+
+clean: ## remove the environment and every cache
+	@rm -rf .venv build *.egg-info udp-bridge/src/*.egg-info \
+		.mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

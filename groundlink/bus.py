@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bus: messages between the processes of a run, over Zenoh.
+
+Rule: the only importer of `zenoh`. Zenoh's callbacks only hand over to an inbox, which is bounded,
+keeps the newest and counts what it drops. Endpoints are explicit, multicast is off; every process
+is a client of one router, on one host as on many: peers that find each other by gossip change
+routes while data flow, and lost up to 12 states at the start of a run. A session that is not closed
+hangs its process, so a `Bus` is a context manager.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+import zenoh
+
+from .errors import UserError
+from .inbox import Inbox
+from .messages import M, Message, encode
+from .topics import Delivery
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where physics listens when it is told neither to listen nor to connect elsewhere."""
+
+CONNECT_SECONDS = 5.0
+"""How long a process tries to reach its endpoint before it gives up."""
+
+_CONGESTION_CONTROL = {
+    Delivery.NEWEST: zenoh.CongestionControl.DROP,
+    Delivery.ALL: zenoh.CongestionControl.BLOCK,
+}
+
+_ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d{1,5})$")
+
+
+class BusError(UserError):
+    """The bus cannot be joined."""
+
+
+class Bus:
+    """One process's session.
+
+    Parameters
+    ----------
+    connect
+        endpoint of the router to join, such as `tcp/HOST:7447`.
+    listen
+        endpoint to listen on as the router that others join through.
+    """
+
+    def __init__(self, *, connect: str | None = None, listen: str | None = None) -> None:
+        self._declared: list[Any] = []
+        for endpoint in filter(None, (connect, listen)):
+            if not _ENDPOINT.match(endpoint):
+                raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
+        try:
+            self._session = zenoh.open(_configuration(connect, listen))
+        except zenoh.ZError as error:
+            raise BusError(_explained(str(error), connect, listen)) from None
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        for declared in self._declared:
+            declared.undeclare()
+        self._declared.clear()
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def publisher(self, key: str, delivery: Delivery) -> Callable[[Message], bytes]:
+        """Return a function that publishes messages under `key` and returns their bytes."""
+        publisher = self._session.declare_publisher(
+            key, congestion_control=_CONGESTION_CONTROL[delivery]
+        )
+        self._declared.append(publisher)
+
+        def publish(message: Message) -> bytes:
+            payload = encode(message)
+            publisher.put(payload)
+            return payload
+
+        return publish
+
+    def subscribe(self, key: str, message_type: type[M], inbox: Inbox[M]) -> None:
+        """Put every message that arrives under `key` into `inbox`."""
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            inbox.put(str(sample.key_expr), sample.payload.to_bytes(), message_type)
+
+        self._declared.append(self._session.declare_subscriber(key, hand_over))
+
+    def serve(self, key: str, answer: Callable[[str], list[bytes]]) -> None:
+        """Answer queries for `key`: `answer` gets the query's parameters, its items are replies.
+
+        Replies to one query have keys `key/0`, `key/1`, ... so that none replaces another.
+        """
+
+        def reply(query: zenoh.Query) -> None:
+            with query:
+                for i, item in enumerate(answer(str(query.parameters))):
+                    query.reply(f"{key}/{i}", item)
+
+        self._declared.append(self._session.declare_queryable(f"{key}/**", reply))
+
+    def ask(self, key: str, parameters: str = "", *, seconds: float) -> dict[str, bytes]:
+        """Return all replies that come within `seconds`, by key, in the order of their numbers."""
+        selector = f"{key}/**?{parameters}" if parameters else f"{key}/**"
+        replies = {}
+        for reply in self._session.get(selector, timeout=seconds):
+            if reply.ok is not None:
+                replies[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
+        return dict(sorted(replies.items(), key=lambda item: int(item[0].rpartition("/")[2])))
+
+    def announce(self, key: str) -> None:
+        """Show that this process is there, under `key`, for as long as the session lives."""
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    def present(self, key: str, *, seconds: float) -> set[str]:
+        """Return the keys of the processes that are there now, of those that `key` matches."""
+        replies = self._session.liveliness().get(key, timeout=seconds)
+        return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+    def watch(self, key: str, on_change: Callable[[str, bool], None]) -> None:
+        """Call `on_change(key, there)` for every process that is there, comes or goes."""
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._declared.append(
+            self._session.liveliness().declare_subscriber(key, hand_over, history=True)
+        )
+
+
+def _configuration(connect: str | None, listen: str | None) -> zenoh.Config:
+    """Return the session's configuration: explicit endpoints only."""
+    settings = {
+        "mode": "router" if listen else "client",
+        "connect/endpoints": [connect] if connect else [],
+        "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
+        "connect/exit_on_failure": True,
+        "listen/endpoints": [listen] if listen else [],
+        "listen/exit_on_failure": True,
+        "scouting/multicast/enabled": False,
+        "transport/shared_memory/enabled": True,
+        # A busy machine may leave a sender's thread unscheduled for many ticks. The defaults (two
+        # batches, 1 ms) then drop states although every receiver keeps up.
+        "transport/link/tx/queue/size/data": 16,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 500_000,
+    }
+    configuration = zenoh.Config()
+    for key, value in settings.items():
+        configuration.insert_json5(key, json.dumps(value))
+    return configuration
+
+
+def _explained(problem: str, connect: str | None, listen: str | None) -> str:
+    """Return what Zenoh's error means to the one who gave the endpoints."""
+    if listen and "in use" in problem:
+        return f"{listen} is in use; end the other process or choose a port with --listen"
+    if listen and "listener" in problem:
+        return f"cannot listen on {listen}: {problem.split(': ')[-1][:80]}"
+    return (
+        f"nobody answered at {connect} within {CONNECT_SECONDS:.0f} s; start physics or a router "
+        "there first, or correct --connect"
+    )

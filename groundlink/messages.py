@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of the bus and their bytes.
+
+Rule: a message is a Struct whose MessagePack map is the format; arrays travel as one bin each and
+are read in place. What does not fit its schema raises `BadMessage` with a reason, never more.
+Stamps are the instant of measurement: nanoseconds of the run's epoch plus sim time.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
+
+POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "ring", "time"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f4"],
+        "offsets": [0, 4, 8, 12, 16, 18],
+        "itemsize": 22,
+    }
+)
+"""A LiDAR return as sensor_msgs/PointCloud2 carries it: metres in the sensor's frame, reflectivity
+0..255, laser number from below, seconds from the cloud's stamp."""
+
+
+class BadMessage(ValueError):
+    """Bytes from the bus that are not the message they should be; the text says why."""
+
+
+class Message(msgspec.Struct, frozen=True):
+    """A message of the bus."""
+
+
+def _whole(array: memoryview, record_bytes: int, field: str) -> None:
+    """Refuse a bin that does not hold a whole number of records."""
+    if len(array) % record_bytes:
+        raise ValueError(f"`{field}` has {len(array)} bytes, expected a multiple of {record_bytes}")
+
+
+class VehicleState(msgspec.Struct, frozen=True):
+    """Where a vehicle's links are, how its base moves, where its joints are."""
+
+    link_poses: memoryview
+    """float64, rows of x, y, z, qx, qy, qz, qw: world_from_link, in the order of the model's links
+    (base first)."""
+
+    base_velocity: memoryview
+    """float64, 6: linear (m/s), then angular (rad/s) velocity of the base's origin, in world."""
+
+    joint_positions: memoryview
+    """float64, one a wheel in the order of the model's wheels: radians, never wrapped."""
+
+    joint_velocities: memoryview
+    """float64, rad/s, in the same order."""
+
+    def __post_init__(self) -> None:
+        _whole(self.link_poses, 7 * 8, "link_poses")
+        _whole(self.base_velocity, 6 * 8, "base_velocity")
+        _whole(self.joint_positions, 8, "joint_positions")
+        _whole(self.joint_velocities, 8, "joint_velocities")
+
+    def poses(self) -> NDArray[np.float64]:
+        """Return world_from_link, shape (links, 7): position xyz in m, quaternion xyzw."""
+        return floats(self.link_poses).reshape(-1, 7)
+
+
+class State(Message, frozen=True):
+    """The truth at one tick, from physics, 400 a second of sim time."""
+
+    run: str
+    epoch_nanos: int
+    """Stamp of sim time zero; tells apart two lives of one run's physics."""
+
+    tick: int
+    sim_nanos: int
+    world_hash: str
+    vehicles: dict[str, VehicleState]
+
+    @property
+    def stamp_nanos(self) -> int:
+        """The instant of this state on the run's time line."""
+        return self.epoch_nanos + self.sim_nanos
+
+
+class Clock(Message, frozen=True):
+    """The run's time, for ROS nodes that use sim time."""
+
+    stamp_nanos: int
+    epoch_nanos: int
+    tick: int
+
+
+class Command(Message, frozen=True):
+    """A velocity that a vehicle is asked for (geometry_msgs/Twist), in its base frame."""
+
+    stamp_nanos: int
+    """Sim instant at which the command was current; it acts at the tick after it."""
+
+    linear_mps: Vector3
+    angular_radps: Vector3
+
+
+class Imu(Message, frozen=True):
+    """One sample of an inertial measurement unit, in the sensor's frame (REP 145)."""
+
+    stamp_nanos: int
+    frame: str
+    orientation: Quaternion
+    """world_from_sensor, xyzw."""
+
+    angular_velocity_radps: Vector3
+    linear_acceleration_mps2: Vector3
+    """Specific force: a level unit at rest reads +9.80665 on z."""
+
+    orientation_variance: float
+    angular_velocity_variance: float
+    linear_acceleration_variance: float
+
+
+class PointCloud(Message, frozen=True):
+    """The returns of one LiDAR revolution."""
+
+    stamp_nanos: int
+    """The first firing, whether it returned or not."""
+
+    frame: str
+    points: memoryview
+    """`POINT` records; rays without a return are left out."""
+
+    def __post_init__(self) -> None:
+        _whole(self.points, POINT.itemsize, "points")
+
+    def records(self) -> NDArray[np.void]:
+        """Return the points as a structured array, shape (N,), dtype `POINT`."""
+        return np.frombuffer(self.points, POINT)
+
+
+class WheelEncoders(Message, frozen=True):
+    """The 64-bit counters of a vehicle's wheels."""
+
+    stamp_nanos: int
+    frame: str
+    names: tuple[str, ...]
+    ticks: tuple[Int64, ...]
+
+
+class Ack(Message, frozen=True):
+    """A process's word on how far it has come."""
+
+    epoch_nanos: int
+    tick: int
+    """The last state that it has taken in; -1 for none yet."""
+
+    settled_tick: int
+    """The tick up to which nothing more will come from it: where a successor may resume."""
+
+
+class StreamReport(msgspec.Struct, frozen=True):
+    """What the ROS side received of one topic, as it reported."""
+
+    topic: str
+    type: str
+    declared_hz: float | None
+    measured_hz: float | None
+    """Counted in stamps: (messages - 1) / (last stamp - first stamp)."""
+
+    age_seconds: float | None
+    messages: int
+    lost: int
+    """Gaps in sequence numbers and messages given up for want of parts."""
+
+
+class Health(Message, frozen=True):
+    """A process's word about itself, once a second."""
+
+    process: str
+    pid: int
+    tick: int
+    counters: dict[str, int]
+    streams: tuple[StreamReport, ...] = ()
+
+
+M = TypeVar("M", bound=Message)
+
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODERS: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
+
+
+def encode(message: Message) -> bytes:
+    """Return a message as MessagePack."""
+    return _ENCODER.encode(message)
+
+
+def decode(payload: bytes | memoryview, message_type: type[M]) -> M:
+    """Return the message that `payload` holds; its arrays are views into `payload`.
+
+    Raises
+    ------
+    BadMessage
+        when the bytes are not MessagePack or do not fit the type's schema.
+    """
+    decoder = _DECODERS.get(message_type)
+    if decoder is None:
+        decoder = _DECODERS[message_type] = msgspec.msgpack.Decoder(message_type)
+    try:
+        return decoder.decode(payload)  # type: ignore[no-any-return]
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BadMessage(f"not a {message_type.__name__}: {error}") from None
+
+
+def floats(packed: memoryview) -> NDArray[np.float64]:
+    """Return the float64 array that a bin holds, without a copy, read-only."""
+    return np.frombuffer(packed, np.float64)
+
+
+def packed(array: NDArray[Any]) -> memoryview:
+    """Return an array's bytes for a bin field, without a copy where it is contiguous."""
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data

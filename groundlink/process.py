@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every process of a run does alike: arguments, signals, joining a run, saying how it is.
+
+Rule: a process ends with 0 when it is asked to end, with 2 and one line when the user can mend what
+is wrong. It never leaves its session open.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+import msgspec
+
+from .bus import DEFAULT_ENDPOINT, Bus
+from .errors import UserError
+from .messages import Health, StreamReport
+from .scenario import Scenario
+from .topics import HEALTH, ROOT, scenario_key
+
+JOIN_SECONDS = 10.0
+"""How long a process waits for physics to serve the run's scenario."""
+
+HEALTH_PERIOD_SECONDS = 1.0
+
+
+def parser(process: str, description: str) -> argparse.ArgumentParser:
+    """Return the argument parser that all processes share."""
+    arguments = argparse.ArgumentParser(prog=process, description=description)
+    arguments.add_argument(
+        "--connect", metavar="ENDPOINT", help="router or physics to join, such as tcp/HOST:7447"
+    )
+    arguments.add_argument("--run", help="name of the run; needed only where several run")
+    return arguments
+
+
+def endpoint(options: argparse.Namespace) -> str:
+    """Return where to join: as told, or where physics listens by default."""
+    return str(options.connect or DEFAULT_ENDPOINT)
+
+
+def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) -> NoReturn:
+    """Run a process's `main(arguments, stop)` and exit; `stop` is set when it should end."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        main(sys.argv[1:], stop)
+    except UserError as error:
+        print(f"{process}: {error}", file=sys.stderr)
+        sys.exit(2)
+    sys.exit(0)
+
+
+def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Scenario]:
+    """Return the name and the resolved scenario of the run that is on the bus.
+
+    Raises
+    ------
+    UserError
+        when there is none within `JOIN_SECONDS`, or several and no name was given.
+    """
+    deadline = time.monotonic() + JOIN_SECONDS
+    while not stop.is_set():
+        replies = bus.ask(scenario_key(run_name or "*"), seconds=1.0)
+        runs = {key.split("/")[1]: payload for key, payload in replies.items()}
+        if len(runs) > 1:
+            raise UserError(f"several runs are on the bus, name one with --run: {', '.join(runs)}")
+        for name, payload in runs.items():
+            return name, msgspec.msgpack.decode(payload, type=Scenario)
+        if time.monotonic() > deadline:
+            wanted = f"run `{run_name}`" if run_name else "run"
+            raise UserError(
+                f"no {wanted} was found on the bus within {JOIN_SECONDS:.0f} s; "
+                f"is physics running there? (key {ROOT}/<run>/scenario)"
+            )
+        stop.wait(0.2)
+    raise SystemExit(0)
+
+
+class Heartbeat:
+    """Tells the run once a second how a process is."""
+
+    def __init__(self, bus: Bus, run_name: str, process: str) -> None:
+        key = HEALTH.key_in(run_name, process=process)
+        self._process = process
+        self._publish = bus.publisher(key, HEALTH.delivery)
+        self._next = 0.0
+        bus.announce(key)
+
+    def due(self) -> bool:
+        """Return whether a second has passed since the last beat."""
+        return time.monotonic() >= self._next
+
+    def beat(
+        self, tick: int, counters: dict[str, int], streams: Sequence[StreamReport] = ()
+    ) -> None:
+        """Publish the process's health."""
+        self._next = time.monotonic() + HEALTH_PERIOD_SECONDS
+        self._publish(Health(self._process, os.getpid(), tick, counters, tuple(streams)))

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a running run: who is well, what arrives on the ROS side, how fast time goes.
+
+Rule: health messages and wall time come in as arguments; verdicts come out. The dashboard and the
+report show what stands here and compute nothing of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from .clock import TICK_SECONDS
+from .messages import Health, StreamReport
+
+RATE_TOLERANCE = 0.02
+"""A declared rate is kept when the measured one, counted in stamps, is this near."""
+
+
+def keeps_rate(stream: StreamReport) -> bool:
+    """Return whether a stream kept its declared rate; one without a declared rate always does."""
+    if stream.declared_hz is None:
+        return True
+    if stream.measured_hz is None:
+        return False
+    return abs(stream.measured_hz / stream.declared_hz - 1) <= RATE_TOLERANCE
+
+
+@dataclass
+class RunMonitor:
+    """The latest word of every process."""
+
+    health: dict[str, Health] = field(default_factory=dict)
+    streams: Sequence[StreamReport] = ()
+    first_tick: int | None = None
+    tick: int = 0
+    _first_seconds: float = 0.0
+    _last_seconds: float = 0.0
+
+    def heard(self, health: Health, now_seconds: float) -> None:
+        """Take note of a process's health, heard at `now_seconds` of the wall clock."""
+        self.health[health.process] = health
+        if health.streams:
+            self.streams = health.streams
+        if health.process == "physics":
+            if self.first_tick is None or health.tick < self.tick:
+                self.first_tick, self._first_seconds = health.tick, now_seconds
+            self.tick, self._last_seconds = health.tick, now_seconds
+
+    @property
+    def sim_seconds(self) -> float:
+        """Sim time that has passed since physics started."""
+        return self.tick * TICK_SECONDS
+
+    @property
+    def real_time_factor(self) -> float | None:
+        """Sim seconds for each wall second, over all that was heard of physics."""
+        wall = self._last_seconds - self._first_seconds
+        if self.first_tick is None or wall <= 0:
+            return None
+        return (self.tick - self.first_tick) * TICK_SECONDS / wall
+
+    def everything_arrives(self) -> bool:
+        """Return whether every declared stream has arrived on the ROS side."""
+        declared = [s for s in self.streams if s.declared_hz is not None]
+        return bool(declared) and all(s.messages for s in declared)
+
+    def faults(self) -> list[str]:
+        """Return what is wrong with the run as lines; none when every declared rate was kept."""
+        if not self.streams:
+            return ["nothing was heard from the ROS side"]
+        lines = []
+        for stream in self.streams:
+            if not keeps_rate(stream):
+                measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
+                declared = f"{stream.declared_hz:g} Hz"
+                lines.append(f"{stream.topic}: declared {declared}, measured {measured}")
+        return lines

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML files as plain data that remembers where each value was written.
+
+Rule: a `Document` knows files and lines and nothing of scenarios. Paths into it are tuples of keys
+and indices; a value taken from another file keeps that file's lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from groundlink.errors import UserError
+
+DataPath = tuple[str | int, ...]
+
+
+class ScenarioError(UserError):
+    """A mistake in a scenario; the text names file, line and field."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A place in a file."""
+
+    file: Path
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}"
+
+
+@dataclass
+class Document:
+    """Plain data with the mark of every value in it."""
+
+    value: Any
+    marks: dict[DataPath, Mark] = field(default_factory=dict)
+
+    def mark(self, path: DataPath) -> Mark:
+        """Return the place of the value at `path`, or of the nearest one around it."""
+        while path not in self.marks:
+            path = path[:-1]
+        return self.marks[path]
+
+    def at(self, path: DataPath) -> Any:
+        """Return the value at `path`, or None where there is none."""
+        value = self.value
+        for step in path:
+            try:
+                value = value[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+    def put(self, path: DataPath, part: Document) -> None:
+        """Replace the value at `path` by another document and its marks."""
+        around = self.at(path[:-1])
+        around[path[-1]] = part.value
+        self.marks.update({path + inner: mark for inner, mark in part.marks.items()})
+
+
+def read(file: Path) -> Document:
+    """Return the data of a YAML file.
+
+    Raises
+    ------
+    ScenarioError
+        when the file is missing, unreadable or not YAML, or when a key stands twice.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"{file}: {(error.strerror or str(error)).lower()}") from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{file}: not UTF-8 text ({error.reason})") from None
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"{file}:{mark.line + 1}" if mark else str(file)
+        raise ScenarioError(f"{where}: not valid YAML: {error.problem}") from None
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"{file}: not valid YAML: {' '.join(str(error).split())}") from None
+    if node is None:
+        raise ScenarioError(f"{file}: the file is empty")
+    document = Document(None)
+    document.value = _plain(node, (), document, file)
+    return document
+
+
+def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> Any:
+    """Turn a YAML node into plain data and note where it stands."""
+    document.marks[path] = Mark(file, node.start_mark.line + 1)
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(n, (*path, i), document, file) for i, n in enumerate(node.value)]
+    if isinstance(node, yaml.MappingNode):
+        result: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key = str(key_node.value)
+            line = key_node.start_mark.line + 1
+            if key in result:
+                raise ScenarioError(f"{file}:{line}: `{key}` is given twice; keep one")
+            result[key] = _plain(value_node, (*path, key), document, file)
+            document.marks[(*path, key)] = Mark(file, line)
+        return result
+    # SafeLoader's own constructor turns scalars into int, float, bool, str or None.
+    loader = yaml.SafeLoader("")
+    try:
+        return loader.construct_object(node, deep=True)
+    except (yaml.YAMLError, ValueError) as error:
+        problem = getattr(error, "problem", None) or str(error)
+        mark = document.marks[path]
+        raise ScenarioError(f"{mark}: cannot read this value: {problem}") from None

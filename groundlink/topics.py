@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of topics: every kind of stream on the bus, in one place.
+
+Rule: a key, a message type or a rate is written here and nowhere else. Liveness checks, the
+command `groundlink topics`, documentation and tests are derived from the table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from .clock import TICK_RATE_HZ
+from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
+from .scenario.schema import Scenario
+from .scenario.sensors import Encoders, Lidar, Sensor, SensorSpec
+from .scenario.sensors import Imu as ImuSpec
+
+ROOT = "groundlink"
+
+
+class Delivery(Enum):
+    """What happens when a receiver cannot keep up."""
+
+    NEWEST = "newest"
+    """The sender never waits; the receiver sees a gap in ticks and counts it."""
+
+    ALL = "all"
+    """The sender waits for room."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """A kind of stream."""
+
+    name: str
+    key: str
+    """Under `groundlink/<run>/`; words in braces are filled in."""
+
+    message: type[Message]
+    publisher: str
+    rate: str
+    delivery: Delivery
+
+    def key_in(self, run: str, **names: str) -> str:
+        """Return the full key expression in a run; names left out become `*`."""
+        fields = {"vehicle": "*", "sensor": "*", "process": "**"} | names
+        return f"{ROOT}/{run}/{self.key.format(**fields)}"
+
+
+STATE = Topic(
+    name="state",
+    key="state",
+    message=State,
+    publisher="physics",
+    rate=f"{TICK_RATE_HZ} Hz",
+    delivery=Delivery.NEWEST,
+)
+CLOCK = Topic(
+    name="clock",
+    key="clock",
+    message=Clock,
+    publisher="physics",
+    rate="time.clock_rate_hz",
+    delivery=Delivery.NEWEST,
+)
+COMMAND = Topic(
+    name="command",
+    key="{vehicle}/command",
+    message=Command,
+    publisher="gateway",
+    rate="as ROS sends",
+    delivery=Delivery.ALL,
+)
+POINTS = Topic(
+    name="lidar",
+    key="{vehicle}/{sensor}",
+    message=PointCloud,
+    publisher="sensors.lidar",
+    rate="rotation_rate_hz",
+    delivery=Delivery.ALL,
+)
+IMU = Topic(
+    name="imu",
+    key="{vehicle}/{sensor}",
+    message=Imu,
+    publisher="sensors.imu",
+    rate="rate_hz",
+    delivery=Delivery.ALL,
+)
+ENCODERS = Topic(
+    name="encoders",
+    key="{vehicle}/{sensor}",
+    message=WheelEncoders,
+    publisher="sensors.encoders",
+    rate="rate_hz",
+    delivery=Delivery.ALL,
+)
+ACK = Topic(
+    name="ack",
+    key="ack/{process}",
+    message=Ack,
+    publisher="every sensor, gateway",
+    rate="8 Hz",
+    delivery=Delivery.ALL,
+)
+HEALTH = Topic(
+    name="health",
+    key="health/{process}",
+    message=Health,
+    publisher="every process",
+    rate="1 Hz",
+    delivery=Delivery.ALL,
+)
+
+TOPICS = (STATE, CLOCK, COMMAND, POINTS, IMU, ENCODERS, ACK, HEALTH)
+
+SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {Lidar: POINTS, ImuSpec: IMU, Encoders: ENCODERS}
+"""The stream of each kind of sensor."""
+
+
+def scenario_key(run: str) -> str:
+    """Return the key of the queryable that serves a run's resolved scenario."""
+    return f"{ROOT}/{run}/scenario"
+
+
+def history_key(run: str) -> str:
+    """Return the key of the queryable that serves the states a rejoining sensor has missed."""
+    return f"{ROOT}/{run}/state/history"
+
+
+def sensor_rate_hz(spec: Sensor) -> float:
+    """Return how many messages a second of sim time a sensor declares."""
+    return spec.rotation_rate_hz if isinstance(spec, Lidar) else spec.rate_hz
+
+
+def process_names(scenario: Scenario) -> dict[str, str]:
+    """Return the processes of a run, by name, with the module that each one is."""
+    processes = {"physics": "services.physics"}
+    for vehicle in scenario.vehicles:
+        for sensor in vehicle.sensors:
+            module = f"services.sensors.{SENSOR_TOPICS[type(sensor)].name}"
+            processes[f"{vehicle.name}/{sensor.name}"] = module
+    processes["gateway"] = "services.gateway"
+    return processes

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scenario to everything that stands in its world, and the hash that proves it.
+
+Rule: the same scenario gives the same solids in the same order and the same hash wherever it is
+built; physics and every replica build for themselves and compare hashes. Vehicles are not in it:
+they move.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+from zlib import crc32
+
+import msgspec
+import numpy as np
+
+from groundlink.errors import UserError
+
+from .bounds import Bounds, bounds, intersect
+from .furnish import Frame, Surface, door_frame, furnish, walls
+from .room import Room
+from .solids import Box, Solid
+from .strew import NoRoom, strew
+
+if TYPE_CHECKING:
+    from groundlink.scenario.schema import Scenario
+
+STRIP_M = 0.45
+"""Width of the strip of floor along the walls where clutter may lie."""
+
+START_CLEARANCE_M = 0.5
+"""Kept free of clutter around a vehicle's start, beyond its chassis."""
+
+Path = tuple[str | int, ...]
+
+_CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
+
+
+class WorldError(UserError):
+    """A world that cannot be built.
+
+    Attributes
+    ----------
+    path
+        keys and indices that lead from the scenario to the field at fault.
+    """
+
+    def __init__(self, path: Path, problem: str) -> None:
+        field = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+        super().__init__(f"`{field.removeprefix('.')}`: {problem}")
+        self.path = path
+
+
+class UnknownMaterial(WorldError):
+    """Something is of a material that the world does not list."""
+
+
+def solids(scenario: Scenario) -> tuple[Solid, ...]:
+    """Return all static solids of a scenario's world, in the world's frame.
+
+    Raises
+    ------
+    WorldError
+        when a material is not in `world.materials` (`UnknownMaterial`), two solids have one name,
+        the clutter finds no place, or a vehicle starts inside something.
+    """
+    _check_materials(scenario)
+    world = scenario.world
+    surfaces: list[Surface] = []
+    built: list[Solid] = walls(world.room) if world.room else []
+    for index, furniture in enumerate(world.furniture):
+        parts, tops = furnish(index, furniture)
+        built += parts
+        surfaces += tops
+    built += world.solids
+    if world.clutter:
+        # A stream of its own: what else the seed is used for does not move the clutter.
+        generator = np.random.default_rng([scenario.seed, crc32(b"clutter")])
+        if world.room:
+            surfaces += _strips(world.room)
+        occupied = [bounds(solid) for solid in built] + _kept_free(scenario)
+        try:
+            built += strew(world.clutter, surfaces, occupied, generator)
+        except NoRoom as error:
+            raise WorldError(("world", "clutter", "count"), str(error)) from None
+    names: set[str] = set()
+    for solid in built:
+        if solid.name in names:
+            raise WorldError(("world", "solids"), f"there are two solids called `{solid.name}`")
+        names.add(solid.name)
+    _check_starts(scenario, built)
+    return tuple(built)
+
+
+def world_hash(scenario: Scenario) -> str:
+    """Return the sha256, in hexadecimal, of what physics and sensors must agree on.
+
+    These are the built solids, the materials, and each vehicle's model by its name, as canonical
+    MessagePack.
+    """
+    content = (
+        solids(scenario),
+        scenario.world.materials,
+        {vehicle.name: vehicle.model for vehicle in scenario.vehicles},
+    )
+    return hashlib.sha256(_CANONICAL.encode(content)).hexdigest()
+
+
+def _check_materials(scenario: Scenario) -> None:
+    known = scenario.world.materials
+    for path, material in _materials(scenario):
+        if material not in known:
+            near = difflib.get_close_matches(material, known, 1)
+            hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(known))}"
+            raise UnknownMaterial(path, f"no material `{material}` in world.materials; {hint}")
+
+
+def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
+    """Yield every use of a material as its path in the scenario and its name."""
+    world = scenario.world
+    if room := world.room:
+        yield ("world", "room", "wall_material"), room.wall_material
+        yield ("world", "room", "floor_material"), room.floor_material
+        if room.door:
+            yield ("world", "room", "door", "material"), room.door.material
+    for i, furniture in enumerate(world.furniture):
+        yield ("world", "furniture", i, "material"), furniture.material
+    for i, solid in enumerate(world.solids):
+        yield ("world", "solids", i, "material"), solid.material
+    if world.clutter:
+        for i, material in enumerate(world.clutter.materials):
+            yield ("world", "clutter", "materials", i), material
+    for v, vehicle in enumerate(scenario.vehicles):
+        for i, visual in enumerate(vehicle.model.visuals):
+            yield ("vehicles", v, "model", "visuals", i, "material"), visual.material
+        for i, wheel in enumerate(vehicle.model.wheels):
+            yield ("vehicles", v, "model", "wheels", i, "material"), wheel.material
+
+
+def _check_starts(scenario: Scenario, built: list[Solid]) -> None:
+    """Refuse a vehicle that starts inside something: physics would throw it about."""
+    chassis: list[Solid] = []
+    for index, vehicle in enumerate(scenario.vehicles):
+        body, place = vehicle.model.chassis, vehicle.placement
+        base_m = place.z_m + vehicle.model.base_height_m
+        start = Frame("", place.x_m, place.y_m, base_m, yaw_deg=place.yaw_deg)
+        chassis.append(start.put(vehicle.name, Box(size_m=body.size_m), body.center_m, ""))
+        for solid in [*built, *chassis[:-1]]:
+            if intersect(chassis[-1], solid):
+                raise WorldError(
+                    ("vehicles", index, "placement"),
+                    f"`{vehicle.name}` starts inside `{solid.name.lstrip('_')}`; move it",
+                )
+
+
+def _strips(room: Room) -> list[Surface]:
+    """Return the floor along the four walls, in pieces of about a metre, as surfaces.
+
+    In pieces, so that a wall's floor is tried as often as its length is worth.
+    """
+    length, width, height = room.size_m
+    floor = Frame("floor")
+    strips = []
+    for along, across, yaw_deg in ((length, width, 0.0), (width - 2 * STRIP_M, length, 90.0)):
+        count = max(1, round(along))
+        for side in (1, -1):
+            for piece in range(count):
+                frame = Frame(floor.name, yaw_deg=yaw_deg)
+                at = ((piece + 0.5) / count - 0.5) * along, side * (across - STRIP_M) / 2, 0.0
+                strips.append(frame.surface(at, along / count, STRIP_M, height))
+    return strips
+
+
+def _kept_free(scenario: Scenario) -> list[Bounds]:
+    """Return boxes where no clutter may lie: around each vehicle's start and inside the door."""
+    keep = []
+    for vehicle in scenario.vehicles:
+        place, chassis = vehicle.placement, vehicle.model.chassis
+        reach = math.hypot(*chassis.size_m[:2]) / 2 + math.hypot(*chassis.center_m[:2])
+        at, to = np.array([place.x_m, place.y_m, place.z_m]), np.full(3, reach + START_CLEARANCE_M)
+        keep.append((at - to, at + to))
+    room = scenario.world.room
+    if room and room.door:
+        door = room.door
+        way = Box(size_m=(door.width_m, 2 * door.width_m, door.height_m))
+        keep.append(bounds(door_frame(room, door).put("way", way, (0, 0, door.height_m / 2), "")))
+    return keep

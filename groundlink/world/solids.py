@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vocabulary of things: a solid is a shape of a material at a pose.
+
+Rule: plain data that a scenario file can hold and that hashes to the same bytes everywhere. What a
+solid does (collide, reflect, look like something) is the business of those who read it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from groundlink.frames import IDENTITY_QUATERNION
+
+Positive = Annotated[float, Meta(gt=0)]
+Fraction01 = Annotated[float, Meta(ge=0, le=1)]
+Vector3 = tuple[float, float, float]
+Size3 = tuple[Positive, Positive, Positive]
+Quaternion = tuple[float, float, float, float]
+
+
+class Spec(Struct, frozen=True, forbid_unknown_fields=True):
+    """A part of a scenario: immutable, and an unknown key is an error."""
+
+
+class Box(Spec, frozen=True, tag_field="kind", tag="box"):
+    """A cuboid centred on the origin of its frame."""
+
+    size_m: Size3
+    """Full lengths along x, y, z."""
+
+
+class Cylinder(Spec, frozen=True, tag_field="kind", tag="cylinder"):
+    """A cylinder centred on the origin, its axis along z."""
+
+    radius_m: Positive
+    length_m: Positive
+
+
+class Sphere(Spec, frozen=True, tag_field="kind", tag="sphere"):
+    """A ball centred on the origin."""
+
+    radius_m: Positive
+
+
+Shape = Box | Cylinder | Sphere
+
+
+class Material(Spec, frozen=True):
+    """What a surface is like to those who touch it or look at it."""
+
+    reflectivity: Fraction01 = 0.5
+    """Diffuse reflectance at the LiDAR's wavelength (903 nm), 0..1."""
+
+    friction: Annotated[float, Meta(ge=0)] = 0.8
+    """Coulomb coefficient of the surface; a contact has the product of both surfaces'."""
+
+    color: tuple[Fraction01, Fraction01, Fraction01] = (0.6, 0.6, 0.6)
+    """Linear red, green, blue."""
+
+
+class Solid(Spec, frozen=True):
+    """A shape in place. In a world the frame is the world; in a vehicle it is the link's."""
+
+    name: str
+    shape: Shape
+    material: str
+    position_m: Vector3 = (0.0, 0.0, 0.0)
+    orientation: Quaternion = IDENTITY_QUATERNION
+    """Quaternion xyzw."""

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every mistake in a scenario is one line that names file, line, field and mend."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from groundlink.scenario import ScenarioError, load
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import Imu, Lidar
+
+GOOD = """\
+name: test
+seed: 3
+world: worlds/lab.yaml
+vehicles:
+  - name: rover
+    model: vehicles/rover.yaml
+    sensors:
+      - kind: lidar
+        datasheet: sensors/vlp16_paper.yaml
+        name: lidar
+        topic: /points
+        frame: lidar_link
+        mount: mast
+      - {kind: imu, name: imu, topic: /imu, frame: imu_link, rate_hz: 100}
+time:
+  mode: fast
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    file = folder / "test.yaml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_references_are_followed_and_defaults_filled_in(tmp_path: Path) -> None:
+    scenario = load(write(tmp_path, GOOD))
+    lidar, imu = scenario.vehicles[0].sensors
+    assert scenario.world.name == "lab"
+    assert scenario.vehicles[0].model.name == "rover"
+    assert isinstance(lidar, Lidar)
+    assert len(lidar.elevations_deg) == 16
+    assert lidar.mount == scenario.vehicles[0].model.mounts["mast"]
+    assert isinstance(imu, Imu)
+    assert imu.rate_hz == 100.0
+    assert scenario.time.mode == "fast"
+    assert scenario.gateway.datagram == "loopback"
+
+
+def test_a_scenarios_own_field_wins_over_its_data_sheet(tmp_path: Path) -> None:
+    text = GOOD.replace("        name: lidar\n", "        name: lidar\n        max_range_m: 7\n")
+    lidar = load(write(tmp_path, text)).vehicles[0].sensors[0]
+    assert isinstance(lidar, Lidar)
+    assert lidar.max_range_m == 7.0
+
+
+def test_a_file_beside_the_scenario_wins_over_a_shipped_one(tmp_path: Path) -> None:
+    (tmp_path / "vehicles").mkdir()
+    rover = (SHIPPED / "vehicles" / "rover.yaml").read_text(encoding="utf-8")
+    (tmp_path / "vehicles" / "rover.yaml").write_text(
+        rover.replace("name: rover", "name: mine"), encoding="utf-8"
+    )
+    assert load(write(tmp_path, GOOD)).vehicles[0].model.name == "mine"
+
+
+MISTAKES = [
+    ("seed: 3", "sede: 3", 2, ["unknown key `sede`", "did you mean `seed`?"]),
+    ("rate_hz: 100", "rat_hz: 100", 14, ["`vehicles[0].sensors[1].rat_hz`", "`rate_hz`?"]),
+    ("  mode: fast", "  mod: fast", 16, ["unknown key `time.mod`", "`mode`?"]),
+    ("  mode: fast", "  mode: slow", 16, ["`time.mode`", "slow"]),
+    ("seed: 3", "seed: three", 2, ["`seed`", "expected `int`", "'three'"]),
+    ("seed: 3", "seed: -1", 2, ["`seed`", ">= 0"]),
+    ("rate_hz: 100", "rate_hz: fast", 14, ["`vehicles[0].sensors[1].rate_hz`", "float"]),
+    ("rate_hz: 100", "rate_hz: 900", 14, ["rate_hz", "<= 400"]),
+    ("worlds/lab.yaml", "worlds/lap.yaml", 3, ["worlds/lap.yaml", "`worlds/lab.yaml`?"]),
+    ("vehicles/rover.yaml", "rovr", 6, ["vehicles/rovr.yaml", "`vehicles/rover.yaml`?"]),
+    ("sensors/vlp16_paper.yaml", "vlp61", 9, ["sensors/vlp61.yaml", "did you mean"]),
+    ("kind: lidar", "kind: imu", 9, ["data", "lidar", "imu"]),
+    ("{kind: imu,", "{kind: imus,", 14, ["unknown kind `imus`", "did you mean `imu`?"]),
+    ("{kind: imu,", "{", 14, ["kind", "missing"]),
+    ("topic: /imu", "topik: /imu", 14, ["unknown key", "`topic`?"]),
+    (", topic: /imu", "", 14, ["`vehicles[0].sensors[1].topic`", "missing"]),
+    ("mount: mast", "mount: most", 13, ["no mount `most`", "did you mean `mast`?"]),
+    ("name: imu,", "name: lidar,", 14, ["`lidar` is taken"]),
+    ("topic: /imu", "topic: /points", 1, ["share the topic `/points`"]),
+    ("name: rover", "name: state", 5, ["`state` names a key of the bus"]),
+    ("name: imu,", "name: command,", 14, ["`command` names a key of the bus"]),
+    ("name: rover", "name: My Rover", 5, ["`vehicles[0].name`", "My Rover"]),
+    ("seed: 3", "seed: 3\nseed: 4", 3, ["`seed` is given twice"]),
+    ("seed: 3", "seed: [3", 3, ["not valid YAML"]),
+    ("vehicles:", "vehicels:", 4, ["unknown key `vehicels`", "`vehicles`?"]),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "line", "words"), MISTAKES)
+def test_a_mistake_is_one_line_with_its_place(
+    tmp_path: Path, right: str, wrong: str, line: int, words: list[str]
+) -> None:
+    assert right in GOOD
+    file = write(tmp_path, GOOD.replace(right, wrong, 1))
+    with pytest.raises(ScenarioError) as caught:
+        load(file)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.startswith(f"{file}:{line}: "), text
+    for word in words:
+        assert word in text
+
+
+def test_a_mistake_in_a_referenced_file_names_that_file(tmp_path: Path) -> None:
+    (tmp_path / "vehicles").mkdir()
+    mine = tmp_path / "vehicles" / "mine.yaml"
+    rover = (SHIPPED / "vehicles" / "rover.yaml").read_text(encoding="utf-8")
+    mine.write_text(rover.replace("mass_kg:", "mas_kg:", 1), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"mine\.yaml:\d+: .*did you mean `mass_kg`"):
+        load(write(tmp_path, GOOD.replace("vehicles/rover.yaml", "mine")))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "no such file"),
+        (b"", "the file is empty"),
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"- 1\n- 2\n", "expected `object`"),
+        (b"just words", "expected `object`"),
+        (b"name: x\nvehicles: []\nworld: lab\n", "at least one"),
+        (b"a: \x01", "not valid YAML"),
+    ],
+)
+def test_files_that_are_no_scenario(tmp_path: Path, content: bytes | None, words: str) -> None:
+    file = tmp_path / "odd.yaml"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(ScenarioError) as caught:
+        load(file)
+    assert words in str(caught.value)
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_material_is_named_with_its_nearest(tmp_path: Path) -> None:
+    (tmp_path / "worlds").mkdir()
+    lab = (SHIPPED / "worlds" / "lab.yaml").read_text(encoding="utf-8")
+    (tmp_path / "worlds" / "odd.yaml").write_text(
+        lab + "\nsolids:\n  - {name: x, shape: {kind: sphere, radius_m: 1.0}, material: wod}\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(ScenarioError, match=r"odd\.yaml:\d+: .*`wod`.*`wood`"):
+        load(write(tmp_path, GOOD.replace("worlds/lab.yaml", "worlds/odd.yaml")))
+
+
+def test_the_shipped_scenario_is_valid() -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders"]

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundlink import messages
+from groundlink.messages import POINT, BadMessage, Message, decode, encode, packed
+
+POINTS = np.zeros(3, POINT)
+POINTS["x"], POINTS["ring"], POINTS["time"] = [1.5, -2, 3], [0, 7, 65535], [0, 0.05, 0.1]
+
+VEHICLE = messages.VehicleState(
+    link_poses=packed(np.arange(14.0).reshape(2, 7)),
+    base_velocity=packed(np.arange(6.0)),
+    joint_positions=packed(np.array([1e3, -1e-3])),
+    joint_velocities=packed(np.array([0.5, 0.25])),
+)
+REPORT = messages.StreamReport(
+    topic="/points",
+    type="sensor_msgs/msg/PointCloud2",
+    declared_hz=10.0,
+    measured_hz=None,
+    age_seconds=0.01,
+    messages=99,
+    lost=1,
+)
+EXAMPLES: list[Message] = [
+    messages.State("run", 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE}),
+    messages.State("run", 0, 0, 0, "", {}),
+    messages.Clock(2**62, 2**61, 3),
+    messages.Command(5, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0)),
+    messages.Imu(7, "imu", (0.0, 0.0, 0.0, 1.0), (1.0, 2.0, 3.0), (0.0, 0.0, 9.8), 0.0, 1e-9, 1.0),
+    messages.PointCloud(8, "lidar", packed(POINTS)),
+    messages.PointCloud(8, "lidar", packed(POINTS[:0])),
+    messages.WheelEncoders(9, "base", ("left", "right"), (2**63 - 1, -(2**63))),
+    messages.Ack(10, 11, -1),
+    messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,)),
+]
+NAMES = [type(example).__name__ for example in EXAMPLES]
+
+
+def read(payload: bytes, message_type: type[Message]) -> None:
+    """Decode and look at all of it: only `BadMessage` may come of it."""
+    try:
+        message = decode(payload, message_type)
+    except BadMessage:
+        return
+    if isinstance(message, messages.State):
+        for vehicle in message.vehicles.values():
+            assert vehicle.poses().shape[1] == 7
+            assert messages.floats(vehicle.joint_positions).dtype == np.float64
+    if isinstance(message, messages.PointCloud):
+        assert message.records().dtype == POINT
+    encode(message)
+
+
+def test_every_message_has_an_example() -> None:
+    assert {type(example) for example in EXAMPLES} == set(Message.__subclasses__())
+
+
+@pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
+def test_they_come_back_as_they_went(message: Message) -> None:
+    payload = encode(message)
+    assert decode(payload, type(message)) == message
+    assert decode(memoryview(bytearray(payload)), type(message)) == message
+    assert encode(decode(payload, type(message))) == payload
+
+
+def test_arrays_are_read_in_place() -> None:
+    payload = encode(messages.PointCloud(8, "lidar", packed(POINTS)))
+    cloud = decode(payload, messages.PointCloud)
+    assert (cloud.records() == POINTS).all()
+    assert cloud.points.obj is payload
+    poses = VEHICLE.poses()
+    assert poses.tolist() == np.arange(14.0).reshape(2, 7).tolist()
+    assert not poses.flags.owndata
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.empty(0),
+        np.empty((0, 7)),
+        np.arange(12.0).reshape(3, 4)[:, ::2],
+        np.arange(12.0).reshape(3, 4).T,
+        np.array(1.0),
+        POINTS,
+        POINTS[::2],
+        POINTS[:0],
+    ],
+    ids=[
+        "none",
+        "no_rows",
+        "strided",
+        "transposed",
+        "scalar",
+        "points",
+        "strided_points",
+        "no_points",
+    ],
+)
+def test_any_array_can_be_packed(array: Any) -> None:
+    assert bytes(packed(array)) == array.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("field", "size"),
+    [
+        ("link_poses", 7 * 8),
+        ("base_velocity", 6 * 8),
+        ("joint_positions", 8),
+        ("joint_velocities", 8),
+    ],
+)
+@pytest.mark.parametrize("off", [1, -1])
+def test_a_bin_of_a_wrong_length_is_refused_by_name(field: str, size: int, off: int) -> None:
+    document = msgspec.msgpack.decode(encode(EXAMPLES[0]))
+    document["vehicles"]["rover"][field] = bytes(size + off)
+    with pytest.raises(BadMessage, match=f"`{field}` has {size + off} bytes, .* of {size}"):
+        decode(msgspec.msgpack.encode(document), messages.State)
+
+
+def test_a_cloud_with_half_a_point_is_refused() -> None:
+    document = {"stamp_nanos": 1, "frame": "f", "points": bytes(33)}
+    with pytest.raises(BadMessage, match="`points` has 33 bytes, expected a multiple of 22"):
+        decode(msgspec.msgpack.encode(document), messages.PointCloud)
+
+
+def test_counters_beyond_64_bits_are_refused() -> None:
+    document = {"stamp_nanos": 1, "frame": "f", "names": ["w"], "ticks": [2**63]}
+    with pytest.raises(BadMessage, match=r"not a WheelEncoders: .*ticks"):
+        decode(msgspec.msgpack.encode(document), messages.WheelEncoders)
+
+
+@pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
+def test_every_cut_is_refused(message: Message) -> None:
+    payload = encode(message)
+    for end in range(len(payload)):
+        with pytest.raises(BadMessage):
+            decode(payload[:end], type(message))
+    with pytest.raises(BadMessage):
+        decode(payload + b"\x00", type(message))
+
+
+@pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
+def test_a_missing_field_is_refused(message: Message) -> None:
+    document = msgspec.msgpack.decode(encode(message))
+    for field in message.__struct_fields__:
+        if (type(message), field) == (messages.Health, "streams"):
+            continue  # It has a default.
+        rest = {name: value for name, value in document.items() if name != field}
+        with pytest.raises(BadMessage, match=f"`{field}`"):
+            decode(msgspec.msgpack.encode(rest), type(message))
+
+
+@pytest.mark.parametrize("message_type", Message.__subclasses__(), ids=lambda t: t.__name__)
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xc1",
+        b"\xc0",
+        b"\x80",
+        b"\x81\xa1\xff\xc0",
+        b"\x81\xa1x" + b"\x91" * 100_000,
+        b"\x81\xa1x" * 100_000,
+        b"\xdf\xff\xff\xff\xff",
+        b"\xc6\xff\xff\xff\xff",
+        b"\x81\xa1x\xd7\xff" + b"\xff" * 8,
+    ],
+    ids=lambda p: p[:6].hex() or "nothing",
+)
+def test_spiteful_bytes_are_refused(message_type: type[Message], payload: bytes) -> None:
+    with pytest.raises(BadMessage):
+        decode(payload, message_type)
+
+
+@given(payload=st.binary(max_size=200), message_type=st.sampled_from(Message.__subclasses__()))
+def test_arbitrary_bytes_raise_nothing_else(payload: bytes, message_type: type[Message]) -> None:
+    read(payload, message_type)
+
+
+@given(data=st.data(), example=st.integers(0, len(EXAMPLES) - 1))
+def test_garbled_messages_raise_nothing_else(data: st.DataObject, example: int) -> None:
+    message = EXAMPLES[example]  # Not sampled: it cannot be hashed.
+    payload = bytearray(encode(message))
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(payload) - 1))
+        length = data.draw(st.integers(0, 3))
+        payload[at : at + length] = data.draw(st.binary(max_size=4))
+        if not payload:
+            return
+    read(bytes(payload), type(message))
+
+
+@given(
+    payload=st.recursive(
+        st.none()
+        | st.booleans()
+        | st.integers(-(2**63), 2**64 - 1)
+        | st.floats()
+        | st.text()
+        | st.binary(max_size=60),
+        lambda inner: (
+            st.lists(inner, max_size=4)
+            | st.dictionaries(
+                st.sampled_from(["stamp_nanos", "frame", "points", "ticks", "vehicles", "tick"]),
+                inner,
+            )
+        ),
+        max_leaves=10,
+    ),
+    message_type=st.sampled_from(Message.__subclasses__()),
+)
+def test_other_messagepack_raises_nothing_else(payload: Any, message_type: type[Message]) -> None:
+    read(msgspec.msgpack.encode(payload), message_type)
