@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.sensors.encoders --name VEHICLE/SENSOR``."""
+
+from groundlink.scenario.sensors import Encoders
+from services.sensors.shell import run
+
+from .model import EncodersModel
+
+if __name__ == "__main__":
+    run(Encoders, EncodersModel)

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The inertial measurement unit: the paper's 3.3.3, at any rate up to the engine's 400 Hz.
+
+Rule: sample i is stamped with event i of the rate's schedule and is the mean over the interval
+since event i-1, in the sensor's own frame: what was felt is integrated, not picked, so that shaking
+faster than the rate does not fold into the readings. The window runs from stamp to stamp in whole
+nanoseconds; ticks that it cuts count by their share. The orientation is that at the stamp, the end
+of the window. Reading times the difference of stamps is therefore the change of velocity (rotated
+by the orientation at the last stamp) and of angle: exactly so at 400 Hz, at any rate while the
+sensor does not turn, and to the second order of the angle turned within a window otherwise.
+
+A sample is published by the first tick at or after its stamp. Sample 0 has no window; the first one
+out is the first whose window began after two states were seen.
+"""
+
+from __future__ import annotations
+
+import math
+
+from groundlink import messages
+from groundlink.clock import TICK_NANOS, Schedule
+from groundlink.scenario import sensors
+from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.streams import RandomStreams
+
+from .errors import ImuErrors, white_stddev
+from .motion import SensorMotion, TickMotion
+from .quaternions import from_rotation_vector, multiply
+
+
+class Window:
+    """The interval between two stamps over which a sample is the mean."""
+
+    def __init__(self, schedule: Schedule, index: int) -> None:
+        self.index = index
+        self.begin_nanos = schedule.nanos(index - 1)
+        self.end_nanos = schedule.nanos(index)
+        self.end_tick = schedule.tick(index)
+        self._sums = [0.0] * 6
+        self._ticks = 0.0
+
+    def add(self, motion: TickMotion, tick: int) -> None:
+        """Count the part of (tick-1, tick] that lies within the window."""
+        tick_end = tick * TICK_NANOS
+        inside = min(tick_end, self.end_nanos) - max(tick_end - TICK_NANOS, self.begin_nanos)
+        if inside > 0:
+            share = inside / TICK_NANOS
+            felt = (*motion.specific_force_mps2, *motion.angular_rate_radps)
+            self._sums = [total + share * now for total, now in zip(self._sums, felt, strict=True)]
+            self._ticks += share
+
+    def mean(self) -> list[float]:
+        """Return the mean specific force (m/s^2) and angular rate (rad/s), six floats."""
+        return [total / self._ticks for total in self._sums]
+
+
+class ImuModel:
+    """One IMU of one vehicle (a `SensorModel`).
+
+    Reported variances are those of the white errors of one sample. The bias of a run is constant,
+    which no variance of a sample can say; it is left to the estimator, as with a real device.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Imu) -> None:
+        self._vehicle = vehicle.name
+        self._frame = vehicle.frame_prefix + spec.frame
+        self._mount = spec.mount
+        self._schedule = Schedule.at(spec.rate_hz)
+        streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._errors = ImuErrors(spec, streams)
+        self._orientation_variance = math.radians(spec.orientation_stddev_deg) ** 2
+        self._rate_variance = white_stddev(spec.gyroscope, spec.rate_hz) ** 2
+        self._force_variance = white_stddev(spec.accelerometer, spec.rate_hz) ** 2
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget earlier states: time jumped or states were lost."""
+        self._motion = SensorMotion(self._mount)
+        self._window: Window | None = None
+        self._tick = -1
+
+    def settled_tick(self) -> int:
+        """Return the tick whose state a successor must see first, to go on with the next sample.
+
+        That is one tick before the window under way began, as it takes three states to see an
+        acceleration; -1 before the first state.
+        """
+        if self._window is None:
+            return -1
+        return min(self._tick, self._window.begin_nanos // TICK_NANOS - 1)
+
+    def readings(self, state: messages.State) -> list[messages.Imu]:
+        """Return the sample that the next tick's state completes, if there is one.
+
+        Raises
+        ------
+        BadMessage
+            when the state lacks the vehicle's base.
+        """
+        vehicle = state.vehicles.get(self._vehicle)
+        if vehicle is None or not len(vehicle.link_poses):
+            name = self._vehicle
+            raise messages.BadMessage(f"state of tick {state.tick}: no link poses of `{name}`")
+        window = self._window
+        if window is None:
+            # Motion is known from the tick after next on, so the window may begin at the next tick.
+            first_start = self._schedule.first_at_or_after(state.tick + 1)
+            window = self._window = Window(self._schedule, first_start + 1)
+        motion = self._motion.advance(vehicle.poses()[0].tolist())
+        self._tick = state.tick
+        if motion is None:
+            return []
+        window.add(motion, state.tick)
+        if state.tick < window.end_tick:
+            return []
+        self._window = Window(self._schedule, window.index + 1)
+        self._window.add(motion, state.tick)
+        return [self._sample(window, motion, state)]
+
+    def _sample(self, window: Window, motion: TickMotion, state: messages.State) -> messages.Imu:
+        """Return a finished window's sample, with its errors; it ends within `motion`."""
+        fx, fy, fz, rx, ry, rz = window.mean()
+        fraction = 1.0 + (window.end_nanos - state.tick * TICK_NANOS) / TICK_NANOS
+        dfx, dfy, dfz, drx, dry, drz, tx, ty, tz = self._errors.of_sample(window.index)
+        return messages.Imu(
+            stamp_nanos=state.epoch_nanos + window.end_nanos,
+            frame=self._frame,
+            orientation=multiply(
+                motion.orientation_at(fraction), from_rotation_vector((tx, ty, tz))
+            ),
+            angular_velocity_radps=(rx + drx, ry + dry, rz + drz),
+            linear_acceleration_mps2=(fx + dfx, fy + dfy, fz + dfz),
+            orientation_variance=self._orientation_variance,
+            angular_velocity_variance=self._rate_variance,
+            linear_acceleration_variance=self._force_variance,
+        )

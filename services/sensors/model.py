@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sensor model is to the process that runs it.
+
+Rule: states in, readings out. A model reads no clock, bus or socket, and gets every state in order,
+without a gap since its construction or its last `restart`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from groundlink.messages import Message, State
+
+
+class SensorModel(Protocol):
+    """A sensor, without its process."""
+
+    def restart(self) -> None:
+        """Forget earlier states: time jumped or states were lost."""
+
+    def readings(self, state: State) -> Iterable[Message]:
+        """Take the state of the next tick and yield what can be measured by it, oldest first."""
+
+    def settled_tick(self) -> int:
+        """Return the tick up to which every reading has been yielded; -1 before the first."""
