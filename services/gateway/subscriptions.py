@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who gets which topic, and how often.
+
+Rule: the peer gets every pushed topic for ever; anybody gets what it has subscribed to until its
+lease ends. Time comes in as an argument. Rates are limited by stamps, so that sim time counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from groundlink.clock import NANOS
+from udp_bridge.control import Subscribe
+
+Address = tuple[str, int]
+TopicKey = tuple[int, str]
+"""Wire type and ROS topic."""
+
+MAX_SUBSCRIPTIONS = 1024
+"""More at a time are refused: a hostile sender must not fill the memory."""
+
+_FOR_EVER = float("inf")
+
+
+@dataclass
+class _Subscription:
+    until_seconds: float
+    period_nanos: int = 0
+    next_stamp_nanos: int = 0
+
+    def admits(self, stamp_nanos: int) -> bool:
+        """Return whether the message with this stamp is wanted, and take note of it."""
+        if not self.period_nanos:
+            return True
+        reset = self.next_stamp_nanos - stamp_nanos > 2 * self.period_nanos
+        if stamp_nanos < self.next_stamp_nanos and not reset:
+            return False
+        behind = stamp_nanos - self.next_stamp_nanos > self.period_nanos
+        start = stamp_nanos if behind or reset else self.next_stamp_nanos
+        self.next_stamp_nanos = start + self.period_nanos
+        return True
+
+
+@dataclass
+class Subscriptions:
+    """The receivers of every topic."""
+
+    available: frozenset[TopicKey]
+    """What may be subscribed to."""
+
+    _wanted: dict[TopicKey, dict[Address, _Subscription]] = field(default_factory=dict)
+
+    def push(self, topic: TopicKey, peer: Address) -> None:
+        """Send a topic to the peer for ever, unasked."""
+        self._wanted.setdefault(topic, {})[peer] = _Subscription(_FOR_EVER)
+
+    def request(self, sender: Address, topic: str, request: Subscribe, now_seconds: float) -> bool:
+        """Do what a Subscribe says; return False when it asks for what there is not."""
+        key = (request.wanted_type, topic)
+        if key not in self.available:
+            return False
+        receivers = self._wanted.setdefault(key, {})
+        known = receivers.get(sender)
+        if known is not None and known.until_seconds == _FOR_EVER and known.period_nanos == 0:
+            return True  # it gets all of it already, by the scenario's word or its own
+        if request.action == 0:
+            receivers.pop(sender, None)
+            return True
+        if known is None and sum(map(len, self._wanted.values())) >= MAX_SUBSCRIPTIONS:
+            return False
+        until = now_seconds + request.lease_s if request.lease_s else _FOR_EVER
+        period = round(NANOS / request.max_rate_hz) if request.max_rate_hz else 0
+        if known is None or known.period_nanos != period:
+            known = receivers[sender] = _Subscription(until, period)
+        known.until_seconds = until
+        return True
+
+    def receivers(self, topic: TopicKey, stamp_nanos: int, now_seconds: float) -> list[Address]:
+        """Return who gets the message of a topic with this stamp; forget leases that ended."""
+        receivers = self._wanted.get(topic, {})
+        for sender in [s for s, wish in receivers.items() if wish.until_seconds < now_seconds]:
+            del receivers[sender]
+        return [sender for sender, wish in receivers.items() if wish.admits(stamp_nanos)]
