@@ -78,7 +78,7 @@ def _quaternion(xyzw: Quaternion) -> Any:
 
 
 def _diagonal(variance: float) -> np.ndarray[Any, Any]:
-    return np.diag([variance] * 3).ravel()
+    return np.diag(np.full(3, variance, np.float64)).ravel()
 
 
 _POINT_FIELDS = [

@@ -2,8 +2,8 @@
 """Processes of one machine: started, watched, restarted when they crash, ended together.
 
 Rule: knows commands and exit codes and nothing of what the processes do. A child that exits with 2
-has told the user what to mend and is not restarted. No child outlives the supervisor, whatever ends
-it.
+has told the user what to mend and is not restarted, nor is one that crashes at every start. No
+child outlives the supervisor, whatever ends it.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ RESTART_SECONDS = 0.2
 
 STEADY_SECONDS = 10.0
 MAX_RESTART_SECONDS = 1.5
+
+MAX_FALSE_STARTS = 5
+"""A child that has crashed this often in a row without a steady time between is given up."""
 
 END_SECONDS = 1.2
 """How long children may take to end by themselves before they are killed."""
@@ -47,6 +50,7 @@ class Child:
     started: float = 0.0
     restart_at: float | None = None
     delay: float = RESTART_SECONDS
+    false_starts: int = 0
     last_exit: str = ""
     _reader: threading.Thread | None = field(default=None, repr=False)
 
@@ -74,7 +78,7 @@ class Supervisor:
             self._start(child)
 
     def tend(self) -> str | None:
-        """Restart what has crashed; return the name of a child whose user must act, or None."""
+        """Restart what has crashed; return the name of a child that cannot run, or None."""
         now = time.monotonic()
         for child in self.children.values():
             if child.process is None:
@@ -85,9 +89,9 @@ class Supervisor:
             code = child.process.poll()
             if code is None:
                 continue
-            if code == 2:
-                return child.name
             self._crashed(child, code, now)
+            if code == 2 or child.false_starts == MAX_FALSE_STARTS:
+                return child.name
         return None
 
     def stop(self) -> list[str]:
@@ -138,8 +142,10 @@ class Supervisor:
 
     def _crashed(self, child: Child, code: int, now: float) -> None:
         steady = now - child.started > STEADY_SECONDS
-        child.delay = RESTART_SECONDS if steady else min(child.delay * 2, MAX_RESTART_SECONDS)
+        child.false_starts = 1 if steady else child.false_starts + 1
+        child.delay = min(RESTART_SECONDS * 2 ** (child.false_starts - 1), MAX_RESTART_SECONDS)
         child.last_exit = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         child.restart_at = now + child.delay
         child.process = None
-        self._say(child.name, f"ended with {child.last_exit}; restart in {child.delay:g} s")
+        if code != 2:
+            self._say(child.name, f"ended with {child.last_exit}; restart in {child.delay:g} s")

@@ -17,8 +17,10 @@ from zlib import crc32
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from groundlink.errors import UserError
+from groundlink.frames import multiply
 
 from .bounds import Bounds, bounds, intersect
 from .furnish import Frame, Surface, door_frame, furnish, walls
@@ -27,7 +29,7 @@ from .solids import Box, Solid
 from .strew import NoRoom, strew
 
 if TYPE_CHECKING:
-    from groundlink.scenario.schema import Scenario
+    from groundlink.scenario.schema import Scenario, Vehicle
 
 STRIP_M = 0.45
 """Width of the strip of floor along the walls where clutter may lie."""
@@ -143,18 +145,35 @@ def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
 
 def _check_starts(scenario: Scenario, built: list[Solid]) -> None:
     """Refuse a vehicle that starts inside something: physics would throw it about."""
-    chassis: list[Solid] = []
+    there = list(built)
     for index, vehicle in enumerate(scenario.vehicles):
-        body, place = vehicle.model.chassis, vehicle.placement
-        base_m = place.z_m + vehicle.model.base_height_m
-        start = Frame("", place.x_m, place.y_m, base_m, yaw_deg=place.yaw_deg)
-        chassis.append(start.put(vehicle.name, Box(size_m=body.size_m), body.center_m, ""))
-        for solid in [*built, *chassis[:-1]]:
-            if intersect(chassis[-1], solid):
-                raise WorldError(
-                    ("vehicles", index, "placement"),
-                    f"`{vehicle.name}` starts inside `{solid.name.lstrip('_')}`; move it",
-                )
+        parts = list(_bodies(vehicle))
+        for part in parts:
+            for solid in there:
+                if intersect(part, solid):
+                    raise WorldError(
+                        ("vehicles", index, "placement"),
+                        f"`{vehicle.name}` starts inside `{solid.name}`; move it",
+                    )
+        there += parts
+
+
+def _bodies(vehicle: Vehicle) -> Iterator[Solid]:
+    """Yield what of a vehicle at its start meets things, in the world, under its name."""
+    model, place = vehicle.model, vehicle.placement
+    start = Frame(
+        vehicle.name, place.x_m, place.y_m, place.z_m + model.base_height_m, place.yaw_deg
+    )
+    box = Box(size_m=model.chassis.size_m)
+    chassis = start.put("", box, model.chassis.center_m, "")
+    yield replace(chassis, name=vehicle.name)
+    for part in model.collisions:
+        yield replace(
+            part,
+            name=vehicle.name,
+            position_m=start.point(*part.position_m),
+            orientation=tuple(multiply(chassis.orientation, part.orientation).tolist()),
+        )
 
 
 def _strips(room: Room) -> list[Surface]:

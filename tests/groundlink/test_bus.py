@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bus over real Zenoh: one router, clients, everything on this host's loopback."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from groundlink.bus import Bus, BusError
+from groundlink.inbox import Inbox
+from groundlink.messages import POINT, Clock, PointCloud, packed
+from groundlink.topics import Delivery
+
+KEY = "groundlink/test/thing"
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 10) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with Bus(listen=endpoint):
+        yield endpoint
+
+
+def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: Inbox[Clock] = Inbox(depth=1000)
+        receiver.subscribe(KEY, Clock, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL)
+
+        def arrived() -> bool:
+            publish(Clock(0, 0, -1))
+            return len(inbox) > 0
+
+        wait_for(arrived)
+        for tick in range(500):
+            publish(Clock(tick, 0, tick))
+        ticks = [-1]
+        while ticks[-1] != 499:
+            message = inbox.get(seconds=10)
+            assert message is not None
+            assert message[0] == KEY
+            ticks.append(message[1].tick)
+        assert [tick for tick in ticks if tick >= 0] == list(range(500))
+
+
+def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
+    points = np.frombuffer(np.random.default_rng(1).bytes(57_600 * POINT.itemsize), POINT)
+    cloud = PointCloud(7, "lidar_link", packed(points))
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: Inbox[PointCloud] = Inbox(depth=10)
+        receiver.subscribe(KEY, PointCloud, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL)
+
+        def arrived() -> bool:
+            publish(cloud)
+            return len(inbox) > 0
+
+        wait_for(arrived)
+        message = inbox.get(seconds=1)
+        assert message is not None
+        assert bytes(message[1].points) == points.tobytes()
+
+
+def test_questions_are_answered_in_order_and_with_parameters(endpoint: str) -> None:
+    with Bus(connect=endpoint) as server, Bus(connect=endpoint) as asker:
+        server.serve(KEY, lambda words: [f"{i} {words}".encode() for i in range(12)])
+        wait_for(lambda: asker.ask(KEY, "rover/imu", seconds=2))
+        replies = asker.ask(KEY, "rover/imu", seconds=2)
+        assert list(replies.values()) == [f"{i} rover/imu".encode() for i in range(12)]
+        assert asker.ask("groundlink/test/nobody", seconds=0.5) == {}
+
+
+def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:
+    changes: list[tuple[str, bool]] = []
+    with Bus(connect=endpoint) as watcher:
+        watcher.watch("groundlink/test/health/**", lambda key, there: changes.append((key, there)))
+        with Bus(connect=endpoint) as process:
+            process.announce("groundlink/test/health/rover/imu")
+            wait_for(lambda: ("groundlink/test/health/rover/imu", True) in changes)
+            there = {"groundlink/test/health/rover/imu"}
+            wait_for(lambda: watcher.present("groundlink/test/health/**", seconds=2) == there)
+        wait_for(lambda: ("groundlink/test/health/rover/imu", False) in changes)
+        assert watcher.present("groundlink/test/health/**", seconds=2) == set()
+
+
+@pytest.mark.parametrize("text", ["localhost:7447", "tcp/host", "tcp/host:port", "tcp/ :1"])
+def test_what_is_no_endpoint_is_named(text: str) -> None:
+    with pytest.raises(BusError, match=r"no endpoint; expected one like tcp/HOST:7447"):
+        Bus(connect=text)
+
+
+def test_a_port_in_use_is_named(endpoint: str) -> None:
+    with pytest.raises(BusError, match=f"{endpoint} is in use"):
+        Bus(listen=endpoint)

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import pytest
+
+from groundlink.messages import Health, StreamReport
+from groundlink.run_monitor import RunMonitor, keeps_rate
+
+
+def stream(declared: float | None, measured: float | None, messages: int = 10) -> StreamReport:
+    return StreamReport("/t", "Imu", declared, measured, None, messages, 0)
+
+
+@pytest.mark.parametrize(
+    ("declared", "measured", "kept"),
+    [
+        (100.0, 100.0, True),
+        (100.0, 98.1, True),
+        (100.0, 101.9, True),
+        (100.0, 97.9, False),
+        (100.0, 102.1, False),
+        (100.0, None, False),
+        (None, 0.3, True),
+        (None, None, True),
+    ],
+)
+def test_a_rate_is_kept_within_two_percent(
+    declared: float | None, measured: float | None, kept: bool
+) -> None:
+    assert keeps_rate(stream(declared, measured)) is kept
+
+
+def test_real_time_factor_is_sim_over_wall() -> None:
+    monitor = RunMonitor()
+    assert monitor.real_time_factor is None
+    monitor.heard(Health("physics", 1, 400, {}), 10.0)
+    assert monitor.real_time_factor is None
+    monitor.heard(Health("physics", 1, 1200, {}), 14.0)
+    assert monitor.real_time_factor == pytest.approx(0.5)
+    assert monitor.sim_seconds == pytest.approx(3.0)
+
+
+def test_a_restarted_physics_begins_anew() -> None:
+    monitor = RunMonitor()
+    monitor.heard(Health("physics", 1, 4000, {}), 10.0)
+    monitor.heard(Health("physics", 2, 0, {}), 12.0)
+    monitor.heard(Health("physics", 2, 400, {}), 13.0)
+    assert monitor.real_time_factor == pytest.approx(1.0)
+
+
+def test_faults_name_topic_and_rates() -> None:
+    monitor = RunMonitor()
+    assert monitor.faults() == ["nothing was heard from the ROS side"]
+    monitor.heard(Health("gateway", 1, 0, {}, (stream(100.0, 90.0), stream(5.0, None))), 1.0)
+    assert monitor.faults() == [
+        "/t: declared 100 Hz, measured 90.00 Hz",
+        "/t: declared 5 Hz, measured none",
+    ]
+    monitor.heard(Health("gateway", 1, 0, {}, (stream(100.0, 100.0),)), 2.0)
+    assert monitor.faults() == []
+
+
+def test_everything_arrives_when_each_declared_stream_has() -> None:
+    monitor = RunMonitor()
+    assert not monitor.everything_arrives()
+    waiting = (stream(10.0, None, 0), stream(None, None, 0))
+    monitor.heard(Health("gateway", 1, 0, {}, waiting), 1.0)
+    assert not monitor.everything_arrives()
+    monitor.heard(Health("gateway", 1, 0, {}, (stream(10.0, None, 1), waiting[1])), 2.0)
+    assert monitor.everything_arrives()

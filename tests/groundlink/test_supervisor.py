@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Supervision of real child processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from groundlink.supervisor import Supervisor
+
+SLEEP = ["-c", "import time; print('up', flush=True); time.sleep(60)"]
+STUBBORN = [
+    "-c",
+    "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+    "print('up', flush=True); time.sleep(60)",
+]
+
+
+class Lines:
+    """What children said."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, str]] = []
+
+    def __call__(self, name: str, line: str) -> None:
+        self.heard.append((name, line))
+
+    def count(self, name: str, line: str) -> int:
+        return self.heard.count((name, line))
+
+
+def tend_until(supervisor: Supervisor, condition: Callable[[], bool]) -> str | None:
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        if name := supervisor.tend():
+            return name
+        time.sleep(0.02)
+    return None
+
+
+def test_a_crashed_child_is_restarted_and_the_others_are_left_alone() -> None:
+    lines = Lines()
+    supervisor = Supervisor({"a": SLEEP, "b": SLEEP}, lines)
+    supervisor.start()
+    try:
+        tend_until(supervisor, lambda: lines.count("a", "up") == lines.count("b", "up") == 1)
+        victim, other = (supervisor.children[name].process for name in "ab")
+        assert victim is not None
+        assert other is not None
+        killed = time.monotonic()
+        os.kill(victim.pid, signal.SIGKILL)
+        tend_until(supervisor, lambda: lines.count("a", "up") == 2)
+        assert time.monotonic() - killed < 2.0
+        assert supervisor.children["a"].restarts == 1
+        assert supervisor.children["a"].last_exit == "SIGKILL"
+        assert supervisor.children["b"].process is other
+        assert other.poll() is None
+    finally:
+        assert supervisor.stop() == []
+
+
+def test_a_users_mistake_is_not_restarted() -> None:
+    lines = Lines()
+    supervisor = Supervisor(
+        {"a": ["-c", "import sys; print('mend me', file=sys.stderr); sys.exit(2)"]}, lines
+    )
+    supervisor.start()
+    assert tend_until(supervisor, lambda: False) == "a"
+    supervisor.stop()
+    assert lines.count("a", "mend me") == 1
+
+
+def test_a_child_that_crashes_at_every_start_is_given_up() -> None:
+    supervisor = Supervisor({"a": ["-c", "raise SystemExit(1)"]}, Lines())
+    supervisor.start()
+    assert tend_until(supervisor, lambda: False) == "a"
+    supervisor.stop()
+    assert supervisor.children["a"].restarts == 4
+
+
+def test_a_child_that_does_not_end_is_killed() -> None:
+    lines = Lines()
+    supervisor = Supervisor({"good": SLEEP, "stubborn": STUBBORN}, lines)
+    supervisor.start()
+    tend_until(supervisor, lambda: len(lines.heard) == 2)
+    asked = time.monotonic()
+    assert supervisor.stop() == ["stubborn"]
+    assert time.monotonic() - asked < 2.0
+
+
+def test_no_child_outlives_a_killed_supervisor(tmp_path: Path) -> None:
+    program = (
+        "import sys, time\n"
+        "from groundlink.supervisor import Supervisor\n"
+        f"s = Supervisor({{'a': {SLEEP!r}}}, lambda *_: None)\n"
+        "s.start(); print(s.children['a'].process.pid, flush=True); time.sleep(60)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True
+    ) as parent:
+        assert parent.stdout
+        child = int(parent.stdout.readline())
+        parent.kill()
+    deadline = time.monotonic() + 5
+    while Path(f"/proc/{child}/exe").exists():
+        assert time.monotonic() < deadline, "the child lives on"
+        time.sleep(0.02)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import pytest
+
+from services.gateway.subscriptions import MAX_SUBSCRIPTIONS, Subscriptions
+from udp_bridge.control import Subscribe
+
+IMU = (2, "/imu")
+CLOUD = (1, "/points")
+PEER = ("127.0.0.1", 1)
+OTHER = ("127.0.0.1", 2)
+
+
+@pytest.fixture
+def subscriptions() -> Subscriptions:
+    return Subscriptions(frozenset({IMU, CLOUD}))
+
+
+def test_a_pushed_topic_goes_to_the_peer_for_ever(subscriptions: Subscriptions) -> None:
+    subscriptions.push(IMU, PEER)
+    assert subscriptions.receivers(IMU, 0, 1e9) == [PEER]
+    assert subscriptions.receivers(CLOUD, 0, 1e9) == []
+
+
+def test_a_subscriber_is_added_and_its_lease_ends(subscriptions: Subscriptions) -> None:
+    subscriptions.push(IMU, PEER)
+    assert subscriptions.request(OTHER, "/imu", Subscribe(2, lease_s=3), 100.0)
+    assert subscriptions.receivers(IMU, 0, 102.9) == [PEER, OTHER]
+    assert subscriptions.receivers(IMU, 1, 103.1) == [PEER]
+
+
+def test_a_renewed_lease_counts_from_its_renewal(subscriptions: Subscriptions) -> None:
+    subscriptions.request(OTHER, "/imu", Subscribe(2, lease_s=3), 100.0)
+    subscriptions.request(OTHER, "/imu", Subscribe(2, lease_s=3), 102.0)
+    assert subscriptions.receivers(IMU, 0, 104.9) == [OTHER]
+    assert subscriptions.receivers(IMU, 0, 105.1) == []
+
+
+def test_no_lease_holds_until_unsubscribed(subscriptions: Subscriptions) -> None:
+    subscriptions.request(OTHER, "/imu", Subscribe(2, max_rate_hz=1.0), 0.0)
+    assert subscriptions.receivers(IMU, 0, 1e6) == [OTHER]
+    subscriptions.request(OTHER, "/imu", Subscribe(2, action=0), 1e6)
+    assert subscriptions.receivers(IMU, 10**12, 1e6) == []
+
+
+def test_the_peers_push_cannot_be_unsubscribed_or_throttled(subscriptions: Subscriptions) -> None:
+    subscriptions.push(IMU, PEER)
+    subscriptions.request(PEER, "/imu", Subscribe(2, action=0), 0.0)
+    subscriptions.request(PEER, "/imu", Subscribe(2, max_rate_hz=1.0, lease_s=1), 0.0)
+    assert subscriptions.receivers(IMU, 0, 100.0) == [PEER]
+    assert subscriptions.receivers(IMU, 1, 100.0) == [PEER]
+
+
+def test_what_there_is_not_is_refused(subscriptions: Subscriptions) -> None:
+    assert not subscriptions.request(OTHER, "/nothing", Subscribe(2), 0.0)
+    assert not subscriptions.request(OTHER, "/imu", Subscribe(1), 0.0)
+
+
+def test_subscribers_are_bounded(subscriptions: Subscriptions) -> None:
+    admitted = [
+        subscriptions.request((f"10.0.{i >> 8}.{i & 255}", 1), "/imu", Subscribe(2), 0.0)
+        for i in range(MAX_SUBSCRIPTIONS + 5)
+    ]
+    assert admitted == [True] * MAX_SUBSCRIPTIONS + [False] * 5
+
+
+@pytest.mark.parametrize(
+    ("stream_hz", "wanted_hz", "expected"),
+    [(400, 100, 100), (10, 3, 3), (50, 50, 50), (10, 20, 10)],
+)
+def test_a_rate_limit_is_counted_in_stamps(
+    subscriptions: Subscriptions, stream_hz: int, wanted_hz: float, expected: int
+) -> None:
+    subscriptions.request(OTHER, "/imu", Subscribe(2, max_rate_hz=wanted_hz), 0.0)
+    passed = sum(
+        bool(subscriptions.receivers(IMU, i * 10**9 // stream_hz, 0.0))
+        for i in range(10 * stream_hz)
+    )
+    assert passed == pytest.approx(10 * expected, abs=1)
+
+
+def test_a_rate_limit_survives_time_that_jumps_back(subscriptions: Subscriptions) -> None:
+    subscriptions.request(OTHER, "/imu", Subscribe(2, max_rate_hz=1.0), 0.0)
+    assert subscriptions.receivers(IMU, 500 * 10**9, 0.0) == [OTHER]
+    assert subscriptions.receivers(IMU, 10**9, 0.0) == [OTHER]
+    assert subscriptions.receivers(IMU, 10**9 + 1, 0.0) == []

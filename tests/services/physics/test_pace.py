@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import pytest
+
+from groundlink.messages import Ack
+from services.physics.pace import CATCH_UP_SECONDS, AsFastAsSensors, RealTime
+
+
+def test_real_time_waits_until_a_tick_is_due() -> None:
+    pace = RealTime(1.0)
+    assert pace.wait_seconds(1, 100.0) == 0.0
+    assert pace.wait_seconds(2, 100.0) == pytest.approx(0.0025)
+    assert pace.wait_seconds(401, 100.9) == pytest.approx(0.1)
+    assert pace.wait_seconds(401, 101.05) == 0.0
+
+
+def test_a_factor_stretches_or_shrinks_ticks() -> None:
+    for factor, wait in [(2.0, 0.5), (0.5, 2.0)]:
+        pace = RealTime(factor)
+        pace.wait_seconds(0, 0.0)
+        assert pace.wait_seconds(400, 0.0) == pytest.approx(wait)
+
+
+def test_a_short_hold_up_is_made_up_for() -> None:
+    pace = RealTime(1.0)
+    pace.wait_seconds(0, 0.0)
+    late = 0.9 * CATCH_UP_SECONDS
+    assert pace.wait_seconds(1, late) == 0.0
+    assert pace.wait_seconds(400, late) == pytest.approx(1.0 - late)
+    assert pace.stretched_seconds == 0.0
+
+
+def test_after_a_long_hold_up_time_has_stretched() -> None:
+    pace = RealTime(1.0)
+    pace.wait_seconds(0, 0.0)
+    assert pace.wait_seconds(1, 5.0) == 0.0
+    assert pace.wait_seconds(2, 5.0) == pytest.approx(0.0025)
+    assert pace.stretched_seconds == pytest.approx(5.0 - 0.0025)
+
+
+EPOCH = 7
+
+
+@pytest.fixture
+def pace() -> AsFastAsSensors:
+    return AsFastAsSensors(["rover/imu", "rover/lidar"], 100, EPOCH)
+
+
+def ack(pace: AsFastAsSensors, process: str, tick: int, epoch: int = EPOCH) -> None:
+    pace.acknowledged(process, Ack(epoch, tick, tick))
+
+
+def test_nothing_moves_before_every_sensor_has_joined(pace: AsFastAsSensors) -> None:
+    assert pace.wait_seconds(1, 0.0) > 0
+    assert pace.missing() == ["rover/imu", "rover/lidar"]
+    ack(pace, "rover/imu", -1)
+    assert pace.missing() == ["rover/lidar"]
+    ack(pace, "rover/lidar", -1)
+    assert pace.wait_seconds(1, 0.0) == 0.0
+
+
+def test_physics_is_at_most_a_window_ahead(pace: AsFastAsSensors) -> None:
+    ack(pace, "rover/imu", 1000)
+    ack(pace, "rover/lidar", 50)
+    assert pace.wait_seconds(150, 0.0) == 0.0
+    assert pace.wait_seconds(151, 0.0) > 0.0
+    assert pace.missing() == ["rover/lidar"]
+    ack(pace, "rover/lidar", 51)
+    assert pace.wait_seconds(151, 0.0) == 0.0
+
+
+def test_a_gateway_is_waited_for_while_it_is_there(pace: AsFastAsSensors) -> None:
+    ack(pace, "rover/imu", 1000)
+    ack(pace, "rover/lidar", 1000)
+    ack(pace, "gateway", 10)
+    assert pace.wait_seconds(500, 0.0) > 0.0
+    pace.left("gateway")
+    assert pace.wait_seconds(500, 0.0) == 0.0
+
+
+def test_a_sensor_that_left_is_waited_for(pace: AsFastAsSensors) -> None:
+    ack(pace, "rover/imu", 1000)
+    ack(pace, "rover/lidar", 10)
+    pace.left("rover/lidar")
+    assert pace.wait_seconds(500, 0.0) > 0.0
+
+
+def test_words_from_an_earlier_life_do_not_count(pace: AsFastAsSensors) -> None:
+    ack(pace, "rover/imu", 1000, epoch=EPOCH - 1)
+    assert "rover/imu" in pace.missing()
+
+
+def test_without_sensors_nobody_is_waited_for() -> None:
+    assert AsFastAsSensors([], 1, EPOCH).wait_seconds(10**6, 0.0) == 0.0

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The process around a model, with a stand-in model and without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from groundlink.errors import UserError
+from groundlink.messages import Ack, Clock, Message, State
+from services.sensors.shell import ACK_TICKS, SensorProcess
+
+HASH = "ab" * 32
+PERIOD = 40
+
+
+class EveryFortyTicks:
+    """Measures over 40 ticks; like a LiDAR it settles a tick when its revolution is out."""
+
+    def __init__(self) -> None:
+        self.restart()
+        self.restarts = 0
+
+    def restart(self) -> None:
+        self.restarts = getattr(self, "restarts", 0) + 1
+        self._settled = -1
+        self._expected: int | None = None
+
+    def readings(self, state: State) -> Iterable[Message]:
+        assert self._expected in (None, state.tick), "a model never sees a gap"
+        self._expected = state.tick + 1
+        if state.tick % PERIOD == 0:
+            if self._settled >= 0:
+                yield Clock(state.tick - PERIOD, state.epoch_nanos, state.tick)
+            self._settled = state.tick
+
+    def settled_tick(self) -> int:
+        return self._settled
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.model = EveryFortyTicks()
+        self.published: list[Message] = []
+        self.acks: list[Ack] = []
+        self.sensor = SensorProcess(
+            self.model,
+            expected_world_hash=HASH,
+            publish=self.published.append,
+            acknowledge=self.acks.append,
+        )
+
+    def take(self, ticks: Iterable[int], epoch: int = 0) -> None:
+        for tick in ticks:
+            self.sensor.take(State("run", epoch, tick, tick * 2_500_000, HASH, {}))
+
+    def stamps(self) -> list[int]:
+        return [m.stamp_nanos for m in self.published if isinstance(m, Clock)]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_states_go_in_and_readings_come_out(bench: Bench) -> None:
+    bench.take(range(200))
+    assert bench.stamps() == [0, 40, 80, 120]
+    assert (bench.sensor.readings, bench.sensor.missed_ticks) == (4, 0)
+
+
+def test_a_gap_is_counted_and_restarts_the_model(bench: Bench) -> None:
+    bench.take([*range(100), *range(110, 250)])
+    assert bench.sensor.missed_ticks == 10
+    assert bench.stamps() == [0, 40, 120, 160, 200]
+
+
+def test_repeated_states_are_passed_over(bench: Bench) -> None:
+    bench.take([0, 1, 1, 0, *range(2, 81)])
+    assert bench.stamps() == [0, 40]
+    assert bench.sensor.missed_ticks == 0
+
+
+def test_a_new_life_of_physics_begins_anew_without_a_gap(bench: Bench) -> None:
+    bench.take(range(100), epoch=1)
+    bench.take(range(100), epoch=2)
+    assert bench.stamps() == [0, 40, 0, 40]
+    assert bench.sensor.missed_ticks == 0
+
+
+def test_a_successor_repeats_nothing_that_was_settled(bench: Bench) -> None:
+    bench.sensor.resume(Ack(0, 130, 120))
+    bench.take(range(300))
+    assert bench.stamps() == [120, 160, 200, 240]
+
+
+def test_a_successor_of_nobody_publishes_everything(bench: Bench) -> None:
+    bench.sensor.resume(Ack(0, -1, -1))
+    bench.take(range(100))
+    assert bench.stamps() == [0, 40]
+
+
+def test_a_gap_after_resuming_withholds_nothing(bench: Bench) -> None:
+    bench.sensor.resume(Ack(0, 50, 40))
+    bench.take([*range(130), *range(150, 250)])
+    assert bench.stamps() == [40, 80, 160, 200]
+
+
+def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
+    bench.take(range(101))
+    assert bench.acks == [Ack(0, 0, 0), Ack(0, ACK_TICKS, 40), Ack(0, 2 * ACK_TICKS, 80)]
+
+
+def test_another_world_is_refused(bench: Bench) -> None:
+    with pytest.raises(UserError, match="the world differs: physics has cdcdcdcdcdcd"):
+        bench.sensor.take(State("run", 0, 0, 0, "cd" * 32, {}))

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Real processes for system tests: free ports, private names, and an end for all of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+LAB = REPOSITORY / "scenarios" / "indoor_lab.yaml"
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_for(condition: Callable[[], Any], seconds: float, what: str) -> Any:
+    """Return the condition's first true value; fail the test when none comes in time."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if value := condition():
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"within {seconds} s: {what}")
+
+
+class Rig:
+    """Ports and names of one run, and the processes that were started for it."""
+
+    def __init__(self, folder: Path, *, time_section: str = "") -> None:
+        self.folder = folder
+        self.bind = ("127.0.0.1", free_port())
+        self.peer = ("127.0.0.1", free_port())
+        self.endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+        self.run = f"test_{os.getpid()}_{random.randrange(10**6)}"
+        self.environment = os.environ | {
+            "ROS_DOMAIN_ID": str(random.randrange(1, 100)),
+            "PYTHONUNBUFFERED": "1",
+        }
+        self.scenario = folder / "scenario.yaml"
+        self.scenario.write_text(
+            LAB.read_text(encoding="utf-8")
+            + f"\ngateway: {{bind: 127.0.0.1:{self.bind[1]}, peer: 127.0.0.1:{self.peer[1]}}}\n"
+            + time_section,
+            encoding="utf-8",
+        )
+        self._started: list[subprocess.Popen[str]] = []
+
+    def start(self, *command: str, log: str) -> subprocess.Popen[str]:
+        """Start a Python process whose output goes to a file of this name."""
+        with (self.folder / log).open("w", encoding="utf-8") as output:
+            process = subprocess.Popen(
+                [sys.executable, *command],
+                cwd=REPOSITORY,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                text=True,
+                start_new_session=True,
+            )
+        self._started.append(process)
+        return process
+
+    def up(self, *more: str) -> subprocess.Popen[str]:
+        """Start `groundlink up` with this rig's scenario."""
+        return self.start(
+            *("-m", "groundlink", "up", str(self.scenario)),
+            *("--run", self.run, "--listen", self.endpoint, *more),
+            log="up.log",
+        )
+
+    @staticmethod
+    def address(pair: tuple[str, int]) -> str:
+        return f"{pair[0]}:{pair[1]}"
+
+    def log(self, name: str) -> str:
+        return (self.folder / name).read_text(encoding="utf-8")
+
+    def stop(self) -> None:
+        for process in self._started:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self._started:
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+@contextmanager
+def rig(folder: Path, *, time_section: str = "") -> Iterator[Rig]:
+    it = Rig(folder, time_section=time_section)
+    try:
+        yield it
+    finally:
+        it.stop()
+
+
+class Observer:
+    """A real rclpy node in a process of its own, which writes down what arrives."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._file = rig.folder / "observed.jsonl"
+        self._file.touch()
+        self._position = 0
+        self.messages: dict[str, list[dict[str, Any]]] = {}
+        self.process = rig.start(
+            *("-m", "tests.system.ros_observer", str(self._file)), log="observer.log"
+        )
+
+    def read(self) -> dict[str, list[dict[str, Any]]]:
+        """Return all that has arrived so far, by topic."""
+        with self._file.open(encoding="utf-8") as file:
+            file.seek(self._position)
+            for line in iter(file.readline, ""):
+                if not line.endswith("\n"):
+                    break
+                self._position += len(line)
+                message = json.loads(line)
+                self.messages.setdefault(message["topic"], []).append(message)
+        return self.messages
+
+    def count(self, topic: str) -> int:
+        return len(self.read().get(topic, ()))
+
+
+def children_of(pid: int) -> dict[int, str]:
+    """Return the command lines of a process's children, by process id."""
+    children = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                stat = (entry / "stat").read_text(encoding="utf-8", errors="replace")
+                command = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except OSError:
+                continue
+            if int(stat.rpartition(")")[2].split()[1]) == pid:
+                children[int(entry.name)] = command
+    return children

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The main job: a scenario starts, its data arrive in a real ROS 2, a Twist drives the rover."""
+
+from __future__ import annotations
+
+import math
+import random
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import zenoh
+
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.messages import Health, State
+from groundlink.scenario import load
+from groundlink.scenario.sensors import Encoders
+from groundlink.topics import HEALTH, STATE, TOPICS
+
+from .rig import Observer, Rig, rig, wait_for
+
+pytestmark = pytest.mark.system
+
+SENSOR_PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}
+
+
+@dataclass
+class Running:
+    """A run that all tests of this module look at."""
+
+    rig: Rig
+    observer: Observer
+    bus: Bus
+    states: Inbox[State]
+    health: Inbox[Health]
+
+    def drain(self) -> list[State]:
+        """Return the states that have arrived since the last look."""
+        return [s[1] for s in iter(lambda: self.states.get(seconds=0), None)]
+
+    def counters(self, process: str) -> dict[str, int]:
+        """Return a process's next word about itself."""
+        while True:
+            arrived = self.health.get(seconds=5)
+            assert arrived, f"{process} fell silent"
+            if arrived[1].process == process:
+                return arrived[1].counters
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with rig(tmp_path_factory.mktemp("run")) as it:
+        observer = Observer(it)
+        it.up()
+        wait_for(lambda: observer.count("/points") > 2, 60, "clouds arrive in ROS")
+        wait_for(lambda: observer.count("/imu") > 100, 10, "IMU samples arrive in ROS")
+        wait_for(lambda: observer.count("/wheel_encoders") > 10, 10, "encoders arrive in ROS")
+        with Bus(connect=it.endpoint) as bus:
+            states: Inbox[State] = Inbox(depth=20_000)
+            health: Inbox[Health] = Inbox(depth=1000)
+            bus.subscribe(STATE.key_in(it.run), State, states)
+            bus.subscribe(HEALTH.key_in(it.run), Health, health)
+            yield Running(it, observer, bus, states, health)
+
+
+def test_ten_seconds_arrive_whole(running: Running) -> None:
+    """Every cloud, sample and count of 10 s is there, in order, none twice, none missing."""
+    observer = running.observer
+    begin = {topic: observer.count(topic) for topic in SENSOR_PERIODS_NANOS}
+    wait_for(lambda: observer.count("/points") >= begin["/points"] + 101, 30, "100 clouds more")
+    for topic, period in SENSOR_PERIODS_NANOS.items():
+        stamps = np.array([m["stamp"] for m in observer.messages[topic][begin[topic] :]])
+        span = (stamps[-1] - stamps[0]) / 1e9
+        assert span > 9.5, f"{topic}: {span} s"
+        assert set(np.diff(stamps).tolist()) == {period}, topic
+
+
+def test_clouds_are_what_a_vlp16_driver_publishes(running: Running) -> None:
+    cloud = running.observer.read()["/points"][-1]
+    assert cloud["frame"] == "lidar_link"
+    assert cloud["fields"] == ["x", "y", "z", "intensity", "ring", "time"]
+    assert cloud["point_step"] == 22
+    assert cloud["dense"] is True
+    assert cloud["data"] == 22 * cloud["width"]
+    # In a closed room nearly each of the 57,600 rays returns; the own deck is nearer than the
+    # least range for some.
+    assert 0.8 * 57_600 < cloud["width"] <= 57_600
+
+
+def test_a_resting_imu_feels_gravity(running: Running) -> None:
+    samples = np.array([m["acceleration"] for m in running.observer.read()["/imu"][-400:]])
+    assert samples.mean(axis=0) == pytest.approx([0, 0, 9.80665], abs=0.1)
+
+
+def test_sensor_mounts_are_on_tf_static(running: Running) -> None:
+    frames = running.observer.read()["/tf_static"][-1]["frames"]
+    assert frames == {"lidar_link": "base_link", "imu_link": "base_link"}
+
+
+def test_clock_follows_the_data(running: Running) -> None:
+    observed = running.observer.read()
+    assert abs(observed["/clock"][-1]["stamp"] - observed["/imu"][-1]["stamp"]) < 1e9
+
+
+def test_garbage_changes_nothing_and_is_counted(running: Running) -> None:
+    it, generator = running.rig, random.Random(5)
+    before = running.counters("gateway")
+    running.drain()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as hostile:
+        for _ in range(300):
+            size = generator.choice([0, 1, 17, 20, 60, 1400])
+            hostile.sendto(generator.randbytes(size), it.bind)
+            hostile.sendto(generator.randbytes(size), it.peer)
+    garbage = [b"", b"\xc1", b"\x80", generator.randbytes(100)]
+    names = {"vehicle": "rover", "sensor": "imu", "process": "rover/imu"}
+    configuration = zenoh.Config.from_json5(
+        f'{{mode: "client", connect: {{endpoints: ["{it.endpoint}"]}}}}'
+    )
+    with zenoh.open(configuration) as session:
+        for topic in TOPICS:
+            for payload in garbage:
+                session.put(topic.key_in(it.run, **names), payload)
+    wait_for(
+        lambda: running.counters("gateway")["wire_refused"] >= before["wire_refused"] + 300,
+        10,
+        "malformed datagrams are counted",
+    )
+    wait_for(lambda: running.counters("physics")["refused"] >= 8, 10, "bad commands are counted")
+    wait_for(lambda: running.counters("rover/imu")["refused"] >= 4, 10, "bad states are counted")
+    assert running.counters("gateway")["bus_refused"] >= 8
+    ticks = [state.tick for state in running.drain()]
+    assert set(np.diff(ticks).tolist()) == {1}
+    stamps = np.array([m["stamp"] for m in running.observer.read()["/imu"]])
+    assert set(np.diff(stamps).tolist()) == {2_500_000}
+
+
+def test_a_twist_drives_the_rover(running: Running) -> None:
+    """0.5 m/s asked for is 0.5 m/s of truth within 5 % after 2 s; the encoders agree with it."""
+    it = running.rig
+    running.drain()
+    driver = it.start("-m", "tests.system.ros_driver", "0.5", "0", "6", log="driver.log")
+    assert driver.wait(30) == 0, it.log("driver.log")
+    states = running.drain()
+    poses = np.array([s.vehicles["rover"].poses()[0] for s in states])
+    seconds = np.array([s.sim_nanos for s in states]) * 1e-9
+    speeds = np.hypot(*np.diff(poses[::80, :2], axis=0).T) / np.diff(seconds[::80])
+    moving = np.flatnonzero(speeds > 0.05)
+    start, end = seconds[::80][moving[0]] + 2.0, seconds[::80][moving[-1]] - 0.5
+    steady = (seconds > start) & (seconds < end)
+    assert seconds[steady][-1] - seconds[steady][0] > 2.0
+    path = np.hypot(*np.diff(poses[steady, :2], axis=0).T).sum()
+    truth = path / (seconds[steady][-1] - seconds[steady][0])
+    assert truth == pytest.approx(0.5, rel=0.05)
+
+    scenario = load(it.scenario)
+    vehicle = scenario.vehicles[0]
+    spec = next(s for s in vehicle.sensors if isinstance(s, Encoders))
+    epoch = states[0].epoch_nanos
+    ticks = {m["stamp"]: np.mean(m["ticks"]) for m in running.observer.read()["/wheel_encoders"]}
+    turned = [
+        count for stamp, count in sorted(ticks.items()) if start <= (stamp - epoch) * 1e-9 <= end
+    ]
+    circumference = 2 * math.pi * vehicle.model.wheels[0].radius_m
+    by_encoders = (turned[-1] - turned[0]) / spec.ticks_per_revolution * circumference
+    assert by_encoders / ((len(turned) - 1) / spec.rate_hz) == pytest.approx(truth, rel=0.03)
+
+
+def test_without_commands_the_rover_stops(running: Running) -> None:
+    def stands() -> bool:
+        states = running.drain()
+        return bool(states) and bool(
+            np.abs(np.frombuffer(states[-1].vehicles["rover"].base_velocity)).max() < 0.01
+        )
+
+    wait_for(stands, 5, "the rover stands still after its last command")
