@@ -55,9 +55,7 @@ def test_a_killed_process_is_back(
 
     def all_flow() -> bool:
         observed = observer.read()
-        return all(
-            sum(m["seen"] > killed + 0.3 for m in observed[topic]) > 3 for topic in silenced
-        )
+        return all(sum(m["seen"] > killed + 0.3 for m in observed[topic]) > 3 for topic in silenced)
 
     wait_for(all_flow, 10, f"topics flow again: {silenced}")
     for topic in silenced:
