@@ -30,14 +30,14 @@ else
     fi
     step "environment in .venv, by venv and pip"
     [ -x .venv/bin/python ] || "$PYTHON" -m venv .venv
-    install() { .venv/bin/python -m pip install --quiet --disable-pip-version-check "$@"; }
+    install() { .venv/bin/python -m pip install -qq --disable-pip-version-check "$@"; }
 fi
 
 step "Groundlink, PyBullet, Embree, Zenoh and the tools of its tests (a minute or so)"
 install -e ./udp-bridge -e '.[physics,sensors,gateway,dev]'
 
 step "ROS 2 Kilted"
-if install --only-binary :all: $(.venv/bin/python - <<'PYTHON'
+if install $(.venv/bin/python - <<'PYTHON'
 import tomllib
 with open("pyproject.toml", "rb") as file:
     print(*tomllib.load(file)["project"]["optional-dependencies"]["ros2"])

@@ -78,6 +78,8 @@ class Gateway:
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
 
+        self._epoch_nanos = 0
+
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "refused"), 0)
 
     def forward(self, key: str, message: Message, link: Link) -> None:
@@ -85,7 +87,7 @@ class Gateway:
         stream = self.streams[key]
         stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
         if isinstance(message, Clock):
-            self.clock_nanos = stamp
+            self.clock_nanos, self._epoch_nanos = stamp, message.epoch_nanos
         elif self._is_stale(key, stamp):
             self.counts["stale"] += 1
             return
@@ -100,12 +102,14 @@ class Gateway:
         wish = Subscribe(TWIST, lease_s=LEASE_SECONDS).pack()
         for topic in self._command_keys:
             link.send(SUBSCRIBE, topic, "", now, wish, to=self.peer)
+        # What never changes has the stamp of the run's begin, so that repetitions are equal.
+        stamp = self._epoch_nanos
         self._send(
             TF_MESSAGE,
             TF_STATIC_TOPIC,
             "",
-            now,
-            lambda: transforms_to_cdr(self._transforms, now),
+            stamp,
+            lambda: transforms_to_cdr(self._transforms, stamp),
             link,
         )
 

@@ -144,10 +144,11 @@ def test_encoder_counts_become_a_ros_message(bench: Bench) -> None:
 def test_transforms_and_wishes_are_repeated_once_time_is_known(bench: Bench) -> None:
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
     assert bench.link.sent == []
-    bench.forward("clock", Clock(10**9, 0, 400))
+    bench.forward("clock", Clock(10**9 + 5, 5, 400))
     bench.link.sent.clear()
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
     wish, transforms = bench.link.sent
+    assert (wish["stamp"], transforms["stamp"]) == (10**9 + 5, 5)
     assert (wish["msg_type"], wish["topic"]) == (SUBSCRIBE, "/cmd_vel")
     assert Subscribe.parse(wish["body"]) == Subscribe(TWIST, 1, 3, 0.0)
     assert (transforms["msg_type"], transforms["topic"]) == (TF_MESSAGE, "/tf_static")

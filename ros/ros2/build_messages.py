@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds the message packages that no wheel brings, for the ROS 2 that pip installed.
+
+Rule: what is installed always stands for the .msg files beside it; their hash is written last, so
+that a build that broke off is done again. It uses the generators of the ROS wheels, CMake and a
+compiler, no network, and installs where the wheels of message packages put their files: modules
+into site-packages, libraries into ``lib`` and the ament index into ``share`` of the same prefix.
+
+It deliberately builds only what rclpy needs with Fast DDS: messages, no services, no C++.
+A ROS 2 workspace builds ``groundlink_msgs`` with colcon instead and has a tf2_msgs of its own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROS_FOLDER = Path(__file__).resolve().parent.parent
+PREFIX = Path(sys.prefix)
+SITE_PACKAGES = Path(sysconfig.get_paths()["platlib"])
+SHARE = PREFIX / "share"
+AMENT_INDEX = SHARE / "ament_index" / "resource_index"
+BUILT_FROM = "built_from.sha256"
+
+GENERATORS = (
+    "rosidl_adapter",
+    "rosidl_generator_type_description",
+    "rosidl_generator_c",
+    "rosidl_typesupport_fastrtps_c",
+    "rosidl_typesupport_c",
+    "rosidl_generator_py",
+)
+
+
+class Unable(Exception):
+    """The packages can't be built here; the text says what is missing."""
+
+
+@dataclass(frozen=True)
+class MessagePackage:
+    """A folder with a package.xml and msg/*.msg."""
+
+    name: str
+    dependencies: tuple[str, ...]
+    """Message packages whose messages are used, through all levels."""
+
+    @property
+    def folder(self) -> Path:
+        """The package's source."""
+        return ROS_FOLDER / self.name
+
+    @property
+    def messages(self) -> list[Path]:
+        """The .msg files, sorted by name."""
+        return sorted((self.folder / "msg").glob("*.msg"))
+
+    @property
+    def share(self) -> Path:
+        """The package's folder in the prefix."""
+        return SHARE / self.name
+
+    @property
+    def extension(self) -> str:
+        """The file name of the module through which rclpy reaches the type support."""
+        return f"{self.name}_s__rosidl_typesupport_c.so"
+
+    def content_hash(self) -> str:
+        """Return the hash of all that decides what the build makes."""
+        digest = hashlib.sha256()
+        for source in [Path(__file__), self.folder / "package.xml", *self.messages]:
+            digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
+        for generator in GENERATORS:
+            distribution = "ros-" + generator.replace("_", "-")
+            digest.update(importlib.metadata.version(distribution).encode() + b"\0")
+        digest.update(sys.version.encode())
+        return digest.hexdigest()
+
+    def is_installed(self) -> bool:
+        """Tell whether what is installed was built from these very sources."""
+        record = self.share / BUILT_FROM
+        return (
+            record.is_file()
+            and (SITE_PACKAGES / self.name / self.extension).is_file()
+            and record.read_text().strip() == self.content_hash()
+        )
+
+
+PACKAGES = (
+    MessagePackage("tf2_msgs", ("geometry_msgs", "std_msgs", "builtin_interfaces")),
+    MessagePackage("groundlink_msgs", ("std_msgs", "builtin_interfaces")),
+)
+
+
+def check_wheels() -> None:
+    """Raise Unable, naming all that is missing, unless the ROS wheels are there."""
+    wheels = [*GENERATORS, *sorted({name for row in PACKAGES for name in row.dependencies})]
+    missing = ["ros-" + name.replace("_", "-") for name in wheels if not _is_found(name)]
+    if not _is_found("numpy"):
+        missing.append("numpy")
+    if missing:
+        raise Unable(f"these wheels are missing in {PREFIX}: {', '.join(missing)}")
+
+
+def _is_found(module: str) -> bool:
+    return importlib.util.find_spec(module) is not None
+
+
+def check_tools() -> None:
+    """Raise Unable, naming all that is missing, unless C and C++ can be compiled here."""
+    missing = [
+        f"{what} ({os.environ.get(variable, default)})"
+        for variable, default, what in (
+            ("CC", "cc", "a C compiler"),
+            ("CXX", "c++", "a C++ compiler"),
+            ("CMAKE", "cmake", "CMake 3.20 or newer"),
+        )
+        if shutil.which(os.environ.get(variable, default).split()[0]) is None
+    ]
+    if not (Path(sysconfig.get_paths()["include"]) / "Python.h").is_file():
+        missing.append("the headers of Python (Python.h)")
+    if missing:
+        raise Unable("missing on this machine: " + ", ".join(missing))
+
+
+def generate(package: MessagePackage, build: Path) -> None:
+    """Write the sources of one package: ``idl/``, ``include/``, ``typesupport/``, ``py/``."""
+    generators = {name: importlib.import_module(name) for name in GENERATORS}
+    adapter = importlib.import_module("rosidl_adapter.msg")
+    name = package.name
+    idl_folder = build / "idl" / name
+    for message in package.messages:
+        (idl_folder / "msg").mkdir(parents=True, exist_ok=True)
+        shutil.copy(message, idl_folder / "msg")
+        with contextlib.redirect_stdout(io.StringIO()):
+            adapter.convert_msg_to_idl(
+                package.folder, name, Path("msg", message.name), idl_folder / "msg"
+            )
+    stems = [message.stem for message in package.messages]
+    descriptions = [f"msg/{stem}.idl:{idl_folder}/msg/{stem}.json" for stem in stems]
+
+    def arguments(generator: str, output: Path, **more: Any) -> str:
+        path = build / f"{generator}.json"
+        content = {
+            "package_name": name,
+            "idl_tuples": [f"{idl_folder}:msg/{stem}.idl" for stem in stems],
+            "output_dir": str(output),
+            "template_dir": str(SHARE / generator / "resource"),
+            "target_dependencies": [],
+            "ros_interface_dependencies": [],
+            **more,
+        }
+        path.write_text(json.dumps(content))
+        return str(path)
+
+    include = build / "include" / name
+    typesupport = build / "typesupport" / name
+    modules = build / "py" / name
+    for folder in (include, typesupport, modules):
+        (folder / "msg").mkdir(parents=True)
+    for generator in ("rosidl_generator_c", "rosidl_typesupport_fastrtps_c"):
+        header = f"{generator}__visibility_control.h"
+        template = (SHARE / generator / "resource" / f"{header}.in").read_text()
+        template = template.replace("@PROJECT_NAME_UPPER@", name.upper())
+        (include / "msg" / header).write_text(template.replace("@PROJECT_NAME@", name))
+
+    generators["rosidl_generator_type_description"].generate_type_hash(
+        arguments(
+            "rosidl_generator_type_description",
+            idl_folder,
+            include_paths=[f"{other}:{SHARE / other}" for other in package.dependencies],
+        )
+    )
+    generators["rosidl_generator_c"].generate_c(
+        arguments(
+            "rosidl_generator_c",
+            include,
+            type_description_tuples=descriptions,
+            ros_interface_files=[str(message) for message in package.messages],
+        )
+    )
+    generators["rosidl_typesupport_fastrtps_c"].generate_typesupport_fastrtps_c(
+        arguments("rosidl_typesupport_fastrtps_c", include)
+    )
+    # With one type support only, the C dispatcher calls it directly.
+    generators["rosidl_typesupport_c"].generate_c(
+        arguments("rosidl_typesupport_c", typesupport), ["rosidl_typesupport_fastrtps_c"]
+    )
+    (modules / "__init__.py").touch()
+    generators["rosidl_generator_py"].generate_py(
+        arguments("rosidl_generator_py", modules), ["rosidl_typesupport_c"]
+    )
+
+
+def compile_sources(package: MessagePackage, build: Path) -> Path:
+    """Compile what `generate` wrote; return the folder of the libraries."""
+    numpy = importlib.import_module("numpy")
+    libraries = build / "libraries"
+    cmake = os.environ.get("CMAKE", "cmake")
+    definitions = {
+        "PACKAGE": package.name,
+        "DEPENDENCIES": ";".join(package.dependencies),
+        "GENERATED": build,
+        "ROS_PREFIX": PREFIX,
+        "PYTHON_INCLUDE": sysconfig.get_paths()["include"],
+        "NUMPY_INCLUDE": numpy.get_include(),
+        "CMAKE_BUILD_TYPE": "MinSizeRel",
+    }
+    for command in (
+        [cmake, "-S", str(Path(__file__).resolve().parent / "typesupport"), "-B", str(libraries)]
+        + [f"-D{key}={value}" for key, value in definitions.items()],
+        [cmake, "--build", str(libraries), "--parallel", str(os.cpu_count() or 1)],
+    ):
+        done = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        )
+        if done.returncode != 0:
+            sys.stderr.write(done.stdout)
+            raise Unable(f"{package.name} does not compile: the output of CMake stands above")
+    return libraries
+
+
+def install(package: MessagePackage, build: Path, libraries: Path) -> None:
+    """Copy the built package into the prefix; the hash of its sources goes last."""
+    (package.share / BUILT_FROM).unlink(missing_ok=True)
+    for library in libraries.glob("lib*.so"):
+        _copy(library, PREFIX / "lib" / library.name)
+    modules = build / "py"
+    for module in modules.rglob("*.py"):
+        _copy(module, SITE_PACKAGES / module.relative_to(modules))
+    _copy(libraries / package.extension, SITE_PACKAGES / package.name / package.extension)
+
+    idl_folder = build / "idl" / package.name
+    interfaces = sorted(path for path in idl_folder.rglob("*") if path.is_file())
+    for interface in interfaces:
+        _copy(interface, package.share / interface.relative_to(idl_folder))
+    _copy(package.folder / "package.xml", package.share / "package.xml")
+    listed = [p.relative_to(idl_folder).as_posix() for p in interfaces if p.suffix != ".json"]
+    for kind, content in (
+        ("packages", ""),
+        ("package_run_dependencies", ";".join(package.dependencies)),
+        ("rosidl_interfaces", "\n".join(listed)),
+    ):
+        (AMENT_INDEX / kind).mkdir(parents=True, exist_ok=True)
+        (AMENT_INDEX / kind / package.name).write_text(content)
+    (package.share / BUILT_FROM).write_text(package.content_hash() + "\n")
+
+
+def _copy(source: Path, target: Path) -> None:
+    # By rename, as a process may have the old library loaded.
+    target.parent.mkdir(parents=True, exist_ok=True)
+    fresh = target.with_name(f".{target.name}.{os.getpid()}")
+    shutil.copy(source, fresh)
+    fresh.replace(target)
+
+
+def main() -> int:
+    """Build and install what is not installed yet."""
+    try:
+        check_wheels()
+        for package in PACKAGES:
+            if package.is_installed():
+                print(f"{package.name}: up to date in {SITE_PACKAGES}")
+                continue
+            check_tools()
+            with tempfile.TemporaryDirectory(prefix=f"{package.name}-") as folder:
+                build = Path(folder)
+                generate(package, build)
+                install(package, build, compile_sources(package, build))
+            print(f"{package.name}: built and installed into {SITE_PACKAGES}")
+    except Unable as reason:
+        print(f"build_messages: {reason}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Installs the node with colcon (ament_python) and with pip alike."""
+
+from __future__ import annotations
+
+from setuptools import setup
+
+NAME = "udp_bridge_ros2"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="The ROS 2 end of UDP Bridge: datagrams become messages, commands go back.",
+    license="Apache-2.0",
+    python_requires=">=3.10",
+    packages=[NAME],
+    package_data={NAME: ["fastdds_profile.xml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    # rclpy and the message packages come with ROS, or with the wheels that stand in for it.
+    install_requires=["udp-bridge"],
+    zip_safe=True,
+    entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main"]},
+)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the node: ``python -m udp_bridge_ros2 [--bind HOST:PORT] [--ros-args ...]``.
+
+Rule: users' mistakes are one line and exit code 2; SIGINT and SIGTERM end it within a second.
+rclpy is imported late, since DDS reads the environment when rclpy starts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+
+from .environment import apply_defaults
+from .leftovers import SHARED_MEMORY, remove_leftovers
+
+PROGRAM = "udp_bridge_ros2"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node until a signal ends it; return the exit code."""
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: signals.append(number))
+    apply_defaults(os.environ)
+    remove_leftovers(SHARED_MEMORY, now_s=time.time())
+    try:
+        import rclpy
+        from rclpy.exceptions import InvalidParameterTypeException
+        from rclpy.signals import SignalHandlerOptions
+        from rclpy.utilities import remove_ros_args
+
+        from .node import BridgeNode
+    except ImportError as error:
+        return _fail(f"{error}; it needs a ROS 2 environment and the Python package udp-bridge")
+
+    argv = sys.argv[1:] if argv is None else argv
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM, description="Publish in ROS 2 what arrives by UDP Bridge, and send back."
+    )
+    parser.add_argument("--bind", metavar="HOST:PORT", help="where to receive (127.0.0.1:7511)")
+    try:
+        arguments = parser.parse_args(remove_ros_args([PROGRAM, *argv])[1:])
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = BridgeNode(bind=arguments.bind)
+    except OSError as error:
+        return _fail(error.strerror or str(error))
+    except (ValueError, RuntimeError, InvalidParameterTypeException) as error:
+        return _fail(str(error))
+    while not signals:
+        node.turn()
+    node.close()
+    rclpy.shutdown()
+    return 0
+
+
+def _fail(reason: str) -> int:
+    print(f"{PROGRAM}: {' '.join(reason.split())}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

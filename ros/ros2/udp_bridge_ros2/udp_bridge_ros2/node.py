@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node: a link on one side, an outlet and an inlet on the other, and what it tells the user.
+
+Rule: it only wires. The link's receiving thread hands messages over, the outlet's thread
+publishes, and the thread that calls `turn` owns the subscriptions.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from udp_bridge import MSG_TYPES, Link, Message, Refused
+from udp_bridge.control import Subscribe
+from udp_bridge.types import SUBSCRIBE
+
+from . import environment
+from .inlet import Inlet
+from .outlet import Outlet
+
+Address = tuple[str, int]
+
+DEFAULT_BIND = "127.0.0.1:7511"
+
+
+def parse_address(text: str, *, what: str) -> Address:
+    """Return host and port of ``HOST:PORT``.
+
+    Raises
+    ------
+    ValueError
+        When it is none; the text begins with `what`.
+    """
+    host, _, port = text.rpartition(":")
+    if not host or not port.isascii() or not port.isdigit() or int(port) > 0xFFFF:
+        raise ValueError(f"{what} is {text!r}, which is no HOST:PORT such as {DEFAULT_BIND}")
+    return host, int(port)
+
+
+class BridgeNode(Node):
+    """The ROS 2 end of UDP Bridge.
+
+    Its parameters are `bind`, where it receives, and `peer`, the only one whose messages it takes
+    (port 0: any of that host; empty: whoever sends), both as ``HOST:PORT``.
+
+    Parameters
+    ----------
+    bind
+        Stands before the parameter of that name.
+
+    Raises
+    ------
+    ValueError
+        When an address is none.
+    OSError
+        When an address can't be resolved or bound.
+    """
+
+    def __init__(self, *, bind: str | None = None) -> None:
+        given = [] if bind is None else [Parameter("bind", value=bind)]
+        super().__init__("udp_bridge", parameter_overrides=given)
+        bind = str(self.declare_parameter("bind", DEFAULT_BIND).value)
+        peer = str(self.declare_parameter("peer", "").value)
+        bind_address = parse_address(bind, what="bind")
+        self._peer = _resolve(parse_address(peer, what="peer")) if peer else None
+        self._refused = 0
+        self._outlet = Outlet(self)
+        self._inlet = Inlet(self, is_published=self._outlet.publishes)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        try:
+            self._link = Link(bind_address, report=True, on_message=self._take)
+        except OSError:
+            self._outlet.close()
+            raise
+        host, port = self._link.address
+        self.get_logger().info(f"receiving at {host}:{port}; {environment.describe(os.environ)}")
+
+    def turn(self) -> None:
+        """Serve ROS and the wishes of peers for a moment, 0.1 s at most."""
+        wait_s = self._inlet.turn(self._link, time.monotonic_ns())
+        self._executor.spin_once(timeout_sec=wait_s)
+
+    def close(self) -> None:
+        """End all threads and say in one line what was done."""
+        self._link.close()
+        self._outlet.close()
+        counts = self._link.counters()
+        refused = sum(counts["refused"].values()) + self._outlet.refused + self._refused
+        self.get_logger().info(
+            f"{self._outlet.published} messages published on {self._outlet.topic_count} topics, "
+            f"{self._inlet.sent} sent back; lost on the way {counts['missing']}, "
+            f"dropped for newer ones {self._outlet.dropped}, refused {refused}"
+        )
+        self._executor.shutdown()
+        self.destroy_node()
+
+    def _take(self, message: Message, sender: Address) -> None:
+        if self._peer is not None and not _is_from(sender, self._peer):
+            self._refused += 1
+            return
+        row = MSG_TYPES[message.msg_type]
+        if row.ros_type is not None:
+            self._outlet.put(row, message, sender)
+        elif message.msg_type == SUBSCRIBE:
+            try:
+                self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
+            except Refused:
+                self._refused += 1
+
+
+def _resolve(address: Address) -> Address:
+    host, port = address
+    try:
+        return socket.gethostbyname(host), port
+    except OSError as error:
+        raise OSError(error.errno, f"peer: {host} is no known host: {error.strerror}") from None
+
+
+def _is_from(sender: Address, peer: Address) -> bool:
+    return sender[0] == peer[0] and peer[1] in (0, sender[1])

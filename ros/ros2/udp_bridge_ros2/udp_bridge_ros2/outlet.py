@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the bridge to ROS: a bounded queue for each topic, and the thread that publishes.
+
+Rule: the thread that receives only ever appends to a queue; whatever ROS makes slow (creating a
+publisher, a subscriber that stalls) costs messages of these queues, which are counted, and no
+datagrams. Bodies are published as the bytes that they are; nothing here decodes them.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from . import topics
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from udp_bridge import Message
+    from udp_bridge.types import MessageType
+
+Address = tuple[str, int]
+
+MAX_TOPICS = 256
+"""Publishers at most, so that a hostile sender can't fill the ROS graph."""
+_ENCAPSULATION = b"\x00\x01"
+"""How little-endian CDR begins; a body of anything else would break its subscribers."""
+
+
+class _Channel:
+    """One topic of one type: what waits for it, and its publisher once there is one."""
+
+    def __init__(self, row: MessageType, topic: str) -> None:
+        self.row = row
+        self.topic = topic
+        self.delivery = topics.published(row.name, topic)
+        self.waiting: deque[tuple[Message, Address]] = deque()
+        self.publisher: Any = None
+        self.is_refused = False
+        self.has_complained = False
+        self.latest: dict[Address, bytes] = {}
+        """Of a latched topic: what each sender had published last."""
+
+
+class Outlet:
+    """Publishes messages on a thread of its own.
+
+    Parameters
+    ----------
+    node
+        Where publishers are created; its logger tells of first arrivals.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.published = 0
+        """Messages handed to ROS."""
+        self.dropped = 0
+        """Messages that a newer one of their topic pushed out before they were published."""
+        self.refused = 0
+        """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
+        self._node = node
+        self._channels: dict[tuple[int, str], _Channel] = {}
+        self._turn: deque[_Channel] = deque()
+        self._wake = threading.Condition()
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
+        self._thread.start()
+
+    @property
+    def topic_count(self) -> int:
+        """Topics that have a publisher."""
+        return sum(channel.publisher is not None for channel in list(self._channels.values()))
+
+    def put(self, row: MessageType, message: Message, sender: Address) -> None:
+        """Hand over a message to publish; never blocks.
+
+        Parameters
+        ----------
+        row
+            The message's type, one with a ROS type.
+        message
+            As it came; an empty topic means the type's default.
+        sender
+            Where it came from.
+        """
+        topic = message.topic or row.default_topic
+        with self._wake:
+            channel = self._channels.get((row.number, topic))
+            if channel is None:
+                if len(self._channels) >= MAX_TOPICS:
+                    self.refused += 1
+                    return
+                channel = self._channels[row.number, topic] = _Channel(row, topic)
+            if channel.is_refused or message.body[:2] != _ENCAPSULATION:
+                self.refused += 1
+                return
+            channel.waiting.append((message, sender))
+            if len(channel.waiting) > channel.delivery.waiting:
+                channel.waiting.popleft()
+                self.dropped += 1
+            else:
+                self._turn.append(channel)
+            self._wake.notify()
+
+    def publishes(self, topic: str) -> bool:
+        """Tell whether messages of the bridge go out on this topic."""
+        with self._wake:
+            return any(channel.topic == topic for channel in self._channels.values())
+
+    def close(self) -> None:
+        """End the thread; what waits is not published."""
+        with self._wake:
+            self._is_closed = True
+            self._wake.notify()
+        self._thread.join()
+
+    def _take(self) -> tuple[_Channel, Message, Address] | None:
+        with self._wake:
+            self._wake.wait_for(lambda: self._turn or self._is_closed)
+            if self._is_closed:
+                return None
+            channel = self._turn.popleft()
+            return (channel, *channel.waiting.popleft())
+
+    def _run(self) -> None:
+        while (taken := self._take()) is not None:
+            channel, message, sender = taken
+            try:
+                self._publish(channel, message, sender)
+            except Exception as error:
+                self.refused += 1
+                channel.is_refused = channel.publisher is None
+                if not channel.has_complained:
+                    channel.has_complained = True
+                    reason = " ".join(str(error).split())
+                    self._node.get_logger().error(
+                        f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
+                    )
+
+    def _publish(self, channel: _Channel, message: Message, sender: Address) -> None:
+        if channel.is_refused:
+            self.refused += 1
+            return
+        if channel.publisher is None:
+            channel.publisher = self._create_publisher(channel, message, sender)
+        body = bytes(message.body)  # the one copy: rclpy takes nothing but bytes
+        if channel.delivery.is_latched:
+            # The sender repeats it for receivers that come late; DDS does that for ours.
+            if channel.latest.get(sender) == body:
+                return
+            if len(channel.latest) >= channel.delivery.depth:
+                channel.latest.clear()
+            channel.latest[sender] = body
+        channel.publisher.publish(body)
+        self.published += 1
+
+    def _create_publisher(self, channel: _Channel, message: Message, sender: Address) -> Any:
+        assert channel.row.ros_type is not None
+        publisher = self._node.create_publisher(
+            topics.message_class(channel.row.ros_type), channel.topic, channel.delivery.qos()
+        )
+        frame = f", frame {message.link}" if message.link else ""
+        self._node.get_logger().info(
+            f"{channel.topic}: {channel.row.ros_type} from {sender[0]}:{sender[1]}{frame}"
+        )
+        return publisher

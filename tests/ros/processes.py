@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes under test: each with its own environment, read line by line, always ended."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+PATIENCE_S = 20.0
+"""How long to wait for what must come; long, as it only matters when something is broken."""
+
+
+class Process:
+    """A Python process whose output is collected as it comes."""
+
+    def __init__(self, arguments: Sequence[str], environment: dict[str, str]) -> None:
+        self.lines: list[str] = []
+        self._changed = threading.Condition()
+        self._process = subprocess.Popen(
+            [sys.executable, *arguments],
+            env=environment,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @property
+    def output(self) -> str:
+        return "\n".join(list(self.lines))
+
+    @property
+    def end_of_output(self) -> str:
+        return "\n".join(self.lines[-20:])
+
+    def wait_until(self, is_enough: Callable[[], Any], what: str) -> None:
+        """Wait for output that satisfies the condition, or fail with all that there was."""
+        with self._changed:
+            if not self._changed.wait_for(is_enough, PATIENCE_S):
+                raise AssertionError(
+                    f"{what} did not come; the last output was:\n{self.end_of_output}"
+                )
+
+    def wait_for(self, pattern: str) -> re.Match[str]:
+        """Wait for a line that matches; return the match."""
+        self.wait_until(lambda: re.search(pattern, self.output), pattern)
+        match = re.search(pattern, self.output)
+        assert match
+        return match
+
+    def messages(self, topic: str) -> list[tuple[int, Any]]:
+        """Return stamp and content of what a listener or talker told of a topic."""
+        rows = [json.loads(line) for line in list(self.lines) if line.startswith('["')]
+        return [(stamp, content) for name, stamp, content in rows if name == topic]
+
+    def wait_for_stamp(self, topic: str, stamp_nanos: int) -> None:
+        """Wait for a message of this very stamp."""
+        start = json.dumps([topic, stamp_nanos, None])[: -len("null]")]
+        self.wait_until(lambda: any(line.startswith(start) for line in self.lines), start)
+
+    def end(self, number: signal.Signals = signal.SIGTERM, timeout_s: float = PATIENCE_S) -> int:
+        """Send a signal, if it still runs; return the exit code."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+        return self.exit_code(timeout_s)
+
+    def exit_code(self, timeout_s: float = PATIENCE_S) -> int:
+        """Wait for the end; return the exit code."""
+        try:
+            code = self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            raise AssertionError(
+                f"it did not end; the last output was:\n{self.end_of_output}"
+            ) from None
+        finally:
+            self._reader.join(PATIENCE_S)
+            assert self._process.stdout
+            self._process.stdout.close()
+        return code
+
+    def _read(self) -> None:
+        assert self._process.stdout
+        for line in self._process.stdout:
+            with self._changed:
+                self.lines.append(line.rstrip("\n"))
+                self._changed.notify_all()

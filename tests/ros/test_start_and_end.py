@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Users' mistakes are one line and exit code 2; signals end the node at once, with a summary."""
+
+from __future__ import annotations
+
+import signal
+import socket
+
+import pytest
+
+from .conftest import Ros
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--bind", "here"], "bind is 'here', which is no HOST:PORT such as 127.0.0.1:7511"),
+        (["--bind", "127.0.0.1:65536"], "bind is '127.0.0.1:65536', which is no HOST:PORT"),
+        (["--ros-args", "-p", "peer:=x:y"], "peer is 'x:y', which is no HOST:PORT"),
+        (["--ros-args", "-p", "bind:=7511"], "'bind'"),
+    ],
+)
+def test_bad_addresses(ros: Ros, arguments: list[str], complaint: str) -> None:
+    process = ros.start("-m", "udp_bridge_ros2", *arguments)
+    assert process.exit_code() == 2
+    assert len(process.lines) == 1
+    assert process.output.startswith("udp_bridge_ros2: ")
+    assert complaint in process.output
+
+
+def test_a_port_in_use(ros: Ros) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        process = ros.start("-m", "udp_bridge_ros2", "--ros-args", "-p", f"bind:={address}")
+        assert process.exit_code() == 2
+    assert process.lines == [f"udp_bridge_ros2: can't bind to {address}: Address already in use"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_a_summary(ros: Ros, number: signal.Signals) -> None:
+    process, _ = ros.bridge()
+    assert process.end(number, timeout_s=2.0) == 0
+    assert len(process.lines) == 2
+    assert "discovery LOCALHOST, Fast DDS profile" in process.lines[0]
+    assert "0 messages published on 0 topics" in process.lines[1]
