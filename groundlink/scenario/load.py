@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 
-from groundlink.world.build import UnknownMaterial, solids
+from groundlink.world.build import WorldError, solids
 
 from .document import DataPath, Document, ScenarioError, read
 from .fields import field_names, kinds
@@ -175,8 +175,8 @@ def _check(scenario: Scenario, document: Document) -> None:
         )
     try:
         solids(scenario)
-    except UnknownMaterial as error:
-        raise ScenarioError(f"{document.mark(('world', 'materials'))}: {error}") from None
+    except WorldError as error:
+        raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
 
 
 def _free(document: Document, path: DataPath, name: str, reserved: frozenset[str]) -> None:

@@ -49,8 +49,8 @@ class Wheel(Spec, frozen=True):
     width_m: Positive
     mass_kg: Positive
     friction: NonNegative = 0.8
-    axle_friction_ratio: Fraction01 = 0.6
-    """Friction along the axle as a share of that in rolling direction: what lets it skid round."""
+    axle_friction_ratio: Fraction01 = 1.0
+    """Friction along the axle as a share of that in rolling direction: less skids round easier."""
 
     material: str = "rubber"
     """What it looks like; a cylinder of radius and width about its axle, the link's y."""

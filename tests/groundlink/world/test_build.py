@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -19,7 +20,7 @@ from groundlink.scenario.schema import Placement
 from groundlink.world.bounds import bounds, intersect, overlap
 from groundlink.world.build import UnknownMaterial, WorldError, solids, world_hash
 from groundlink.world.room import Clutter, Door, Room, Shelf, Table
-from groundlink.world.solids import Box, Cylinder, Material, Solid, Sphere
+from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 
@@ -107,8 +108,8 @@ def test_clutter_lies_on_something_and_overlaps_nothing(lab: Scenario, seed: int
         low, high = bounds(thing)
         center = (low + high) / 2
         # A thin slice right under the middle of it meets what carries it, all of its corners too.
-        for corner in [center[:2], *([x, y] for x in (low[0], high[0]) for y in (low[1], high[1]))]:
-            x, y = corner
+        corners = [(x, y) for x in (low[0], high[0]) for y in (low[1], high[1])]
+        for x, y in [(center[0], center[1]), *corners]:
             under = region(
                 (x - 1e-3, x + 1e-3), (y - 1e-3, y + 1e-3), (low[2] - 1e-3, low[2] - 1e-4)
             )
@@ -152,17 +153,23 @@ def test_the_floor_is_level_with_the_ground_and_the_room_is_closed(
     ],
 )
 @pytest.mark.parametrize("open_deg", [0.0, 60.0, 85.0, 160.0])
-def test_the_door_is_open_where_it_should_be(lab: Scenario, wall, opening, open_deg) -> None:
+def test_the_door_is_open_where_it_should_be(
+    lab: Scenario,
+    wall: Literal["north", "south", "east", "west"],
+    opening: tuple[tuple[float, float], tuple[float, float]],
+    open_deg: float,
+) -> None:
     door = Door(wall=wall, at_m=1.0, width_m=1.0, open_deg=open_deg)
     room = Room(size_m=(12.0, 8.0, 3.0), door=door)
     built = solids(replace(lab, world=replace(lab.world, room=room, furniture=(), clutter=None)))
     leaf = next(solid for solid in built if solid.name == "door_leaf")
     walls = [solid for solid in built if solid.name.startswith("wall")]
-    passage = region(*opening, (0.01, 2.04))
+    passage = region(opening[0], opening[1], (0.01, 2.04))
     assert those_in(passage, walls) == []
-    assert those_in(region(*opening, (2.06, 2.1)), walls) == [f"wall_{wall}_lintel"]
+    assert those_in(region(opening[0], opening[1], (2.06, 2.1)), walls) == [f"wall_{wall}_lintel"]
     assert those_in(leaf, walls) == []
-    middle = region(*((sum(span) / 2 - 0.2, sum(span) / 2 + 0.2) for span in opening), (0.01, 2.04))
+    x, y = (sum(span) / 2 for span in opening)
+    middle = region((x - 0.2, x + 0.2), (y - 0.2, y + 0.2), (0.01, 2.04))
     assert intersect(middle, leaf) == (open_deg == 0.0)
     low, high = bounds(leaf)
     assert np.all(high < [6.06, 4.06, 2.06])
@@ -201,7 +208,9 @@ def test_furniture_stands_on_the_floor_and_has_its_size(lab: Scenario) -> None:
         ("visual", ("vehicles", 0, "model", "visuals", 0, "material")),
     ],
 )
-def test_an_unknown_material_is_named_with_the_nearest(lab: Scenario, place, path) -> None:
+def test_an_unknown_material_is_named_with_the_nearest(
+    lab: Scenario, place: str, path: tuple[str | int, ...]
+) -> None:
     world, rover = lab.world, lab.vehicles[0]
     thing = Solid(name="x", shape=Sphere(radius_m=0.1), material="woood")
     model = replace(rover.model, visuals=(thing,))
@@ -246,7 +255,9 @@ def test_two_solids_of_one_name_are_refused(lab: Scenario) -> None:
         (Placement(z_m=-0.2), "room_floor"),
     ],
 )
-def test_a_start_inside_something_is_refused(lab: Scenario, placement, what) -> None:
+def test_a_start_inside_something_is_refused(
+    lab: Scenario, placement: Placement, what: str
+) -> None:
     rover = replace(lab.vehicles[0], placement=placement)
     with pytest.raises(WorldError, match=rf"vehicles\[0\].placement.*`rover`.*`{what}"):
         solids(replace(lab, vehicles=(rover,)))
@@ -261,7 +272,11 @@ def test_two_vehicles_on_one_spot_are_refused(lab: Scenario) -> None:
         solids(replace(lab, vehicles=(rover, within)))
 
 
-def box(size, at=(0.0, 0.0, 0.0), rpy_deg=(0.0, 0.0, 0.0)) -> Solid:
+def box(
+    size: tuple[float, float, float],
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Solid:
     return Solid(
         name="box",
         shape=Box(size_m=size),
@@ -282,8 +297,8 @@ def box(size, at=(0.0, 0.0, 0.0), rpy_deg=(0.0, 0.0, 0.0)) -> Solid:
         (box((1, 1, 1), (0.84, 0.84, 0), (0, 0, 45)), True),
         (box((1, 1, 1), (0.87, 0.87, 0), (0, 0, 45)), False),
         # Two edges that cross: only the axis across both tells them apart.
-        (box((2, 0.1, 0.1), (0.62, 0.62, 0.62), (0, 35.26, -45)), False),
-        (box((2, 0.1, 0.1), (0.4, 0.4, 0.4), (0, 35.26, -45)), True),
+        (box((2, 0.2, 0.2), (0.5, 0.9, 0.8), (-30, 40, -70)), False),
+        (box((2, 0.2, 0.2), (0.3, 0.6, 0.5), (-30, 40, -70)), True),
     ],
 )
 def test_boxes_intersect(other: Solid, expected: bool) -> None:
@@ -300,7 +315,7 @@ def test_boxes_intersect(other: Solid, expected: bool) -> None:
         (Sphere(radius_m=1.5), (1.5, 1.5, 1.5)),
     ],
 )
-def test_bounds_of_turned_shapes(shape, half) -> None:
+def test_bounds_of_turned_shapes(shape: Shape, half: tuple[float, float, float]) -> None:
     solid = Solid(
         name="x",
         shape=shape,

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When physics may take its next step: by the wall clock, or as fast as the sensors follow.
+
+Rule: time and acknowledgements come in as arguments. A pace answers how long to wait; it does not
+wait itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from groundlink.clock import TICK_SECONDS
+from groundlink.messages import Ack
+
+CATCH_UP_SECONDS = 0.2
+"""Longer hold-ups are not made up for: time stretches, so that sensors are not overrun."""
+
+
+class RealTime:
+    """Paced by the wall clock: tick k is due k * 2.5 ms / factor after the start."""
+
+    def __init__(self, factor: float) -> None:
+        self._tick_seconds = TICK_SECONDS / factor
+        self._start: float | None = None
+        self.stretched_seconds = 0.0
+        """Wall time by which the run has fallen behind for good."""
+
+    def wait_seconds(self, tick: int, now_seconds: float) -> float:
+        """Return how long to wait at `now_seconds` before stepping to `tick`; 0 for not at all."""
+        if self._start is None:
+            self._start = now_seconds - tick * self._tick_seconds
+        ahead = self._start + tick * self._tick_seconds - now_seconds
+        if ahead < -CATCH_UP_SECONDS:
+            self._start -= ahead
+            self.stretched_seconds -= ahead
+        return max(ahead, 0.0)
+
+    def acknowledged(self, process: str, ack: Ack) -> None:
+        """Take note of nothing: in real time no sensor is waited for."""
+
+    def left(self, process: str) -> None:
+        """Take note of nothing: in real time no sensor is waited for."""
+
+    def missing(self) -> list[str]:
+        """Return the processes that are waited for: none."""
+        return []
+
+
+class AsFastAsSensors:
+    """Free of the wall clock, at most a window of ticks ahead of the slowest sensor.
+
+    Parameters
+    ----------
+    sensors
+        names of the sensors that must have joined before the first step and are waited for always.
+        Other processes (a gateway, a recorder) are waited for from their first ack to their leave.
+    window_ticks
+        how far physics may be ahead.
+    """
+
+    def __init__(self, sensors: Iterable[str], window_ticks: int, epoch_nanos: int) -> None:
+        self._sensors = frozenset(sensors)
+        self._window = window_ticks
+        self._epoch_nanos = epoch_nanos
+        self._reached: dict[str, int] = {}
+        self._next_tick = 0
+
+    def acknowledged(self, process: str, ack: Ack) -> None:
+        """Take note of how far a process has come in this life of the run."""
+        if ack.epoch_nanos == self._epoch_nanos:
+            self._reached[process] = ack.tick
+
+    def left(self, process: str) -> None:
+        """Stop waiting for a process that has gone, unless it is one of the sensors."""
+        if process not in self._sensors:
+            self._reached.pop(process, None)
+
+    def wait_seconds(self, tick: int, now_seconds: float) -> float:
+        """Return 0 when the step to `tick` is granted, else how long to wait and ask again."""
+        self._next_tick = tick
+        return 0.001 if self.missing() else 0.0
+
+    def missing(self) -> list[str]:
+        """Return the processes that hold up the next step."""
+        absent = self._sensors - self._reached.keys()
+        limit = self._next_tick - self._window
+        behind = (name for name, reached in self._reached.items() if reached < limit)
+        return sorted([*absent, *behind])
