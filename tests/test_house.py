@@ -72,5 +72,3 @@ def test_models_read_no_clock() -> None:
                 for alias in node.names
             }
             assert not names & {"time", "datetime", "socket", "random"}, file
-
-

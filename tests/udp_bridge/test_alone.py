@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The claims of the distribution: nothing but the standard library, and Python 3.8 can read it."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import udp_bridge
+
+SOURCES = sorted(Path(udp_bridge.__file__).parent.glob("**/*.py"))
+MODULES = [path.stem for path in SOURCES if path.stem != "__init__"]
+
+IMPORT_ALL = """
+import importlib, json, sys
+sys.path.insert(0, sys.argv[1])
+for name in json.loads(sys.argv[2]):
+    importlib.import_module("udp_bridge." + name)
+print(json.dumps(sorted(name for name in sys.modules if not name.startswith("udp_bridge"))))
+"""
+
+
+def test_nothing_but_the_standard_library_is_imported() -> None:
+    source = str(SOURCES[0].parents[1])
+    command = [sys.executable, "-I", "-S", "-c", IMPORT_ALL, source, json.dumps(MODULES)]
+    out = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    imported = {name.partition(".")[0] for name in json.loads(out)} - {"__main__"}
+    assert imported - set(sys.stdlib_module_names) == set()
+    assert "socket" in imported
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.name)
+def test_python_3_8_can_read_it(path: Path) -> None:
+    tree = ast.parse(path.read_text(), feature_version=(3, 8))
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    assert imports[0].module == "__future__"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.name)
+def test_only_the_shell_reads_clocks_or_opens_sockets(path: Path) -> None:
+    imported = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+    shell = {
+        "link.py": {"threading", "time"},
+        "udp_socket.py": {"socket"},
+        "cli.py": {"threading", "time"},
+    }
+    assert imported & {"socket", "threading", "time"} == shell.get(path.name, set())
+
+
+def test_every_module_has_its_test() -> None:
+    tests = {path.stem for path in Path(__file__).parent.glob("test_*.py")}
+    elsewhere = {
+        "__main__": "test_cli",
+        "assembly": "test_reassembly",
+        "holdings": "test_reassembly",
+        "ordering": "test_reassembly",
+        "counters": "test_reassembly",
+        "message": "test_fragments",
+        "udp_socket": "test_link",
+    }
+    for module in MODULES:
+        assert elsewhere.get(module, f"test_{module}") in tests, module

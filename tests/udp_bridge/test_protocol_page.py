@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PROTOCOL.md says what the code does."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import udp_bridge
+from udp_bridge import MSG_TYPES, Limits, control, flow, parse
+from udp_bridge.control import Subscribe
+
+from .vectors import load
+
+SOURCE = Path(udp_bridge.__file__).parent
+PAGE = (SOURCE.parents[1] / "PROTOCOL.md").read_text()
+
+
+def table(heading: str) -> list[list[str]]:
+    """Return the cells of the first table behind a text, without its head."""
+    behind = PAGE[PAGE.index(heading) :]
+    rows = re.search(r"(?:^\|.*\n)+", behind, re.MULTILINE)
+    assert rows is not None
+    lines = rows.group().splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_table_of_types_is_the_one_in_code() -> None:
+    assert table("## 4. Types") == [
+        [str(row.number), row.name, row.ros_type or "-", row.default_topic or "-", row.direction]
+        for row in MSG_TYPES.values()
+    ]
+
+
+def test_the_worked_example_is_the_vector() -> None:
+    lines = re.findall(r"^([0-9a-f]{4})  ([0-9a-f ]+)$", PAGE, re.MULTILINE)
+    dump = bytes.fromhex(" ".join(data for _, data in lines))
+    (datagram,) = load("twist").datagrams
+    assert dump == datagram
+    assert [int(offset, 16) for offset, _ in lines] == list(range(0, len(dump), 16))
+    explained = [cell.strip("`") for cell, _, _ in table("the wrap.") if cell.startswith("`")]
+    header, offset = parse(datagram)
+    assert bytes.fromhex(" ".join(explained)) == datagram[: offset + 4]
+    values = {field: value for _, field, value in table("the wrap.") if field != "body"}
+    assert values["seq_number"] == str(header.seq_number)
+    assert values["time_sec"] == str(header.time_sec)
+    assert values["time_nsec"] == str(header.time_nsec)
+    assert values["topic"] == header.topic
+
+
+def test_every_reason_in_code_is_on_the_page_and_the_other_way_round() -> None:
+    on_page = {
+        reason.strip() for reasons, _ in table("**Refused**") for reason in reasons.split(",")
+    }
+    in_code = set()
+    for path in SOURCE.glob("*.py"):
+        in_code |= reasons_in(path)
+    assert in_code == on_page
+
+
+def reasons_in(path: Path) -> set[str]:
+    """Return the constants that a module hands to `Refused` or `refuse`, with the names' ends."""
+    reasons = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        if name not in ("Refused", "refuse"):
+            continue
+        for constant in ast.walk(node.args[0]):
+            if isinstance(constant, ast.Constant):
+                text = str(constant.value)
+                both = (f"topic{text}", f"link{text}")
+                reasons |= set(both) if text.startswith("_") else {text}
+    return reasons
+
+
+@pytest.mark.parametrize(
+    ("heading", "size"),
+    [
+        ("## 5. Subscribe", len(Subscribe(9).pack())),
+        ("**Kind 0, Credit**", 12),
+        ("**Kind 1, TopicReport**", 72),
+        ("**Kind 2, LinkReport**", 40),
+    ],
+)
+def test_bodies_have_no_gaps_and_the_size_that_is_said(heading: str, size: int) -> None:
+    sizes = {"uint8": 1, "uint16": 2, "uint32": 4, "float32": 4, "uint64": 8, "int64": 8}
+    offset = 0
+    for at, _, kind, _ in table(heading):
+        assert int(at) == offset
+        offset += sizes[kind] if kind in sizes else int(kind.split()[0])
+    assert offset == size
+    assert f"{size} bytes" in PAGE[PAGE.index(heading) :][:200]
+
+
+@pytest.mark.parametrize(
+    ("heading", "kind"),
+    [
+        ("**Kind 0, Credit**", control.Credit),
+        ("**Kind 1, TopicReport**", control.TopicReport),
+        ("**Kind 2, LinkReport**", control.LinkReport),
+    ],
+)
+def test_fields_of_control_stand_in_their_order(heading: str, kind: type[control.Control]) -> None:
+    on_page = [field for _, field, _, _ in table(heading) if field not in ("", "kind")]
+    in_code = [field.replace("_nanos", "") for field in kind._fields]
+    assert on_page == [field.replace("bytes_received", "bytes") for field in in_code]
+
+
+def test_limits_on_the_page_are_those_in_code() -> None:
+    limits = Limits()
+    for text in (
+        f"{limits.memory_bytes >> 20} MiB in all",
+        f"{limits.open_per_topic} open messages a topic",
+        f"{limits.senders} senders, {limits.topics} topics",
+        f"{limits.time_limit_nanos // 10**9} s after its first part",
+        f"bursts of {flow.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
+        f"{flow.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
+        f"{flow.STALL_NANOS // 10**6} ms",
+    ):
+        assert text in re.sub(r"\s+", " ", PAGE), text

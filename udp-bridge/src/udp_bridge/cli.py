@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command `udp-bridge`: decode a recording, listen at a port, send one message.
+
+Messages go to standard output, everything else to standard error. A user's mistake is one line
+and exit code 2. Only types of the table are known here; no body is interpreted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from typing import Any, Dict, List, NoReturn, Optional
+
+from .counters import Counters
+from .fragments import DatagramSize, check_datagram_size
+from .header import NANOS
+from .link import Link
+from .message import Message
+from .reassembly import Reassembler
+from .recording import BadRecording, datagrams
+from .sending import Address
+from .types import MSG_TYPES, type_number
+
+DATAGRAM_NANOS = 1000
+"""Time that passes from one recorded datagram to the next: recordings have no times, and so a
+message is only given up after two million datagrams or at the end."""
+SEND_TIMEOUT_S = 30.0
+"""The largest message takes 0.4 s at the rate for a peer that never acknowledges."""
+LINGER_S = 0.1
+"""How long `send` waits for a host to say that nobody listens."""
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the command line; return the exit code."""
+    arguments = _parser().parse_args(argv)
+    try:
+        code: int = arguments.run(arguments)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # Whoever read the output has seen enough. Nothing may be flushed to it at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (OSError, ValueError) as error:
+        print(f"udp-bridge: {_told(error)}", file=sys.stderr)
+        return 2
+
+
+def _decode(arguments: argparse.Namespace) -> int:
+    reassembler = Reassembler()
+    with open(arguments.file, "rb") as file:
+        try:
+            for index, datagram in enumerate(datagrams(file)):
+                message = reassembler.receive(datagram, "", index * DATAGRAM_NANOS)
+                if message is not None:
+                    _show(message, as_json=arguments.json)
+        except BadRecording as error:
+            raise BadRecording(f"{arguments.file}: {error}") from None
+    reassembler.give_up_all()
+    _show_counters(reassembler.counters, as_json=arguments.json)
+    return 0
+
+
+def _listen(arguments: argparse.Namespace) -> int:
+    is_over = threading.Event()
+    failures: List[OSError] = []
+
+    def on_message(message: Message, sender: Address) -> None:
+        try:
+            _show(message, as_json=arguments.json)
+        except OSError as error:  # the output is gone, and this is not the main thread
+            failures.append(error)
+            is_over.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: is_over.set())
+    shown = None if arguments.quiet else on_message
+    with Link(arguments.bind, on_message=shown, report=arguments.report) as link:
+        host, port = link.address
+        print(f"udp-bridge: listening at {host}:{port}", file=sys.stderr, flush=True)
+        is_over.wait(arguments.duration)
+    if failures:
+        raise failures[0]
+    _show_counters(link.received, as_json=arguments.json)
+    return 0
+
+
+def _send(arguments: argparse.Namespace) -> int:
+    with open(arguments.body, "rb") as file:
+        body = file.read()
+    with Link(("0.0.0.0", 0), arguments.to, datagram=arguments.datagram) as link:
+        link.send(arguments.type, arguments.topic, arguments.link, time.time_ns(), body)
+        is_sent = link.flush(SEND_TIMEOUT_S)
+        time.sleep(LINGER_S)
+        counters = link.counters()
+    name = MSG_TYPES[arguments.type].name
+    host, port = arguments.to
+    what = f"{name} of {len(body)} bytes in {counters['sent_datagrams']} datagrams"
+    print(f"udp-bridge: sent {what} to {host}:{port}", file=sys.stderr)
+    if counters["unreachable"]:
+        print(f"udp-bridge: nobody listens at {host}:{port}", file=sys.stderr)
+    if not is_sent:
+        print(f"udp-bridge: gave up after {SEND_TIMEOUT_S:.0f} s", file=sys.stderr)
+    return 0 if is_sent else 1
+
+
+def _show(message: Message, *, as_json: bool) -> None:
+    if not as_json:
+        print(message, flush=True)
+        return
+    time_sec, time_nsec = divmod(message.stamp_nanos, NANOS)
+    _print_json(
+        {
+            "msg_type": message.msg_type,
+            "seq_number": message.seq_number,
+            "time_sec": time_sec,
+            "time_nsec": time_nsec,
+            "topic": message.topic,
+            "link": message.link,
+            "parts": message.parts,
+            "body_size": len(message.body),
+            "body_sha256": hashlib.sha256(message.body).hexdigest(),
+        }
+    )
+
+
+def _show_counters(counters: Counters, *, as_json: bool) -> None:
+    counts = counters.as_dict()
+    if as_json:
+        _print_json(counts)
+        return
+    refused = counts.pop("refused")
+    text = ", ".join(f"{name} {count}" for name, count in counts.items())
+    reasons = ", ".join(f"{reason} {count}" for reason, count in sorted(refused.items()))
+    print(f"{text}, refused {sum(refused.values())}" + (f" ({reasons})" if reasons else ""))
+
+
+def _print_json(row: Dict[str, Any]) -> None:
+    print(json.dumps(row), flush=True)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that tells a mistake in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="udp-bridge", description="The UDP Bridge as a tool.")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    decode = commands.add_parser("decode", help="show the messages in a file of datagrams")
+    decode.set_defaults(run=_decode)
+    decode.add_argument("file", metavar="FILE", help="datagrams, each after its length as uint32")
+
+    listen = commands.add_parser("listen", help="show the messages that arrive at a port")
+    listen.set_defaults(run=_listen)
+    listen.add_argument("--bind", metavar="HOST:PORT", type=_address, required=True)
+    listen.add_argument("--duration", metavar="S", type=_duration, help="end after S seconds")
+    listen.add_argument("--report", action="store_true", help="tell the senders what arrived")
+    listen.add_argument("--quiet", action="store_true", help="print the counters at the end alone")
+    for command in (decode, listen):
+        command.add_argument("--json", action="store_true", help="one JSON object a line")
+
+    send = commands.add_parser("send", help="send one message")
+    send.set_defaults(run=_send)
+    send.add_argument("--to", metavar="HOST:PORT", type=_address, required=True)
+    send.add_argument("--type", metavar="N", type=_type, required=True, help="number or name")
+    send.add_argument("--topic", metavar="T", default="", help="default: the type's own")
+    send.add_argument("--link", metavar="L", default="", help="frame of the data; default: none")
+    send.add_argument("--body", metavar="FILE", required=True, help="the message as CDR bytes")
+    send.add_argument(
+        "--datagram",
+        metavar="SIZE",
+        type=_datagram,
+        default="loopback",
+        help="mtu, loopback (default) or bytes",
+    )
+    return parser
+
+
+def _address(text: str) -> Address:
+    host, colon, port = text.rpartition(":")
+    if not (host and colon and port.isdecimal() and int(port) <= 65535):
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT with a port of 0..65535")
+    return host, int(port)
+
+
+def _duration(text: str) -> float:
+    try:
+        duration = float(text)
+    except ValueError:
+        duration = -1.0
+    if not 0 <= duration < threading.TIMEOUT_MAX:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds")
+    return duration
+
+
+def _type(text: str) -> int:
+    if not text.isdecimal():
+        try:
+            return type_number(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+    if int(text) not in MSG_TYPES:
+        known = ", ".join(map(str, MSG_TYPES))
+        raise argparse.ArgumentTypeError(f"unknown message type {text}; known are {known}")
+    return int(text)
+
+
+def _datagram(text: str) -> DatagramSize:
+    try:
+        return check_datagram_size(int(text) if text.isdecimal() else text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _told(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)

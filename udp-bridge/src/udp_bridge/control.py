@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies of the bridge's own messages, to the byte: Subscribe (type 7) and Control (type 64).
+
+Each class packs itself and parses itself; `parse` tells the kinds of Control apart. A body that
+is not exactly right raises `Refused` (`body_size` or `body_value`). Nothing here acts on them.
+"""
+
+from __future__ import annotations
+
+import math
+from struct import Struct
+from typing import Dict, NamedTuple, Type, Union
+
+from .header import BadMessage, Buffer, Refused
+from .types import MSG_TYPES
+
+_SUBSCRIBE = Struct("<BBHf")
+_CREDIT = Struct("<BBBxII")
+_TOPIC_REPORT = Struct("<BBxxxxxxQQQQQqqq")
+_LINK_REPORT = Struct("<BxxxIQQQQ")
+
+NO_AGE = -(1 << 63)
+"""The age in a report when no message arrived since the last one."""
+
+
+class Subscribe(NamedTuple):
+    """Type 7: the sender wants a topic, which the header names, or no longer wants it."""
+
+    wanted_type: int
+    """The msg_type of the wanted messages, one with a ROS type."""
+    action: int = 1
+    """1 subscribe, 0 unsubscribe."""
+    lease_s: int = 0
+    """Seconds that the wish holds unless it is repeated; 0 = until unsubscribed."""
+    max_rate_hz: float = 0.0
+    """Highest rate wanted; 0 = all."""
+
+    def pack(self) -> bytes:
+        """Return the 8 bytes of the body.
+
+        Raises
+        ------
+        BadMessage
+            When a field is out of its range.
+        """
+        if not _is_wanted(self):
+            raise BadMessage(f"no peer would take {self}")
+        if not 0 <= self.lease_s <= 0xFFFF:
+            raise BadMessage(f"lease_s is {self.lease_s}; 0..65535 is possible")
+        return _SUBSCRIBE.pack(*self)
+
+    @classmethod
+    def parse(cls, body: Buffer) -> Subscribe:
+        """Return what the body says, or raise `Refused`."""
+        subscribe = cls(*_unpack(_SUBSCRIBE, body))
+        if not _is_wanted(subscribe):
+            raise Refused("body_value")
+        return subscribe
+
+
+class Credit(NamedTuple):
+    """Kind 0: a datagram, and so all sent before it on this path, left the buffer or was lost.
+
+    The header carries the topic and the time of the acknowledged datagram.
+    """
+
+    msg_type: int
+    part_number: int
+    seq_number: int
+    receive_buffer: int
+    """Bytes of the receive buffer as the kernel accounts them: SO_RCVBUF read back."""
+
+    def pack(self) -> bytes:
+        """Return the 12 bytes of the body."""
+        return _CREDIT.pack(0, *self)
+
+    @classmethod
+    def parse(cls, body: Buffer) -> Credit:
+        """Return what the body says, or raise `Refused`."""
+        _, *fields = _unpack(_CREDIT, body)
+        return cls(*fields)
+
+
+class TopicReport(NamedTuple):
+    """Kind 1: what arrived of one topic, counted since the receiver began.
+
+    The header carries the reported topic and link, and the receiver's wall clock as its time.
+    """
+
+    msg_type: int
+    """Type of the reported topic."""
+    messages: int
+    """Handed over, of this link."""
+    missing: int
+    """Gaps in seq_number; this and the next three are of the topic, whatever the link."""
+    incomplete: int
+    late: int
+    duplicates: int
+    first_stamp_nanos: int
+    last_stamp_nanos: int
+    age_nanos: int
+    """Median of receiver's wall clock minus stamp over the messages handed over since the last
+    report; `NO_AGE` when there were none."""
+
+    def pack(self) -> bytes:
+        """Return the 72 bytes of the body."""
+        return _TOPIC_REPORT.pack(1, *self)
+
+    @classmethod
+    def parse(cls, body: Buffer) -> TopicReport:
+        """Return what the body says, or raise `Refused`."""
+        _, *fields = _unpack(_TOPIC_REPORT, body)
+        return cls(*fields)
+
+
+class LinkReport(NamedTuple):
+    """Kind 2: what arrived at a socket altogether, counted since the receiver began."""
+
+    receive_buffer: int
+    """Bytes of the receive buffer as the kernel accounts them."""
+    datagrams: int
+    bytes_received: int
+    refused: int
+    """Datagrams that broke a rule of the wire."""
+    kernel_drops: int
+    """Datagrams that the kernel dropped because the receive buffer was full."""
+
+    def pack(self) -> bytes:
+        """Return the 40 bytes of the body."""
+        return _LINK_REPORT.pack(2, *self)
+
+    @classmethod
+    def parse(cls, body: Buffer) -> LinkReport:
+        """Return what the body says, or raise `Refused`."""
+        _, *fields = _unpack(_LINK_REPORT, body)
+        return cls(*fields)
+
+
+Control = Union[Credit, TopicReport, LinkReport]
+_KINDS: Dict[int, Union[Type[Credit], Type[TopicReport], Type[LinkReport]]] = {
+    0: Credit,
+    1: TopicReport,
+    2: LinkReport,
+}
+
+
+def parse(body: Buffer) -> Control:
+    """Return the body of a Control message (type 64), whichever kind it is.
+
+    Raises
+    ------
+    Refused
+        When the kind is unknown, or the size or a value is not what the kind has.
+    """
+    if not len(body):
+        raise Refused("body_size")
+    kind = _KINDS.get(body[0])
+    if kind is None:
+        raise Refused("body_value")
+    control = kind.parse(body)
+    if not isinstance(control, LinkReport) and control.msg_type not in MSG_TYPES:
+        raise Refused("body_value")
+    return control
+
+
+def _unpack(layout: Struct, body: Buffer) -> tuple:  # type: ignore[type-arg]
+    if len(body) != layout.size:
+        raise Refused("body_size")
+    return layout.unpack(body)
+
+
+def _is_wanted(subscribe: Subscribe) -> bool:
+    row = MSG_TYPES.get(subscribe.wanted_type)
+    rate = subscribe.max_rate_hz
+    return (
+        row is not None
+        and row.ros_type is not None
+        and subscribe.action in (0, 1)
+        and math.isfinite(rate)
+        and rate >= 0
+    )

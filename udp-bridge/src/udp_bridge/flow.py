@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much a sender may put on the wire now: credit where the peer gives it, else a rate.
+
+Sans-IO: times are nanoseconds of one monotonic clock, and nothing waits here. Only datagrams of
+multi-part messages are asked about; single-part ones are few and small, and go at once.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import NamedTuple, Optional
+
+from .header import NANOS
+
+DATAGRAM_OVERHEAD = 1024
+ROUNDED_UP_TO = 16384
+WINDOW_SHARE = 2
+"""The window is half of the receive buffer: the kernel gives room back late, and only three
+quarters of a buffer that is being read can be counted on."""
+STALLED_SHARE = 4
+"""After a stall and until the next credit it is a quarter: if the credit was merely slow, both
+together still fit; and an eighth would not be enough to make the peer give one."""
+STALL_NANOS = 50_000_000
+"""A full window without a credit for this long is taken as lost."""
+GIVE_UP_NANOS = NANOS
+"""After this long of stalls without a credit, the peer no longer gives any."""
+UNKNOWN_BUFFER = 212992
+"""What is assumed of a peer's receive buffer before it says: Linux's default."""
+TRACKED_DATAGRAMS = 4096
+"""Datagrams remembered as in flight; half of 8 MiB hold fewer, even of 256 bytes."""
+DEFAULT_RATE_BYTES_PER_S = 50e6
+"""As the receiver's kernel accounts them, like the burst."""
+DEFAULT_BURST_BYTES = 133120
+"""Two of the largest datagrams; three quarters of a default receive buffer are 159,744."""
+
+
+def kernel_bytes(size: int) -> int:
+    """Return what a datagram takes of the receive buffer, rather too much than too little.
+
+    Measured on loopback, Linux 6.18: up to 16 KiB the kernel rounds up to a power of two (2305
+    bytes for 1472, 16,644 for 8192 and 9000), beyond it adds little (17,225 for 16,384, 66,576
+    for 65,507).
+    """
+    rounding = size if size <= ROUNDED_UP_TO else 0
+    return size + rounding + DATAGRAM_OVERHEAD
+
+
+class DatagramKey(NamedTuple):
+    """What a credit says of the datagram that it acknowledges."""
+
+    msg_type: int
+    topic: str
+    seq_number: int
+    part_number: int
+
+
+class CreditWindow:
+    """Bounds what may lie in the peer's receive buffer: all sent after the newest credit."""
+
+    def __init__(self) -> None:
+        self.stalls = 0
+        """How often a full window had to be taken as lost."""
+        self.in_flight_bytes = 0
+        """As the kernel of the receiver accounts them."""
+        self._in_flight: OrderedDict[DatagramKey, int] = OrderedDict()
+        self._receive_buffer = UNKNOWN_BUFFER
+        self.window_bytes = UNKNOWN_BUFFER // WINDOW_SHARE
+        """What may be in flight, as the kernel of the receiver accounts it."""
+        self._moved_nanos = 0  # when something was last sent or acknowledged
+
+    def sent(self, key: DatagramKey, size: int, now_nanos: int) -> None:
+        """Take note that a datagram of `size` bytes went out."""
+        self.in_flight_bytes += kernel_bytes(size) - self._in_flight.pop(key, 0)
+        self._in_flight[key] = kernel_bytes(size)
+        self._moved_nanos = now_nanos
+        if len(self._in_flight) > TRACKED_DATAGRAMS:
+            self._pop_oldest()
+
+    def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
+        """Take a credit; one for a datagram that is not in flight only tells the buffer's size."""
+        self._receive_buffer = receive_buffer
+        self.window_bytes = receive_buffer // WINDOW_SHARE
+        self._moved_nanos = now_nanos
+        if key in self._in_flight:
+            while self._pop_oldest() != key:
+                pass
+
+    def may_send(self, size: int, now_nanos: int) -> bool:
+        """Tell whether a datagram of `size` bytes may go now; may find that there is a stall."""
+        if self._fits(size):
+            return True
+        if now_nanos - self._moved_nanos < STALL_NANOS:
+            return False
+        self.stalls += 1
+        self.window_bytes = self._receive_buffer // STALLED_SHARE
+        self._in_flight.clear()
+        self.in_flight_bytes = 0
+        return True
+
+    def next_wake(self, size: int, now_nanos: int) -> int:
+        """Return when to ask `may_send` again if no credit comes."""
+        return now_nanos if self._fits(size) else self._moved_nanos + STALL_NANOS
+
+    def _fits(self, size: int) -> bool:
+        total = self.in_flight_bytes + kernel_bytes(size)
+        return not self._in_flight or total <= self.window_bytes
+
+    def _pop_oldest(self) -> DatagramKey:
+        key, cost = self._in_flight.popitem(last=False)
+        self.in_flight_bytes -= cost
+        return key
+
+
+class TokenBucket:
+    """Bounds the mean rate and the burst towards a peer that never acknowledges."""
+
+    def __init__(
+        self,
+        rate_bytes_per_s: float = DEFAULT_RATE_BYTES_PER_S,
+        burst_bytes: int = DEFAULT_BURST_BYTES,
+    ) -> None:
+        self.rate_bytes_per_s = rate_bytes_per_s
+        self.burst_bytes = burst_bytes
+        self._tokens = float(burst_bytes)
+        self._filled_nanos: Optional[int] = None
+
+    def sent(self, size: int, now_nanos: int) -> None:
+        """Take note that a datagram of `size` bytes went out."""
+        self._fill(now_nanos)
+        self._tokens -= size
+
+    def may_send(self, size: int, now_nanos: int) -> bool:
+        """Tell whether a datagram of `size` bytes may go now."""
+        self._fill(now_nanos)
+        return self._tokens >= min(size, self.burst_bytes)
+
+    def next_wake(self, size: int, now_nanos: int) -> int:
+        """Return when the bucket will hold enough for `size` bytes."""
+        self._fill(now_nanos)
+        wanted = min(size, self.burst_bytes) - self._tokens
+        return now_nanos + max(0, int(wanted / self.rate_bytes_per_s * NANOS) + 1)
+
+    def _fill(self, now_nanos: int) -> None:
+        if self._filled_nanos is not None:
+            gained = (now_nanos - self._filled_nanos) * self.rate_bytes_per_s / NANOS
+            self._tokens = min(self.burst_bytes, self._tokens + gained)
+        self._filled_nanos = now_nanos
+
+
+class Pacer:
+    """One peer's flow: the window while it acknowledges, the bucket while it does not.
+
+    A new peer is given one window, as large as a default receive buffer allows, and the time of
+    a stall to acknowledge it. One that did before has a second of stalls to do so again.
+    """
+
+    def __init__(self, bucket: Optional[TokenBucket] = None) -> None:
+        self.window = CreditWindow()
+        self.bucket = bucket if bucket is not None else TokenBucket()
+        self._expects_credit = True
+        self._patience_nanos = 0
+        self._first_stall_nanos: Optional[int] = None
+
+    @property
+    def stalls(self) -> int:
+        """How often a full window had to be taken as lost."""
+        return self.window.stalls
+
+    def sent(self, key: DatagramKey, size: int, now_nanos: int) -> None:
+        """Take note that a datagram went out."""
+        self.window.sent(key, size, now_nanos)
+        if not self._expects_credit:
+            self.bucket.sent(kernel_bytes(size), now_nanos)
+
+    def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
+        """Take a credit."""
+        self._expects_credit = True
+        self._patience_nanos = GIVE_UP_NANOS
+        self._first_stall_nanos = None
+        self.window.acknowledged(key, receive_buffer, now_nanos)
+
+    def may_send(self, size: int, now_nanos: int) -> bool:
+        """Tell whether a datagram of `size` bytes may go now."""
+        if not self._expects_credit:
+            return self.bucket.may_send(kernel_bytes(size), now_nanos)
+        stalls = self.window.stalls
+        allowed = self.window.may_send(size, now_nanos)
+        if self.window.stalls > stalls:
+            if self._first_stall_nanos is None:
+                self._first_stall_nanos = now_nanos
+            stalled_nanos = now_nanos - self._first_stall_nanos
+            self._expects_credit = stalled_nanos < self._patience_nanos
+        return allowed
+
+    def next_wake(self, size: int, now_nanos: int) -> int:
+        """Return when to ask `may_send` again if nothing is heard."""
+        if not self._expects_credit:
+            return self.bucket.next_wake(kernel_bytes(size), now_nanos)
+        return self.window.next_wake(size, now_nanos)

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The header of a datagram: bytes to `Header` and back, and nothing about bodies or order.
+
+Two errors, by blame: `Refused` is the peer's fault (a bad datagram, to be counted and dropped),
+`BadMessage` is the caller's. Whatever bytes come in, `parse` returns or raises `Refused`.
+"""
+
+from __future__ import annotations
+
+from struct import Struct
+from typing import NamedTuple, Tuple, Union
+
+from .types import MSG_TYPES
+
+# The paper declares every field signed; unsigned they are the same bytes up to 127, and a
+# message may have 255 parts instead of 127. Only time stays signed.
+_FIXED = Struct("<BBIBBiiBB")
+FIXED_SIZE = _FIXED.size
+"""Bytes of the fields before the names: 18."""
+SMALLEST_HEADER = 20
+LARGEST_HEADER = 252
+"""The largest multiple of 4 that a byte can hold."""
+NAMES_MAX = LARGEST_HEADER - FIXED_SIZE
+"""Bytes that topic and link may take together: 234."""
+PARTS_MAX = 255
+PART_NUMBER_OFFSET = 6
+SEQ_NUMBERS = 1 << 32
+NANOS = 1_000_000_000
+
+SIGNED_PARTS_MAX = 127
+SIGNED_LARGEST_HEADER = 124
+SIGNED_SEQ_NUMBERS = 1 << 31
+
+Buffer = Union[bytes, bytearray, memoryview]
+
+
+class Refused(Exception):
+    """A datagram that the rules of the wire forbid; `reason` is the name it is counted under."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+class BadMessage(ValueError):
+    """A message that the caller may not send; the text says which field, and its limit."""
+
+
+class Header(NamedTuple):
+    """The fields of one datagram's header; the sizes on the wire are derived from them."""
+
+    msg_type: int
+    seq_number: int
+    """Number of the message modulo 2**32, per sender, type and topic."""
+    part_number: int
+    parts_max: int
+    time_sec: int
+    """Stamp of the message, POSIX seconds."""
+    time_nsec: int
+    """Nanoseconds of the stamp, 0..999 999 999."""
+    topic: str = ""
+    link: str = ""
+
+    @property
+    def stamp_nanos(self) -> int:
+        """The stamp in nanoseconds since the POSIX epoch."""
+        return self.time_sec * NANOS + self.time_nsec
+
+    def pack(self, *, signed_peer: bool = False) -> bytes:
+        """Return the header's bytes, padded to a multiple of 4.
+
+        Parameters
+        ----------
+        signed_peer
+            Keep to what a peer understands that reads the counts as signed integers.
+
+        Raises
+        ------
+        BadMessage
+            When a field is outside its range or the names are too long.
+        """
+        topic = _encode("topic", self.topic)
+        link = _encode("link", self.link)
+        names = len(topic) + len(link)
+        size = FIXED_SIZE + names
+        padding = -size % 4
+        size += padding
+        largest = SIGNED_LARGEST_HEADER if signed_peer else LARGEST_HEADER
+        if size > largest:
+            raise BadMessage(
+                f"topic {_elided(self.topic)} and link {_elided(self.link)} take {names} bytes"
+                f" together; at most {largest - FIXED_SIZE} fit into a header"
+            )
+        parts = SIGNED_PARTS_MAX if signed_peer else PARTS_MAX
+        seq_numbers = SIGNED_SEQ_NUMBERS if signed_peer else SEQ_NUMBERS
+        _check("msg_type", self.msg_type, 0, 255)
+        _check("seq_number", self.seq_number, 0, seq_numbers - 1)
+        _check("parts_max", self.parts_max, 1, parts)
+        _check("part_number", self.part_number, 0, self.parts_max - 1)
+        _check("time_sec", self.time_sec, -(1 << 31), (1 << 31) - 1)
+        _check("time_nsec", self.time_nsec, 0, NANOS - 1)
+        fixed = _FIXED.pack(
+            self.msg_type,
+            size,
+            self.seq_number,
+            self.part_number,
+            self.parts_max,
+            self.time_sec,
+            self.time_nsec,
+            len(topic),
+            len(link),
+        )
+        return b"".join((fixed, topic, link, bytes(padding)))
+
+    def __str__(self) -> str:
+        text = f"{type_label(self.msg_type)} #{self.seq_number}"
+        if self.parts_max != 1:
+            text += f" part {self.part_number} of {self.parts_max}"
+        text += f" {_elided(self.topic)}"
+        if self.link:
+            text += f" link {_elided(self.link)}"
+        return f"{text} at {self.time_sec}.{self.time_nsec:09d}"
+
+
+def parse(datagram: Buffer) -> Tuple[Header, int]:
+    """Return the header of a datagram and the offset at which its body begins.
+
+    Raises
+    ------
+    Refused
+        For every datagram that the format forbids; nothing else is ever raised.
+    """
+    size = len(datagram)
+    if size < FIXED_SIZE:
+        raise Refused("short" if size else "empty")
+    fields = _FIXED.unpack_from(datagram)
+    msg_type, header_size, seq_number, part_number, parts_max, sec, nsec, topic_size, _ = fields
+    if header_size < SMALLEST_HEADER:
+        raise Refused("header_size_small")
+    if header_size > size:
+        raise Refused("header_size_past_end")
+    if header_size % 4:
+        raise Refused("header_size_unaligned")
+    if parts_max == 0:
+        raise Refused("parts_zero")
+    if part_number >= parts_max:
+        raise Refused("part_past_parts")
+    if nsec < 0:
+        raise Refused("nsec_negative")
+    if nsec >= NANOS:
+        raise Refused("nsec_too_big")
+    topic_end = FIXED_SIZE + topic_size
+    link_end = topic_end + fields[8]
+    if topic_end > header_size:
+        raise Refused("topic_past_header")
+    if link_end > header_size:
+        raise Refused("link_past_header")
+    if header_size - link_end > 3:
+        raise Refused("header_size_large")
+    topic = _decode("topic", datagram[FIXED_SIZE:topic_end])
+    link = _decode("link", datagram[topic_end:link_end])
+    if msg_type not in MSG_TYPES:
+        raise Refused("unknown_type")
+    return Header(msg_type, seq_number, part_number, parts_max, sec, nsec, topic, link), header_size
+
+
+def type_label(msg_type: int) -> str:
+    """Return the name of a type, or its number in words where no type has it."""
+    row = MSG_TYPES.get(msg_type)
+    return row.name if row else f"type {msg_type}"
+
+
+def _decode(field: str, name: Buffer) -> str:
+    try:
+        text = str(name, "utf-8")
+    except UnicodeDecodeError:
+        raise Refused(field + "_not_utf8") from None
+    if "\0" in text:
+        raise Refused(field + "_nul")
+    return text
+
+
+def _encode(field: str, name: str) -> bytes:
+    if "\0" in name:
+        raise BadMessage(f"{field} {_elided(name)} holds a NUL character")
+    try:
+        return name.encode("utf-8")
+    except UnicodeEncodeError:
+        raise BadMessage(f"{field} {_elided(name)} can't be written as UTF-8") from None
+
+
+def _check(field: str, value: int, lowest: int, highest: int) -> None:
+    if not lowest <= value <= highest:
+        raise BadMessage(f"{field} is {value}; {lowest}..{highest} is possible")
+
+
+def _elided(name: str, limit: int = 40) -> str:
+    """Return a name for a log line: quoted, unprintable characters escaped, cut to `limit`."""
+    return ascii(name) if len(name) <= limit else ascii(name[: limit - 3] + "...")

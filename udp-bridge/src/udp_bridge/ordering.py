@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The order of one topic's messages, judged by seq_number modulo 2**32, and what was finished.
+
+Only (seq_number, stamp) pairs and times come in; no bodies. Stamps break ties: a message that is
+behind in number but newer in stamp comes from a sender that was restarted.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Deque, Optional, Set, Tuple
+
+from .header import NANOS, SEQ_NUMBERS, Header
+
+RESTART_SEQ_NUMBERS = 256
+"""A sender is taken as restarted by its number alone only while its numbers are this low..."""
+RESTART_SILENCE_NANOS = NANOS
+"""...and only after nothing was handed over for this long, far longer than networks reorder."""
+FINISHED_REMEMBERED = 64
+"""Finished messages of a topic whose copies are still known for what they are."""
+
+Key = Tuple[int, int, int]
+
+
+def key_of(header: Header) -> Key:
+    """Return what tells a message from the others of its sender, type and topic."""
+    return header.seq_number, header.time_sec, header.time_nsec
+
+
+class Order:
+    """What has been handed over of one topic of one sender."""
+
+    __slots__ = ("_finished", "_last_handed_nanos", "_last_seq", "_last_stamp", "_recent")
+
+    def __init__(self) -> None:
+        self._last_seq: Optional[int] = None
+        self._last_stamp = 0
+        self._last_handed_nanos = 0
+        self._finished: Set[Key] = set()
+        self._recent: Deque[Key] = deque()
+
+    def ahead_by(self, seq_number: int) -> int:
+        """Return how far a number is ahead of the last one handed over; 0 or less is behind."""
+        if self._last_seq is None:
+            return 1
+        difference = (seq_number - self._last_seq) % SEQ_NUMBERS
+        return difference if difference < SEQ_NUMBERS // 2 else difference - SEQ_NUMBERS
+
+    def is_restart_by_silence(self, header: Header, now_nanos: int) -> bool:
+        """Tell whether a datagram, before anything else is asked, shows a restarted sender."""
+        return (
+            self._last_seq is not None
+            and header.seq_number < RESTART_SEQ_NUMBERS
+            and now_nanos - self._last_handed_nanos >= RESTART_SILENCE_NANOS
+            and self.ahead_by(header.seq_number) <= 0
+        )
+
+    def is_newer(self, header: Header) -> bool:
+        """Tell whether a header's stamp is newer than that of the last message handed over."""
+        return header.stamp_nanos > self._last_stamp
+
+    def is_finished(self, header: Header) -> bool:
+        """Tell whether the message was handed over, late or given up, and is remembered."""
+        return key_of(header) in self._finished
+
+    def hand_over(self, header: Header, now_nanos: int) -> int:
+        """Remember a message as the last one handed over; return the gap before it."""
+        missing = max(0, self.ahead_by(header.seq_number) - 1)
+        self._last_seq = header.seq_number
+        self._last_stamp = header.stamp_nanos
+        self._last_handed_nanos = now_nanos
+        return missing
+
+    def finish(self, header: Header) -> None:
+        """Remember that this message needs no more parts."""
+        key = key_of(header)
+        if key in self._finished:
+            return
+        self._finished.add(key)
+        self._recent.append(key)
+        if len(self._recent) > FINISHED_REMEMBERED:
+            self._finished.discard(self._recent.popleft())
+
+    def forget(self) -> None:
+        """Begin anew, as for a sender never heard of."""
+        self._last_seq = None
+        self._finished.clear()
+        self._recent.clear()

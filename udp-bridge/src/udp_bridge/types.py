@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one table of message types. Whatever knows a type's number, name or topic asks here.
+
+Numbers are wire format: a row may be added, never renumbered. Bodies are not described here;
+those of ROS types are plain CDR, the bridge's own are in `control`.
+"""
+
+from __future__ import annotations
+
+from typing import Dict, NamedTuple, Optional
+
+
+class MessageType(NamedTuple):
+    """One row: a type of message as the wire and ROS know it."""
+
+    number: int
+    """The header's msg_type, 0..255."""
+    name: str
+    """What users write and read."""
+    ros_type: Optional[str]
+    """Full ROS 2 type name; None for the bridge's own messages, which are not CDR."""
+    default_topic: str
+    """The topic that an empty topic on the wire stands for; empty where there is none."""
+    direction: str
+    """`to ROS`, `from ROS` or `both`."""
+
+
+_ROWS = (
+    MessageType(1, "PointCloud2", "sensor_msgs/msg/PointCloud2", "/points", "to ROS"),
+    MessageType(2, "Imu", "sensor_msgs/msg/Imu", "/imu", "to ROS"),
+    MessageType(
+        3, "CompressedImage", "sensor_msgs/msg/CompressedImage", "/image/compressed", "to ROS"
+    ),
+    MessageType(4, "NavSatFix", "sensor_msgs/msg/NavSatFix", "/fix", "to ROS"),
+    MessageType(5, "WheelEncoders", "groundlink_msgs/msg/WheelEncoders", "/wheels", "to ROS"),
+    MessageType(6, "Range", "sensor_msgs/msg/Range", "/range", "to ROS"),
+    MessageType(7, "Subscribe", None, "", "both"),
+    MessageType(8, "Clock", "rosgraph_msgs/msg/Clock", "/clock", "to ROS"),
+    MessageType(9, "Twist", "geometry_msgs/msg/Twist", "/cmd_vel", "from ROS"),
+    MessageType(10, "PoseStamped", "geometry_msgs/msg/PoseStamped", "/pose", "both"),
+    MessageType(11, "OccupancyGrid", "nav_msgs/msg/OccupancyGrid", "/map", "from ROS"),
+    MessageType(32, "LaserScan", "sensor_msgs/msg/LaserScan", "/scan", "to ROS"),
+    MessageType(33, "Image", "sensor_msgs/msg/Image", "/image", "to ROS"),
+    MessageType(34, "CameraInfo", "sensor_msgs/msg/CameraInfo", "/camera_info", "to ROS"),
+    MessageType(35, "TFMessage", "tf2_msgs/msg/TFMessage", "/tf", "to ROS"),
+    MessageType(36, "Odometry", "nav_msgs/msg/Odometry", "/odom", "both"),
+    MessageType(37, "JointState", "sensor_msgs/msg/JointState", "/joint_states", "to ROS"),
+    MessageType(64, "Control", None, "", "both"),
+)
+
+MSG_TYPES: Dict[int, MessageType] = {row.number: row for row in _ROWS}
+"""Every message type that this version knows, by number."""
+
+_BY_NAME = {row.name: row.number for row in _ROWS}
+
+
+def type_number(name: str) -> int:
+    """Return the number of the message type called `name`.
+
+    Raises
+    ------
+    ValueError
+        When no type has this name; the text lists those that exist.
+    """
+    try:
+        return _BY_NAME[name]
+    except KeyError:
+        known = ", ".join(_BY_NAME)
+        raise ValueError(f"unknown message type {name!r}; known are {known}") from None
+
+
+SUBSCRIBE = type_number("Subscribe")
+CONTROL = type_number("Control")
