@@ -86,9 +86,7 @@ class Rival:
             for wheel, pose in zip(other.model.wheels, wheels, strict=True):
                 shape = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
                 axis = quaternion_from_rpy(np.pi / 2, 0, 0)
-                self._add(
-                    Solid(name="wheel", shape=shape, material="", orientation=axis), pose
-                )
+                self._add(Solid(name="wheel", shape=shape, material="", orientation=axis), pose)
         self.bodies = pybullet.getNumBodies(self._client)
 
         sweep = Sweep(spec)
@@ -108,17 +106,13 @@ class Rival:
         match solid.shape:
             case Box(size_m=size):
                 half = [length / 2 for length in size]
-                shape = pybullet.createCollisionShape(
-                    pybullet.GEOM_BOX, halfExtents=half, **client
-                )
+                shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, **client)
             case Cylinder(radius_m=radius, length_m=length):
                 shape = pybullet.createCollisionShape(
                     pybullet.GEOM_CYLINDER, radius=radius, height=length, **client
                 )
             case Sphere(radius_m=radius):
-                shape = pybullet.createCollisionShape(
-                    pybullet.GEOM_SPHERE, radius=radius, **client
-                )
+                shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, **client)
         place, turn = world_from_frame[:3], world_from_frame[3:]
         pybullet.createMultiBody(
             baseCollisionShapeIndex=shape,
@@ -130,9 +124,7 @@ class Rival:
     def revolution(self) -> Iterator[float]:
         """Cast all rays; yield how far each went, as a share of the greatest range."""
         for start, end in self._calls:
-            hits = pybullet.rayTestBatch(
-                start, end, numThreads=1, physicsClientId=self._client
-            )
+            hits = pybullet.rayTestBatch(start, end, numThreads=1, physicsClientId=self._client)
             yield from (hit[2] for hit in hits)
 
     def seconds(self) -> float:

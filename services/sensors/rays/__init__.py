@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rays against the triangles of a replicated world, at the instant of each ray."""
