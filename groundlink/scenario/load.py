@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from groundlink.clock import TICK_RATE_HZ
 from groundlink.world.build import WorldError, solids
 
 from .document import DataPath, Document, ScenarioError, read
@@ -168,6 +169,12 @@ def _check(scenario: Scenario, document: Document) -> None:
         _unique(document, (*here, "sensors"), [s.name for s in vehicle.sensors])
         for s, sensor in enumerate(vehicle.sensors):
             _free(document, (*here, "sensors", s, "name"), sensor.name, RESERVED_SENSOR_NAMES)
+    time = scenario.time
+    if time.mode == "fast" and time.window_ticks < TICK_RATE_HZ / time.clock_rate_hz:
+        raise ScenarioError(
+            f"{document.mark(('time', 'window_ticks'))}: `time.window_ticks`: {time.window_ticks} "
+            f"is less than a period of the clock; expected {TICK_RATE_HZ}/clock_rate_hz or more"
+        )
     topics = [s.topic for v in scenario.vehicles for s in v.sensors]
     if twice := [topic for topic in topics if topics.count(topic) > 1]:
         raise ScenarioError(

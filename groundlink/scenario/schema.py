@@ -77,8 +77,9 @@ class Time(Spec, frozen=True):
     """Stamp of sim time zero: the wall clock's at the start, or zero."""
 
     clock_rate_hz: Annotated[float, Meta(gt=0, le=400)] = 100.0
-    window_ticks: Annotated[int, Meta(ge=1)] = 400
-    """In fast mode physics is at most this far ahead of the slowest sensor."""
+    window_ticks: Annotated[int, Meta(ge=8)] = 400
+    """In fast mode physics is at most this far ahead of the slowest sensor; a period of the clock
+    or more, since the gateway tells its progress with each message of the clock."""
 
 
 class Gateway(Spec, frozen=True):

@@ -51,7 +51,9 @@ class PeerReports:
             return StreamReport(topic, ros_type, declared, None, None, 0, 0)
         span_nanos = report.last_stamp_nanos - report.first_stamp_nanos
         measured = (report.messages - 1) * NANOS / span_nanos if span_nanos > 0 else None
-        known_age = self._stamps_follow_wall and report.age_nanos != NO_AGE
+        # What has no rate is not measured anew each time, so its stamp says nothing of its age.
+        is_measured = declared is not None and report.age_nanos != NO_AGE
+        known_age = self._stamps_follow_wall and is_measured
         return StreamReport(
             topic,
             ros_type,

@@ -28,8 +28,8 @@ from .model import SensorModel
 STATES_KEPT = 4096
 """States that may wait for a busy sensor: ten seconds of sim time."""
 
-ACK_TICKS = 50
-"""How often progress is told: eight times a second of sim time."""
+ACKS_PER_WINDOW = 8
+"""How often progress is told while physics gets as far ahead as it may."""
 
 S = TypeVar("S", bound=Sensor)
 
@@ -42,11 +42,13 @@ class SensorProcess:
         model: SensorModel,
         *,
         expected_world_hash: str,
+        ack_ticks: int,
         publish: Callable[[Message], object],
         acknowledge: Callable[[Ack], object],
     ) -> None:
         self._model = model
         self._expected_world_hash = expected_world_hash
+        self._ack_ticks = ack_ticks
         self._publish = publish
         self._acknowledge = acknowledge
         self._epoch_nanos: int | None = None
@@ -96,7 +98,7 @@ class SensorProcess:
                 self._published_to = -1
                 self._publish(reading)
                 self.readings += 1
-        if state.tick % ACK_TICKS == 0:
+        if state.tick % self._ack_ticks == 0:
             self._acknowledge(Ack(state.epoch_nanos, state.tick, self._model.settled_tick()))
 
 
@@ -129,6 +131,7 @@ def _main(
         sensor = SensorProcess(
             make_model(scenario, vehicle, spec),
             expected_world_hash=world_hash(scenario),
+            ack_ticks=scenario.time.window_ticks // ACKS_PER_WINDOW,
             publish=bus.publisher(key, topic.delivery),
             acknowledge=bus.publisher(ACK.key_in(run_name, process=options.name), ACK.delivery),
         )

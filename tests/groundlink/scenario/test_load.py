@@ -91,6 +91,13 @@ MISTAKES = [
     ("name: imu,", "name: command,", 14, ["`command` names a key of the bus"]),
     ("name: rover", "name: My Rover", 5, ["`vehicles[0].name`", "My Rover"]),
     ("seed: 3", "seed: 3\nseed: 4", 3, ["`seed` is given twice"]),
+    ("mode: fast", "mode: fast\n  window_ticks: 7", 17, ["`time.window_ticks`", ">= 8"]),
+    (
+        "mode: fast",
+        "mode: fast\n  clock_rate_hz: 4\n  window_ticks: 99",
+        18,
+        ["99 is less than a period of the clock"],
+    ),
     ("seed: 3", "seed: [3", 3, ["not valid YAML"]),
     ("vehicles:", "vehicels:", 4, ["unknown key `vehicels`", "`vehicles`?"]),
 ]

@@ -45,9 +45,15 @@ def test_losses_are_gaps_and_incomplete_messages() -> None:
 
 def test_an_age_is_told_only_where_stamps_follow_the_wall() -> None:
     for follows, age, expected in [(False, 5, None), (True, NO_AGE, None), (True, 5, 5e-9)]:
-        reports = PeerReports({}, stamps_follow_wall=follows)
+        reports = PeerReports({(2, "/imu"): 400.0}, stamps_follow_wall=follows)
         reports.heard("/imu", report(age_nanos=age))
         assert reports.streams()[0].age_seconds == expected
+
+
+def test_what_is_not_measured_has_no_age() -> None:
+    reports = PeerReports({}, stamps_follow_wall=True)
+    reports.heard("/tf_static", report(msg_type=35))
+    assert reports.streams()[0].age_seconds is None
 
 
 def test_the_bridges_own_messages_have_no_row() -> None:

@@ -9,10 +9,11 @@ import pytest
 
 from groundlink.errors import UserError
 from groundlink.messages import Ack, Clock, Message, State
-from services.sensors.shell import ACK_TICKS, SensorProcess
+from services.sensors.shell import SensorProcess
 
 HASH = "ab" * 32
 PERIOD = 40
+ACK_TICKS = 50
 
 
 class EveryFortyTicks:
@@ -47,6 +48,7 @@ class Bench:
         self.sensor = SensorProcess(
             self.model,
             expected_world_hash=HASH,
+            ack_ticks=ACK_TICKS,
             publish=self.published.append,
             acknowledge=self.acks.append,
         )
