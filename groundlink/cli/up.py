@@ -18,7 +18,7 @@ from pathlib import Path
 from types import FrameType
 
 import msgspec
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.live import Live
 
 from groundlink import __version__
@@ -146,11 +146,11 @@ def _display(
 ) -> Callable[[bool], None]:
     """Return a function that shows the run now; its argument says whether it is the last time."""
 
-    def picture() -> object:
+    def picture() -> RenderableType:
         return dashboard(title, monitor, supervisor.children.values())
 
     if console.is_terminal:
-        live = Live(console=console, get_renderable=picture, refresh_per_second=4)  # type: ignore[arg-type]
+        live = Live(console=console, get_renderable=picture, refresh_per_second=4, transient=True)
         live.start()
         return lambda last: live.stop() if last else None
     next_print = time.monotonic() + PLAIN_PERIOD_SECONDS
