@@ -12,6 +12,8 @@ return a ray, of no width; weather and range do not weaken it.
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,7 @@ from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.messages import POINT, BadMessage, PointCloud, State, packed
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar
+from services.sensors.rays.kernels import kernels
 from services.sensors.rays.replica import Replica
 from services.sensors.rays.scene import Hits, Reals
 from services.sensors.streams import RandomStreams
@@ -33,8 +36,8 @@ class LidarModel:
     ------
     UserError
         when the data sheet's lists are not of one length.
-    EngineUnavailableError
-        when Embree is not installed here; it is a `UserError` too.
+    EngineUnavailableError, KernelsMissingError
+        when Embree or the compiled loops are not installed here; both are `UserError`s.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
@@ -47,17 +50,13 @@ class LidarModel:
         lasers = len(self._sweep.rings)
         bias = self._streams.at("bias", 0).uniform(-spec.laser_bias_m, spec.laser_bias_m, lasers)
         self._bias_m: Reals = bias[self._sweep.rings, None].astype(np.float32)
-        self._records = np.zeros(self._sweep.seconds.shape[::-1], POINT)
-        self._records["ring"] = self._sweep.rings
-        self._records["time"] = self._sweep.seconds.T
-        self._points: Reals = np.empty_like(self._sweep.directions_in_sensor)
+        self._seconds: Reals = self._sweep.seconds.astype(np.float32)
         self.restart()
 
     def restart(self) -> None:
         """Forget earlier states; the next revolution is the first that begins after this."""
         self._replica.restart()
-        self._revolution: int | None = None
-        self._tick = -1
+        self._revolution = self._tick = self._end_tick = -1
 
     def readings(self, state: State) -> list[PointCloud]:
         """Take the state of the next tick and return the revolution that it completes, if any.
@@ -73,18 +72,22 @@ class LidarModel:
             self.restart()
             raise
         self._tick = state.tick
-        if self._revolution is None:
-            self._revolution = self._schedule.first_at_or_after(state.tick)
-        clouds = []
-        while state.tick >= self._schedule.tick(self._revolution + 1):
-            clouds.append(self._measured(self._revolution, state.epoch_nanos))
-            self._revolution += 1
-            self._replica.forget(self._first_tick(self._revolution))
-        return clouds
+        if self._revolution < 0:
+            self._begin(self._schedule.first_at_or_after(state.tick))
+        if state.tick < self._end_tick:
+            return []
+        cloud = self._measured(self._revolution, state.epoch_nanos)
+        self._begin(self._revolution + 1)
+        return [cloud]
+
+    def _begin(self, revolution: int) -> None:
+        self._revolution = revolution
+        self._end_tick = self._schedule.tick(revolution + 1)
+        self._replica.forget(self._first_tick(revolution))
 
     def settled_tick(self) -> int:
         """Return the tick at which the revolution under way began; -1 before the first state."""
-        if self._revolution is None:
+        if self._revolution < 0:
             return -1
         return min(self._tick, self._first_tick(self._revolution))
 
@@ -94,7 +97,7 @@ class LidarModel:
 
     def _measured(self, revolution: int, epoch_nanos: int) -> PointCloud:
         start_nanos, first_tick = self._schedule.nanos(revolution), self._first_tick(revolution)
-        poses = self._replica.motion(first_tick, self._schedule.tick(revolution + 1))
+        poses = self._replica.motion(first_tick, self._end_tick)
         start_seconds = (start_nanos - first_tick * TICK_NANOS) / NANOS
         sweep, scene = self._sweep, self._replica.scene
         sweep.follow(poses[:, self._replica.base], start_seconds)
@@ -103,7 +106,7 @@ class LidarModel:
             sweep.origins_in_world, sweep.directions_in_world, sweep.times, self._spec.max_range_m
         )
         range_m, returned = self._noisy(hits.range_m, self._schedule.tick(revolution))
-        points = self._packed(range_m, self._intensity(hits), returned)
+        points = self._points(range_m, returned, hits)
         return PointCloud(epoch_nanos + start_nanos, self._frame, points)
 
     def _noisy(self, range_m: Reals, tick: int) -> tuple[Reals, NDArray[np.bool_]]:
@@ -127,23 +130,20 @@ class LidarModel:
             returned &= lost >= spec.dropout
         return range_m, returned
 
-    def _intensity(self, hits: Hits) -> Reals:
-        """Return the calibrated reflectivity byte: 0..100 for a diffuse surface.
+    def _points(self, range_m: Reals, returned: NDArray[np.bool_], hits: Hits) -> memoryview:
+        """Return `POINT` records of the returns, firing after firing, lasers as they fire.
 
-        The VLP-16 reports 100 rho cos(incidence) there; 101..255 is for retroreflectors (VLP-16
-        User Manual 63-9243, calibrated reflectivities).
+        A point is range times direction above the laser's origin. Its intensity is the calibrated
+        reflectivity byte, 100 rho cos(incidence) for a diffuse surface; 101..255 is for
+        retroreflectors (VLP-16 User Manual 63-9243, calibrated reflectivities).
         """
-        cosine = np.einsum("ilf,ilf->lf", hits.normal_in_world, self._sweep.directions_in_world)
-        intensity: Reals = np.rint(100 * self._replica.reflectivity[hits.label] * np.abs(cosine))
-        return intensity
-
-    def _packed(self, range_m: Reals, intensity: Reals, returned: NDArray[np.bool_]) -> memoryview:
-        """Return `POINT` records of the returns, firing after firing, lasers as they fire."""
-        found_m = np.where(returned, range_m, 0)  # Not infinite, which has no product with 0.
-        x, y, z = np.multiply(self._sweep.directions_in_sensor, found_m, out=self._points)
-        z += self._sweep.heights_m
-        # Lasers are rows here and columns in a cloud.
-        for field, values in {"x": x, "y": y, "z": z, "intensity": intensity}.items():
-            self._records[field] = values.T
-        kept = self._records.reshape(-1).take(np.flatnonzero(returned.T))
-        return packed(kept.view(np.uint8))
+        sweep = self._sweep
+        points = np.empty(np.count_nonzero(returned), POINT)
+        arrays = (
+            *(sweep.rings, self._seconds, range_m, returned, sweep.directions_in_world),
+            *(hits.normal_in_world, hits.label, self._replica.reflectivity, points),
+        )
+        kernels().groundlink_points(
+            ctypes.byref(sweep.head), *(array.ctypes.data for array in arrays)
+        )
+        return packed(points.view(np.uint8))

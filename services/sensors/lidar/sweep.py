@@ -11,13 +11,33 @@ laser's azimuth is larger than that of its firing.
 
 from __future__ import annotations
 
+import ctypes
+from ctypes import c_double, c_size_t, c_void_p
+
 import numpy as np
 
 from groundlink.clock import TICK_SECONDS
 from groundlink.errors import UserError
-from groundlink.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
-from groundlink.scenario.sensors import Lidar, Mount
+from groundlink.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
+from groundlink.scenario.sensors import Lidar
+from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
+
+
+class Head(ctypes.Structure):
+    """The structure `head` of `sweep.c`."""
+
+    _fields_ = (
+        ("lasers", c_size_t),
+        ("firings", c_size_t),
+        ("base_from_sensor", c_double * 9),
+        ("position_in_base", c_double * 3),
+        ("ticks_per_firing", c_double),
+        ("seconds_per_firing", c_double),
+        ("late_seconds", c_void_p),
+        ("heights", c_void_p),
+        ("directions_in_sensor", c_void_p),
+    )
 
 
 class Sweep:
@@ -31,12 +51,14 @@ class Sweep:
         Instant of each ray after the first firing of the revolution.
     directions_in_sensor : float32 array, shape (3, lasers, firings)
         Unit vectors; x forward, y left, z up.
-    heights_m : float32 array, shape (lasers, 1)
+    heights_m : float32 array, shape (lasers,)
         Of each laser's origin above the sensor's.
     origins_in_world, directions_in_world : float32 arrays, shape (3, lasers, firings)
         Metres, of the revolution of the last `follow`.
     times : float32 array, shape (lasers, firings)
         0..1 between the first and the last state of the last `follow`.
+    head : Head
+        What the compiled passes know of all this.
 
     Raises
     ------
@@ -49,11 +71,11 @@ class Sweep:
         late = _per_laser(spec.laser_times_us, lasers, "laser_times_us") * 1e-6
         order = np.argsort(late, kind="stable")
         self.rings = order.astype(np.uint16)
-        self._late: Reals = late[order, None].astype(np.float32)
-        self._firing_seconds = np.arange(firings + 1) / (firings * spec.rotation_rate_hz)
-        self.seconds: Floats = self._firing_seconds[:-1] + late[order, None]
+        self._late: Reals = late[order].astype(np.float32)
+        seconds_per_firing = 1 / (firings * spec.rotation_rate_hz)
+        self.seconds: Floats = np.arange(firings) * seconds_per_firing + late[order, None]
         heights = _per_laser(spec.vertical_offsets_m, lasers, "vertical_offsets_m")
-        self.heights_m: Reals = heights[order, None].astype(np.float32)
+        self.heights_m: Reals = heights[order].astype(np.float32)
         elevation = np.radians(spec.elevations_deg)[order, None]
         azimuth = 2 * np.pi * spec.rotation_rate_hz * self.seconds
         self.directions_in_sensor: Reals = np.stack(
@@ -66,9 +88,18 @@ class Sweep:
         self.origins_in_world: Reals = np.empty_like(self.directions_in_sensor)
         self.directions_in_world: Reals = np.empty_like(self.directions_in_sensor)
         self.times: Reals = np.empty_like(self.directions_in_sensor[0])
-        self._axes = np.empty_like(self.directions_in_sensor)
-        self._position_in_base = np.array(spec.mount.xyz_m)
-        self._base_from_sensor = _rotation(spec.mount)
+        self._timed: tuple[float, int] | None = None
+        self._knots = np.empty((2, 12, firings), np.float32)
+        base_from_sensor = matrix_from_quaternion(
+            quaternion_from_rpy(*np.radians(spec.mount.rpy_deg))
+        )
+        self.head = Head(
+            *(lasers, firings),
+            *((c_double * 9)(*base_from_sensor.flat), (c_double * 3)(*spec.mount.xyz_m)),
+            *(seconds_per_firing / TICK_SECONDS, seconds_per_firing),
+            *(self._late.ctypes.data, self.heights_m.ctypes.data),
+            self.directions_in_sensor.ctypes.data,
+        )
 
     def follow(self, world_from_base: Floats, start_seconds: float) -> None:
         """Let each ray of a revolution leave from the sensor's pose at its own instant.
@@ -88,45 +119,18 @@ class Sweep:
         start_seconds : float
             From the first state to the first firing.
         """
-        intervals = len(world_from_base) - 1
-        ticks = (start_seconds + self._firing_seconds) / TICK_SECONDS
-        before = np.minimum(ticks.astype(np.intp), intervals - 1)
-        fraction = ticks - before
-        first, second = world_from_base[before], world_from_base[before + 1]
-        rotation = matrix_from_quaternion(nlerp(first[:, 3:], second[:, 3:], fraction))
-        position = first[:, :3] + fraction[:, None] * (second[:, :3] - first[:, :3])
-        position += rotation @ self._position_in_base
-        rotation = rotation @ self._base_from_sensor
-
-        for i in range(3):
-            # Component by component, so that every operation runs along contiguous firings.
-            for j in range(3):
-                self._at_lasers(rotation[:, i, j], out=self._axes[j])
-            np.einsum(
-                "jlf,jlf->lf",
-                self._axes,
-                self.directions_in_sensor,
-                out=self.directions_in_world[i],
-            )
-            self._at_lasers(position[:, i], out=self.origins_in_world[i])
-            self._axes[2] *= self.heights_m
-            self.origins_in_world[i] += self._axes[2]
-
-        span = intervals * TICK_SECONDS
-        self._at_lasers((start_seconds + self._firing_seconds) / span, out=self.times)
-        np.clip(self.times, 0, 1, out=self.times)
-
-    def _at_lasers(self, at_firings: Floats, *, out: Reals) -> None:
-        """Write, for each ray's instant, a value known at each firing and at the next one's.
-
-        Parameters
-        ----------
-        at_firings : float64 array, shape (firings + 1,)
-        out : float32 array, shape (lasers, firings)
-        """
-        rate = np.diff(at_firings) / self._firing_seconds[1]
-        np.multiply(self._late, rate.astype(np.float32), out=out)
-        out += at_firings[:-1].astype(np.float32)
+        states = np.ascontiguousarray(world_from_base, np.float64)
+        outputs = *self._knots, self.origins_in_world, self.directions_in_world
+        kernels().groundlink_sweep(
+            *(ctypes.byref(self.head), states.ctypes.data, len(states)),
+            start_seconds / TICK_SECONDS,
+            *(output.ctypes.data for output in outputs),
+        )
+        intervals = len(states) - 1
+        if self._timed != (start_seconds, intervals):
+            self._timed = start_seconds, intervals
+            times = (start_seconds + self.seconds) / (intervals * TICK_SECONDS)
+            np.copyto(self.times, np.clip(times, 0, 1), casting="same_kind")
 
 
 def _per_laser(values: tuple[float, ...], lasers: int, field: str) -> Floats:
@@ -136,7 +140,3 @@ def _per_laser(values: tuple[float, ...], lasers: int, field: str) -> Floats:
             "give one for each laser, or none at all"
         )
     return np.array(values or (0.0,) * lasers)
-
-
-def _rotation(mount: Mount) -> Floats:
-    return matrix_from_quaternion(quaternion_from_rpy(*np.radians(mount.rpy_deg)))

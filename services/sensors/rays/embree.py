@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of Embree's C interface that builds scenes, through ctypes; `packets` traces them.
+"""The part of Embree's C interface that builds scenes, through ctypes.
 
 Rule: one thin class for each kind of Embree object, which keeps the handle, the memory that Embree
 reads in place, and nothing else; whoever holds the Python object holds the Embree object. Names,
 enumerators and layouts are those of Embree 4.4's `rtcore*.h`. The library is the one that the
-`embreex` wheel carries, so no compiler and no system package is needed; of embreex's own interface,
-which has neither instances nor motion, nothing is used.
+`embreex` wheel carries, so no system package is needed; of embreex's own interface, which has
+neither instances nor motion, nothing is used.
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     "rtcSetGeometryInstancedScene": (None, c_void_p, c_void_p),
     "rtcSetGeometryInstancedScenes": (None, c_void_p, ctypes.POINTER(c_void_p), c_size_t),
     "rtcSetGeometryTimeStepCount": (None, c_void_p, c_uint),
+    "rtcUpdateGeometryBuffer": (None, c_void_p, c_int, c_uint),
     "rtcSetSharedGeometryBuffer": (
         *(None, c_void_p, c_int, c_uint, c_int),
         *(c_void_p, c_size_t, c_size_t, c_size_t),
@@ -105,6 +106,11 @@ def library() -> ctypes.CDLL:
     return loaded
 
 
+def intersect_function() -> c_void_p:
+    """Return the address of rtcIntersect8, which traces 8 rays at once."""
+    return ctypes.cast(library().rtcIntersect8, c_void_p)
+
+
 def aligned(shape: Sequence[int], dtype: type[np.generic]) -> NDArray[Any]:
     """Return a zeroed array that starts on a cache line and may be read past its end."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
@@ -127,7 +133,8 @@ class Device:
         version = library().rtcGetDeviceProperty(self.handle, _DEVICE_PROPERTY_VERSION)
         if not SUPPORTED[0] <= version < SUPPORTED[1]:
             raise EngineUnavailableError(
-                f"the installed embreex carries Embree {version / 10000:.4f}, expected 4.4; "
+                f"the installed embreex carries Embree {version // 10000}.{version // 100 % 100}."
+                f"{version % 100}, expected 4.4; "
                 "install the version that groundlink[sensors] names"
             )
 
@@ -193,6 +200,7 @@ class InstanceArray(_Geometry):
     def __init__(self, device: Device, scenes: Sequence[Scene]) -> None:
         super().__init__(device, _GEOMETRY_TYPE_INSTANCE_ARRAY)
         self._scenes = tuple(scenes)
+        self._matrices: NDArray[np.float32] | None = None
         handles = (c_void_p * len(scenes))(*(scene.handle for scene in scenes))
         library().rtcSetGeometryInstancedScenes(self.handle, handles, len(scenes))
         index = aligned((len(scenes), 1), np.uint32)
@@ -205,11 +213,17 @@ class InstanceArray(_Geometry):
         Parameters
         ----------
         matrices : float32 array from `aligned`, shape (steps, bodies, 16)
-            Homogeneous scene_from_body, column after column.
+            Homogeneous scene_from_body, column after column; the same array as before may have
+            changed.
         """
-        library().rtcSetGeometryTimeStepCount(self.handle, len(matrices))
-        for step, poses in enumerate(matrices):
-            self.share(_BUFFER_TYPE_TRANSFORM, step, _FORMAT_FLOAT4X4_COLUMN_MAJOR, poses)
+        if matrices is self._matrices:
+            for step in range(len(matrices)):
+                library().rtcUpdateGeometryBuffer(self.handle, _BUFFER_TYPE_TRANSFORM, step)
+        else:
+            self._matrices = matrices
+            library().rtcSetGeometryTimeStepCount(self.handle, len(matrices))
+            for step, poses in enumerate(matrices):
+                self.share(_BUFFER_TYPE_TRANSFORM, step, _FORMAT_FLOAT4X4_COLUMN_MAJOR, poses)
         self.commit()
 
 

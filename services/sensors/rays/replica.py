@@ -106,8 +106,9 @@ class Replica:
 
     def forget(self, before_tick: int) -> None:
         """Drop the states of earlier ticks."""
-        del self._poses[: max(0, before_tick - self._first_tick)]
-        self._first_tick = max(self._first_tick, before_tick)
+        dropped = min(max(0, before_tick - self._first_tick), len(self._poses))
+        del self._poses[:dropped]
+        self._first_tick += dropped
 
 
 def _links(model: VehicleModel) -> Iterator[list[Solid]]:

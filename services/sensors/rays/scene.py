@@ -10,7 +10,10 @@ here.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from ctypes import c_int, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +23,13 @@ from groundlink.frames import Floats, transform
 from groundlink.world.triangles import Triangles
 
 from . import embree
-from .packets import DIRECTION, IDS, NO_HIT, NORMAL, ORIGIN, RANGE, TIME, Packets
+from .kernels import kernels
+
+PACKET = 8
+"""Rays that `tracer.c` traces at once."""
+
+_HELPER = ThreadPoolExecutor(1, "rays")
+"""Traces half of the rays. A ray's bits do not depend on who traces it."""
 
 Reals = NDArray[np.float32]
 Numbers = NDArray[np.int32]
@@ -28,30 +37,32 @@ Numbers = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Hits:
-    """Where rays ended. The arrays are overwritten by the next cast of as many rays."""
+    """Where rays ended. The arrays are overwritten by the next cast of rays in this shape."""
 
     range_m: Reals
-    """Shape (rows, columns): in lengths of the ray's direction, infinite where nothing was hit."""
+    """Shape (...): in lengths of the ray's direction, infinite where nothing was hit."""
 
     normal_in_world: Reals
-    """Shape (3, rows, columns): unit vectors out of the surface; without meaning for no hit."""
+    """Shape (3, ...): unit vectors out of the surface, zero where nothing was hit."""
 
     label: Numbers
-    """Shape (rows, columns): that of the triangle, -1 for no hit."""
+    """Shape (...): that of the triangle, -1 for no hit."""
 
     body: Numbers
-    """Shape (rows, columns): number of the moving body, -1 for the static world and for no hit."""
+    """Shape (...): number of the moving body, -1 for the static world and for no hit."""
 
 
-class _Workspace:
-    """Memory for rows of rays, kept from cast to cast: fresh pages cost more than what is done."""
+class _Surroundings(ctypes.Structure):
+    """The structure of `tracer.c`."""
 
-    def __init__(self, rows: int, columns: int) -> None:
-        self.packets = Packets(columns)
-        self.range_m = np.empty((1, rows, columns), np.float32)
-        self.normal = np.empty((3, rows, columns), np.float32)
-        self.ids = np.empty((4, rows, columns), np.int32)
-        self.label = np.empty((rows, columns), np.int32)
+    _fields_ = (
+        ("scene", c_void_p),
+        ("labels", c_void_p),
+        ("first_triangle", c_void_p),
+        ("matrices", c_void_p),
+        ("steps", c_int),
+        ("bodies", c_int),
+    )
 
 
 class Scene:
@@ -65,9 +76,6 @@ class Scene:
         Each in its body's frame. Until the first `move` they are at the world's origin.
     """
 
-    _BODIES = 1
-    """Number of the moving bodies in the scene that rays are traced in; the world is 0."""
-
     def __init__(self, static: Triangles, bodies: Sequence[Triangles] = ()) -> None:
         device = embree.Device()
         meshes = [static, *bodies]
@@ -75,16 +83,16 @@ class Scene:
             embree.Scene(device, [embree.Mesh(device, mesh.vertices, mesh.faces)])
             for mesh in meshes
         ]
-        # The static world is an instance too, so that a move does not build it anew.
-        self._world = embree.Instance(device, scenes[0])
-        self._bodies = embree.InstanceArray(device, scenes[1:])
+        self._bodies = embree.InstanceArray(device, scenes[1:]) if bodies else None
         self._labels = np.concatenate([mesh.labels for mesh in meshes])
-        first = np.cumsum([0, *(len(mesh.labels) for mesh in meshes[:-1])])
-        self._first_triangle = first.astype(np.int32)
+        counts = np.array([len(mesh.labels) for mesh in meshes], np.int32)
+        self._first_triangle = (np.cumsum(counts) - counts).astype(np.int32)
         self._matrices = embree.aligned((0, len(bodies), 16), np.float32)
-        self._workspaces: dict[tuple[int, int], _Workspace] = {}
+        self._hits: dict[tuple[int, ...], Hits] = {}
         self._place(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, len(bodies), 1)))
-        self._top = embree.Scene(device, [self._world, self._bodies])
+        # The static world is an instance too, the first, so that a move does not build it anew.
+        world = embree.Instance(device, scenes[0])
+        self._top = embree.Scene(device, [world, self._bodies] if self._bodies else [world])
 
     def move(self, world_from_body: Floats) -> None:
         """Set the bodies' motion during the next casts.
@@ -103,62 +111,47 @@ class Scene:
         if len(matrices) != len(self._matrices):
             self._matrices = embree.aligned((*matrices.shape[:2], 16), np.float32)
         self._matrices[:] = np.swapaxes(matrices, -1, -2).reshape(self._matrices.shape)
-        self._bodies.move(self._matrices)
+        if self._bodies:
+            self._bodies.move(self._matrices)
 
     def cast(self, origins: Reals, directions: Reals, times: Reals, max_range: float) -> Hits:
         """Return the nearest hit of every ray.
 
         Parameters
         ----------
-        origins, directions : float32 arrays, shape (3, rows, columns)
-            In the world, metres. Neighbours in a row are traced together: it is fastest where they
-            start near each other and in nearly the same direction.
-        times : float32 array, shape (rows, columns)
+        origins, directions : float32 arrays, shape (3, ...)
+            In the world, metres. Neighbours along the last axis are traced together: it is fastest
+            where they start near each other and in nearly the same direction.
+        times : float32 array, shape (...)
             0..1 between the first and the last pose of the bodies.
         max_range : float
             In lengths of a ray's direction; what is farther is not hit.
         """
-        rows, columns = times.shape
-        work = self._workspaces.get((rows, columns))
-        if work is None:
-            work = self._workspaces[rows, columns] = _Workspace(rows, columns)
-        packets = work.packets
-        for row in range(rows):
-            packets.put(ORIGIN, origins[:, row])
-            packets.put(DIRECTION, directions[:, row])
-            packets.put(TIME, times[None, row])
-            packets.trace(self._top, max_range)
-            packets.get(RANGE, work.range_m[:, row])
-            packets.get(NORMAL, work.normal[:, row])
-            packets.get(IDS, work.ids[:, row])
-        return self._hits(work, times)
-
-    def _hits(self, work: _Workspace, times: Reals) -> Hits:
-        """Give meaning to what Embree wrote."""
-        range_m, normal, label = work.range_m[0], work.normal, work.label
-        triangle, geometry, instance, body = work.ids
-        missed = geometry == NO_HIT
-        body[missed | (instance != self._BODIES)] = -1
-        triangle[missed] = 0
-        normal[:, missed] = 1
-        range_m[missed] = np.inf
-        triangle += self._first_triangle[body + 1]
-        np.take(self._labels, triangle, out=label)
-        label[missed] = -1
-        # Embree's normals are in the body's frame and as long as the triangle is large.
-        moving, flat = np.flatnonzero(body >= 0), normal.reshape(3, -1)
-        flat[:, moving] = self._rotated(
-            flat[:, moving], body.ravel()[moving], times.ravel()[moving]
+        shape = times.shape
+        if shape not in self._hits:
+            # Kept from cast to cast: fresh pages cost more than what is written on them.
+            reals, numbers = np.empty((4, *shape), np.float32), np.empty((2, *shape), np.int32)
+            self._hits[shape] = Hits(reals[0], reals[1:], numbers[0], numbers[1])
+        hits = self._hits[shape]
+        around = _Surroundings(
+            self._top.handle,
+            self._labels.ctypes.data,
+            self._first_triangle.ctypes.data,
+            self._matrices.ctypes.data,
+            *self._matrices.shape[:2],
         )
-        normal *= 1 / np.sqrt(np.einsum("irc,irc->rc", normal, normal))
-        return Hits(range_m=range_m, normal_in_world=normal, label=label, body=body)
+        rays = [np.ascontiguousarray(array, np.float32) for array in (origins, directions, times)]
+        ends = hits.range_m, hits.normal_in_world, hits.label, hits.body
+        addresses = [array.ctypes.data for array in (*rays, *ends)]
 
-    def _rotated(self, vectors_in_body: Reals, body: Numbers, times: Reals) -> Reals:
-        """Return vectors, shape (3, N), in the world, as each body stands at each time."""
-        step = times * (len(self._matrices) - 1)
-        before = np.minimum(step.astype(np.intp), len(self._matrices) - 2)
-        rotations = self._matrices.reshape(*self._matrices.shape[:2], 4, 4)[..., :3, :3]
-        first, second = rotations[before, body], rotations[before + 1, body]
-        body_from_world = first + (step - before)[:, None, None] * (second - first)
-        rotated: Reals = np.einsum("in,nij->jn", vectors_in_body, body_from_world)
-        return rotated
+        def trace(begin: int, end: int) -> None:
+            kernels().groundlink_trace(
+                *(embree.intersect_function(), ctypes.byref(around)),
+                *(times.size, begin, end, max_range, *addresses),
+            )
+
+        half = times.size // 2 // PACKET * PACKET
+        other = _HELPER.submit(trace, half, times.size)
+        trace(0, half)
+        other.result()
+        return hits

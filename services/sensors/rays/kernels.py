@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loops over rays that are written in C, as setup compiled them.
+
+Rule: functions take the addresses of C-contiguous arrays; each has one caller, which makes sure of
+types and shapes. What they compute is said where they are called.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+from ctypes import c_double, c_float, c_size_t, c_void_p
+from functools import cache
+from typing import Any
+
+from groundlink.errors import UserError
+
+_NAME = "services.sensors.rays._kernels"
+
+_SIGNATURES: dict[str, tuple[Any, ...]] = {
+    # Result, then arguments.
+    "groundlink_trace": (None, c_void_p, c_void_p, *[c_size_t] * 3, c_float, *[c_void_p] * 7),
+    "groundlink_sweep": (None, c_void_p, c_void_p, c_size_t, c_double, *[c_void_p] * 4),
+    "groundlink_points": (c_size_t, *[c_void_p] * 10),
+}
+
+
+class KernelsMissingError(UserError):
+    """Setup found no C compiler."""
+
+
+@cache
+def kernels() -> ctypes.CDLL:
+    """Return the compiled functions.
+
+    Raises
+    ------
+    KernelsMissingError
+        when they were not compiled.
+    """
+    found = importlib.util.find_spec(_NAME)
+    if found is None or found.origin is None:
+        raise KernelsMissingError(
+            f"sensors that cast rays need {_NAME}, which is not there: Groundlink was installed "
+            "without a C compiler; install one (gcc or clang), then install Groundlink again"
+        )
+    library = ctypes.CDLL(found.origin)
+    for name, (result, *arguments) in _SIGNATURES.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library

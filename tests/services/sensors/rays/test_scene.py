@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine against the oracle, and what it promises besides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from groundlink.frames import quaternion_from_rpy
+from groundlink.world.solids import Box, Cylinder, Solid, Sphere
+from groundlink.world.triangles import Triangles, merged
+from services.sensors.rays.scene import Scene
+
+from . import oracle
+
+STEPS = 41
+SECONDS = 0.1
+
+
+def solid(rng: np.random.Generator, number: int, reach: float) -> Solid:
+    size = rng.uniform(0.2, 0.9, 3).tolist()
+    shapes = [
+        Box(size_m=tuple(size)),
+        Cylinder(radius_m=size[0] / 2, length_m=size[1]),
+        Sphere(radius_m=size[2] / 2),
+    ]
+    return Solid(
+        name=f"solid{number}",
+        shape=shapes[number % 3],
+        material="m",
+        position_m=tuple(rng.uniform(-reach, reach, 3).tolist()),
+        orientation=quaternion_from_rpy(*rng.uniform(-3, 3, 3)),
+    )
+
+
+def room(rng: np.random.Generator, solids: int) -> Triangles:
+    walls = [
+        Solid(name=f"{axis}{side}", shape=Box(size_m=(9.0, 9.0, 9.0)), material="m", position_m=at)
+        for axis in range(2)
+        for side in (-1, 1)
+        for at in [tuple(12.0 * side if i == axis else 0.0 for i in range(3))]
+    ]
+    return merged([*walls, *(solid(rng, n, 5.0) for n in range(solids))])
+
+
+def bodies(rng: np.random.Generator, count: int, first_label: int = 1000) -> list[Triangles]:
+    return [
+        merged(
+            [solid(rng, 3 * n, 0.0), solid(rng, 3 * n + 1, 0.3)], first_label=first_label + 2 * n
+        )
+        for n in range(count)
+    ]
+
+
+def motion(rng: np.random.Generator, count: int, *, speed: float, turn: float) -> np.ndarray:
+    """Poses of bodies at constant velocity, each turning about an axis of its own."""
+    t = np.linspace(0, SECONDS, STEPS)[:, None, None]
+    start, velocity = rng.uniform(-2.5, 2.5, (count, 3)), rng.normal(0, speed, (count, 3))
+    axis = rng.normal(size=(count, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    half = rng.normal(0, turn, (count, 1)) * t / 2
+    position = np.broadcast_to(start + velocity * t, (STEPS, count, 3))
+    return np.concatenate([position, axis * np.sin(half), np.cos(half)], axis=-1)
+
+
+def rays(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    directions = rng.normal(size=(3, count))
+    directions /= np.linalg.norm(directions, axis=0)
+    return tuple(  # type: ignore[return-value]
+        a.astype(np.float32)
+        for a in (rng.uniform(-1, 1, (3, count)), directions, rng.random(count))
+    )
+
+
+def check(hits: Any, answer: oracle.Answer, directions: np.ndarray, *, least_hits: int) -> None:
+    hit = np.isfinite(answer.range_m)
+    assert least_hits < hit.sum()
+    np.testing.assert_array_equal(np.isfinite(hits.range_m), hit)
+    np.testing.assert_allclose(hits.range_m[hit], answer.range_m[hit], atol=1e-4)
+    np.testing.assert_array_equal(hits.label, answer.label)
+    np.testing.assert_array_equal(hits.body, answer.body)
+    np.testing.assert_allclose(hits.normal_in_world.T, answer.normal_in_world, atol=1e-3)
+
+
+def test_static_world() -> None:
+    rng = np.random.default_rng(1)
+    static = room(rng, 12)
+    origins, directions, times = rays(rng, 2001)
+    hits = Scene(static).cast(origins, directions, times, 100.0)
+    answer = oracle.cast(static, [], np.empty((2, 0, 7)), origins.T, directions.T, times)
+    check(hits, answer, directions, least_hits=600)
+    assert (~np.isfinite(answer.range_m)).sum() > 100
+
+
+@pytest.mark.parametrize(("speed", "turn"), [(0.0, 0.0), (15.0, 0.0), (0.0, 6.0), (15.0, 6.0)])
+def test_moving_bodies_at_mixed_times(speed: float, turn: float) -> None:
+    rng = np.random.default_rng(2)
+    static, moving = room(rng, 3), bodies(rng, 12)
+    poses = motion(rng, 12, speed=speed, turn=turn)
+    origins, directions, times = rays(rng, 3000)
+    times[:100], times[-100:] = 0.0, 1.0
+    scene = Scene(static, moving)
+    scene.move(poses)
+    hits = scene.cast(origins, directions, times, 100.0)
+    answer = oracle.cast(static, moving, poses, origins.T, directions.T, times)
+    check(hits, answer, directions, least_hits=1000)
+    assert (answer.body >= 0).sum() > 250
+
+
+def test_poses_count_at_the_instant_of_the_ray() -> None:
+    """A plate passes at 10 m/s: only rays in time with it meet it."""
+    plate = merged([Solid(name="p", shape=Box(size_m=(0.01, 0.1, 0.1)), material="m")])
+    scene = Scene(merged([]), [plate])
+    poses = np.tile([2.0, 0, 0, 0, 0, 0, 1], (3, 1, 1))
+    poses[:, 0, 1] = (-0.5, 0.0, 0.5)
+    scene.move(poses)
+    times = np.linspace(0, 1, 101).astype(np.float32)
+    origins = np.zeros((3, 101), np.float32)
+    directions = np.tile(np.array([[1], [0], [0]], np.float32), (1, 101))
+    hits = scene.cast(origins, directions, times, 10.0)
+    np.testing.assert_array_equal(np.isfinite(hits.range_m), np.abs(times - 0.5) <= 0.05 + 1e-6)
+    np.testing.assert_allclose(hits.range_m[50], 1.995, atol=1e-6)
+
+
+def test_alone_and_in_packets() -> None:
+    """Embree follows a lone ray and eight together in different ways."""
+    rng = np.random.default_rng(3)
+    static, moving = room(rng, 6), bodies(rng, 10)
+    scene = Scene(static, moving)
+    scene.move(motion(rng, 10, speed=5.0, turn=6.0))
+    origins, directions, times = rays(rng, 403)
+    hits = scene.cast(origins, directions, times, 100.0)
+    for i in range(403):
+        one = scene.cast(origins[:, i : i + 1], directions[:, i : i + 1], times[i : i + 1], 100.0)
+        assert one.label[0] == hits.label[i]
+        np.testing.assert_allclose(one.range_m[0], hits.range_m[i], atol=2e-5)
+
+
+def test_shape_and_count_do_not_matter() -> None:
+    rng = np.random.default_rng(4)
+    static = room(rng, 6)
+    origins, directions, times = rays(rng, 6 * 40)
+    scene = Scene(static)
+    flat = scene.cast(origins, directions, times, 100.0)
+    shaped = scene.cast(
+        *(a.reshape(3, 6, 40) for a in (origins, directions)), times.reshape(6, 40), 100.0
+    )
+    assert shaped.normal_in_world.shape == (3, 6, 40)
+    np.testing.assert_array_equal(shaped.range_m.reshape(-1), flat.range_m)
+    for count in (1, 7, 8, 9, 16, 17, 31):
+        part = scene.cast(origins[:, :count], directions[:, :count], times[:count], 100.0)
+        np.testing.assert_array_equal(
+            part.range_m[: count // 16 * 16], flat.range_m[: count // 16 * 16]
+        )
+        np.testing.assert_allclose(part.range_m, flat.range_m[:count], atol=2e-5)
+
+
+def test_what_meets_nothing() -> None:
+    scene = Scene(merged([Solid(name="s", shape=Sphere(radius_m=1.0), material="m")]))
+    origins = np.array([[-3, -3], [0, 5], [0, 0]], np.float32)
+    directions = np.array([[1, 1], [0, 0], [0, 0]], np.float32)
+    times = np.zeros(2, np.float32)
+    for max_range, reached in ((10.0, True), (1.9, False)):
+        hits = scene.cast(origins, directions, times, max_range)
+        assert np.isfinite(hits.range_m).tolist() == [reached, False]
+        assert hits.label.tolist() == [0 if reached else -1, -1]
+        assert hits.body.tolist() == [-1, -1]
+        assert not hits.normal_in_world[:, 1].any()
+
+
+def test_the_number_of_poses_may_change() -> None:
+    rng = np.random.default_rng(5)
+    moving = bodies(rng, 4)
+    origins, directions, times = rays(rng, 500)
+    scene = Scene(merged([]), moving)
+    for steps in (41, 2, 28, 27, 28):
+        poses = motion(rng, 4, speed=5.0, turn=2.0)[:steps]
+        scene.move(poses)
+        hits = scene.cast(origins, directions, times, 100.0)
+        answer = oracle.cast(merged([]), moving, poses, origins.T, directions.T, times)
+        check(hits, answer, directions, least_hits=10)
+
+
+def test_same_bits_every_time() -> None:
+    def run() -> bytes:
+        rng = np.random.default_rng(6)
+        static, moving = room(rng, 6), bodies(rng, 10)
+        scene = Scene(static, moving)
+        scene.move(motion(rng, 10, speed=5.0, turn=6.0))
+        hits = scene.cast(*rays(rng, 5000), 100.0)
+        return b"".join(a.tobytes() for a in (hits.range_m, hits.normal_in_world, hits.label))
+
+    assert run() == run()
