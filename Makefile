@@ -30,6 +30,9 @@ check: test ## what CI runs
 benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.lidar
 	@$(BIN)/python -m benchmarks.physics
+	@$(BIN)/python -m benchmarks.bridge
+	@$(BIN)/python -m benchmarks.loss
+	@$(BIN)/python -m benchmarks.freshness
 
 clean: ## remove the environment and every cache
 	@rm -rf .venv build *.egg-info udp-bridge/src/*.egg-info \

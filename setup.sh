@@ -34,7 +34,7 @@ else
 fi
 
 step "Groundlink, PyBullet, Embree, Zenoh and the tools of its tests (a minute or so)"
-install -e ./udp-bridge -e '.[physics,sensors,gateway,dev]'
+install -e ./udp-bridge -e '.[physics,sensors,gateway,benchmarks,dev]'
 
 step "ROS 2 Kilted"
 if install $(.venv/bin/python - <<'PYTHON'

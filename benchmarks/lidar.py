@@ -92,7 +92,7 @@ class Rival:
         sweep = Sweep(spec)
         ticks = Schedule.at(spec.rotation_rate_hz).tick(1)
         poses = [link_poses(scenario, tick)[vehicle.name][0] for tick in range(ticks + 1)]
-        sweep.follow(np.array(poses), 0.0)
+        sweep.follow(np.array(poses), 0.0, range(sweep.seconds.shape[1]))
         start = sweep.origins_in_world.reshape(3, -1).T.astype(np.float64)
         end = start + spec.max_range_m * sweep.directions_in_world.reshape(3, -1).T
         self.rays = len(start)

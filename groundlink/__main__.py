@@ -8,10 +8,10 @@ import sys
 from collections.abc import Sequence
 
 from . import __version__
-from .cli import check, topics, up
+from .cli import check, link, topics, up
 from .errors import UserError
 
-COMMANDS = (up, check, topics)
+COMMANDS = (up, check, topics, link)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -3,7 +3,8 @@
 
 Rule: a message is a Struct whose MessagePack map is the format; arrays travel as one bin each and
 are read in place. What does not fit its schema raises `BadMessage` with a reason, never more.
-Stamps are the instant of measurement: nanoseconds of the run's epoch plus sim time.
+Stamps are the instant of measurement: nanoseconds of the run's epoch plus sim time. Those of images
+and ranges are in `imagery`, those of poses, maps and transforms in `navigation`.
 """
 
 from __future__ import annotations
@@ -38,10 +39,16 @@ class Message(msgspec.Struct, frozen=True):
     """A message of the bus."""
 
 
-def _whole(array: memoryview, record_bytes: int, field: str) -> None:
+def whole(array: memoryview, record_bytes: int, field: str) -> None:
     """Refuse a bin that does not hold a whole number of records."""
     if len(array) % record_bytes:
         raise ValueError(f"`{field}` has {len(array)} bytes, expected a multiple of {record_bytes}")
+
+
+def exactly(array: memoryview, size_bytes: int, field: str) -> None:
+    """Refuse a bin that is not as long as the message's other fields say."""
+    if len(array) != size_bytes:
+        raise ValueError(f"`{field}` has {len(array)} bytes, expected {size_bytes}")
 
 
 class VehicleState(msgspec.Struct, frozen=True):
@@ -61,10 +68,10 @@ class VehicleState(msgspec.Struct, frozen=True):
     """float64, rad/s, in the same order."""
 
     def __post_init__(self) -> None:
-        _whole(self.link_poses, 7 * 8, "link_poses")
-        _whole(self.base_velocity, 6 * 8, "base_velocity")
-        _whole(self.joint_positions, 8, "joint_positions")
-        _whole(self.joint_velocities, 8, "joint_velocities")
+        whole(self.link_poses, 7 * 8, "link_poses")
+        whole(self.base_velocity, 6 * 8, "base_velocity")
+        whole(self.joint_positions, 8, "joint_positions")
+        whole(self.joint_velocities, 8, "joint_velocities")
 
     def poses(self) -> NDArray[np.float64]:
         """Return world_from_link, shape (links, 7): position xyz in m, quaternion xyzw."""
@@ -125,7 +132,7 @@ class Imu(Message, frozen=True):
 
 
 class PointCloud(Message, frozen=True):
-    """The returns of one LiDAR revolution."""
+    """The returns of one LiDAR revolution, or of one block of it."""
 
     stamp_nanos: int
     """The first firing, whether it returned or not."""
@@ -135,7 +142,7 @@ class PointCloud(Message, frozen=True):
     """`POINT` records; rays without a return are left out."""
 
     def __post_init__(self) -> None:
-        _whole(self.points, POINT.itemsize, "points")
+        whole(self.points, POINT.itemsize, "points")
 
     def records(self) -> NDArray[np.void]:
         """Return the points as a structured array, shape (N,), dtype `POINT`."""
@@ -163,7 +170,10 @@ class Ack(Message, frozen=True):
 
 
 class StreamReport(msgspec.Struct, frozen=True):
-    """What the ROS side received of one topic, as it reported."""
+    """What became of one topic between the gateway and the ROS side.
+
+    `sent` = messages + missing + incomplete + late + dropped + in_flight.
+    """
 
     topic: str
     type: str
@@ -172,9 +182,42 @@ class StreamReport(msgspec.Struct, frozen=True):
     """Counted in stamps: (messages - 1) / (last stamp - first stamp)."""
 
     age_seconds: float | None
+    """From the instant of measurement to publication: the median of the last 10 s."""
+
     messages: int
+    """Published at the other end."""
+
     lost: int
-    """Gaps in sequence numbers and messages given up for want of parts."""
+    """What the wire lost: missing + incomplete + late."""
+
+    direction: str = "to ROS"
+    age_p99_seconds: float | None = None
+    """What 99 % of the ages do not exceed."""
+
+    sent: int = 0
+    missing: int = 0
+    """Of which nothing came."""
+
+    incomplete: int = 0
+    """Given up for want of parts."""
+
+    late: int = 0
+    """Whole behind a newer one."""
+
+    dropped: int = 0
+    """Whole, but pushed out by a newer one before it was published, or refused by ROS."""
+
+    in_flight: int = 0
+    """On the way, or waiting at the other end, or not yet reported."""
+
+    repaired: int = 0
+    """Of those that came whole, the ones that needed repair."""
+
+    superseded: int = 0
+    """Pushed out by a newer one before they were sent; no part of `sent`."""
+
+    delivered_bytes: int = 0
+    """Bodies of those published."""
 
 
 class Health(Message, frozen=True):

@@ -1,80 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How each message of the bus becomes a ROS 2 message, as CDR bytes, and back.
+"""How each message of the bus becomes a ROS 2 message, as CDR bytes.
 
-Rule: the one place that fills ROS messages; gateway, recorder and viewer share it. It knows ROS by
-its message definitions alone (`rosbags`), so no ROS is needed where it runs.
+Rule: the one table of ROS types; gateway, recorder and viewer share it. It fills the run's own
+messages; those of `imagery` and `navigation` are filled in `ros_imagery` and `ros_navigation`, and
+what comes from ROS is read in `ros_incoming`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
+import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from .clock import NANOS
-from .messages import (
-    POINT,
-    BadMessage,
-    Clock,
-    Imu,
-    Message,
-    PointCloud,
-    Quaternion,
-    Vector3,
-    WheelEncoders,
-)
-
-WHEEL_ENCODERS_DEFINITION = """\
-std_msgs/Header header
-string[] name
-int64[] ticks
-"""
-"""Fields of groundlink_msgs/msg/WheelEncoders; `ros/groundlink_msgs` has the documented file."""
-
-_STORE = get_typestore(Stores.ROS2_KILTED)
-_STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
-_TYPES = _STORE.types
-_Time = _TYPES["builtin_interfaces/msg/Time"]
-_Header = _TYPES["std_msgs/msg/Header"]
-_Vector3 = _TYPES["geometry_msgs/msg/Vector3"]
-_Quaternion = _TYPES["geometry_msgs/msg/Quaternion"]
-_Transform = _TYPES["geometry_msgs/msg/Transform"]
-_TransformStamped = _TYPES["geometry_msgs/msg/TransformStamped"]
-_PointField = _TYPES["sensor_msgs/msg/PointField"]
+from . import imagery, navigation, ros_imagery, ros_navigation
+from .messages import POINT, BadMessage, Clock, Imu, Message, PointCloud, WheelEncoders
+from .ros_types import STORE, TYPES, header, quaternion, time, vector
 
 _POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4}
 """sensor_msgs/PointField's FLOAT32 and UINT16."""
-
-
-@dataclass(frozen=True)
-class StaticTransform:
-    """parent_from_child, which never changes."""
-
-    parent: str
-    child: str
-    translation_m: Vector3
-    rotation: Quaternion
-
-
-def _time(stamp_nanos: int) -> Any:
-    return _Time(sec=stamp_nanos // NANOS, nanosec=stamp_nanos % NANOS)
-
-
-def _header(stamp_nanos: int, frame: str) -> Any:
-    return _Header(stamp=_time(stamp_nanos), frame_id=frame)
-
-
-def _vector(xyz: Vector3) -> Any:
-    return _Vector3(x=xyz[0], y=xyz[1], z=xyz[2])
-
-
-def _quaternion(xyzw: Quaternion) -> Any:
-    return _Quaternion(x=xyzw[0], y=xyzw[1], z=xyzw[2], w=xyzw[3])
 
 
 def _diagonal(variance: float) -> np.ndarray[Any, Any]:
@@ -82,23 +29,25 @@ def _diagonal(variance: float) -> np.ndarray[Any, Any]:
 
 
 _POINT_FIELDS = [
-    _PointField(name=name, offset=offset, datatype=_POINT_FIELD_TYPES[POINT[name].str], count=1)
+    TYPES["sensor_msgs/msg/PointField"](
+        name=name, offset=offset, datatype=_POINT_FIELD_TYPES[POINT[name].str], count=1
+    )
     for name, (_, offset, *_) in (POINT.fields or {}).items()
 ]
 
 
 def _clock(message: Clock) -> dict[str, Any]:
-    return {"clock": _time(message.stamp_nanos)}
+    return {"clock": time(message.stamp_nanos)}
 
 
 def _imu(message: Imu) -> dict[str, Any]:
     return {
-        "header": _header(message.stamp_nanos, message.frame),
-        "orientation": _quaternion(message.orientation),
+        "header": header(message.stamp_nanos, message.frame),
+        "orientation": quaternion(message.orientation),
         "orientation_covariance": _diagonal(message.orientation_variance),
-        "angular_velocity": _vector(message.angular_velocity_radps),
+        "angular_velocity": vector(message.angular_velocity_radps),
         "angular_velocity_covariance": _diagonal(message.angular_velocity_variance),
-        "linear_acceleration": _vector(message.linear_acceleration_mps2),
+        "linear_acceleration": vector(message.linear_acceleration_mps2),
         "linear_acceleration_covariance": _diagonal(message.linear_acceleration_variance),
     }
 
@@ -106,7 +55,7 @@ def _imu(message: Imu) -> dict[str, Any]:
 def _point_cloud(message: PointCloud) -> dict[str, Any]:
     data = np.frombuffer(message.points, np.uint8)
     return {
-        "header": _header(message.stamp_nanos, message.frame),
+        "header": header(message.stamp_nanos, message.frame),
         "height": 1,
         "width": data.size // POINT.itemsize,
         "fields": _POINT_FIELDS,
@@ -120,7 +69,7 @@ def _point_cloud(message: PointCloud) -> dict[str, Any]:
 
 def _wheel_encoders(message: WheelEncoders) -> dict[str, Any]:
     return {
-        "header": _header(message.stamp_nanos, message.frame),
+        "header": header(message.stamp_nanos, message.frame),
         "name": list(message.names),
         "ticks": np.array(message.ticks, np.int64),
     }
@@ -139,46 +88,35 @@ ROS_FORMS: dict[type[Message], RosForm] = {
     Imu: RosForm("sensor_msgs/msg/Imu", _imu),
     PointCloud: RosForm("sensor_msgs/msg/PointCloud2", _point_cloud),
     WheelEncoders: RosForm("groundlink_msgs/msg/WheelEncoders", _wheel_encoders),
+    imagery.Image: RosForm("sensor_msgs/msg/Image", ros_imagery.image),
+    imagery.CompressedImage: RosForm(
+        "sensor_msgs/msg/CompressedImage", ros_imagery.compressed_image
+    ),
+    imagery.CameraInfo: RosForm("sensor_msgs/msg/CameraInfo", ros_imagery.camera_info),
+    imagery.LaserScan: RosForm("sensor_msgs/msg/LaserScan", ros_imagery.laser_scan),
+    imagery.Range: RosForm("sensor_msgs/msg/Range", ros_imagery.range_reading),
+    navigation.PoseStamped: RosForm("geometry_msgs/msg/PoseStamped", ros_navigation.pose_stamped),
+    navigation.Odometry: RosForm("nav_msgs/msg/Odometry", ros_navigation.odometry),
+    navigation.OccupancyGrid: RosForm("nav_msgs/msg/OccupancyGrid", ros_navigation.occupancy_grid),
+    navigation.Transforms: RosForm("tf2_msgs/msg/TFMessage", ros_navigation.transforms),
+    navigation.JointState: RosForm("sensor_msgs/msg/JointState", ros_navigation.joint_state),
+    navigation.NavSatFix: RosForm("sensor_msgs/msg/NavSatFix", ros_navigation.nav_sat_fix),
 }
 """Every message of the bus that ROS sees."""
 
 
 def to_cdr(message: Message) -> memoryview:
-    """Return a message as its ROS type's CDR, encapsulation header included."""
-    form = ROS_FORMS[type(message)]
-    return _STORE.serialize_cdr(_TYPES[form.ros_type](**form.fields(message)), form.ros_type)
-
-
-def transforms_to_cdr(transforms: Iterable[StaticTransform], stamp_nanos: int) -> memoryview:
-    """Return tf2_msgs/TFMessage as CDR."""
-    stamped = [
-        _TransformStamped(
-            header=_header(stamp_nanos, t.parent),
-            child_frame_id=t.child,
-            transform=_Transform(
-                translation=_vector(t.translation_m), rotation=_quaternion(t.rotation)
-            ),
-        )
-        for t in transforms
-    ]
-    message = _TYPES["tf2_msgs/msg/TFMessage"](transforms=stamped)
-    return _STORE.serialize_cdr(message, "tf2_msgs/msg/TFMessage")
-
-
-def twist_from_cdr(body: bytes | bytearray | memoryview) -> tuple[Vector3, Vector3]:
-    """Return linear (m/s) and angular (rad/s) velocity of a geometry_msgs/Twist.
+    """Return a message as its ROS type's CDR, encapsulation header included.
 
     Raises
     ------
     BadMessage
-        when the bytes are no Twist or hold numbers that are not finite.
+        when a number is beyond what the ROS type holds: a stamp after 2038, a large float32.
     """
+    form = ROS_FORMS[type(message)]
     try:
-        twist: Any = _STORE.deserialize_cdr(bytes(body), "geometry_msgs/msg/Twist")
-    except SerdeError as error:
-        raise BadMessage(f"not a geometry_msgs/Twist: {error}") from None
-    linear = (twist.linear.x, twist.linear.y, twist.linear.z)
-    angular = (twist.angular.x, twist.angular.y, twist.angular.z)
-    if not all(map(math.isfinite, (*linear, *angular))):
-        raise BadMessage("not a geometry_msgs/Twist: a component is not finite")
-    return linear, angular
+        return STORE.serialize_cdr(TYPES[form.ros_type](**form.fields(message)), form.ros_type)
+    except (struct.error, SerdeError, OverflowError) as error:
+        raise BadMessage(
+            f"no {form.ros_type} holds this {type(message).__name__}: {error}"
+        ) from None

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from .clock import TICK_RATE_HZ
+from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
+from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
 from .scenario.schema import Scenario
 from .scenario.sensors import Encoders, Lidar, Sensor, SensorSpec
 from .scenario.sensors import Imu as ImuSpec
@@ -112,16 +114,90 @@ HEALTH = Topic(
     rate="1 Hz",
     delivery=Delivery.ALL,
 )
+GROUND_TRUTH = Topic(
+    name="ground_truth",
+    key="{vehicle}/ground_truth",
+    message=Odometry,
+    publisher="physics",
+    rate="ground_truth.rate_hz",
+    delivery=Delivery.NEWEST,
+)
 
-TOPICS = (STATE, CLOCK, COMMAND, POINTS, IMU, ENCODERS, ACK, HEALTH)
+
+def _from_ros(name: str, message: type[Message]) -> Topic:
+    """Return the row of what a vehicle's stack tells by ROS."""
+    return Topic(
+        name=f"from_ros.{name}",
+        key=f"{{vehicle}}/from_ros/{name}",
+        message=message,
+        publisher="gateway",
+        rate="as ROS sends",
+        delivery=Delivery.ALL,
+    )
+
+
+FROM_ROS = {
+    "pose": _from_ros("pose", PoseStamped),
+    "odometry": _from_ros("odometry", Odometry),
+    "map": _from_ros("map", OccupancyGrid),
+}
+"""By field of the scenario's `from_ros`."""
 
 SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {Lidar: POINTS, ImuSpec: IMU, Encoders: ENCODERS}
 """The stream of each kind of sensor."""
 
 
+def _extra(name: str, message: type[Message]) -> Topic:
+    """Return the row of a stream that another process puts on the bus."""
+    return Topic(
+        name=name,
+        key="{vehicle}/{sensor}",
+        message=message,
+        publisher="as in vehicles.streams",
+        rate="rate_hz",
+        delivery=Delivery.ALL,
+    )
+
+
+_EXTRAS: dict[str, type[Message]] = {
+    "image": Image,
+    "compressed_image": CompressedImage,
+    "camera_info": CameraInfo,
+    "laser_scan": LaserScan,
+    "range": Range,
+    "nav_sat_fix": NavSatFix,
+    "pose": PoseStamped,
+    "odometry": Odometry,
+    "map": OccupancyGrid,
+    "transforms": Transforms,
+    "joint_state": JointState,
+}
+
+STREAM_TOPICS = {topic.name: topic for topic in SENSOR_TOPICS.values()} | {
+    name: _extra(name, message) for name, message in _EXTRAS.items()
+}
+"""By kind: every stream that a scenario can send to ROS."""
+
+TOPICS = (
+    STATE,
+    CLOCK,
+    COMMAND,
+    *STREAM_TOPICS.values(),
+    GROUND_TRUTH,
+    *FROM_ROS.values(),
+    ACK,
+    HEALTH,
+)
+
+
 def scenario_key(run: str) -> str:
     """Return the key of the queryable that serves a run's resolved scenario."""
     return f"{ROOT}/{run}/scenario"
+
+
+def link_key(run: str) -> str:
+    """Return the key of the queryable by which a run's emulated link is changed and told."""
+    return f"{ROOT}/{run}/link"
 
 
 def history_key(run: str) -> str:
@@ -131,7 +207,9 @@ def history_key(run: str) -> str:
 
 def sensor_rate_hz(spec: Sensor) -> float:
     """Return how many messages a second of sim time a sensor declares."""
-    return spec.rotation_rate_hz if isinstance(spec, Lidar) else spec.rate_hz
+    if isinstance(spec, Lidar):
+        return spec.rotation_rate_hz * spec.blocks_per_revolution
+    return spec.rate_hz
 
 
 def process_names(scenario: Scenario) -> dict[str, str]:

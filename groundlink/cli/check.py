@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink check SCENARIO`: read a scenario as a run would, and say what it would start."""
+"""`groundlink check SCENARIO`: read a scenario as a run would, and say what it would start.
+
+What would work badly is a line too, with its mend, and no mistake; what would never work is one.
+"""
 
 from __future__ import annotations
 
 import argparse
 
+from groundlink.errors import UserError
+from groundlink.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario import load
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Lidar, Sensor
 from groundlink.topics import SENSOR_TOPICS, sensor_rate_hz
 from groundlink.world.build import solids, world_hash
 
@@ -18,7 +25,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def check(options: argparse.Namespace) -> int:
-    """Print what the scenario holds."""
+    """Print what the scenario holds.
+
+    Raises
+    ------
+    UserError
+        when a sensor's messages fit into no datagrams, however large.
+    """
     scenario = load(options.scenario)
     world = scenario.world
     print(f"{options.scenario}: `{scenario.name}` is valid")
@@ -30,5 +43,49 @@ def check(options: argparse.Namespace) -> int:
             kind = SENSOR_TOPICS[type(sensor)].name
             rate = sensor_rate_hz(sensor)
             print(f"  sensor   {vehicle.name}/{sensor.name} ({kind}): {sensor.topic}, {rate:g} Hz")
+            for line in _sent(scenario, vehicle, sensor):
+                print(f"           {line}")
+        for stream in vehicle.streams:
+            name = f"{vehicle.name}/{stream.name} ({stream.kind})"
+            print(f"  stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz")
+        truth = vehicle.ground_truth
+        asked = "sent" if truth.push else "for those who subscribe"
+        topic = scenario.ground_truth_topic(vehicle)
+        print(f"  truth    {topic}, {truth.rate_hz:g} Hz, {asked}")
     print(f"  gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}")
     return 0
+
+
+def _sent(scenario: Scenario, vehicle: Vehicle, sensor: Sensor) -> list[str]:
+    """Return how a sensor's largest message is sent, and what to do if that is not as asked."""
+    gateway = scenario.gateway
+    try:
+        found = cut(vehicle, sensor, gateway)
+    except NeverFits as error:
+        mend = _mend(vehicle, sensor, scenario, "make its messages smaller")
+        raise UserError(f"{vehicle.name}/{sensor.name}: {error}; {mend}") from None
+    in_parts = "1 datagram" if found.parts == 1 else f"{found.parts} datagrams"
+    lines = [f"a message has up to {found.body_bytes} bytes in {in_parts}"]
+    if not found.fits:
+        lines += _warning(scenario, vehicle, sensor, found)
+    return lines
+
+
+def _warning(scenario: Scenario, vehicle: Vehicle, sensor: Sensor, found: Cut) -> list[str]:
+    gateway = scenario.gateway
+    most = 127 if gateway.signed_peer else 255
+    size = f"`{gateway.datagram}`" if isinstance(gateway.datagram, str) else gateway.datagram
+    return [
+        f"that does not fit {most} datagrams of {size}: they grow to {found.datagram_bytes} bytes,",
+        "which IP cuts up, and one lost frame loses a whole datagram;",
+        _mend(vehicle, sensor, scenario, "larger datagrams would fit it"),
+    ]
+
+
+def _mend(vehicle: Vehicle, sensor: Sensor, scenario: Scenario, otherwise: str) -> str:
+    block_deg = None
+    if isinstance(sensor, Lidar):
+        block_deg = fitting_block_deg(vehicle, sensor, scenario.gateway)
+    if block_deg is None:
+        return otherwise
+    return f"`block_deg: {block_deg:g}` for {vehicle.name}/{sensor.name} would fit"

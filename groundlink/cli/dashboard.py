@@ -26,24 +26,37 @@ def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> Ren
 
 
 def _streams(streams: Iterable[StreamReport]) -> Table:
-    table = Table(title="arrives on the ROS side", title_justify="left", expand=False)
+    table = Table(
+        title="to and from the ROS side", title_justify="left", expand=False, padding=(0, 0)
+    )
     table.add_column("topic", no_wrap=True)
     table.add_column("type", no_wrap=True)
-    for column in ("declared", "measured", "age", "messages", "lost"):
+    for column in ("declared", "measured", "age p50", "p99", "sent", "arrived", "repaired"):
         table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("lost")
     for stream in streams:
         good = keeps_rate(stream) and not stream.lost
         table.add_row(
-            stream.topic,
+            stream.topic if stream.direction == "to ROS" else f"{stream.topic} (back)",
             stream.type,
             _number(stream.declared_hz, "Hz"),
             _number(stream.measured_hz, "Hz", 2),
-            _number(None if stream.age_seconds is None else 1e3 * stream.age_seconds, "ms", 1),
+            _milliseconds(stream.age_seconds),
+            _milliseconds(stream.age_p99_seconds),
+            str(stream.sent),
             str(stream.messages),
-            str(stream.lost),
+            str(stream.repaired),
+            _losses(stream),
             style="" if good else "yellow",
         )
     return table
+
+
+def _losses(stream: StreamReport) -> str:
+    """Return what did not arrive, by cause; 0 when nothing is amiss."""
+    causes = ("missing", "incomplete", "late", "dropped", "superseded")
+    counts = [(getattr(stream, cause), cause) for cause in causes]
+    return ", ".join(f"{count} {cause}" for count, cause in counts if count) or "0"
 
 
 def _processes(monitor: RunMonitor, children: Iterable[Child]) -> Table:
@@ -59,6 +72,10 @@ def _processes(monitor: RunMonitor, children: Iterable[Child]) -> Table:
         pid = str(child.process.pid) if child.process else child.last_exit
         table.add_row(child.name, pid, str(child.restarts), counts)
     return table
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return _number(None if seconds is None else 1e3 * seconds, "ms", 1)
 
 
 def _number(value: float | None, unit: str, digits: int | None = None) -> str:

@@ -177,6 +177,8 @@ def _commands(scenario: Scenario, file: str, run: str, endpoint: str) -> dict[st
 def _ros_side(scenario: Scenario, console: Console) -> list[str]:
     """Return the command that receives at the gateway's peer: the ROS 2 node where ROS is."""
     bind = ["--bind", scenario.gateway.peer]
+    key = {"--key-file": scenario.gateway.key_file, "--key-env": scenario.gateway.key_env}
+    bind += [word for name, value in key.items() if value is not None for word in (name, value)]
     if importlib.util.find_spec("rclpy") and importlib.util.find_spec("udp_bridge_ros2"):
         return ["-m", "udp_bridge_ros2", *bind]
     console.print("no ROS 2 in this environment: a plain receiver stands in for the ROS node")

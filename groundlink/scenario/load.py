@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -166,19 +166,30 @@ def _check(scenario: Scenario, document: Document) -> None:
     for v, vehicle in enumerate(scenario.vehicles):
         here: DataPath = ("vehicles", v)
         _free(document, (*here, "name"), vehicle.name, RESERVED_NAMES)
-        _unique(document, (*here, "sensors"), [s.name for s in vehicle.sensors])
-        for s, sensor in enumerate(vehicle.sensors):
-            _free(document, (*here, "sensors", s, "name"), sensor.name, RESERVED_SENSOR_NAMES)
+        taken: list[str] = []
+        for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
+            for s, spec in enumerate(specs):
+                _free(document, (*here, section, s, "name"), spec.name, RESERVED_SENSOR_NAMES)
+            _unique(document, (*here, section), [spec.name for spec in specs], taken)
+            taken += [spec.name for spec in specs]
     time = scenario.time
     if time.mode == "fast" and time.window_ticks < TICK_RATE_HZ / time.clock_rate_hz:
         raise ScenarioError(
             f"{document.mark(('time', 'window_ticks'))}: `time.window_ticks`: {time.window_ticks} "
             f"is less than a period of the clock; expected {TICK_RATE_HZ}/clock_rate_hz or more"
         )
-    topics = [s.topic for v in scenario.vehicles for s in v.sensors]
+    topics = [s.topic for v in scenario.vehicles for s in (*v.sensors, *v.streams)]
+    topics += [scenario.ground_truth_topic(v) for v in scenario.vehicles]
     if twice := [topic for topic in topics if topics.count(topic) > 1]:
         raise ScenarioError(
             f"{document.mark(())}: two sensors share the topic `{twice[0]}`; give each its own"
+        )
+    heard = [topic for v in scenario.vehicles for topic in msgspec.structs.astuple(v.from_ros)]
+    heard = [topic for topic in heard if topic]
+    if again := [t for t in heard if t in topics or heard.count(t) > 1]:
+        raise ScenarioError(
+            f"{document.mark(())}: `from_ros` takes `{again[0]}`, which is another stream's topic; "
+            "give each its own"
         )
     try:
         solids(scenario)
@@ -192,8 +203,10 @@ def _free(document: Document, path: DataPath, name: str, reserved: frozenset[str
         raise ScenarioError(f"{mark}: `{name}` names a key of the bus; choose another name")
 
 
-def _unique(document: Document, path: DataPath, names: list[str]) -> None:
+def _unique(
+    document: Document, path: DataPath, names: list[str], taken: Sequence[str] = ()
+) -> None:
     for i, name in enumerate(names):
-        if name in names[:i]:
+        if name in names[:i] or name in taken:
             mark = document.mark((*path, i, "name"))
             raise ScenarioError(f"{mark}: the name `{name}` is taken; choose another")

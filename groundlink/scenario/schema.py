@@ -12,23 +12,27 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from groundlink.emulation import LinkScript
 from groundlink.world.room import Clutter, Furniture, Room
 from groundlink.world.solids import Material, Solid, Spec, Vector3
 
-from .sensors import Sensor
+from .sensors import Rate, Repair, RosTopic, Sensor
 from .vehicle import VehicleModel
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 """Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
 
-RESERVED_NAMES = frozenset({"state", "clock", "health", "scenario", "ack"})
+RESERVED_NAMES = frozenset({"state", "clock", "health", "scenario", "link", "ack"})
 """Second parts of the bus's own keys, so no names for vehicles."""
 
-RESERVED_SENSOR_NAMES = frozenset({"command"})
+RESERVED_SENSOR_NAMES = frozenset({"command", "ground_truth", "from_ros"})
 """Last parts of a vehicle's own keys."""
 
 Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
 """HOST:PORT."""
+
+Peer = Annotated[str, Meta(pattern=r"^[^\s:]+(:[0-9]{1,5})?$")]
+"""HOST:PORT, or HOST for all of its ports."""
 
 
 class World(Spec, frozen=True, kw_only=True):
@@ -53,6 +57,59 @@ class Placement(Spec, frozen=True):
     yaw_deg: float = 0.0
 
 
+class Stream(Spec, frozen=True, kw_only=True):
+    """What another process puts on the bus under `vehicle/name`, for the gateway to carry."""
+
+    name: Name
+    kind: Literal[
+        "camera_info",
+        "compressed_image",
+        "encoders",
+        "image",
+        "imu",
+        "joint_state",
+        "laser_scan",
+        "lidar",
+        "map",
+        "nav_sat_fix",
+        "odometry",
+        "pose",
+        "range",
+        "transforms",
+    ]
+    topic: RosTopic
+    rate_hz: Rate
+    """What that process publishes in a second of sim time."""
+
+    push: bool = True
+    """Send to the gateway's peer unasked; if not, only to those who subscribe."""
+
+    repair: Repair = "none"
+
+
+class GroundTruth(Spec, frozen=True):
+    """The odometry without error that physics publishes, for comparison and never for a stack."""
+
+    topic: RosTopic | None = None
+    """`/ground_truth/odom` unless given, in front of it the vehicle's name where it has company."""
+
+    rate_hz: Rate = 50.0
+    push: bool = False
+
+
+class FromRos(Spec, frozen=True):
+    """Topics of the vehicle's stack that the gateway puts on the bus."""
+
+    pose: RosTopic | None = None
+    """geometry_msgs/PoseStamped: where the stack believes the vehicle to be."""
+
+    odometry: RosTopic | None = None
+    """nav_msgs/Odometry, the same with velocities."""
+
+    map: RosTopic | None = None
+    """nav_msgs/OccupancyGrid."""
+
+
 class Vehicle(Spec, frozen=True, kw_only=True):
     """One vehicle of a run."""
 
@@ -64,6 +121,9 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """Put before the vehicle's frame names where several vehicles share one tf tree."""
 
     sensors: tuple[Sensor, ...] = ()
+    streams: tuple[Stream, ...] = ()
+    ground_truth: GroundTruth = GroundTruth()
+    from_ros: FromRos = FromRos()
 
 
 class Time(Spec, frozen=True):
@@ -91,6 +151,21 @@ class Gateway(Spec, frozen=True):
 
     datagram: Literal["mtu", "loopback"] | Annotated[int, Meta(ge=256, le=65507)] = "loopback"
     signed_peer: bool = False
+    peers: tuple[Peer, ...] = ()
+    """Whom the gateway hears, besides the peer's host; what others send is counted and dropped."""
+
+    key_file: str | None = None
+    """File with the key that both ends share, on the gateway's machine; none: nothing is sealed."""
+
+    key_env: str | None = None
+    """Environment variable with that key instead."""
+
+    link: LinkScript | None = None
+    """What happens to datagrams on purpose; none: no emulation."""
+
+    def __post_init__(self) -> None:
+        if self.key_file is not None and self.key_env is not None:
+            raise ValueError("`key_file` and `key_env` are both given; choose one")
 
 
 class Scenario(Spec, frozen=True, kw_only=True):
@@ -111,6 +186,11 @@ class Scenario(Spec, frozen=True, kw_only=True):
                 if f"{vehicle.name}/{sensor.name}" == name:
                     return vehicle, sensor
         return None
+
+    def ground_truth_topic(self, vehicle: Vehicle) -> str:
+        """Return the ROS topic of a vehicle's ground truth."""
+        company = f"/{vehicle.name}" if len(self.vehicles) > 1 else ""
+        return vehicle.ground_truth.topic or f"{company}/ground_truth/odom"
 
     def sensor_names(self) -> list[str]:
         """Return every sensor as `vehicle/sensor`, in the scenario's order."""

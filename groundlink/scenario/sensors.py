@@ -8,14 +8,16 @@ Rule: one class a kind; the tag is the kind, and the kind is the name of the pro
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from groundlink.clock import exact
 from groundlink.world.solids import Fraction01, Positive, Spec, Vector3
 
 NonNegative = Annotated[float, Meta(ge=0)]
 Rate = Annotated[float, Meta(gt=0, le=400)]
+RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
 
 
 class Mount(Spec, frozen=True):
@@ -31,11 +33,29 @@ class Mount(Spec, frozen=True):
         return roll, pitch, yaw
 
 
+class RepairBy(Spec, frozen=True):
+    """One way of making lost datagrams good, with its figure."""
+
+    fec: Annotated[float, Meta(gt=0, le=1)] | None = None
+    """Repair data for each message, as a share of it; needs the package raptorq at both ends."""
+
+    resend: Annotated[float, Meta(ge=0.001, le=60)] | None = None
+    """Lost parts are asked for and sent again until the message is this old, in seconds."""
+
+    def __post_init__(self) -> None:
+        if (self.fec is None) == (self.resend is None):
+            raise ValueError("expected `fec: share` or `resend: seconds`, one of the two")
+
+
+Repair = Literal["none", "resend"] | RepairBy
+"""How the gateway makes good what is lost of a stream; `resend` alone is half a second."""
+
+
 class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """What every sensor has."""
 
     name: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
-    topic: Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
+    topic: RosTopic
     """ROS topic of its readings."""
 
     frame: str
@@ -45,6 +65,7 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     push: bool = True
     """Send to the gateway's peer unasked; if not, only to those who subscribe."""
 
+    repair: Repair = "none"
     datasheet: str = ""
     """Title of the data sheet that the fields were taken from, with its source."""
 
@@ -55,6 +76,9 @@ class Lidar(SensorSpec, frozen=True, tag="lidar", kw_only=True):
     rotation_rate_hz: Rate = 10.0
     firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
     """Azimuth steps; 3600 at 10 Hz is 0.1 degrees."""
+
+    block_deg: NonNegative = 0.0
+    """Azimuth that one message holds: 0 for whole revolutions, or a whole part of 360."""
 
     elevations_deg: tuple[float, ...]
     """One a laser, from the lowest (ring 0) to the highest."""
@@ -78,6 +102,21 @@ class Lidar(SensorSpec, frozen=True, tag="lidar", kw_only=True):
 
     dropout: Fraction01 = 0.0
     """Share of returns that are lost at random."""
+
+    def __post_init__(self) -> None:
+        if not self.block_deg:
+            return
+        blocks = 360 / exact(self.block_deg)
+        if blocks.denominator != 1 or not 1 <= blocks <= self.firings_per_revolution:
+            raise ValueError(
+                f"`block_deg` is {self.block_deg:g}; expected 0 or 360 divided by a whole number "
+                f"up to the {self.firings_per_revolution} firings of a revolution"
+            )
+
+    @property
+    def blocks_per_revolution(self) -> int:
+        """How many messages a revolution is sent in."""
+        return int(360 / exact(self.block_deg)) if self.block_deg else 1
 
 
 class InertialNoise(Spec, frozen=True):

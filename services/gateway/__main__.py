@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 from collections.abc import Sequence
@@ -12,16 +13,31 @@ from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Message
-from groundlink.topics import ACK, COMMAND
-from udp_bridge.link import Link
+from groundlink.scenario.schema import Gateway as GatewaySettings
+from groundlink.topics import ACK, Delivery, link_key
+from udp_bridge.around import PeersOnly, Sealed
+from udp_bridge.header import BadMessage
+from udp_bridge.keys import BadKey, read_key
+from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
+from udp_bridge.seal import TO_ROS
+from udp_bridge.udp_socket import DatagramSocket, UdpSocket
 
+from .emulated import Emulated
 from .gateway import Gateway
+from .streams import repair_table
 from .subscriptions import Address
 
 NAME = "gateway"
 
 MESSAGES_KEPT = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
+
+RECEIVE_WAIT_SECONDS = 0.1
+"""How long a receiving thread sleeps at most."""
+
+BLOCKS_WAITING = 1 << 18
+"""Bytes of a topic that may wait for the wire: blocks of a LiDAR's revolution, some of which one
+tick completes at once, do not supersede each other. What is larger, such as a revolution, does."""
 
 FLUSH_SECONDS = 1.0
 """How long the link may take to send what waits before progress is told anyway."""
@@ -32,37 +48,41 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser = process.parser(NAME, "Carry a run's streams to ROS and ROS's commands back.")
     parser.add_argument("--bind", metavar="HOST:PORT", help="instead of the scenario's")
     parser.add_argument("--peer", metavar="HOST:PORT", help="instead of the scenario's")
+    parser.add_argument("--key-file", metavar="FILE", help="instead of the scenario's key")
     options = parser.parse_args(arguments)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join(bus, options.run, stop)
         bind = address(options.bind or scenario.gateway.bind)
         peer = address(options.peer or scenario.gateway.peer)
         inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
-        publishers = {
-            key: bus.publisher(key, COMMAND.delivery)
-            for key in (COMMAND.key_in(run, vehicle=v.name) for v in scenario.vehicles)
-        }
         gateway = Gateway(
             scenario,
             run,
             peer=peer,
-            publish_command=lambda key, command: publishers[key](command),
+            publish=lambda key, message: publishers[key](message),
         )
+        publishers = {w.key: bus.publisher(w.key, Delivery.ALL) for w in gateway.incoming}
         acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
+        around, emulated = sockets(scenario.gateway, bind, peer, options.key_file)
+        if emulated is not None:
+            bus.serve(link_key(run), emulated.answer)
         try:
             link = Link(
                 bind,
                 peer,
+                socket=around,
                 datagram=scenario.gateway.datagram,
                 signed_peer=scenario.gateway.signed_peer,
                 on_message=gateway.on_message,
                 report=True,
+                repair=repair_table(gateway.streams.values()),
+                large_waiting=BLOCKS_WAITING,
             )
-        except OSError as error:
-            raise UserError(
-                f"cannot bind {bind[0]}:{bind[1]}: {(error.strerror or str(error)).lower()}; end "
-                "the other process or change `gateway.bind`"
-            ) from None
+        except BaseException as error:
+            around.close()
+            if isinstance(error, BadMessage):
+                raise UserError(str(error)) from None
+            raise
         with link:
             for key, stream in gateway.streams.items():
                 bus.subscribe(key, stream.message, inbox)
@@ -77,21 +97,67 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                     if waited_for:
                         link.flush(FLUSH_SECONDS)
                     if isinstance(message, Clock):
+                        if emulated is not None:
+                            emulated.at(message.stamp_nanos - message.epoch_nanos)
                         tick = message.tick
                         acknowledge(Ack(message.epoch_nanos, tick, tick))
                 if heartbeat.due():
                     gateway.repeat(link)
-                    streams, counts = gateway.report()
+                    streams, counts = gateway.report(link)
                     wire = link.counters()
                     counts |= {
                         "bus_dropped": inbox.dropped,
                         "bus_refused": inbox.refused,
                         "wire_refused": sum(wire["refused"].values()),
+                        **{f"wire_refused_{why}": n for why, n in wire["refused"].items()},
                         "wire_superseded": wire["superseded"],
                         "wire_stalls": wire["stalls"],
                         "wire_kernel_drops": wire["kernel_drops"],
+                        "wire_resent": wire["resent"],
+                        "wire_resend_refused": wire["resend_refused"],
                     }
+                    if emulated is not None:
+                        counts |= emulated.counters()
                     heartbeat.beat(tick, counts, streams)
+
+
+def sockets(
+    settings: GatewaySettings, bind: Address, peer: Address, key_file: str | None
+) -> tuple[DatagramSocket, Emulated | None]:
+    """Return what the link sends by, and the emulated link in it if there is one.
+
+    Datagrams pass the guard first, so that strangers are refused before all else, and are opened
+    last, so that an emulated bit error meets the seal.
+
+    Raises
+    ------
+    UserError
+        when the key cannot be read, or the address cannot be bound.
+    """
+    try:
+        if key_file is not None:
+            secret = read_key(key_file, None, os.environ)
+        else:
+            secret = read_key(settings.key_file, settings.key_env, os.environ)
+    except BadKey as error:
+        raise UserError(str(error)) from None
+    peers = [(peer[0], 0)]
+    for text in settings.peers:
+        peers.append(address(text) if ":" in text else address(f"{text}:0"))
+    try:
+        bare = UdpSocket(bind, receive_buffer=DEFAULT_RECEIVE_BUFFER, wait_s=RECEIVE_WAIT_SECONDS)
+    except OSError as error:
+        raise UserError(
+            f"cannot bind {bind[0]}:{bind[1]}: {(error.strerror or str(error)).lower()}; end "
+            "the other process or change `gateway.bind`"
+        ) from None
+    around: DatagramSocket = PeersOnly(bare, peers)
+    emulated = None
+    if settings.link is not None:
+        around = emulated = Emulated(around, settings.link, flips=secret is not None)
+    if secret is not None:
+        around = Sealed(around, secret, sends=TO_ROS)
+    return around, emulated
 
 
 def address(text: str) -> Address:

@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the peer says that it received, put beside what the scenario declares.
+"""What became of each topic between gateway and peer, put beside what the scenario declares.
 
-Rule: rates are counted in stamps, over all that the peer has received. An age only means something
-where stamps follow the wall clock.
+Rule: rates are counted in stamps, over all that was received. An age only means something where
+stamps follow the wall clock. The sums come from `udp_bridge` and add up there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from groundlink.clock import NANOS
 from groundlink.messages import StreamReport
+from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, LinkReport, TopicReport
 from udp_bridge.types import MSG_TYPES
 
+FROM_ROS = "from ROS"
+
 
 class PeerReports:
-    """The newest reports of the gateway's peer.
+    """Makes the rows of the gateway's table.
 
     Parameters
     ----------
@@ -29,39 +34,77 @@ class PeerReports:
     ) -> None:
         self._declared_hz = declared_hz
         self._stamps_follow_wall = stamps_follow_wall
-        self._topics: dict[tuple[int, str], TopicReport] = {}
         self.link: LinkReport | None = None
 
-    def heard(self, topic: str, report: TopicReport) -> None:
-        """Take note of a report about one topic."""
-        self._topics[report.msg_type, topic] = report
+    def streams(
+        self, accounts: Iterable[Account], arrivals: Iterable[tuple[str, TopicReport]] = ()
+    ) -> list[StreamReport]:
+        """Return a row for every declared topic, in that order, then for the others.
 
-    def streams(self) -> list[StreamReport]:
-        """Return a row for every declared topic, in that order, then for the others."""
-        of_ros = (key for key in sorted(self._topics) if MSG_TYPES[key[0]].ros_type)
+        Parameters
+        ----------
+        accounts
+            of what was sent to the peer.
+        arrivals
+            topic and report of what came from it.
+        """
+        sent = {(row.msg_type, row.topic): row for row in accounts}
+        of_ros = (key for key in sorted(sent) if MSG_TYPES[key[0]].ros_type)
         keys = dict.fromkeys([*self._declared_hz, *of_ros])
-        return [self._row(key) for key in keys]
+        back = [row for row in arrivals if MSG_TYPES[row[1].msg_type].ros_type]
+        return [
+            *(self._sent(key, sent.get(key)) for key in keys),
+            *(self._came(topic, report) for topic, report in back),
+        ]
 
-    def _row(self, key: tuple[int, str]) -> StreamReport:
+    def _sent(self, key: tuple[int, str], account: Account | None) -> StreamReport:
         msg_type, topic = key
         ros_type = MSG_TYPES[msg_type].name
         declared = self._declared_hz.get(key)
-        report = self._topics.get(key)
-        if report is None:
+        if account is None:
             return StreamReport(topic, ros_type, declared, None, None, 0, 0)
-        span_nanos = report.last_stamp_nanos - report.first_stamp_nanos
-        measured = (report.messages - 1) * NANOS / span_nanos if span_nanos > 0 else None
+        report = account.report
         # What has no rate is not measured anew each time, so its stamp says nothing of its age.
-        is_measured = declared is not None and report.age_nanos != NO_AGE
-        known_age = self._stamps_follow_wall and is_measured
+        tells_ages = self._stamps_follow_wall and declared is not None and report is not None
         return StreamReport(
             topic,
             ros_type,
             declared,
-            measured,
-            report.age_nanos / NANOS if known_age else None,
-            report.messages,
-            report.missing + report.incomplete,
+            _rate_hz(report),
+            _seconds(report.age_p50_nanos) if report and tells_ages else None,
+            account.delivered,
+            account.missing + account.incomplete + account.late,
+            age_p99_seconds=_seconds(report.age_p99_nanos) if report and tells_ages else None,
+            sent=account.sent,
+            missing=account.missing,
+            incomplete=account.incomplete,
+            late=account.late,
+            dropped=account.dropped,
+            in_flight=account.in_flight,
+            repaired=account.repaired,
+            superseded=account.superseded,
+            delivered_bytes=account.delivered_bytes,
+        )
+
+    def _came(self, topic: str, report: TopicReport) -> StreamReport:
+        return StreamReport(
+            topic,
+            MSG_TYPES[report.msg_type].name,
+            None,
+            _rate_hz(report),
+            _seconds(report.age_p50_nanos),
+            report.published,
+            report.missing + report.incomplete + report.late,
+            direction=FROM_ROS,
+            age_p99_seconds=_seconds(report.age_p99_nanos),
+            sent=report.numbers,
+            missing=report.missing,
+            incomplete=report.incomplete,
+            late=report.late,
+            dropped=report.dropped,
+            in_flight=report.pending,
+            repaired=report.repaired,
+            delivered_bytes=report.body_bytes,
         )
 
 
@@ -69,4 +112,16 @@ def peer_counters(link: LinkReport | None) -> dict[str, int]:
     """Return what the peer's socket lost, by name."""
     if link is None:
         return {}
-    return {"peer_refused": link.refused, "peer_kernel_drops": link.kernel_drops}
+    by_reason = {f"peer_refused_{reason}": count for reason, count in link.reasons}
+    return {"peer_refused": link.refused, **by_reason, "peer_kernel_drops": link.kernel_drops}
+
+
+def _rate_hz(report: TopicReport | None) -> float | None:
+    if report is None:
+        return None
+    span_nanos = report.last_stamp_nanos - report.first_stamp_nanos
+    return (report.published - 1) * NANOS / span_nanos if span_nanos > 0 else None
+
+
+def _seconds(age_nanos: int) -> float | None:
+    return None if age_nanos == NO_AGE else age_nanos / NANOS

@@ -22,11 +22,21 @@ from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Command, State, encode
 from groundlink.scenario import Scenario, load
-from groundlink.topics import ACK, CLOCK, COMMAND, HEALTH, STATE, history_key, scenario_key
+from groundlink.topics import (
+    ACK,
+    CLOCK,
+    COMMAND,
+    GROUND_TRUTH,
+    HEALTH,
+    STATE,
+    history_key,
+    scenario_key,
+)
 from groundlink.world.build import solids, world_hash
 
 from .pace import AsFastAsSensors, RealTime
 from .simulation import Simulation
+from .truth import Truth
 
 HISTORY_TICKS = 1024
 """States kept for sensors that rejoin: more than a window and the longest revolution together."""
@@ -59,6 +69,11 @@ class Physics:
         self._acks: dict[str, Ack] = {}
         self._publish_state = bus.publisher(STATE.key_in(run), STATE.delivery)
         self._publish_clock = bus.publisher(CLOCK.key_in(run), CLOCK.delivery)
+        self._truths = [Truth(vehicle) for vehicle in scenario.vehicles]
+        self._publish_truth = {
+            v.name: bus.publisher(GROUND_TRUTH.key_in(run, vehicle=v.name), GROUND_TRUTH.delivery)
+            for v in scenario.vehicles
+        }
         self._commands: Inbox[Command] = Inbox(depth=64)
         self._arrived_acks: Inbox[Ack] = Inbox(depth=1024)
         self._command_keys = {
@@ -105,7 +120,7 @@ class Physics:
         self.publish()
 
     def publish(self) -> None:
-        """Publish the state of this tick, and the clock when it is due."""
+        """Publish the state of this tick, and the clock and the ground truth when they are due."""
         simulation = self._simulation
         state = State(
             self._run,
@@ -119,6 +134,9 @@ class Physics:
         if self._clock.tick(self._next_clock) <= simulation.tick:
             self._next_clock += 1
             self._publish_clock(Clock(state.stamp_nanos, self.epoch_nanos, simulation.tick))
+        for truth in self._truths:
+            if odometry := truth.odometry(state):
+                self._publish_truth[truth.vehicle](odometry)
 
     def close(self) -> None:
         """End the simulation."""

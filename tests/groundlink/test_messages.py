@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundlink import messages
+from groundlink import imagery, messages, navigation
 from groundlink.messages import POINT, BadMessage, Message, decode, encode, packed
 
 POINTS = np.zeros(3, POINT)
@@ -30,6 +30,7 @@ REPORT = messages.StreamReport(
     messages=99,
     lost=1,
 )
+COVARIANCE = packed(np.arange(36.0))
 EXAMPLES: list[Message] = [
     messages.State("run", 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE}),
     messages.State("run", 0, 0, 0, "", {}),
@@ -39,6 +40,38 @@ EXAMPLES: list[Message] = [
     messages.PointCloud(8, "lidar", packed(POINTS)),
     messages.PointCloud(8, "lidar", packed(POINTS[:0])),
     messages.WheelEncoders(9, "base", ("left", "right"), (2**63 - 1, -(2**63))),
+    imagery.Image(10, "camera", 2, 3, "rgb8", 9, packed(np.arange(18, dtype=np.uint8))),
+    imagery.CompressedImage(11, "camera", "jpeg", packed(np.arange(7, dtype=np.uint8))),
+    imagery.CameraInfo(
+        *(12, "camera", 480, 640, "plumb_bob", packed(np.arange(5.0)), packed(np.eye(3))),
+        *(packed(np.eye(3)), packed(np.eye(3, 4))),
+    ),
+    imagery.LaserScan(
+        *(13, "laser", -1.5, 0.5, 1e-4, 0.1, 0.1, 30.0),
+        *(packed(np.float32([1, 2, np.inf])), packed(np.float32([3, 4, 0]))),
+    ),
+    imagery.LaserScan(13, "laser", 0.0, 0.5, 0.0, 0.1, 0.1, 30.0, memoryview(b""), memoryview(b"")),
+    imagery.Range(14, "sonar", "ultrasound", 0.5, 0.25, 4.0, 1.5, 0.0),
+    navigation.PoseStamped(15, "map", (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)),
+    navigation.Odometry(
+        *(16, "odom", "base_link", (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)),
+        *((0.5, 0.0, 0.0), (0.0, 0.0, 0.25), COVARIANCE, COVARIANCE),
+    ),
+    navigation.OccupancyGrid(
+        *(17, "map", 5, 0.25, 3, 2, (-1.0, -2.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
+        packed(np.array([0, 100, -1, 50, 0, 1], np.int8)),
+    ),
+    navigation.Transforms(
+        (
+            navigation.Transform(18, "odom", "base", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
+            navigation.Transform(17, "base", "arm", (0.0, 0.0, 1.0), (0.6, 0.0, 0.0, 0.8)),
+        )
+    ),
+    navigation.JointState(
+        *(19, "", ("left", "right"), packed(np.array([0.5, 0.25]))),
+        *(packed(np.array([1.0, -1.0])), memoryview(b"")),
+    ),
+    navigation.NavSatFix(20, "gps", 0, 9, 50.25, 18.5, 250.0, packed(np.diag([1.0, 1.0, 4.0])), 2),
     messages.Ack(10, 11, -1),
     messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,)),
 ]
@@ -130,6 +163,27 @@ def test_a_cloud_with_half_a_point_is_refused() -> None:
     document = {"stamp_nanos": 1, "frame": "f", "points": bytes(33)}
     with pytest.raises(BadMessage, match="`points` has 33 bytes, expected a multiple of 22"):
         decode(msgspec.msgpack.encode(document), messages.PointCloud)
+
+
+LENGTHS = [
+    (type(example), field, len(value))
+    for example in EXAMPLES
+    if not isinstance(example, messages.State | messages.PointCloud | imagery.CompressedImage)
+    for field in example.__struct_fields__
+    if isinstance(value := getattr(example, field), memoryview) and len(value)
+]
+
+
+@pytest.mark.parametrize(("message_type", "field", "size"), LENGTHS)
+@pytest.mark.parametrize("off", [1, -1])
+def test_an_array_that_disagrees_with_its_message_is_refused(
+    message_type: type[Message], field: str, size: int, off: int
+) -> None:
+    example = next(e for e in EXAMPLES if type(e) is message_type)
+    document = msgspec.msgpack.decode(encode(example))
+    document[field] = bytes(size + off)
+    with pytest.raises(BadMessage, match=f"`{field}` has {size + off} bytes, expected"):
+        decode(msgspec.msgpack.encode(document), message_type)
 
 
 def test_counters_beyond_64_bits_are_refused() -> None:

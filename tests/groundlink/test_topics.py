@@ -5,32 +5,42 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import groundlink
 from groundlink import messages, topics
 from groundlink.ros_messages import ROS_FORMS
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES
-from groundlink.topics import SENSOR_TOPICS, TOPICS, process_names, sensor_rate_hz
+from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, FromRos, Stream
+from groundlink.topics import (
+    FROM_ROS,
+    SENSOR_TOPICS,
+    STREAM_TOPICS,
+    TOPICS,
+    process_names,
+    sensor_rate_hz,
+)
 
 
 def test_every_message_of_the_bus_has_a_row() -> None:
-    kinds = {
-        value
-        for value in vars(messages).values()
-        if isinstance(value, type)
-        and issubclass(value, messages.Message)
-        and value is not messages.Message
-    }
-    assert {topic.message for topic in TOPICS} == kinds
+    assert {topic.message for topic in TOPICS} == set(messages.Message.__subclasses__())
 
 
 def test_first_words_of_keys_are_reserved() -> None:
     words = {topic.key.split("/")[0] for topic in TOPICS} - {"{vehicle}"}
-    assert words | {"scenario"} == RESERVED_NAMES
+    assert words | {"scenario", "link"} == RESERVED_NAMES
     last = {topic.key.split("/")[1] for topic in TOPICS if topic.key.startswith("{vehicle}/")}
     assert last - {"{sensor}"} == RESERVED_SENSOR_NAMES
+
+
+def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
+    assert set(get_args(get_type_hints(Stream)["kind"])) == set(STREAM_TOPICS)
+    assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_FORMS) - {messages.Clock}
+
+
+def test_every_field_of_from_ros_has_a_row() -> None:
+    assert set(FROM_ROS) == set(FromRos.__struct_fields__)
 
 
 def test_unfilled_words_match_everything() -> None:

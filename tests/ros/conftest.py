@@ -84,6 +84,7 @@ class FarEnd:
 
     def __init__(self, to: tuple[str, int]) -> None:
         self.received: list[Message] = []
+        self._to = to
         self._link = Link(("127.0.0.1", 0), to, on_message=lambda got, _: self.received.append(got))
 
     def send(
@@ -91,6 +92,15 @@ class FarEnd:
     ) -> None:
         self._link.send(msg_type, topic, link, stamp_nanos, body)
         assert self._link.flush(10.0)
+
+    def skip(self, msg_type: int, topic: str) -> None:
+        """Lose a message on the way: its number is missing."""
+        with self._link._wake:
+            self._link._outboxes[self._to]._numbering.next(msg_type, topic)
+
+    def refuse(self) -> None:
+        """Send what is no datagram of the bridge."""
+        self._link._socket.send([b"garbage"], self._to)
 
     def reach(self, listener: Process, msg_type: int, topic: str, body: bytes) -> None:
         """Send a message until the listener got it: from then on DDS knows of both ends."""

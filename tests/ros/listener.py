@@ -17,6 +17,7 @@ from typing import Any
 
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 
 CONTENT: dict[str, Callable[[Any], Any]] = {
@@ -24,10 +25,18 @@ CONTENT: dict[str, Callable[[Any], Any]] = {
     "Imu": lambda message: message.linear_acceleration.x,
     "WheelEncoders": lambda message: [list(message.name), list(message.ticks)],
     "Clock": lambda message: None,
+    "DiagnosticArray": lambda message: [
+        [row.name, [row.level[0], row.hardware_id, {pair.key: pair.value for pair in row.values}]]
+        for row in message.status
+    ],
     "TFMessage": lambda message: {
         row.child_frame_id: row.transform.translation.x for row in message.transforms
     },
 }
+
+
+def as_cdr(message: Any) -> str:
+    return serialize_message(message).hex()
 
 
 def stamp_nanos(message: Any) -> int:
@@ -49,7 +58,8 @@ def subscribe(
     package, _, name = ros_type.split("/")
 
     def take(message: Any) -> None:
-        print(json.dumps([topic, stamp_nanos(message), CONTENT[name](message)]), flush=True)
+        content = CONTENT.get(name, as_cdr)(message)
+        print(json.dumps([topic, stamp_nanos(message), content]), flush=True)
         time.sleep(sleep_s)
 
     qos = QoSProfile(

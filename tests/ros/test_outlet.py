@@ -39,30 +39,36 @@ class Node:
         return logging.getLogger(__name__)
 
 
-def body(number: int) -> bytes:
-    return b"\x00\x01\x00\x00" + bytes([number])
+def body(number: int, size: int = 1) -> bytes:
+    return b"\x00\x01\x00\x00" + bytes([number]) * size
 
 
-def put(outlet: Outlet, msg_type: int, topic: str, number: int) -> None:
-    outlet.put(MSG_TYPES[msg_type], Message(msg_type, topic, "", 0, 0, body(number)), SENDER)
+def put(outlet: Outlet, msg_type: int, topic: str, number: int, size: int = 1) -> None:
+    message = Message(msg_type, topic, "", 0, 0, body(number, size))
+    outlet.put(MSG_TYPES[msg_type], message, SENDER)
 
 
 @pytest.mark.parametrize(
-    ("msg_type", "published"),
-    [(1, [0, 7, 8, 9]), (2, list(range(10)))],
-    ids=["large: the newest win", "small: all wait"],
+    ("msg_type", "size", "published"),
+    [
+        (1, 1_300_000, [0, 7, 8, 9]),
+        (1, 200_000, [0, 5, 6, 7, 8, 9]),
+        (1, 50_000, list(range(10))),
+        (2, 324, list(range(10))),
+    ],
+    ids=["large: the newest win", "a megabyte waits", "blocks: all wait", "small: all wait"],
 )
-def test_while_publishing_stalls(msg_type: int, published: list[int]) -> None:
+def test_while_publishing_stalls(msg_type: int, size: int, published: list[int]) -> None:
     node = Node()
     outlet = Outlet(node)  # type: ignore[arg-type]
-    put(outlet, msg_type, "/topic", 0)
+    put(outlet, msg_type, "/topic", 0, size)
     assert node.is_publishing.wait(10.0)
     for number in range(1, 10):
-        put(outlet, msg_type, "/topic", number)
+        put(outlet, msg_type, "/topic", number, size)
     node.may_publish.set()
     wait_until(lambda: len(node.bodies) == len(published), "the messages that waited")
     outlet.close()
-    assert node.bodies == [body(number) for number in published]
+    assert node.bodies == [body(number, size) for number in published]
     assert outlet.published == len(published)
     assert outlet.dropped == 10 - len(published)
 

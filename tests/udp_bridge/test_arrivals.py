@@ -1,65 +1,107 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-from udp_bridge import Counters, Message
-from udp_bridge.arrivals import AGES_KEPT, TOPICS_REPORTED, Arrivals
+import pytest
+
+from udp_bridge import Message
+from udp_bridge.arrivals import (
+    AGES_KEPT,
+    AGES_NANOS,
+    WAITING_KEPT,
+    TopicArrivals,
+    key_of,
+    percentile,
+)
 from udp_bridge.control import NO_AGE, TopicReport
 
-
-def imu(stamp_nanos: int, link: str = "imu", topic: str = "/imu") -> Message:
-    return Message(2, topic, link, stamp_nanos, 0, b"")
+WALL = 10**18
 
 
-def test_counts_stamps_and_the_median_age() -> None:
-    arrivals = Arrivals()
-    for stamp, wall in ((1000, 1500), (2000, 2010), (3000, 3100)):
-        arrivals.arrived(imu(stamp), wall)
-    assert arrivals.reports() == [
-        ("/imu", "imu", TopicReport(2, 3, 0, 0, 0, 0, 1000, 3000, 100)),
-    ]
+def imu(seq_number: int, stamp_nanos: int, body: bytes = b"x") -> Message:
+    return Message(2, "/imu", "imu", stamp_nanos, seq_number, body)
 
 
-def test_ages_are_of_the_messages_since_the_last_report() -> None:
-    arrivals = Arrivals()
-    arrivals.arrived(imu(1000), 9000)
-    arrivals.reports()
-    ((_, _, silent),) = arrivals.reports()
-    assert (silent.messages, silent.last_stamp_nanos, silent.age_nanos) == (1, 1000, NO_AGE)
-    arrivals.arrived(imu(2000), 1990)  # clocks of two machines may disagree
-    ((_, _, report),) = arrivals.reports()
-    assert (report.messages, report.first_stamp_nanos, report.age_nanos) == (2, 1000, -10)
+def come(arrivals: TopicArrivals, message: Message) -> Message:
+    arrivals.seen(message.header())
+    arrivals.handed(message)
+    return message
 
 
-def test_links_of_a_topic_are_told_apart_and_share_its_losses() -> None:
-    arrivals = Arrivals()
-    arrivals.arrived(imu(1, "left"), 1)
-    arrivals.arrived(imu(2, "right"), 2)
-    lost = Counters()
-    lost.missing, lost.incomplete, lost.late, lost.duplicates = 4, 3, 2, 1
-    reports = arrivals.reports([(2, "/imu", "right", lost)])
-    assert [(link, report[1:6]) for _, link, report in reports] == [
-        ("left", (1, 4, 3, 2, 1)),
-        ("right", (1, 4, 3, 2, 1)),
-    ]
+def publish(arrivals: TopicArrivals, message: Message, wall_nanos: int = WALL) -> None:
+    arrivals.published(key_of(come(arrivals, message)), wall_nanos)
 
 
-def test_a_topic_that_never_became_whole_is_reported() -> None:
-    lost = Counters()
-    lost.incomplete = 7
-    arrivals = Arrivals()
-    (row,) = arrivals.reports([(1, "/points", "lidar", lost)])
-    assert row == ("/points", "lidar", TopicReport(1, 0, 0, 7, 0, 0, 0, 0, NO_AGE))
+def test_counts_bytes_stamps_and_ages() -> None:
+    arrivals = TopicArrivals()
+    for number, age in enumerate([500, 10, 100]):
+        publish(arrivals, imu(7 + number, WALL - age))
+    assert arrivals.report(2, 4, WALL) == TopicReport(
+        msg_type=2,
+        first_number=7,
+        since_nanos=WALL,
+        numbers=3,
+        published=3,
+        dropped=0,
+        incomplete=0,
+        late=0,
+        pending=0,
+        repaired=0,
+        duplicates=4,
+        body_bytes=3,
+        first_seen_stamp_nanos=WALL - 500,
+        first_stamp_nanos=WALL - 500,
+        last_stamp_nanos=WALL - 100,
+        age_p50_nanos=100,
+        age_p99_nanos=500,
+    )
+    assert arrivals.report(2, 4, WALL + 9).since_nanos == WALL
+
+
+def test_an_age_is_taken_at_publication_and_told_for_10_s() -> None:
+    arrivals = TopicArrivals()
+    message = come(arrivals, imu(0, WALL))
+    waiting = arrivals.report(2, 0, WALL + 50)
+    assert (waiting.published, waiting.pending, waiting.age_p50_nanos) == (0, 1, NO_AGE)
+    arrivals.published(key_of(message), WALL + 90)
+    assert arrivals.report(2, 0, WALL + AGES_NANOS + 90).age_p50_nanos == 90
+    silent = arrivals.report(2, 0, WALL + AGES_NANOS + 91)
+    assert (silent.published, silent.age_p50_nanos, silent.age_p99_nanos) == (1, NO_AGE, NO_AGE)
+
+
+def test_clocks_of_two_machines_may_disagree() -> None:
+    arrivals = TopicArrivals()
+    publish(arrivals, imu(0, WALL + 10))
+    assert arrivals.report(2, 0, WALL).age_p50_nanos == -10
+
+
+def test_each_message_counts_once_whatever_its_user_says() -> None:
+    arrivals = TopicArrivals()
+    message = come(arrivals, imu(0, 1))
+    arrivals.drop(key_of(message))
+    arrivals.drop(key_of(message))
+    arrivals.published(key_of(message), WALL)
+    arrivals.published((9, 9), WALL)  # never handed over, or in another life
+    report = arrivals.report(2, 0, WALL)
+    assert (report.dropped, report.published, report.pending, report.missing) == (1, 0, 0, 0)
 
 
 def test_memory_is_bounded() -> None:
-    arrivals = Arrivals()
-    for stamp in range(AGES_KEPT + 1):
-        arrivals.arrived(imu(stamp), 2 * stamp)
-    ((_, _, report),) = arrivals.reports()
-    assert report.messages == AGES_KEPT + 1
-    assert report.age_nanos == AGES_KEPT // 2 + 1  # the first one's age is no longer known
-    for index in range(TOPICS_REPORTED):
-        arrivals.arrived(imu(0, topic=str(index)), 0)
-    topics = [topic for topic, _, _ in arrivals.reports()]
-    assert len(topics) == TOPICS_REPORTED
-    assert "/imu" not in topics
+    arrivals = TopicArrivals()
+    for number in range(WAITING_KEPT + 3):
+        come(arrivals, imu(number, number))
+    report = arrivals.report(2, 0, WALL)
+    assert (report.dropped, report.pending) == (3, WAITING_KEPT)
+    for number in range(WAITING_KEPT + 3, WAITING_KEPT + 5 + AGES_KEPT):
+        publish(arrivals, imu(number, WALL - number), WALL)
+    report = arrivals.report(2, 0, WALL)
+    assert report.age_p50_nanos == WAITING_KEPT + 4 + AGES_KEPT // 2
+    assert report.missing == 0
+
+
+@pytest.mark.parametrize(
+    ("count", "p50", "p99"), [(1, 0, 0), (2, 0, 1), (100, 49, 98), (101, 50, 99), (1000, 499, 989)]
+)
+def test_percentiles(count: int, p50: int, p99: int) -> None:
+    ordered = list(range(count))
+    assert (percentile(ordered, 50), percentile(ordered, 99)) == (p50, p99)
+    assert sum(age <= p99 for age in ordered) >= 0.99 * count

@@ -224,3 +224,15 @@ def test_stalls_with_credits_between_them_do_not_bring_the_bucket_back() -> None
         sent = send_what_may_go(pacer, start_ms, start_ms + 200)
         assert len(sent) >= 4  # at least one after each of three stalls
         pacer.acknowledged(sent[-1], 4 * COST, (start_ms + 200) * MS)
+
+
+def test_a_peer_that_does_not_get_to_read_is_not_buried() -> None:
+    window = CreditWindow()
+    window.acknowledged(key(0), 16 * COST, 0)
+    sent = 0
+    for now_ms in range(0, 1000, 10):
+        while window.may_send(SIZE, now_ms * MS):
+            sent += 1
+            window.sent(key(sent), SIZE, now_ms * MS)
+    assert sent == 8 + 4 + 4 + (window.stalls - 2)
+    assert window.stalls >= 15

@@ -8,13 +8,16 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import pytest
 
 from udp_bridge import BadMessage, Link, Message, TooLarge, control, fragments
 from udp_bridge.control import LinkReport, TopicReport
+from udp_bridge.header import Buffer
+from udp_bridge.sending import Address
+from udp_bridge.udp_socket import UdpSocket, buffer_hint
 
 LOCAL = ("127.0.0.1", 0)
 DEFAULT_BUFFER = 212_992
@@ -102,6 +105,13 @@ def test_clouds_do_not_overrun_a_default_receive_buffer(make: Make, datagram: in
     assert sent["superseded"] == 0
     assert sent["sent_datagrams"] == received["received_datagrams"]
     assert sent["sent_bytes"] == received["received_bytes"]
+
+
+def test_a_small_receive_buffer_comes_with_a_hint() -> None:
+    assert buffer_hint(8 << 20) == ""
+    hint = buffer_hint(DEFAULT_BUFFER)
+    assert hint.endswith("sysctl -w net.core.rmem_max=4194304")
+    assert "212992 bytes instead of 8388608" in hint
 
 
 def test_the_largest_message_arrives(make: Make) -> None:
@@ -216,11 +226,44 @@ def test_reports_tell_a_sender_what_arrived(make: Make) -> None:
     wait_for(lambda: len(sender.received) >= 2)
     bodies = [control.parse(message.body) for message in sender.received]
     report = next(body for body in bodies if isinstance(body, TopicReport))
-    assert report[:8] == (2, 2, 0, 0, 0, 0, stamp, stamp + 1)
-    assert 0 < report.age_nanos < 60 * 10**9
+    assert (report.msg_type, report.numbers, report.published, report.pending) == (2, 2, 2, 0)
+    assert (report.first_stamp_nanos, report.last_stamp_nanos) == (stamp, stamp + 1)
+    assert 0 < report.age_p50_nanos <= report.age_p99_nanos < 60 * 10**9
     total = next(body for body in bodies if isinstance(body, LinkReport))
-    assert total[1:] == (2, receiver.link.counters()["received_bytes"], 0, 0)
+    assert total[1:5] == (2, receiver.link.counters()["received_bytes"], 0, 0)
     assert [message.topic for message in sender.received[:2]] == ["/imu", ""]
+
+
+def test_a_receiver_that_ends_tells_what_arrived_so_that_another_one_goes_on(make: Make) -> None:
+    receiver = make(report=True)
+    address = receiver.link.address
+    sender = make(peer=address)
+    for index in range(5):
+        sender.link.send(2, "/imu", "imu", 1 + index, b"x")
+    wait_for(lambda: len(receiver.received) == 5)
+    receiver.link.close()
+    wait_for(lambda: sender.link.accounts()[0].delivered == 5)
+    again = make(bind=address, report=True)
+    sender.link.send(2, "/imu", "imu", 6, b"x")
+    wait_for(lambda: len(again.received) == 1)
+    again.link.close()
+    wait_for(lambda: sender.link.accounts()[0].delivered == 6)
+    (account,) = sender.link.accounts()
+    assert (account.sent, account.missing, account.in_flight) == (6, 0, 0)
+
+
+def test_what_is_confirmed_counts_when_it_is_told(make: Make) -> None:
+    receiver = make(report=True, confirmed=True)
+    sender = make(peer=receiver.link.address)
+    for index in range(3):
+        sender.link.send(2, "/imu", "imu", 1 + index, b"x")
+    wait_for(lambda: len(receiver.received) == 3)
+    receiver.link.published(receiver.received[0], sender.link.address)
+    receiver.link.dropped(receiver.received[1], sender.link.address)
+    receiver.link.close()
+    wait_for(lambda: sender.link.accounts()[0].delivered == 1)
+    (account,) = sender.link.accounts()
+    assert (account.dropped, account.in_flight) == (1, 1)
 
 
 def test_without_report_nothing_goes_back_for_small_messages(make: Make) -> None:
@@ -355,3 +398,27 @@ def test_on_message_may_close_the_link(make: Make) -> None:
     sender = make(peer=links[0].address)
     sender.link.send(8, "/clock", "", 0, b"t")
     wait_for(lambda: not any(thread.is_alive() for thread in links[0]._threads))
+
+
+def test_a_link_uses_and_closes_the_socket_that_it_is_given(make: Make) -> None:
+    class Loud(UdpSocket):
+        def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
+            sent.append(sum(map(len, buffers)))
+            return super().send(buffers, to)
+
+        def close(self) -> None:
+            closed.append(self)
+            super().close()
+
+    sent: list[int] = []
+    closed: list[UdpSocket] = []
+    receiver = make()
+    own = Loud(LOCAL, receive_buffer=DEFAULT_BUFFER, wait_s=0.05)
+    sender = make(peer=receiver.link.address, socket=own)
+    assert sender.link.address == own.address
+    assert sender.link.receive_buffer == own.receive_buffer
+    sender.link.send(8, "/clock", "", 0, b"t")
+    wait_for(lambda: len(receiver.received) == 1)
+    assert sent == [24 + 1]
+    sender.link.close()
+    assert closed == [own]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import udp_bridge
-from udp_bridge import MSG_TYPES, Limits, control, flow, parse
+from udp_bridge import MSG_TYPES, Limits, control, fec_parts, flow, parse, resend, resend_asking
 from udp_bridge.control import Subscribe
 
 from .vectors import load
@@ -83,8 +83,10 @@ def reasons_in(path: Path) -> set[str]:
     [
         ("## 5. Subscribe", len(Subscribe(9).pack())),
         ("**Kind 0, Credit**", 12),
-        ("**Kind 1, TopicReport**", 72),
+        ("**Kind 1, TopicReport**", 128),
         ("**Kind 2, LinkReport**", 40),
+        ("**Kind 0, Offer**", 8),
+        ("**Kind 1, Request**", 8),
     ],
 )
 def test_bodies_have_no_gaps_and_the_size_that_is_said(heading: str, size: int) -> None:
@@ -107,7 +109,7 @@ def test_bodies_have_no_gaps_and_the_size_that_is_said(heading: str, size: int) 
 )
 def test_fields_of_control_stand_in_their_order(heading: str, kind: type[control.Control]) -> None:
     on_page = [field for _, field, _, _ in table(heading) if field not in ("", "kind")]
-    in_code = [field.replace("_nanos", "") for field in kind._fields]
+    in_code = [field.replace("_nanos", "") for field in kind._fields if field != "reasons"]
     assert on_page == [field.replace("bytes_received", "bytes") for field in in_code]
 
 
@@ -121,5 +123,20 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"bursts of {flow.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
         f"{flow.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
         f"{flow.STALL_NANOS // 10**6} ms",
+        f"again after {resend.FIRST_STEP_NANOS // 10**6} ms",
+        f"every {resend.LONGEST_STEP_NANOS // 10**6} ms, until",
+        f"one part at most every {resend.SMALL_STEP_NANOS // 10**6} ms",
+        f"at most {resend.HISTORY_BYTES >> 20} MiB of bodies and {resend.HISTORY_MESSAGES}",
+        f"in any case {resend.GOODPUT_FLOOR_BYTES:,} bytes".replace(",", " "),
+        f"again within {resend.DEBOUNCE_NANOS / 1e6} ms",
+        f"the {resend_asking.WANTS} newest such messages",
+        f"at most {resend_asking.TRIES} times",
+        f"asks {resend_asking.DEBOUNCE_NANOS // 10**6} ms later",
+        f"at least {resend_asking.SHORTEST_WAIT_NANOS // 10**6} ms more than measured",
+        f"{resend_asking.FIRST_WAIT_NANOS // 10**6} ms while none was",
+        f"then {resend_asking.BACK_OFF} times later each time, up to"
+        f" {resend_asking.LONGEST_BACK_OFF:.0f} times",
+        f"up to {limits.open_per_offered_topic} open messages of such a topic",
+        f"tries at most {fec_parts.ATTEMPTS} times",
     ):
         assert text in re.sub(r"\s+", " ", PAGE), text

@@ -455,7 +455,7 @@ def test_the_oldest_topic_is_the_one_silent_longest() -> None:
     receiver = Receiver(topics=2)
     for topic in ("/1", "/2", "/1", "/3"):
         receiver.part(imu(9)._replace(topic=topic))
-    assert [topic for _, topic, _, _ in receiver.reassembler.tallies("a")] == ["/1", "/3"]
+    assert [topic for topic, _, _ in receiver.reassembler.reports("a", 0)] == ["/1", "/3"]
 
 
 def test_a_newcomer_takes_a_topic_from_the_sender_with_most() -> None:
@@ -466,7 +466,7 @@ def test_a_newcomer_takes_a_topic_from_the_sender_with_most() -> None:
     receiver.part(imu(9), sender="newcomer")
     assert receiver.part(imu(1)._replace(topic="/quiet"), sender="b") is None
     assert receiver.part(imu(1)._replace(topic="/2")) is None
-    assert [topic for _, topic, _, _ in receiver.reassembler.tallies("a")] == ["/2"]
+    assert [topic for topic, _, _ in receiver.reassembler.reports("a", 0)] == ["/2"]
 
 
 # Counting by topic, and type 64.
@@ -477,20 +477,15 @@ def test_losses_are_counted_by_topic_too() -> None:
     receiver.seqs(imu(1), imu(5), imu(4), imu(5))
     receiver.part(cloud(1), 0)
     receiver.reassembler.give_up_all()
-    tallies = {
-        (msg_type, topic, link): counters.as_dict()
-        for msg_type, topic, link, counters in receiver.reassembler.tallies("a")
+    reports = {
+        (report.msg_type, topic, link): report
+        for topic, link, report in receiver.reassembler.reports("a", 0)
     }
-    assert tallies[2, "/imu", "imu"] == {
-        "messages": 2,
-        "missing": 3,
-        "late": 1,
-        "duplicates": 1,
-        "incomplete": 0,
-        "refused": {},
-    }
-    assert tallies[1, "/points", "lidar"]["incomplete"] == 1
-    assert list(receiver.reassembler.tallies("nobody")) == []
+    of_imu = reports[2, "/imu", "imu"]
+    assert (of_imu.numbers, of_imu.pending, of_imu.late, of_imu.missing) == (5, 2, 1, 2)
+    assert (of_imu.duplicates, of_imu.incomplete) == (1, 0)
+    assert reports[1, "/points", "lidar"].incomplete == 1
+    assert receiver.reassembler.reports("nobody", 0) == []
 
 
 def test_control_is_handed_over_whatever_its_number_and_stamp() -> None:
@@ -535,7 +530,7 @@ def test_whatever_arrives_the_limits_hold(data: st.DataObject) -> None:
             data.draw(st.sampled_from("abcde")),
         )
         assert 0 <= reassembler.memory_bytes <= 8000
-        tallied = [len(list(reassembler.tallies(sender))) for sender in "abcde"]
+        tallied = [len(reassembler.reports(sender, 0)) for sender in "abcde"]
         assert sum(tallied) <= 5
         assert sum(map(bool, tallied)) <= 3
     reassembler.give_up_all()

@@ -131,15 +131,39 @@ def test_each_sender_is_told_what_came_from_it() -> None:
     bench.inbox.kernel_drops = 9
     bench.inbox.receive(memoryview(b"bad"), OTHER, 0, WALL)
     rows = reported(bench, SECOND)
-    total = LinkReport(212_992, bench.inbox.datagrams, bench.inbox.bytes_received, 1, 9)
+    received = bench.inbox.bytes_received
+    total = LinkReport(212_992, bench.inbox.datagrams, received, 1, 9, (("short", 1),))
+    waiting = -(1 << 63)
+    since = WALL + 5
+    points = TopicReport(1, 4, since, 3, 0, 0, 0, 0, 2, 0, 0, 0, 123, 0, 0, waiting, waiting)
+    imu = TopicReport(2, 0, since, 1, 0, 0, 0, 0, 1, 0, 0, 0, 7, 0, 0, waiting, waiting)
     assert rows == {
-        SENDER: [
-            ("/points", "lidar", TopicReport(1, 2, 1, 0, 0, 0, 123, 223, WALL - 123)),
-            ("", "", total),
-        ],
-        OTHER: [("/imu", "imu", TopicReport(2, 1, 0, 0, 0, 0, 7, 7, WALL - 7)), ("", "", total)],
+        SENDER: [("/points", "lidar", points), ("", "", total)],
+        OTHER: [("/imu", "imu", imu), ("", "", total)],
     }
+    assert points.missing == 1
+    assert bench.inbox.told == [
+        (SENDER, "/points", "lidar", points),
+        (OTHER, "/imu", "imu", imu),
+    ]
     assert bench.inbox.datagrams == 4 + 4 + 1 + 1
+
+
+def test_what_was_published_is_reported() -> None:
+    bench = Bench()
+    messages = []
+    for number in range(3):
+        ((head, part),) = fragments(Message(2, "/imu", "imu", 7 + number, number, b"x"))
+        message, _ = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0, WALL)
+        assert message is not None
+        messages.append(message)
+    bench.inbox.published(messages[0], SENDER, WALL)
+    bench.inbox.dropped(messages[1], SENDER)
+    bench.inbox.published(messages[2], OTHER, WALL)  # nobody that was heard of
+    report = reported(bench, SECOND)[SENDER][0][2]
+    assert isinstance(report, TopicReport)
+    assert (report.published, report.dropped, report.pending) == (1, 1, 1)
+    assert report.age_p50_nanos == WALL - 7
 
 
 def test_who_was_not_heard_for_5_s_is_told_nothing() -> None:
@@ -157,9 +181,8 @@ def test_peers_are_bounded() -> None:
         bench.receive(cloud(10, port), sender=SENDER)
     told = reported(bench, 0)
     assert len(told) == 64
-    assert [row[2] for row in told[SENDER] if isinstance(row[2], TopicReport)] == [
-        TopicReport(1, 70, 0, 0, 0, 0, 123, 123, WALL - 123)
-    ]
+    (report,) = [row[2] for row in told[SENDER] if isinstance(row[2], TopicReport)]
+    assert (report.numbers, report.pending) == (70, 70)
     assert ("192.0.2.9", 0) not in told
 
 

@@ -106,6 +106,17 @@ def test_of_large_messages_the_newest_waits_behind_the_one_on_its_way() -> None:
     assert box.superseded == 2
 
 
+def test_blocks_of_a_whole_wait_for_each_other_within_their_bytes() -> None:
+    size = PARTS * 1452
+    box = Outbox(TO, "mtu", large_waiting=2 * size)
+    box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
+    for name in (b"a", b"b", b"c"):
+        box.put(cloud(name))
+    out = taken(box)
+    assert [body for header, body in out if header.part_number == PARTS] == [b"b", b"c"]
+    assert box.superseded == 1
+
+
 def test_large_messages_of_other_topics_and_links_are_not_superseded() -> None:
     box = outbox()
     for link, topic in (("l1", "/points"), ("l2", "/points"), ("l1", "/more")):

@@ -10,7 +10,7 @@ from udp_bridge.types import MessageType
 
 
 def test_numbers_are_those_of_the_wire() -> None:
-    assert list(MSG_TYPES) == [*range(1, 12), *range(32, 38), 64]
+    assert list(MSG_TYPES) == [*range(1, 12), *range(32, 38), 64, 65, 66]
 
 
 @pytest.mark.parametrize("row", MSG_TYPES.values(), ids=lambda row: row.name)
@@ -19,7 +19,7 @@ def test_row_is_whole(row: MessageType) -> None:
     assert type_number(row.name) == row.number
     assert row.direction in ("to ROS", "from ROS", "both")
     if row.ros_type is None:
-        assert row.name in ("Subscribe", "Control")
+        assert row.name in ("Subscribe", "Control", "Resend", "Repair")
         assert row.default_topic == ""
     else:
         assert re.fullmatch(rf"\w+_msgs/msg/{row.name}", row.ros_type)

@@ -30,11 +30,23 @@ def load(name: str) -> Vector:
 NAMES = sorted(path.stem for path in FOLDER.glob("*.bin"))
 VECTORS = [load(name) for name in NAMES]
 IN_ORDER = (
+    "camera-info",
     "clock-shortest-header",
     "cloud-255-parts",
     "cloud-in-order",
+    "compressed-image",
     "encoders",
+    "image",
     "imu",
+    "joint-state",
+    "laser-scan",
     "longest-names",
+    "map",
+    "nav-sat-fix",
+    "odometry",
+    "pose",
+    "range",
+    "subscribe",
+    "transforms",
     "twist",
 )

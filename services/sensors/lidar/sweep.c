@@ -30,6 +30,8 @@ static void pose(const struct head *head, const double (*states)[7], size_t coun
         before = count - 2;
     const double *first = states[before], *second = states[before + 1];
     double fraction = ticks - (double)before, mixed[7], dot = 0, square = 0;
+    if (fraction < 1e-9) /* rounding: the state after `ticks` may not have come yet */
+        fraction = 0;
     for (int i = 3; i < 7; i++)
         dot += first[i] * second[i];
     for (int i = 0; i < 7; i++)
@@ -57,17 +59,18 @@ static void pose(const struct head *head, const double (*states)[7], size_t coun
 /* A value of the pose at an instant `late` seconds after a firing. */
 #define AT(row) (start[(row) * firings + firing] + late * rate[(row) * firings + firing])
 
-/* Start all rays of a revolution. `start` and `rate` are scratch: the 12 values of the pose at each
- * firing, and their change a second until the next. */
+/* Start the rays of firings `first` to `end` of a revolution. `start` and `rate` are scratch: the 12
+ * values of the pose at each firing, and their change a second until the next. */
 void groundlink_sweep(const struct head *head, const double (*states)[7], size_t count,
-                      double start_ticks, float *start, float *rate, float *origins,
-                      float *directions)
+                      double start_ticks, size_t first, size_t end, float *start, float *rate,
+                      float *origins, float *directions)
 {
     const size_t firings = head->firings, rays = head->lasers * firings;
     double values[2][12];
 
-    pose(head, states, count, start_ticks, values[0]);
-    for (size_t firing = 0; firing < firings; firing++) {
+    pose(head, states, count, start_ticks + (double)first * head->ticks_per_firing,
+         values[first % 2]);
+    for (size_t firing = first; firing < end; firing++) {
         const double *now = values[firing % 2];
         double *next = values[(firing + 1) % 2];
         pose(head, states, count, start_ticks + (double)(firing + 1) * head->ticks_per_firing, next);
@@ -82,7 +85,7 @@ void groundlink_sweep(const struct head *head, const double (*states)[7], size_t
         for (size_t axis = 0; axis < 3; axis++) {
             float *restrict direction = directions + axis * rays + laser * firings;
             float *restrict origin = origins + axis * rays + laser * firings;
-            for (size_t firing = 0; firing < firings; firing++) {
+            for (size_t firing = first; firing < end; firing++) {
                 float up = AT(3 * axis + 2);
                 direction[firing] =
                     AT(3 * axis) * x[firing] + AT(3 * axis + 1) * y[firing] + up * z[firing];
@@ -99,28 +102,31 @@ struct __attribute__((packed)) point {
     float time;
 };
 
-/* Write the points of all rays that `returned`, firing after firing; return how many. */
-size_t groundlink_points(const struct head *head, const uint16_t *rings, const float *seconds,
-                         const float *range, const uint8_t *returned, const float *directions,
-                         const float *normals, const int32_t *labels, const float *reflectivity,
-                         struct point *points)
+/* Write the points of all rays that `returned` of firings `first` to `end`, firing after firing;
+ * return how many. Of range to labels there are only these firings. */
+size_t groundlink_points(const struct head *head, size_t first, size_t end,
+                         const uint16_t *rings, const float *seconds, const float *directions,
+                         const float *range, const uint8_t *returned, const float *normals,
+                         const int32_t *labels, const float *reflectivity, struct point *points)
 {
     const size_t firings = head->firings, rays = head->lasers * firings;
+    const size_t cast = head->lasers * (end - first);
     const float *in_sensor = head->directions_in_sensor;
     size_t written = 0;
-    for (size_t firing = 0; firing < firings; firing++)
+    for (size_t firing = first; firing < end; firing++)
         for (size_t laser = 0; laser < head->lasers; laser++) {
             const size_t ray = laser * firings + firing;
-            if (!returned[ray])
+            const size_t hit = laser * (end - first) + firing - first;
+            if (!returned[hit])
                 continue;
-            const float cosine = normals[ray] * directions[ray] +
-                                 normals[rays + ray] * directions[rays + ray] +
-                                 normals[2 * rays + ray] * directions[2 * rays + ray];
+            const float cosine = normals[hit] * directions[ray] +
+                                 normals[cast + hit] * directions[rays + ray] +
+                                 normals[2 * cast + hit] * directions[2 * rays + ray];
             const struct point point = {
-                .x = in_sensor[ray] * range[ray],
-                .y = in_sensor[rays + ray] * range[ray],
-                .z = in_sensor[2 * rays + ray] * range[ray] + head->heights[laser],
-                .intensity = rintf(100 * reflectivity[labels[ray]] * fabsf(cosine)),
+                .x = in_sensor[ray] * range[hit],
+                .y = in_sensor[rays + ray] * range[hit],
+                .z = in_sensor[2 * rays + ray] * range[hit] + head->heights[laser],
+                .intensity = rintf(100 * reflectivity[labels[hit]] * fabsf(cosine)),
                 .ring = rings[laser],
                 .time = seconds[ray],
             };

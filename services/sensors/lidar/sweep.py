@@ -53,8 +53,13 @@ class Sweep:
         Unit vectors; x forward, y left, z up.
     heights_m : float32 array, shape (lasers,)
         Of each laser's origin above the sensor's.
+    latest_seconds : float
+        From the start of a firing to its last laser.
+    first_firings : list of int
+        Where each block of the revolution begins, and at last the number of firings. Where these
+        are no multiple of the blocks, some blocks have one more than others.
     origins_in_world, directions_in_world : float32 arrays, shape (3, lasers, firings)
-        Metres, of the revolution of the last `follow`.
+        Metres, of the firings of the last `follow`.
     times : float32 array, shape (lasers, firings)
         0..1 between the first and the last state of the last `follow`.
     head : Head
@@ -71,6 +76,9 @@ class Sweep:
         late = _per_laser(spec.laser_times_us, lasers, "laser_times_us") * 1e-6
         order = np.argsort(late, kind="stable")
         self.rings = order.astype(np.uint16)
+        self.latest_seconds = float(late.max())
+        blocks = spec.blocks_per_revolution
+        self.first_firings = [block * firings // blocks for block in range(blocks + 1)]
         self._late: Reals = late[order].astype(np.float32)
         seconds_per_firing = 1 / (firings * spec.rotation_rate_hz)
         self.seconds: Floats = np.arange(firings) * seconds_per_firing + late[order, None]
@@ -101,13 +109,16 @@ class Sweep:
             self.directions_in_sensor.ctypes.data,
         )
 
-    def follow(self, world_from_base: Floats, start_seconds: float) -> None:
-        """Let each ray of a revolution leave from the sensor's pose at its own instant.
+    def follow(self, world_from_base: Floats, start_seconds: float, firings: range) -> None:
+        """Let rays of a revolution leave from the sensor's pose at their own instants.
 
         Between two states the base's position is interpolated linearly and its orientation by
         nlerp, at every firing; between two firings (some 0.05 ms) everything is linear. The last
         lasers of the last firing may leave a few microseconds after the last state (7 with the
         paper's data sheet): the motion of the last interval is extended to them.
+
+        What a ray gets does not depend on the other firings that are asked for, so that blocks hold
+        the very numbers of the whole revolution.
 
         The rays are written where those of the revolution before were: fresh megabytes for each
         would cost more than computing what is in them.
@@ -115,15 +126,18 @@ class Sweep:
         Parameters
         ----------
         world_from_base : float64 array, shape (states, 7)
-            States of consecutive ticks, at least two.
+            States of consecutive ticks of the whole revolution, at least two. Those that the asked
+            firings do not lie between are not looked at.
         start_seconds : float
-            From the first state to the first firing.
+            From the first state to the first firing of the revolution.
+        firings : range
+            Which firings.
         """
         states = np.ascontiguousarray(world_from_base, np.float64)
         outputs = *self._knots, self.origins_in_world, self.directions_in_world
         kernels().groundlink_sweep(
             *(ctypes.byref(self.head), states.ctypes.data, len(states)),
-            start_seconds / TICK_SECONDS,
+            *(start_seconds / TICK_SECONDS, firings.start, firings.stop),
             *(output.ctypes.data for output in outputs),
         )
         intervals = len(states) - 1

@@ -20,8 +20,11 @@ _NAME = "services.sensors.rays._kernels"
 _SIGNATURES: dict[str, tuple[Any, ...]] = {
     # Result, then arguments.
     "groundlink_trace": (None, c_void_p, c_void_p, *[c_size_t] * 3, c_float, *[c_void_p] * 7),
-    "groundlink_sweep": (None, c_void_p, c_void_p, c_size_t, c_double, *[c_void_p] * 4),
-    "groundlink_points": (c_size_t, *[c_void_p] * 10),
+    "groundlink_sweep": (
+        *(None, c_void_p, c_void_p, c_size_t, c_double),
+        *(c_size_t, c_size_t, *[c_void_p] * 4),
+    ),
+    "groundlink_points": (c_size_t, c_void_p, c_size_t, c_size_t, *[c_void_p] * 9),
 }
 
 

@@ -99,10 +99,13 @@ class Replica:
         self._poses.append(np.concatenate(row))
 
     def motion(self, first_tick: int, last_tick: int) -> Floats:
-        """Return world_from_body from one tick to another, shape (ticks, bodies, 7)."""
-        return np.stack(
-            self._poses[first_tick - self._first_tick : last_tick - self._first_tick + 1]
-        )
+        """Return world_from_body from one tick to another, shape (ticks, bodies, 7).
+
+        For ticks that are not known, not yet or no longer, it is that of the nearest known one.
+        """
+        first, newest = first_tick - self._first_tick, len(self._poses) - 1
+        ticks = range(first, first + last_tick - first_tick + 1)
+        return np.stack([self._poses[min(max(tick, 0), newest)] for tick in ticks])
 
     def forget(self, before_tick: int) -> None:
         """Drop the states of earlier ticks."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from groundlink.messages import (
@@ -18,17 +19,23 @@ from groundlink.messages import (
     Imu,
     Message,
     PointCloud,
+    StreamReport,
     WheelEncoders,
     packed,
 )
-from groundlink.ros_messages import WHEEL_ENCODERS_DEFINITION
-from groundlink.scenario import load
+from groundlink.ros_messages import to_cdr
+from groundlink.ros_types import WHEEL_ENCODERS_DEFINITION
+from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.schema import Stream as ExtraStream
 from services.gateway.gateway import Gateway
-from services.gateway.streams import TF_MESSAGE, TWIST, outgoing
+from services.gateway.incoming import TWIST
+from services.gateway.streams import TF_MESSAGE, outgoing
+from tests.vectors.examples import EXAMPLES
+from udp_bridge.accounts import Account
 from udp_bridge.control import LinkReport, Subscribe, TopicReport
 from udp_bridge.message import Message as WireMessage
-from udp_bridge.types import CONTROL, SUBSCRIBE
+from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
 
 PEER = ("127.0.0.1", 7511)
 STRANGER = ("127.0.0.1", 9999)
@@ -42,6 +49,14 @@ class RecordingLink:
 
     def __init__(self) -> None:
         self.sent: list[dict[str, Any]] = []
+        self.accounts_of: dict[Any, list[Account]] = {}
+        self.came: list[tuple[Any, str, str, TopicReport]] = []
+
+    def accounts(self, to: Any) -> list[Account]:
+        return self.accounts_of.get(to, [])
+
+    def arrivals(self) -> list[tuple[Any, str, str, TopicReport]]:
+        return self.came
 
     def send(
         self, msg_type: int, topic: str, link: str, stamp_nanos: int, body: Any, to: Any
@@ -61,18 +76,21 @@ class RecordingLink:
 class Bench:
     """A gateway of the shipped scenario with nothing real around it."""
 
-    def __init__(self) -> None:
-        self.commands: list[tuple[str, Command]] = []
+    def __init__(self, scenario: Scenario | None = None) -> None:
+        self.commands: list[tuple[str, Message]] = []
         self.link = RecordingLink()
         self.gateway = Gateway(
-            load(SHIPPED / "indoor_lab.yaml"),
+            scenario or load(SHIPPED / "indoor_lab.yaml"),
             RUN,
             peer=PEER,
-            publish_command=lambda key, command: self.commands.append((key, command)),
+            publish=lambda key, message: self.commands.append((key, message)),
         )
 
     def forward(self, name: str, message: Message) -> None:
         self.gateway.forward(f"groundlink/{RUN}/{name}", message, self.link)  # type: ignore[arg-type]
+
+    def report(self) -> tuple[list[StreamReport], dict[str, int]]:
+        return self.gateway.report(self.link)  # type: ignore[arg-type]
 
     def hear(self, msg_type: int, topic: str, body: bytes, sender: Any = PEER) -> None:
         self.gateway.on_message(WireMessage(msg_type, topic, "", 5, 0, body), sender)
@@ -98,6 +116,7 @@ def test_every_stream_is_known_by_key() -> None:
         ("groundlink/lab/rover/lidar", "/points", 1, 10.0),
         ("groundlink/lab/rover/imu", "/imu", 2, 400.0),
         ("groundlink/lab/rover/encoders", "/wheel_encoders", 5, 50.0),
+        ("groundlink/lab/rover/ground_truth", "/ground_truth/odom", 36, 50.0),
     ]
 
 
@@ -147,7 +166,7 @@ def test_transforms_and_wishes_are_repeated_once_time_is_known(bench: Bench) -> 
     bench.forward("clock", Clock(10**9 + 5, 5, 400))
     bench.link.sent.clear()
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
-    wish, transforms = bench.link.sent
+    wish, transforms = bench.link.sent[0], bench.link.sent[-1]
     assert (wish["stamp"], transforms["stamp"]) == (10**9 + 5, 5)
     assert (wish["msg_type"], wish["topic"]) == (SUBSCRIBE, "/cmd_vel")
     assert Subscribe.parse(wish["body"]) == Subscribe(TWIST, 1, 3, 0.0)
@@ -166,9 +185,81 @@ def test_a_twist_becomes_a_command_of_now(bench: Bench) -> None:
     assert bench.commands == [("groundlink/lab/rover/command", command)]
 
 
+def test_what_a_slam_stack_tells_is_on_the_bus(bench: Bench) -> None:
+    bench.forward("clock", Clock(10**9, 0, 400))
+    for name, msg_type in (("pose", 10), ("map", 11)):
+        sent = EXAMPLES[name].message
+        bench.hear(msg_type, f"/{name}", bytes(to_cdr(sent)))
+        assert bench.commands.pop() == (f"groundlink/lab/rover/from_ros/{name}", sent)
+    assert bench.report()[1]["from_ros"] == 2
+
+
+def test_poses_and_maps_are_wished_for_and_a_map_anew_at_the_begin(bench: Bench) -> None:
+    bench.forward("clock", Clock(10**9, 0, 400))
+    wishes = []
+    for _ in range(2):
+        bench.link.sent.clear()
+        bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
+        sent = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
+        wishes.append([(row["topic"], Subscribe.parse(row["body"])[:3]) for row in sent])
+    again = [("/cmd_vel", (9, 1, 3)), ("/pose", (10, 1, 3)), ("/map", (11, 1, 3))]
+    assert wishes == [[*again[:2], ("/map", (11, 0, 0)), again[2]], again]
+
+
+def test_ground_truth_goes_to_those_who_subscribe(bench: Bench) -> None:
+    truth = EXAMPLES["odometry"].message
+    bench.forward("rover/ground_truth", replace(truth, stamp_nanos=1))
+    assert bench.link.sent == []
+    wish = Subscribe(36, lease_s=60, max_rate_hz=10.0).pack()
+    bench.hear(SUBSCRIBE, "/ground_truth/odom", wish, STRANGER)
+    stamps = range(10**9, 2 * 10**9, 20_000_000)
+    for stamp in stamps:
+        bench.forward("rover/ground_truth", replace(truth, stamp_nanos=stamp))
+    assert [sent["stamp"] for sent in bench.link.sent] == list(stamps[::5])
+    assert {(s["msg_type"], s["topic"], s["to"]) for s in bench.link.sent} == {
+        (36, "/ground_truth/odom", STRANGER)
+    }
+    declared = {row.topic for row in bench.report()[0] if row.declared_hz is not None}
+    assert "/ground_truth/odom" not in declared, "nobody is to miss what was not pushed"
+
+
+def test_a_stream_of_any_kind_is_carried() -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    kinds = {
+        "PoseStamped": "pose",
+        "OccupancyGrid": "map",
+        "TFMessage": "transforms",
+    }
+    streams, messages = [], {}
+    for name, example in EXAMPLES.items():
+        kind = kinds.get(example.type_name, name.replace("-", "_"))
+        topic = f"/extra{example.topic}"
+        streams.append(ExtraStream(name=kind, kind=kind, topic=topic, rate_hz=1.0))  # type: ignore[arg-type]
+        messages[kind] = example
+    vehicle = replace(scenario.vehicles[0], streams=tuple(streams))
+    bench = Bench(replace(scenario, vehicles=(vehicle,)))
+    for kind, example in messages.items():
+        bench.forward(f"rover/{kind}", example.message)
+        sent = bench.link.sent.pop()
+        assert sent["msg_type"] == type_number(example.type_name)
+        assert sent["topic"] == f"/extra{example.topic}"
+        assert sent["body"] == bytes(to_cdr(example.message))
+
+
+def test_what_ros_cannot_hold_is_counted(bench: Bench) -> None:
+    bench.forward("rover/imu", imu(2**62))
+    assert bench.link.sent == []
+    assert bench.report()[1]["refused"] == 1
+
+
 @pytest.mark.parametrize(
     ("msg_type", "topic", "body"),
     [
+        (10, "/pose", b""),
+        (10, "/pose", bytes(to_cdr(EXAMPLES["map"].message))),
+        (10, "/elsewhere", bytes(to_cdr(EXAMPLES["pose"].message))),
+        (11, "/map", bytes(to_cdr(EXAMPLES["map"].message))[:-8]),
+        (36, "/odom", bytes(to_cdr(EXAMPLES["odometry"].message))),
         (TWIST, "/cmd_vel", b""),
         (TWIST, "/cmd_vel", b"\0\1\0\0abc"),
         (TWIST, "/cmd_vel", twist(math.nan, 0, 0, 0, 0, 0)),
@@ -186,20 +277,37 @@ def test_what_makes_no_sense_is_counted(
     bench.forward("clock", Clock(10**9, 0, 400))
     bench.hear(msg_type, topic, body)
     assert bench.commands == []
-    assert bench.gateway.report()[1]["refused"] == 1
+    assert bench.report()[1]["refused"] == 1
 
 
 def test_a_stranger_may_subscribe_but_not_report(bench: Bench) -> None:
     bench.hear(SUBSCRIBE, "/imu", Subscribe(2, lease_s=60).pack(), STRANGER)
     bench.forward("rover/imu", imu(1))
     assert [sent["to"] for sent in bench.link.sent] == [PEER, STRANGER]
-    bench.hear(CONTROL, "/imu", TopicReport(2, 99, 0, 0, 0, 0, 0, 1, 0).pack(), STRANGER)
-    assert all(row.messages == 0 for row in bench.gateway.report()[0])
-    bench.hear(CONTROL, "/imu", TopicReport(2, 99, 0, 0, 0, 0, 0, 1, 0).pack())
-    bench.hear(CONTROL, "", LinkReport(1, 2, 3, 4, 5).pack())
-    streams, counters = bench.gateway.report()
-    assert [row.messages for row in streams if row.topic == "/imu"] == [99]
-    assert counters["peer_kernel_drops"] == 5
+    bench.hear(CONTROL, "", LinkReport(1, 2, 3, 4, 6).pack(), STRANGER)
+    assert "peer_kernel_drops" not in bench.report()[1]
+    bench.hear(CONTROL, "", LinkReport(1, 2, 3, 4, 5, (("short", 4),)).pack())
+    counters = bench.report()[1]
+    assert (counters["peer_kernel_drops"], counters["peer_refused_short"]) == (5, 4)
+
+
+def test_rows_are_of_the_peer_alone(bench: Bench) -> None:
+    bench.link.accounts_of[PEER] = [Account(2, "/imu", 100, 0, 0, 99, 0, 0, 0, 1, 0, 0, 0, None)]
+    came = TopicReport(9, 0, 0, 3, 2, 0, 0, 1, 0, 0, 0, 48, 0, 0, 0, 5_000_000, 6_000_000)
+    bench.link.came = [(PEER, "/cmd_vel", "", came), (STRANGER, "/cmd_vel", "", came)]
+    rows = bench.report()[0]
+    assert [(row.sent, row.messages, row.lost) for row in rows if row.topic == "/imu"] == [
+        (100, 99, 1)
+    ]
+    (back,) = [row for row in rows if row.direction == "from ROS"]
+    assert (back.topic, back.type, back.sent, back.messages, back.late) == (
+        "/cmd_vel",
+        "Twist",
+        3,
+        2,
+        1,
+    )
+    assert back.age_p99_seconds == 0.006
 
 
 def test_repeated_stamps_are_dropped_and_jumps_back_in_time_are_not(bench: Bench) -> None:
@@ -210,7 +318,7 @@ def test_repeated_stamps_are_dropped_and_jumps_back_in_time_are_not(bench: Bench
     for stamp in (10**10, 10**10 + 5, 10**10, 10**10 + 5, 10**10 + 10):
         bench.forward("rover/imu", imu(stamp))
     assert stamps() == [10**10, 10**10 + 5, 10**10 + 10]
-    assert bench.gateway.report()[1]["stale"] == 2
+    assert bench.report()[1]["stale"] == 2
     bench.forward("clock", Clock(0, 0, 0))
     bench.forward("rover/imu", imu(5))
     assert stamps()[-1] == 5

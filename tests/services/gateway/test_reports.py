@@ -5,69 +5,79 @@ import pytest
 
 from groundlink.messages import StreamReport
 from services.gateway.reports import PeerReports, peer_counters
+from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, LinkReport, TopicReport
 
-
-def report(**changes: int) -> TopicReport:
-    whole = TopicReport(
-        msg_type=2,
-        messages=401,
-        missing=0,
-        incomplete=0,
-        late=0,
-        duplicates=0,
-        first_stamp_nanos=10**9,
-        last_stamp_nanos=2 * 10**9,
-        age_nanos=3_000_000,
-    )
-    return whole._replace(**changes)
+NANOS = 10**9
 
 
-def test_declared_topics_have_a_row_before_anything_arrives() -> None:
-    reports = PeerReports({(2, "/imu"): 400.0}, stamps_follow_wall=True)
-    assert reports.streams() == [StreamReport("/imu", "Imu", 400.0, None, None, 0, 0)]
+def account(msg_type: int = 2, topic: str = "/imu", **changes: int) -> Account:
+    counts = dict.fromkeys(TopicReport._fields, 0) | {
+        "msg_type": msg_type,
+        "published": 401,
+        "first_stamp_nanos": NANOS,
+        "last_stamp_nanos": 2 * NANOS,
+        "age_p50_nanos": 3_000_000,
+        "age_p99_nanos": 8_000_000,
+    }
+    report = TopicReport(**(counts | changes))
+    return Account(msg_type, topic, 420, 0, 1, 401, 2, 3, 4, 5, 5, 6, 7, report)
+
+
+def reports(declared: bool = True, follows: bool = True) -> PeerReports:
+    return PeerReports({(2, "/imu"): 400.0} if declared else {}, stamps_follow_wall=follows)
+
+
+def test_declared_topics_have_a_row_before_anything_is_sent() -> None:
+    assert reports().streams([]) == [StreamReport("/imu", "Imu", 400.0, None, None, 0, 0)]
+
+
+def test_a_topic_that_is_never_reported_has_counts_alone() -> None:
+    (row,) = reports().streams([account()._replace(report=None)])
+    assert (row.sent, row.measured_hz, row.age_seconds) == (420, None, None)
 
 
 def test_rates_are_counted_in_stamps() -> None:
-    reports = PeerReports({(2, "/imu"): 400.0}, stamps_follow_wall=True)
-    reports.heard("/imu", report())
-    (row,) = reports.streams()
+    (row,) = reports().streams([account()])
     assert row.measured_hz == pytest.approx(400.0)
     assert row.age_seconds == pytest.approx(0.003)
-    assert row.messages == 401
+    assert row.age_p99_seconds == pytest.approx(0.008)
 
 
-def test_losses_are_gaps_and_incomplete_messages() -> None:
-    reports = PeerReports({}, stamps_follow_wall=True)
-    reports.heard("/imu", report(missing=3, incomplete=2, late=7, duplicates=9))
-    assert reports.streams()[0].lost == 5
+def test_the_sums_of_a_row_add_up() -> None:
+    (row,) = reports().streams([account()])
+    assert row.lost == row.missing + row.incomplete + row.late == 3 + 4 + 5
+    assert row.sent == row.messages + row.lost + row.dropped + row.in_flight
+    assert (row.superseded, row.repaired, row.delivered_bytes) == (1, 6, 7)
 
 
 def test_an_age_is_told_only_where_stamps_follow_the_wall() -> None:
     for follows, age, expected in [(False, 5, None), (True, NO_AGE, None), (True, 5, 5e-9)]:
-        reports = PeerReports({(2, "/imu"): 400.0}, stamps_follow_wall=follows)
-        reports.heard("/imu", report(age_nanos=age))
-        assert reports.streams()[0].age_seconds == expected
+        (row,) = reports(follows=follows).streams([account(age_p50_nanos=age)])
+        assert row.age_seconds == expected
 
 
 def test_what_is_not_measured_has_no_age() -> None:
-    reports = PeerReports({}, stamps_follow_wall=True)
-    reports.heard("/tf_static", report(msg_type=35))
-    assert reports.streams()[0].age_seconds is None
+    (row,) = reports(declared=False).streams([account(35, "/tf_static")])
+    assert (row.age_seconds, row.age_p99_seconds) == (None, None)
 
 
 def test_the_bridges_own_messages_have_no_row() -> None:
-    reports = PeerReports({}, stamps_follow_wall=True)
-    reports.heard("/cmd_vel", report(msg_type=7))
-    assert reports.streams() == []
+    own = account(7, "/cmd_vel")
+    assert own.report is not None
+    assert reports(declared=False).streams([own], [("/cmd_vel", own.report)]) == []
 
 
 def test_one_message_has_no_rate() -> None:
-    reports = PeerReports({}, stamps_follow_wall=True)
-    reports.heard("/imu", report(messages=1, last_stamp_nanos=10**9))
-    assert reports.streams()[0].measured_hz is None
+    (row,) = reports().streams([account(published=1, last_stamp_nanos=NANOS)])
+    assert row.measured_hz is None
 
 
 def test_what_the_peers_socket_lost() -> None:
     assert peer_counters(None) == {}
-    assert peer_counters(LinkReport(1, 2, 3, 4, 5)) == {"peer_refused": 4, "peer_kernel_drops": 5}
+    assert peer_counters(LinkReport(1, 2, 3, 4, 5, (("short", 3), ("link", 1)))) == {
+        "peer_refused": 4,
+        "peer_refused_short": 3,
+        "peer_refused_link": 1,
+        "peer_kernel_drops": 5,
+    }

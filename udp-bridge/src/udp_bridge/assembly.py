@@ -2,14 +2,19 @@
 """One message's parts on their way to a body. No other message, no order, no time limit.
 
 The first copy of a part counts, and the first part that is not the last fixes the part size.
-The buffer grows with what really arrived, never with what a header announces.
+The body lies in a block of a pool, as large as the message announces; `holdings` bounds that.
+A part that was received into its place in this very block is not moved.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Optional
+from typing import TYPE_CHECKING, NamedTuple, Optional, Tuple
 
 from .header import Buffer, Header, Refused
+from .pool import Pool
+
+if TYPE_CHECKING:
+    from .fec_parts import Symbols
 
 
 class Added(NamedTuple):
@@ -23,17 +28,34 @@ class Added(NamedTuple):
 class Assembly:
     """The parts of one message of more than one part."""
 
-    __slots__ = ("_arrived", "_aside", "_buffer", "_part_size", "header", "parts_in", "since_nanos")
+    __slots__ = (
+        "_arrived",
+        "_aside",
+        "_block",
+        "_part_size",
+        "_pool",
+        "_size",
+        "_view",
+        "header",
+        "parts_in",
+        "since_nanos",
+        "symbols",
+    )
 
-    def __init__(self, header: Header, since_nanos: int) -> None:
+    def __init__(self, header: Header, since_nanos: int, pool: Optional[Pool] = None) -> None:
         self.header = header
         self.since_nanos = since_nanos
         """When its first part came."""
         self.parts_in = 0
         self._arrived = bytearray(header.parts_max)
-        self._buffer = bytearray()
+        self._pool = pool if pool is not None else Pool()
+        self._block: Optional[bytearray] = None
+        self._view = memoryview(b"")  # of the block, which stays taken as long as there is one
+        self._size = 0  # of the whole body; known with the last part
         self._part_size: Optional[int] = None
         self._aside: Optional[bytes] = None  # a last part that came before the size was known
+        self.symbols: Optional[Symbols] = None
+        """Repair symbols that came for it; `fec_parts` keeps and uses them."""
 
     @property
     def complete(self) -> bool:
@@ -44,12 +66,22 @@ class Assembly:
     def announced_bytes(self) -> int:
         """What the message will take at most, or, while only its last part is in, at least."""
         size = self._part_size if self._part_size is not None else len(self._aside or b"")
-        return size * self.header.parts_max
+        held = self.symbols.bytes_held if self.symbols is not None else 0
+        return size * self.header.parts_max + held
 
     @property
     def body(self) -> memoryview:
         """The whole body, read-only; of use once `complete`."""
-        return memoryview(self._buffer).toreadonly()
+        return self._view[: self._size].toreadonly()
+
+    def check(self, header: Header, size: int) -> None:
+        """Raise `Refused` when a part of `size` bytes contradicts what is known of its message."""
+        if header.parts_max != self.header.parts_max:
+            raise Refused("parts_max")
+        if header.link != self.header.link:
+            raise Refused("link")
+        if not self._arrived[header.part_number] and self._part_size is not None:
+            self._check_size(size, header.part_number == header.parts_max - 1)
 
     def add(self, header: Header, part: Buffer) -> Added:
         """Take one part.
@@ -80,6 +112,65 @@ class Assembly:
         self.parts_in += 1
         return Added(refused=refused)
 
+    @property
+    def block(self) -> Optional[bytearray]:
+        """Where the parts lie, as soon as their size is known."""
+        return self._block
+
+    @property
+    def part_size(self) -> int:
+        """Body bytes of every part but the last; 0 while they are not known."""
+        return self._part_size or 0
+
+    def gap(self, first: int, most: int) -> Tuple[int, int]:
+        """Return the first missing part from `first` on, or else from 0 on, and how many follow."""
+        number = self._arrived.find(0, first)
+        if number < 0:
+            number = self._arrived.find(0)
+        end = self._arrived.find(1, number, number + most)
+        return number, (end if end >= 0 else min(number + most, self.header.parts_max)) - number
+
+    def placed(self, first: int, count: int, last_size: int) -> None:
+        """Take note of missing parts that lie in their places; the sender's word is checked."""
+        assert self._part_size is not None
+        end = first + count
+        self._arrived[first:end] = b"\1" * count
+        self.parts_in += count
+        if end == self.header.parts_max:
+            self._size = (end - 1) * self._part_size + last_size
+
+    def lacks(self, first: int, count: int) -> bool:
+        """Tell whether none of these parts is in."""
+        return self._arrived.find(1, first, first + count) < 0
+
+    def has(self, number: int) -> bool:
+        """Tell whether a part is in."""
+        return bool(self._arrived[number])
+
+    def part(self, number: int) -> memoryview:
+        """Return the bytes of a part that is in, once the part size is known."""
+        assert self._part_size is not None
+        start = number * self._part_size
+        size = self._size if number == self.header.parts_max - 1 else start + self._part_size
+        return self._view[start:size]
+
+    def expect(self, part_size: int) -> None:
+        """Take the part size from elsewhere than a part.
+
+        Raises
+        ------
+        Refused
+            When it is known to be another one, or a last part that came is larger.
+        """
+        if self._part_size is not None:
+            if self._part_size != part_size:
+                raise Refused("part_size")
+            return
+        if self._aside is not None and len(self._aside) > part_size:
+            raise Refused("part_size")
+        self._part_size = part_size
+        self._place_aside()
+
     def _place_aside(self) -> str:
         """Judge a last part that came before the size was known; return why it is refused."""
         aside, self._aside = self._aside, None
@@ -102,11 +193,13 @@ class Assembly:
     def _place(self, number: int, part: Buffer) -> None:
         assert self._part_size is not None
         start = number * self._part_size
-        gap = start - len(self._buffer)
-        if gap > 0:
-            self._buffer += bytes(gap)
-        if gap >= 0:  # in order: the part is written once, into memory nobody filled before
-            self._buffer += part
-        else:
-            with memoryview(self._buffer) as view:
-                view[start : start + len(part)] = part
+        end = start + len(part)
+        whose = part.obj if isinstance(part, memoryview) else None
+        if self._block is None:
+            wanted = self._part_size * self.header.parts_max
+            self._block = self._pool.take_offered(whose, wanted) or self._pool.lease(wanted)
+            self._view = memoryview(self._block)
+        if whose is not self._block:
+            self._view[start:end] = part
+        if number == self.header.parts_max - 1:
+            self._size = end

@@ -17,15 +17,19 @@ import threading
 import time
 from typing import Any, Dict, List, NoReturn, Optional
 
+from .around import sealed_socket
 from .counters import Counters
 from .fragments import DatagramSize, check_datagram_size
 from .header import NANOS
+from .keys import read_key
 from .link import Link
 from .message import Message
 from .reassembly import Reassembler
 from .recording import BadRecording, datagrams
+from .seal import FROM_ROS, TO_ROS
 from .sending import Address
 from .types import MSG_TYPES, type_number
+from .udp_socket import DatagramSocket, buffer_hint
 
 DATAGRAM_NANOS = 1000
 """Time that passes from one recorded datagram to the next: recordings have no times, and so a
@@ -81,9 +85,12 @@ def _listen(arguments: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: is_over.set())
     shown = None if arguments.quiet else on_message
-    with Link(arguments.bind, on_message=shown, report=arguments.report) as link:
+    around = _sealed(arguments.bind, arguments, sends=FROM_ROS)
+    with Link(arguments.bind, on_message=shown, report=arguments.report, socket=around) as link:
         host, port = link.address
         print(f"udp-bridge: listening at {host}:{port}", file=sys.stderr, flush=True)
+        if hint := buffer_hint(link.receive_buffer):
+            print(f"udp-bridge: {hint}", file=sys.stderr, flush=True)
         is_over.wait(arguments.duration)
     if failures:
         raise failures[0]
@@ -94,7 +101,11 @@ def _listen(arguments: argparse.Namespace) -> int:
 def _send(arguments: argparse.Namespace) -> int:
     with open(arguments.body, "rb") as file:
         body = file.read()
-    with Link(("0.0.0.0", 0), arguments.to, datagram=arguments.datagram) as link:
+    here = ("0.0.0.0", 0)
+    # A test that speaks to a gateway stands in for ROS, one that speaks to a node for a gateway.
+    sends = TO_ROS if MSG_TYPES[arguments.type].direction == "to ROS" else FROM_ROS
+    around = _sealed(here, arguments, sends=sends)
+    with Link(here, arguments.to, datagram=arguments.datagram, socket=around) as link:
         link.send(arguments.type, arguments.topic, arguments.link, time.time_ns(), body)
         is_sent = link.flush(SEND_TIMEOUT_S)
         time.sleep(LINGER_S)
@@ -108,6 +119,13 @@ def _send(arguments: argparse.Namespace) -> int:
     if not is_sent:
         print(f"udp-bridge: gave up after {SEND_TIMEOUT_S:.0f} s", file=sys.stderr)
     return 0 if is_sent else 1
+
+
+def _sealed(
+    bind: Address, arguments: argparse.Namespace, *, sends: int
+) -> Optional[DatagramSocket]:
+    secret = read_key(arguments.key_file, arguments.key_env, os.environ)
+    return sealed_socket(bind, secret, sends=sends) if secret is not None else None
 
 
 def _show(message: Message, *, as_json: bool) -> None:
@@ -183,6 +201,9 @@ def _parser() -> argparse.ArgumentParser:
         default="loopback",
         help="mtu, loopback (default) or bytes",
     )
+    for command in (listen, send):
+        command.add_argument("--key-file", metavar="FILE", help="key that both ends share")
+        command.add_argument("--key-env", metavar="NAME", help="variable with that key")
     return parser
 
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies of the bridge's own messages, to the byte: Subscribe (type 7) and Control (type 64).
 
-Each class packs itself and parses itself; `parse` tells the kinds of Control apart. A body that
-is not exactly right raises `Refused` (`body_size` or `body_value`). Nothing here acts on them.
+Each class packs itself and parses itself; `parse` tells the kinds of Control apart, of which
+`reports` has two. A body that is not exactly right raises `Refused` (`body_size` or
+`body_value`). Nothing here acts on them.
 """
 
 from __future__ import annotations
@@ -12,15 +13,13 @@ from struct import Struct
 from typing import Dict, NamedTuple, Type, Union
 
 from .header import BadMessage, Buffer, Refused
+from .reports import NO_AGE, LinkReport, TopicReport
 from .types import MSG_TYPES
+
+__all__ = ["NO_AGE", "Control", "Credit", "LinkReport", "Subscribe", "TopicReport", "parse"]
 
 _SUBSCRIBE = Struct("<BBHf")
 _CREDIT = Struct("<BBBxII")
-_TOPIC_REPORT = Struct("<BBxxxxxxQQQQQqqq")
-_LINK_REPORT = Struct("<BxxxIQQQQ")
-
-NO_AGE = -(1 << 63)
-"""The age in a report when no message arrived since the last one."""
 
 
 class Subscribe(NamedTuple):
@@ -78,61 +77,6 @@ class Credit(NamedTuple):
     def parse(cls, body: Buffer) -> Credit:
         """Return what the body says, or raise `Refused`."""
         _, *fields = _unpack(_CREDIT, body)
-        return cls(*fields)
-
-
-class TopicReport(NamedTuple):
-    """Kind 1: what arrived of one topic, counted since the receiver began.
-
-    The header carries the reported topic and link, and the receiver's wall clock as its time.
-    """
-
-    msg_type: int
-    """Type of the reported topic."""
-    messages: int
-    """Handed over, of this link."""
-    missing: int
-    """Gaps in seq_number; this and the next three are of the topic, whatever the link."""
-    incomplete: int
-    late: int
-    duplicates: int
-    first_stamp_nanos: int
-    last_stamp_nanos: int
-    age_nanos: int
-    """Median of receiver's wall clock minus stamp over the messages handed over since the last
-    report; `NO_AGE` when there were none."""
-
-    def pack(self) -> bytes:
-        """Return the 72 bytes of the body."""
-        return _TOPIC_REPORT.pack(1, *self)
-
-    @classmethod
-    def parse(cls, body: Buffer) -> TopicReport:
-        """Return what the body says, or raise `Refused`."""
-        _, *fields = _unpack(_TOPIC_REPORT, body)
-        return cls(*fields)
-
-
-class LinkReport(NamedTuple):
-    """Kind 2: what arrived at a socket altogether, counted since the receiver began."""
-
-    receive_buffer: int
-    """Bytes of the receive buffer as the kernel accounts them."""
-    datagrams: int
-    bytes_received: int
-    refused: int
-    """Datagrams that broke a rule of the wire."""
-    kernel_drops: int
-    """Datagrams that the kernel dropped because the receive buffer was full."""
-
-    def pack(self) -> bytes:
-        """Return the 40 bytes of the body."""
-        return _LINK_REPORT.pack(2, *self)
-
-    @classmethod
-    def parse(cls, body: Buffer) -> LinkReport:
-        """Return what the body says, or raise `Refused`."""
-        _, *fields = _unpack(_LINK_REPORT, body)
         return cls(*fields)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Dict
 class Counters:
     """Cumulative counts of what happened to everything that arrived or should have."""
 
-    __slots__ = ("duplicates", "incomplete", "late", "messages", "missing", "refused")
+    __slots__ = ("duplicates", "incomplete", "late", "messages", "missing", "refused", "repaired")
 
     def __init__(self) -> None:
         self.messages = 0
@@ -22,6 +22,8 @@ class Counters:
         """Whole messages that came behind a newer one and were not handed over."""
         self.missing = 0
         """Gaps in seq_number; an incomplete or late message was such a gap, too."""
+        self.repaired = 0
+        """Messages handed over that had lost parts, which came by repair."""
         self.refused: Dict[str, int] = {}
         """Forbidden datagrams by reason."""
 

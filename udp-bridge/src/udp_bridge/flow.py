@@ -7,8 +7,8 @@ multi-part messages are asked about; single-part ones are few and small, and go 
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from typing import NamedTuple, Optional
+from collections import deque
+from typing import Deque, NamedTuple, Optional, Tuple
 
 from .header import NANOS
 
@@ -20,6 +20,9 @@ quarters of a buffer that is being read can be counted on."""
 STALLED_SHARE = 4
 """After a stall and until the next credit it is a quarter: if the credit was merely slow, both
 together still fit; and an eighth would not be enough to make the peer give one."""
+STALLS_OF_A_SHARE = 2
+"""From then on a stall frees a single datagram: the peer may merely not get to read, and what is
+sent beyond its buffer is lost for certain."""
 STALL_NANOS = 50_000_000
 """A full window without a credit for this long is taken as lost."""
 GIVE_UP_NANOS = NANOS
@@ -54,6 +57,31 @@ class DatagramKey(NamedTuple):
     part_number: int
 
 
+class _Flight:
+    """Datagrams of one message that were sent one after the other, all but the last as large."""
+
+    __slots__ = ("cost", "count", "first", "last_cost", "message")
+
+    def __init__(self, key: DatagramKey, count: int, cost: int, last_cost: int) -> None:
+        self.message = key[:3]
+        self.first = key.part_number
+        self.count = count
+        self.cost = cost
+        self.last_cost = last_cost
+
+    @property
+    def total(self) -> int:
+        return (self.count - 1) * self.cost + self.last_cost
+
+    def without(self, count: int) -> Tuple[int, bool]:
+        """Take the first `count` away; return what they cost, and whether some are left."""
+        if count >= self.count:
+            return self.total, False
+        self.first += count
+        self.count -= count
+        return count * self.cost, True
+
+
 class CreditWindow:
     """Bounds what may lie in the peer's receive buffer: all sent after the newest credit."""
 
@@ -62,7 +90,9 @@ class CreditWindow:
         """How often a full window had to be taken as lost."""
         self.in_flight_bytes = 0
         """As the kernel of the receiver accounts them."""
-        self._in_flight: OrderedDict[DatagramKey, int] = OrderedDict()
+        self._in_flight: Deque[_Flight] = deque()
+        self._count = 0
+        self._stalls_in_row = 0
         self._receive_buffer = UNKNOWN_BUFFER
         self.window_bytes = UNKNOWN_BUFFER // WINDOW_SHARE
         """What may be in flight, as the kernel of the receiver accounts it."""
@@ -70,20 +100,43 @@ class CreditWindow:
 
     def sent(self, key: DatagramKey, size: int, now_nanos: int) -> None:
         """Take note that a datagram of `size` bytes went out."""
-        self.in_flight_bytes += kernel_bytes(size) - self._in_flight.pop(key, 0)
-        self._in_flight[key] = kernel_bytes(size)
+        self.sent_run(key, 1, size, size, now_nanos)
+
+    def sent_run(
+        self, key: DatagramKey, count: int, size: int, last_size: int, now_nanos: int
+    ) -> None:
+        """Take note of `count` parts, from `key` on, that went out one after the other."""
+        cost, last_cost = kernel_bytes(size), kernel_bytes(last_size)
+        flight = self._in_flight[-1] if self._in_flight else None
+        if (
+            flight is not None
+            and flight.message == key[:3]
+            and flight.first + flight.count == key.part_number
+            and flight.cost == flight.last_cost == cost
+        ):
+            flight.count += count
+            flight.last_cost = last_cost
+        else:
+            self._in_flight.append(_Flight(key, count, cost, last_cost))
+        self.in_flight_bytes += (count - 1) * cost + last_cost
+        self._count += count
         self._moved_nanos = now_nanos
-        if len(self._in_flight) > TRACKED_DATAGRAMS:
-            self._pop_oldest()
+        while self._count > TRACKED_DATAGRAMS:
+            self._pop(1)
 
     def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
         """Take a credit; one for a datagram that is not in flight only tells the buffer's size."""
         self._receive_buffer = receive_buffer
         self.window_bytes = receive_buffer // WINDOW_SHARE
+        self._stalls_in_row = 0
         self._moved_nanos = now_nanos
-        if key in self._in_flight:
-            while self._pop_oldest() != key:
-                pass
+        before = 0
+        for flight in self._in_flight:
+            ahead = key.part_number - flight.first
+            if flight.message == key[:3] and 0 <= ahead < flight.count:
+                self._pop(before + ahead + 1)
+                return
+            before += flight.count
 
     def may_send(self, size: int, now_nanos: int) -> bool:
         """Tell whether a datagram of `size` bytes may go now; may find that there is a stall."""
@@ -92,9 +145,11 @@ class CreditWindow:
         if now_nanos - self._moved_nanos < STALL_NANOS:
             return False
         self.stalls += 1
-        self.window_bytes = self._receive_buffer // STALLED_SHARE
+        self._stalls_in_row += 1
+        is_patient = self._stalls_in_row > STALLS_OF_A_SHARE
+        self.window_bytes = 0 if is_patient else self._receive_buffer // STALLED_SHARE
         self._in_flight.clear()
-        self.in_flight_bytes = 0
+        self.in_flight_bytes = self._count = 0
         return True
 
     def next_wake(self, size: int, now_nanos: int) -> int:
@@ -105,10 +160,20 @@ class CreditWindow:
         total = self.in_flight_bytes + kernel_bytes(size)
         return not self._in_flight or total <= self.window_bytes
 
-    def _pop_oldest(self) -> DatagramKey:
-        key, cost = self._in_flight.popitem(last=False)
-        self.in_flight_bytes -= cost
-        return key
+    def room(self, size: int) -> int:
+        """Return how many datagrams of `size` bytes fit now."""
+        return max(0, self.window_bytes - self.in_flight_bytes) // kernel_bytes(size)
+
+    def _pop(self, count: int) -> None:
+        self._count -= count
+        while count:
+            flight = self._in_flight[0]
+            popped = min(count, flight.count)
+            cost, is_left = flight.without(popped)
+            self.in_flight_bytes -= cost
+            count -= popped
+            if not is_left:
+                self._in_flight.popleft()
 
 
 class TokenBucket:
@@ -140,6 +205,11 @@ class TokenBucket:
         wanted = min(size, self.burst_bytes) - self._tokens
         return now_nanos + max(0, int(wanted / self.rate_bytes_per_s * NANOS) + 1)
 
+    def room(self, size: int, now_nanos: int) -> int:
+        """Return for how many datagrams of `size` bytes there are tokens."""
+        self._fill(now_nanos)
+        return max(0, int(self._tokens // size))
+
     def _fill(self, now_nanos: int) -> None:
         if self._filled_nanos is not None:
             gained = (now_nanos - self._filled_nanos) * self.rate_bytes_per_s / NANOS
@@ -168,9 +238,24 @@ class Pacer:
 
     def sent(self, key: DatagramKey, size: int, now_nanos: int) -> None:
         """Take note that a datagram went out."""
-        self.window.sent(key, size, now_nanos)
+        self.sent_run(key, 1, size, size, now_nanos)
+
+    def sent_run(
+        self, key: DatagramKey, count: int, size: int, last_size: int, now_nanos: int
+    ) -> None:
+        """Take note of `count` parts, from `key` on, that went out one after the other."""
+        self.window.sent_run(key, count, size, last_size, now_nanos)
         if not self._expects_credit:
-            self.bucket.sent(kernel_bytes(size), now_nanos)
+            cost = (count - 1) * kernel_bytes(size) + kernel_bytes(last_size)
+            self.bucket.sent(cost, now_nanos)
+
+    def granted(self, size: int, most: int, now_nanos: int) -> int:
+        """Return how many datagrams of `size` bytes, at most `most`, may go now."""
+        if not self.may_send(size, now_nanos):
+            return 0
+        if self._expects_credit:
+            return max(1, min(most, self.window.room(size)))
+        return max(1, min(most, self.bucket.room(kernel_bytes(size), now_nanos)))
 
     def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
         """Take a credit."""

@@ -17,6 +17,7 @@ from .header import (
     type_label,
 )
 from .message import Message
+from .repair_wire import SYMBOL_PREFIX, SYMBOL_UNIT
 
 SMALLEST_DATAGRAM = 256
 """Leaves 4 bytes for the body behind the largest header."""
@@ -68,9 +69,20 @@ def check_datagram_size(datagram_size: DatagramSize) -> DatagramSize:
 
 
 def split(
-    body_size: int, header_size: int, datagram_size: DatagramSize, *, signed_peer: bool = False
+    body_size: int,
+    header_size: int,
+    datagram_size: DatagramSize,
+    *,
+    signed_peer: bool = False,
+    coded: bool = False,
 ) -> Split:
     """Return how a body of `body_size` bytes is cut.
+
+    Parameters
+    ----------
+    coded
+        Make parts that an erasure code takes as symbols: whole units, with room in a datagram
+        for what stands before a repair symbol.
 
     Raises
     ------
@@ -79,11 +91,19 @@ def split(
     """
     most_parts = SIGNED_PARTS_MAX if signed_peer else PARTS_MAX
     part_sizes = [_part_size(check_datagram_size(datagram_size), header_size)]
+    if not coded and 0 < body_size <= part_sizes[0]:
+        return Split(part_sizes[0], 1)
     grown = range(MTU_DATAGRAM, LARGEST_DATAGRAM, IP_FRAGMENT)
     part_sizes += [datagram - header_size for datagram in (*grown, LARGEST_DATAGRAM)]
+    if coded:
+        most = LARGEST_DATAGRAM - header_size - SYMBOL_PREFIX
+        shorter = 0 if datagram_size == "loopback" else SYMBOL_PREFIX
+        coded_sizes = [min(part_sizes[0] - shorter, most)]
+        coded_sizes += [part_size - SYMBOL_PREFIX for part_size in part_sizes[1:]]
+        part_sizes = [max(1, size // SYMBOL_UNIT) * SYMBOL_UNIT for size in coded_sizes]
     for part_size in part_sizes:
-        parts = max(1, -(-body_size // part_size))
-        if parts <= most_parts:
+        parts = max(1, -(-body_size // max(1, part_size)))
+        if part_size > 0 and parts <= most_parts:
             return Split(part_size, parts)
     raise TooLarge(
         f"a body of {body_size} bytes does not fit: {most_parts} parts of"
@@ -92,13 +112,21 @@ def split(
 
 
 def plan(
-    message: Message, datagram_size: DatagramSize = "loopback", *, signed_peer: bool = False
+    message: Message,
+    datagram_size: DatagramSize = "loopback",
+    *,
+    signed_peer: bool = False,
+    coded: bool = False,
+    reserve: int = 0,
 ) -> Split:
-    """Return how a message would be cut, or raise what `fragments` would raise."""
-    header_size = len(message.header().pack(signed_peer=signed_peer))
+    """Return how a message would be cut, or raise what `fragments` would raise.
+
+    Of each datagram `reserve` bytes are left to what is put around it.
+    """
+    header_size = len(message.header().pack(signed_peer=signed_peer)) + reserve
     body_size = flat(message.body).nbytes
     try:
-        return split(body_size, header_size, datagram_size, signed_peer=signed_peer)
+        return split(body_size, header_size, datagram_size, signed_peer=signed_peer, coded=coded)
     except TooLarge as error:
         where = f"{type_label(message.msg_type)} on topic {message.topic!r}"
         raise TooLarge(f"{where}: {error}") from None
@@ -120,7 +148,16 @@ def fragments(
     """
     cut = plan(message, datagram_size, signed_peer=signed_peer)
     packed = message.header(parts_max=cut.parts_max).pack(signed_peer=signed_peer)
-    return _datagrams(packed, flat(message.body), cut)
+    return parts_of(packed, flat(message.body), cut)
+
+
+def datagram_of(
+    packed: bytes, body: memoryview, cut: Split, number: int
+) -> Tuple[bytes, memoryview]:
+    """Return one part of a message, header and slice; `packed` is the header of part 0."""
+    header = packed[:PART_NUMBER_OFFSET] + bytes((number,)) + packed[PART_NUMBER_OFFSET + 1 :]
+    start = number * cut.part_size
+    return header, body[start : start + cut.part_size]
 
 
 def flat(body: object) -> memoryview:
@@ -147,8 +184,32 @@ def _part_size(datagram_size: DatagramSize, header_size: int) -> int:
     return int(datagram_size) - header_size
 
 
-def _datagrams(packed: bytes, body: memoryview, cut: Split) -> Iterator[Tuple[bytes, memoryview]]:
-    before, after = packed[:PART_NUMBER_OFFSET], packed[PART_NUMBER_OFFSET + 1 :]
-    for number in range(cut.parts_max):
-        start = number * cut.part_size
-        yield before + bytes((number,)) + after, body[start : start + cut.part_size]
+class Parts:
+    """The parts of a message one after the other, header and slice.
+
+    Parameters
+    ----------
+    packed
+        The header of part 0.
+    """
+
+    def __init__(self, packed: bytes, body: memoryview, cut: Split) -> None:
+        self.packed = packed
+        self.body = body
+        self.cut = cut
+        self.upcoming = 0
+        """Number of the next part; may be set, to leave some out."""
+
+    def __iter__(self) -> Parts:
+        return self
+
+    def __next__(self) -> Tuple[bytes, memoryview]:
+        if self.upcoming >= self.cut.parts_max:
+            raise StopIteration
+        self.upcoming += 1
+        return datagram_of(self.packed, self.body, self.cut, self.upcoming - 1)
+
+
+def parts_of(packed: bytes, body: memoryview, cut: Split) -> Parts:
+    """Return the parts of a message, header and slice; `packed` is the header of part 0."""
+    return Parts(packed, body, cut)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from struct import Struct
 from typing import NamedTuple, Tuple, Union
 
-from .types import MSG_TYPES
+from .types import MSG_TYPES, SEALED
 
 # The paper declares every field signed; unsigned they are the same bytes up to 127, and a
 # message may have 255 parts instead of 127. Only time stays signed.
@@ -93,12 +93,19 @@ class Header(NamedTuple):
             )
         parts = SIGNED_PARTS_MAX if signed_peer else PARTS_MAX
         seq_numbers = SIGNED_SEQ_NUMBERS if signed_peer else SEQ_NUMBERS
-        _check("msg_type", self.msg_type, 0, 255)
-        _check("seq_number", self.seq_number, 0, seq_numbers - 1)
-        _check("parts_max", self.parts_max, 1, parts)
-        _check("part_number", self.part_number, 0, self.parts_max - 1)
-        _check("time_sec", self.time_sec, -(1 << 31), (1 << 31) - 1)
-        _check("time_nsec", self.time_nsec, 0, NANOS - 1)
+        if not (
+            0 <= self.msg_type <= 255
+            and 0 <= self.seq_number < seq_numbers
+            and 0 <= self.part_number < self.parts_max <= parts
+            and -(1 << 31) <= self.time_sec < 1 << 31
+            and 0 <= self.time_nsec < NANOS
+        ):  # once more, one by one, for the text
+            _check("msg_type", self.msg_type, 0, 255)
+            _check("seq_number", self.seq_number, 0, seq_numbers - 1)
+            _check("parts_max", self.parts_max, 1, parts)
+            _check("part_number", self.part_number, 0, self.parts_max - 1)
+            _check("time_sec", self.time_sec, -(1 << 31), (1 << 31) - 1)
+            _check("time_nsec", self.time_nsec, 0, NANOS - 1)
         fixed = _FIXED.pack(
             self.msg_type,
             size,
@@ -160,7 +167,7 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
     topic = _decode("topic", datagram[FIXED_SIZE:topic_end])
     link = _decode("link", datagram[topic_end:link_end])
     if msg_type not in MSG_TYPES:
-        raise Refused("unknown_type")
+        raise Refused("sealed" if msg_type == SEALED else "unknown_type")
     return Header(msg_type, seq_number, part_number, parts_max, sec, nsec, topic, link), header_size
 
 

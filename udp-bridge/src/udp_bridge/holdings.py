@@ -10,10 +10,13 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Callable, Hashable, Iterable, NamedTuple, Optional, Tuple
 
+from .arrivals import TopicArrivals
 from .assembly import Assembly
 from .counters import Counters
 from .header import NANOS
 from .ordering import Key, Order
+from .reports import TopicReport
+from .resend_asking import Asking
 
 
 class Limits(NamedTuple):
@@ -28,6 +31,10 @@ class Limits(NamedTuple):
     """From a message's first part to its last; the largest message at 100 Mbit/s takes 1.4 s."""
     open_per_topic: int = 4
     """Open messages of a topic: older ones can hardly become whole any more."""
+    open_per_offered_topic: int = 16
+    """The same where lost parts can be asked for, which takes some round trips."""
+    offered_topics: int = 128
+    """Topics of all senders for which lost parts are asked."""
     senders: int = 64
     topics: int = 1024
     keep_late: bool = False
@@ -47,7 +54,7 @@ class Sender:
 class Topic:
     """What is known of one type and topic of one sender."""
 
-    __slots__ = ("_totals", "counters", "link", "open", "order", "sender")
+    __slots__ = ("_totals", "arrived", "asking", "counters", "link", "open", "order", "sender")
 
     def __init__(self, sender: Sender, totals: Counters) -> None:
         self.sender = sender
@@ -56,7 +63,22 @@ class Topic:
         self.link = ""
         """The link last seen."""
         self.counters = Counters()
+        self.arrived = TopicArrivals()
+        """Of the sender's present life."""
+        self.asking: Optional[Asking] = None
+        """What can be asked for, once the sender offered to send it again."""
         self._totals = totals
+
+    def restart(self) -> None:
+        """Begin anew, as for a sender never heard of; only the counters go on."""
+        self.order.forget()
+        self.arrived = TopicArrivals()
+        if self.asking is not None:
+            self.asking.forget()
+
+    def report(self, msg_type: int, wall_nanos: int) -> TopicReport:
+        """Return what is so at this moment of the wall clock."""
+        return self.arrived.report(msg_type, self.counters.duplicates, wall_nanos)
 
     def count(self, what: str, count: int = 1) -> None:
         """Count something of this topic, and in the totals."""
@@ -75,6 +97,7 @@ class Holdings:
         self._senders: OrderedDict[Hashable, Sender] = OrderedDict()
         self._open: OrderedDict[Tuple[Topic, Key], int] = OrderedDict()  # announced, oldest first
         self._topic_count = 0
+        self._offered_count = 0
 
     def topic(self, address: Hashable, key: Tuple[int, str]) -> Topic:
         """Return what is known of a topic; when it is one too many, another one is forgotten."""
@@ -100,10 +123,29 @@ class Holdings:
         sender = self._senders.get(address)
         return sender.topics.items() if sender is not None else ()
 
+    def find(self, address: Hashable, key: Tuple[int, str]) -> Optional[Topic]:
+        """Return what is known of a topic, if anything is."""
+        sender = self._senders.get(address)
+        return sender.topics.get(key) if sender is not None else None
+
+    def ask(self, topic: Topic) -> Optional[Asking]:
+        """Return where to note what can be asked for of a topic; None when it is one too many."""
+        if topic.asking is None and self._offered_count < self._limits.offered_topics:
+            topic.asking = Asking()
+            self._offered_count += 1
+            for assembly in topic.open.values():
+                for number in filter(assembly.has, range(assembly.header.parts_max)):
+                    came = assembly.header._replace(part_number=number)
+                    topic.asking.saw(came, is_whole=False, now_nanos=assembly.since_nanos)
+        return topic.asking
+
     def hold(self, topic: Topic, key: Key, assembly: Assembly) -> None:
         """Keep an unfinished message; where it announces too much, the oldest give way."""
         if key not in topic.open:
-            while len(topic.open) >= self._limits.open_per_topic:
+            most = self._limits.open_per_topic
+            if topic.asking is not None:
+                most = max(most, self._limits.open_per_offered_topic)
+            while len(topic.open) >= most:
                 self.give_up(topic, next(iter(topic.open)))
             topic.open[key] = assembly
         sender = topic.sender
@@ -128,7 +170,10 @@ class Holdings:
     def give_up(self, topic: Topic, key: Key) -> None:
         """Count an open message as incomplete and let go of it."""
         topic.order.finish(topic.open[key].header)
+        if topic.asking is not None:
+            topic.asking.finished(topic.open[key].header.seq_number)
         topic.count("incomplete")
+        topic.arrived.fates.settle(topic.open[key].header.seq_number, "incomplete")
         self.release(topic, key)
 
     def give_up_topic(self, topic: Topic, *, before_nanos: Optional[int] = None) -> None:
@@ -152,8 +197,10 @@ class Holdings:
         return max(self._senders.values(), key=measure)
 
     def _forget_topic(self, sender: Sender, key: Tuple[int, str]) -> None:
-        self.give_up_topic(sender.topics.pop(key))
+        topic = sender.topics.pop(key)
+        self.give_up_topic(topic)
         self._topic_count -= 1
+        self._offered_count -= topic.asking is not None
 
     def _forget_sender(self, address: Hashable) -> None:
         sender = self._senders.pop(address)

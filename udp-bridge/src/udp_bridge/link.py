@@ -11,29 +11,35 @@ import logging
 import threading
 import time
 from types import TracebackType
-from typing import Any, Callable, Dict, List, Optional, Type
+from typing import Any, Callable, Dict, List, Optional, Tuple, Type
 
+from .accounts import Account
+from .control import TopicReport
 from .counters import Counters
-from .flow import DatagramKey
+from .departures import Departures
 from .fragments import DatagramSize, TooLarge, check_datagram_size
-from .header import NANOS, BadMessage, Buffer
+from .header import NANOS, BadMessage, Buffer, Refused
 from .holdings import Limits
 from .message import Message
-from .receiving import Inbox
-from .sending import Address, Outbox, take_in_turn
-from .udp_socket import UdpSocket, resolve
+from .receiving import Answer, Inbox
+from .repair import RepairTable, check_table
+from .sending import Address
+from .types import MSG_TYPES
+from .udp_socket import DatagramSocket, UdpSocket
 
 DEFAULT_RECEIVE_BUFFER = 8 << 20
 """The most that an unprivileged Linux process commonly gets, as the kernel accounts it."""
 _WAIT_S = 0.1
 """How long the receiving thread sleeps at most; messages expire at this grain."""
 _REPORT_NANOS = NANOS
+_LAST_REPORTS = 3
+"""Nobody repeats the last word, and one copy in some may be lost."""
 _log = logging.getLogger(__name__)
 
 OnMessage = Callable[[Message, Address], None]
 
 
-class Link:
+class Link(Departures):
     """One end of a bridge: a bound socket with a sending and a receiving thread.
 
     Parameters
@@ -54,15 +60,28 @@ class Link:
         Keep to what a peer understands that reads the header's counts as signed.
     report
         Tell every sender once a second what arrived.
+    confirmed
+        The user tells of each message of a ROS type what became of it, by `published` or
+        `dropped`. Otherwise it is published when `on_message` has returned.
     limits
         What reassembly spends at most.
+    repair
+        How lost datagrams of a topic are made good, by msg_type and topic; see `repair`. What is
+        sent with `Resend` is kept until it is stale, so leave the body unchanged until then.
+    large_waiting
+        Body bytes of a topic's messages of several parts that may wait, where those do not
+        supersede each other: blocks of a whole. Otherwise only the newest waits.
+    socket
+        What to send and receive by instead of a socket of the link's own: anything bound that is
+        used as `UdpSocket` is. It becomes the link's, which closes it; `bind` and
+        `receive_buffer` are then as it has them.
 
     Raises
     ------
     OSError
         When an address can't be resolved or bound.
     BadMessage
-        When `datagram` is no datagram size.
+        When `datagram` is no datagram size, or `repair` needs a package that is not installed.
     """
 
     def __init__(
@@ -75,26 +94,34 @@ class Link:
         datagram: DatagramSize = "loopback",
         signed_peer: bool = False,
         report: bool = False,
+        confirmed: bool = False,
         limits: Optional[Limits] = None,
+        repair: Optional[RepairTable] = None,
+        large_waiting: int = 0,
+        socket: Optional[DatagramSocket] = None,
     ) -> None:
-        self._datagram = check_datagram_size(datagram)
-        self._signed_peer = signed_peer
+        super().__init__(
+            check_datagram_size(datagram), signed_peer=signed_peer, repair=check_table(repair)
+        )
         self._peer = peer
         self._on_message = on_message
         self._report = report
-        self._wake = threading.Condition()  # guards all of the sending side
-        self._routes: Dict[Address, Outbox] = {}  # by address as it was given
-        self._outboxes: Dict[Address, Outbox] = {}  # by numeric address
-        self._turn: List[Outbox] = []
-        self._is_sending = False
-        self._is_closed = False
-        self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
+        self._confirmed = confirmed
         self._too_large = 0
+        self._overhead = socket.overhead if socket is not None else 0
+        self._large_waiting = large_waiting
         if peer is not None:
             self._outbox(peer)
-        self._socket = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
+        if socket is None:
+            socket = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
+        self._socket = socket
+        self._departs_by(socket)
         self._inbox = Inbox(
-            receive_buffer=self.receive_buffer, on_credit=self._credited, limits=limits
+            receive_buffer=self.receive_buffer,
+            on_credit=self._credited,
+            on_report=self._reported,
+            on_request=self._requested,
+            limits=limits,
         )
         self._threads = [
             threading.Thread(target=target, name=f"udp_bridge {name}", daemon=True)
@@ -127,7 +154,10 @@ class Link:
         body: Buffer,
         to: Optional[Address] = None,
     ) -> None:
-        """Queue a message; never blocks, from any thread. After `close` it does nothing.
+        """Send a message, or as much of it as may go now, and queue the rest; from any thread.
+
+        It waits for no peer and no other message; the kernel's copying of up to 2 MB is done here,
+        because to wake another thread takes longer. After `close` it does nothing.
 
         Parameters
         ----------
@@ -159,12 +189,15 @@ class Link:
             except TooLarge:
                 self._too_large += 1
                 raise
-            self._wake.notify_all()
+            if not self._run_bytes:
+                self._wake.notify_all()
+        if self._run_bytes:
+            self._send_at_once()
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all that was queued is sent; return whether it is."""
         with self._wake:
-            return self._wake.wait_for(self._is_idle, timeout_s)
+            return self._idle.wait_for(self._is_idle, timeout_s)
 
     def counters(self) -> Dict[str, Any]:
         """Return what was sent, received and lost, by name; `refused` is a dict by reason."""
@@ -176,26 +209,56 @@ class Link:
                 "too_large": self._too_large,
                 "unreachable": self._socket.unreachable,
                 "stalls": sum(outbox.pacer.stalls for outbox in outboxes),
+                "resent": sum(outbox.resender.resent for outbox in outboxes),
+                "resend_refused": sum(outbox.resender.over_budget for outbox in outboxes),
             }
         counts["received_datagrams"] = self._inbox.datagrams
         counts["received_bytes"] = self._inbox.bytes_received
+        counts["repaired"] = self.received.repaired
+        counts["resend_requests"] = self._inbox.requests_sent
         counts["kernel_drops"] = self._socket.kernel_drops
         counts.update(self.received.as_dict())
         return counts
 
+    def accounts(self, to: Optional[Address] = None) -> List[Account]:
+        """Return what became of all that was sent to `to`, or else the peer, topic by topic."""
+        to = to if to is not None else self._peer
+        with self._wake:
+            outbox = self._routes.get(to) if to is not None else None
+            return outbox.accounts.rows(time.monotonic_ns()) if outbox is not None else []
+
+    def arrivals(self) -> List[Tuple[Address, str, str, TopicReport]]:
+        """Return sender, topic, link and report of what arrived, as told with `report` last."""
+        return list(self._inbox.told)
+
+    def published(self, message: Message, sender: Address) -> None:
+        """Tell, from any thread, that a message that was handed over has reached its user."""
+        self._inbox.published(message, sender, time.time_ns())
+
+    def dropped(self, message: Message, sender: Address) -> None:
+        """Tell, from any thread, that a message that was handed over won't reach its user."""
+        self._inbox.dropped(message, sender)
+
     def close(self) -> None:
-        """End both threads at once; what waits is dropped, what is open counts as incomplete."""
+        """End both threads at once; what waits is dropped, what is open counts as incomplete.
+
+        With `report`, senders are told a last time what arrived.
+        """
         with self._wake:
             if self._is_closed:
                 return
             self._is_closed = True
             self._wake.notify_all()
+            self._idle.notify_all()
+            self._idle.wait_for(lambda: not self._is_sending, _WAIT_S)
         self._socket.shut()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join()
-        self._socket.close()
         self._inbox.reassembler.give_up_all()
+        for _ in range(_LAST_REPORTS):
+            self._report_if_due(time.monotonic_ns(), 0)
+        self._socket.close()
 
     def __enter__(self) -> Link:
         return self
@@ -208,86 +271,70 @@ class Link:
     ) -> None:
         self.close()
 
-    def _outbox(self, to: Address) -> Outbox:
-        outbox = self._routes.get(to)
-        if outbox is None:
-            numeric = resolve(to)
-            outbox = self._outboxes.get(numeric)
-            if outbox is None:
-                outbox = Outbox(numeric, self._datagram, signed_peer=self._signed_peer)
-                self._outboxes[numeric] = outbox
-                self._turn.append(outbox)
-            self._routes[to] = outbox
-        return outbox
-
-    def _credited(self, sender: Address, key: DatagramKey, receive_buffer: int) -> None:
-        with self._wake:
-            outbox = self._outboxes.get(sender)
-            if outbox is not None:
-                outbox.pacer.acknowledged(key, receive_buffer, time.monotonic_ns())
-                self._wake.notify_all()
-
     def _receive_loop(self) -> None:
         buffer = bytearray(1 << 16)
         view = memoryview(buffer)
         due_nanos = time.monotonic_ns() + _REPORT_NANOS
+        # What stands around a socket may lack this.
+        receive_run: Any = getattr(self._socket, "receive_run", None)
         while not self._is_closed:
-            received = self._socket.receive_into(buffer)
+            slots = self._inbox.slots() if receive_run is not None else None
+            if slots is not None:
+                run = receive_run(slots)
+                if self._is_closed:
+                    return  # a socket that is shut gives empty datagrams
+                now_nanos = time.monotonic_ns()
+                taken = self._inbox.receive_run(run, now_nanos) if run is not None else ()
+                for one in taken if not self._is_closed else ():
+                    self._hand_over(*one, now_nanos)
+                if run is None:
+                    self._inbox.reassembler.expire(now_nanos)
+                due_nanos = self._report_if_due(now_nanos, due_nanos)
+                continue
+            try:
+                received = self._socket.receive_into(buffer)
+            except Refused as refused:
+                self._inbox.refuse(refused.reason)
+                received = None
             now_nanos = time.monotonic_ns()
             if received is None:
                 self._inbox.reassembler.expire(now_nanos)
             elif not self._is_closed:
                 self._receive(view[: received[0]], received[1], now_nanos)
-            if self._report and now_nanos >= due_nanos:
-                due_nanos = now_nanos + _REPORT_NANOS
-                self._inbox.kernel_drops = self._socket.kernel_drops
-                for answer, to in self._inbox.reports(now_nanos, time.time_ns()):
-                    self._answer(answer, to)
+            due_nanos = self._report_if_due(now_nanos, due_nanos)
+
+    def _report_if_due(self, now_nanos: int, due_nanos: int) -> int:
+        """Tell senders what arrived, if it is time; return when it is next."""
+        if not self._report or now_nanos < due_nanos:
+            return due_nanos
+        self._inbox.kernel_drops = self._socket.kernel_drops
+        for answer, to in self._inbox.reports(now_nanos, time.time_ns()):
+            self._answer(answer, to)
+        return now_nanos + _REPORT_NANOS
 
     def _receive(self, datagram: memoryview, sender: Address, now_nanos: int) -> None:
-        message, credit = self._inbox.receive(datagram, sender, now_nanos, time.time_ns())
+        taken = self._inbox.receive(datagram, sender, now_nanos, time.time_ns())
+        self._hand_over(*taken, sender, now_nanos)
+
+    def _hand_over(
+        self,
+        message: Optional[Message],
+        credit: Optional[Answer],
+        sender: Address,
+        now_nanos: int,
+    ) -> None:
         if credit is not None:
             self._answer(*credit)
-        if message is not None and self._on_message is not None:
-            try:
+        for request in self._inbox.requests(now_nanos):
+            self._answer(*request)
+        if message is None:
+            return
+        try:
+            if self._on_message is not None:
                 self._on_message(message, sender)
-            except Exception:
-                _log.exception("on_message failed for %s", message)
-
-    def _answer(self, answer: bytes, to: Address) -> None:
-        is_sent = self._socket.send([answer], to)
-        with self._wake:
-            self._count_sent(len(answer), is_sent=is_sent, is_last=True)
-
-    def _send_loop(self) -> None:
-        while True:
-            with self._wake:
-                datagram = take_in_turn(self._turn, time.monotonic_ns())
-                while datagram is None and not self._is_closed:
-                    self._wake.wait(self._wait_s())
-                    datagram = take_in_turn(self._turn, time.monotonic_ns())
-                if datagram is None or self._is_closed:
-                    return
-                self._is_sending = True
-            is_sent = self._socket.send([datagram.header, datagram.part], datagram.to)
-            with self._wake:
-                self._is_sending = False
-                size = len(datagram.header) + datagram.part.nbytes
-                self._count_sent(size, is_sent=is_sent, is_last=datagram.is_last)
-                if self._is_idle():
-                    self._wake.notify_all()
-
-    def _wait_s(self) -> Optional[float]:
-        now_nanos = time.monotonic_ns()
-        wakes = [outbox.next_wake(now_nanos) for outbox in self._turn]
-        waiting = [wake for wake in wakes if wake is not None]
-        return max(0, min(waiting) - now_nanos) / NANOS if waiting else None
-
-    def _is_idle(self) -> bool:
-        return self._is_closed or (not self._is_sending and self._wait_s() is None)
-
-    def _count_sent(self, size: int, *, is_sent: bool, is_last: bool) -> None:
-        if is_sent:
-            self._sent["sent_datagrams"] += 1
-            self._sent["sent_bytes"] += size
-            self._sent["sent_messages"] += is_last
+        except Exception:
+            _log.exception("on_message failed for %s", message)
+            self._inbox.dropped(message, sender)
+            return
+        if not self._confirmed or MSG_TYPES[message.msg_type].ros_type is None:
+            self._inbox.published(message, sender, time.time_ns())

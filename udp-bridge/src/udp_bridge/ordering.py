@@ -59,6 +59,10 @@ class Order:
         """Tell whether a header's stamp is newer than that of the last message handed over."""
         return header.stamp_nanos > self._last_stamp
 
+    def newer_by(self, header: Header) -> int:
+        """Return how much newer a header's stamp is than that of the last one handed over."""
+        return header.stamp_nanos - self._last_stamp
+
     def is_finished(self, header: Header) -> bool:
         """Tell whether the message was handed over, late or given up, and is remembered."""
         return key_of(header) in self._finished

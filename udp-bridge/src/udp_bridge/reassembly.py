@@ -8,16 +8,21 @@ buffer is kept. Not here: bounds (`holdings`), sockets, credits, and who may sen
 
 from __future__ import annotations
 
-from typing import Hashable, Iterator, Optional, Tuple
+from typing import Hashable, List, Optional, Tuple
 
-from . import control
+from . import control, fec, fec_parts
+from .arrivals import TopicArrivals
 from .assembly import Assembly
 from .counters import Counters
 from .header import Buffer, Header, Refused, parse
 from .holdings import Holdings, Limits, Topic
 from .message import Message
 from .ordering import key_of
-from .types import CONTROL
+from .pool import Pool
+from .repair_wire import Offer, parse_resend, parse_symbol
+from .reports import TopicReport
+from .resend_asking import Asked, Asking
+from .types import CONTROL, REPAIR, RESEND
 
 
 class Reassembler:
@@ -29,7 +34,10 @@ class Reassembler:
     def __init__(self, limits: Optional[Limits] = None) -> None:
         self.limits = limits if limits is not None else Limits()
         self.counters = Counters()
+        self.pool = Pool()
+        """Where bodies lie."""
         self._holdings = Holdings(self.limits, self.counters)
+        self._asked: List[Tuple[Hashable, str, Asked]] = []
 
     @property
     def memory_bytes(self) -> int:
@@ -70,17 +78,72 @@ class Reassembler:
             raise Refused("part_size")
         if header.msg_type == CONTROL:
             return self._accept_control(header, part)
+        if header.msg_type == RESEND:
+            return self._accept_resend(header, part, sender, now_nanos)
+        if header.msg_type == REPAIR:
+            return self._accept_symbol(header, part, sender, now_nanos)
+        self._check(header, len(part), sender, now_nanos)
         topic = self._holdings.topic(sender, (header.msg_type, header.topic))
-        if topic.order.is_restart_by_silence(header, now_nanos):
-            self._holdings.give_up_topic(topic)
-            topic.order.forget()
+        self._notice_restart(topic, header, now_nanos)
         if topic.order.is_finished(header):
             topic.count("duplicates")
             return None
         topic.link = header.link
+        topic.arrived.seen(header)
         if header.parts_max == 1 and key_of(header) not in topic.open:
-            return self._finish(topic, header, part, now_nanos)
-        return self._add(topic, header, part, now_nanos)
+            message = self._finish(topic, header, part, now_nanos)
+        else:
+            message = self._add(topic, header, part, now_nanos)
+        if topic.asking is not None:
+            is_whole = topic.order.is_finished(header)
+            topic.asking.saw(header, is_whole=is_whole, now_nanos=now_nanos)
+            self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
+        return message
+
+    def accept_placed(
+        self, header: Header, count: int, last_size: int, sender: Hashable, now_nanos: int
+    ) -> Optional[Message]:
+        """Take `count` parts that lie in their places, as `accept` would one after the other.
+
+        Parameters
+        ----------
+        header
+            Of the first of them; the others differ in part_number alone.
+        last_size
+            Body bytes of the last of them; the others have the part size.
+        """
+        # Nothing is given up here: the message that is being received must still be open.
+        topic = self._holdings.topic(sender, (header.msg_type, header.topic))
+        assembly = topic.open.get(key_of(header))
+        is_plain = assembly is not None and assembly.symbols is None and topic.asking is None
+        if is_plain and not topic.order.is_restart_by_silence(header, now_nanos):
+            assert assembly is not None
+            topic.arrived.seen(header)
+            assembly.placed(header.part_number, count, last_size)
+            if not assembly.complete:
+                return None
+            self._holdings.release(topic, key_of(header))
+            return self._finish(topic, header, assembly.body, now_nanos)
+        message = None
+        assert assembly is not None
+        assert assembly.block is not None
+        for number in range(header.part_number, header.part_number + count):
+            start = number * assembly.part_size
+            is_last = number == header.part_number + count - 1
+            end = start + (last_size if is_last else assembly.part_size)
+            part = memoryview(assembly.block)[start:end]
+            one = self.accept(header._replace(part_number=number), part, sender, now_nanos)
+            message = message or one
+        return message
+
+    def open_message(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
+        """Return what is in of a message that is open."""
+        return self._open(header, sender, now_nanos)
+
+    def asked(self) -> List[Tuple[Hashable, str, Asked]]:
+        """Return what is to be asked since the last call: of which sender, the topic, the rest."""
+        asked, self._asked = self._asked, []
+        return asked
 
     def expire(self, now_nanos: int) -> None:
         """Give up the messages whose time is over."""
@@ -90,10 +153,30 @@ class Reassembler:
         """Count every open message as incomplete, as at the end of a recording."""
         self._holdings.give_up_since()
 
-    def tallies(self, sender: Hashable) -> Iterator[Tuple[int, str, str, Counters]]:
-        """Yield msg_type, topic, the link last seen and the counters of each topic of a sender."""
-        for (msg_type, name), topic in self._holdings.topics(sender):
-            yield msg_type, name, topic.link, topic.counters
+    def reports(self, sender: Hashable, wall_nanos: int) -> List[Tuple[str, str, TopicReport]]:
+        """Return topic, the link last seen and the report of each topic of a sender."""
+        return [
+            (name, topic.link, topic.report(msg_type, wall_nanos))
+            for (msg_type, name), topic in self._holdings.topics(sender)
+        ]
+
+    def arrived(self, sender: Hashable, msg_type: int, topic: str) -> Optional[TopicArrivals]:
+        """Return what arrived of a topic of a sender, if it is still known."""
+        found = self._holdings.find(sender, (msg_type, topic))
+        return found.arrived if found is not None else None
+
+    def _check(self, header: Header, size: int, sender: Hashable, now_nanos: int) -> None:
+        """Refuse a part that contradicts its message, before it changes anything."""
+        assembly = self._open(header, sender, now_nanos)
+        if assembly is not None:
+            assembly.check(header, size)
+
+    def _open(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
+        """Return what has come of the message in a header, if anything has."""
+        topic = self._holdings.find(sender, (header.msg_type, header.topic))
+        if topic is None or topic.order.is_restart_by_silence(header, now_nanos):
+            return None
+        return topic.open.get(key_of(header))
 
     # Control says what is so at this moment and repeats itself; credits carry old stamps and
     # reports a wall clock, so order has no meaning there, and a dropped one would only harm.
@@ -104,12 +187,86 @@ class Reassembler:
         self.counters.messages += 1
         return _message(header, part)
 
+    def _accept_resend(
+        self, header: Header, part: memoryview, sender: Hashable, now_nanos: int
+    ) -> Optional[Message]:
+        """Take an offer; a request is handed over, for it is the sending side's."""
+        if header.parts_max != 1:
+            raise Refused("parts_max")
+        body = parse_resend(part)
+        if not isinstance(body, Offer):
+            return _message(header, part)
+        topic = self._holdings.topic(sender, (body.msg_type, header.topic))
+        asking = self._holdings.ask(topic)
+        if asking is not None:
+            is_finished = topic.order.is_finished(header)
+            asking.offered(header, body, is_finished=is_finished, now_nanos=now_nanos)
+            self._ask(asking, header, body.msg_type, sender, now_nanos)
+        return None
+
+    def _accept_symbol(
+        self, header: Header, part: memoryview, sender: Hashable, now_nanos: int
+    ) -> Optional[Message]:
+        """Keep a repair symbol with its message, and mend that if it can be."""
+        symbol, data = parse_symbol(part)
+        if symbol.code != fec.RAPTORQ or not fec.is_available():
+            raise Refused("repair_code")
+        source = header._replace(
+            msg_type=symbol.msg_type, part_number=0, parts_max=symbol.parts_max
+        )
+        known = self._open(source, sender, now_nanos)
+        if known is not None:
+            if source.link != known.header.link:
+                raise Refused("link")
+            fec_parts.check(known, symbol, data)
+        topic = self._holdings.topic(sender, (source.msg_type, source.topic))
+        self._notice_restart(topic, source, now_nanos)
+        if topic.order.is_finished(source):
+            return None
+        key = key_of(source)
+        assembly = topic.open.get(key) or Assembly(source, now_nanos, self.pool)
+        if not fec_parts.add(assembly, header.part_number, symbol, data):
+            topic.count("duplicates")
+            return None
+        topic.link = source.link
+        topic.arrived.seen(source)
+        return self._mended(topic, assembly, source, now_nanos)
+
+    def _mended(
+        self, topic: Topic, assembly: Assembly, header: Header, now_nanos: int
+    ) -> Optional[Message]:
+        """Hold an unfinished message, or hand it over if its repair symbols make it whole."""
+        key = key_of(header)
+        if not fec_parts.mend(assembly):
+            self._holdings.hold(topic, key, assembly)
+            return None
+        self._holdings.release(topic, key)
+        topic.arrived.fates.mended(header.seq_number)
+        message = self._finish(topic, header, assembly.body, now_nanos)
+        if message is not None:
+            topic.count("repaired")
+        return message
+
+    def _notice_restart(self, topic: Topic, header: Header, now_nanos: int) -> None:
+        """Begin a topic anew when its sender was restarted, and did not send something again."""
+        if topic.asking is not None and topic.asking.is_wanted(header.seq_number, now_nanos):
+            return
+        if topic.order.is_restart_by_silence(header, now_nanos):
+            self._holdings.give_up_topic(topic)
+            topic.restart()
+
+    def _ask(
+        self, asking: Asking, header: Header, msg_type: int, sender: Hashable, now_nanos: int
+    ) -> None:
+        for asked in asking.due(msg_type, now_nanos):
+            self._asked.append((sender, header.topic, asked))
+
     def _add(
         self, topic: Topic, header: Header, part: memoryview, now_nanos: int
     ) -> Optional[Message]:
         """Add a part to its message, which may be a new one."""
         key = key_of(header)
-        assembly = topic.open.get(key) or Assembly(header, now_nanos)
+        assembly = topic.open.get(key) or Assembly(header, now_nanos, self.pool)
         added = assembly.add(header, part)
         if added.refused:
             self.counters.refuse(added.refused)
@@ -117,8 +274,7 @@ class Reassembler:
             topic.count("duplicates")
             return None
         if not assembly.complete:
-            self._holdings.hold(topic, key, assembly)
-            return None
+            return self._mended(topic, assembly, header, now_nanos)
         self._holdings.release(topic, key)
         return self._finish(topic, header, assembly.body, now_nanos)
 
@@ -127,19 +283,31 @@ class Reassembler:
     ) -> Optional[Message]:
         """Judge a whole message by the order of its topic; return it unless it is late."""
         order = topic.order
+        asking = topic.asking
         is_ahead = order.ahead_by(header.seq_number) > 0
-        if not is_ahead and order.is_newer(header):
+        is_wanted = asking is not None and asking.is_wanted(header.seq_number, now_nanos)
+        is_asked = asking is not None and asking.is_asked(header.seq_number)
+        # What is sent again is at most that stale; newer by more, it is of a restarted sender.
+        is_again = asking is not None and is_wanted and asking.spans(order.newer_by(header))
+        if not is_ahead and not is_again and order.is_newer(header):
             self._holdings.give_up_topic(topic, before_nanos=header.stamp_nanos)
-            order.forget()
+            topic.restart()
+            topic.arrived.seen(header)
             is_ahead = True
         order.finish(header)
         if is_ahead:
             topic.count("missing", order.hand_over(header, now_nanos))
-        elif not self.limits.keep_late:
+        elif not self.limits.keep_late and not is_wanted:
             topic.count("late")
+            topic.arrived.fates.settle(header.seq_number, "late")
             return None
         topic.count("messages")
-        return _message(header, body)
+        if is_asked:
+            topic.count("repaired")
+            topic.arrived.fates.mended(header.seq_number)
+        message = _message(header, body)
+        topic.arrived.handed(message)
+        return message
 
 
 def _message(header: Header, body: memoryview) -> Message:

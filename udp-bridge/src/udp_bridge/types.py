@@ -46,6 +46,8 @@ _ROWS = (
     MessageType(36, "Odometry", "nav_msgs/msg/Odometry", "/odom", "both"),
     MessageType(37, "JointState", "sensor_msgs/msg/JointState", "/joint_states", "to ROS"),
     MessageType(64, "Control", None, "", "both"),
+    MessageType(65, "Resend", None, "", "both"),
+    MessageType(66, "Repair", None, "", "both"),
 )
 
 MSG_TYPES: Dict[int, MessageType] = {row.number: row for row in _ROWS}
@@ -69,5 +71,9 @@ def type_number(name: str) -> int:
         raise ValueError(f"unknown message type {name!r}; known are {known}") from None
 
 
+SEALED = 68
+"""An envelope around a datagram (`seal`), no message, so not in the table."""
 SUBSCRIBE = type_number("Subscribe")
 CONTROL = type_number("Control")
+RESEND = type_number("Resend")
+REPAIR = type_number("Repair")

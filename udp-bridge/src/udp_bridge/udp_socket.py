@@ -7,21 +7,53 @@ peers that are not there; elsewhere these counts stay 0.
 
 from __future__ import annotations
 
+import errno
 import socket
 import struct
 import sys
-from typing import Optional, Sequence, Tuple
+from typing import Optional, Protocol, Sequence, Tuple, Union
 
+from . import mmsg, runs
 from .header import Buffer
+from .placing import Run, Slots
 from .sending import Address
+from .sending import Run as Leaving
 
 _IS_LINUX = sys.platform == "linux"
 _SO_RCVBUFFORCE = 33  # Linux numbers that the socket module does not name in every version
 _SO_RXQ_OVFL = 40
 _IP_RECVERR = 11
 _DROP_COUNT = struct.Struct("=I")
+ENOUGH_BUFFER = 8 << 20
+"""What links ask for; in half of it 60 datagrams of 64 KB may be under way."""
 _ANCILLARY_BYTES = 64
 """Room for the drop count beside a datagram."""
+
+
+class DatagramSocket(Protocol):
+    """What a link needs of its socket; also of what stands around one, such as `seal`.
+
+    `UdpSocket` says what each member means. `receive_into` returns within about 0.1 s, with None
+    when nothing came, and raises `Refused` when something came that must not be taken.
+    """
+
+    address: Address
+    receive_buffer: int
+    overhead: int
+
+    @property
+    def kernel_drops(self) -> int: ...  # noqa: D102
+
+    @property
+    def unreachable(self) -> int: ...  # noqa: D102
+
+    def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]: ...  # noqa: D102
+
+    def send(self, buffers: Sequence[Buffer], to: Address) -> bool: ...  # noqa: D102
+
+    def shut(self) -> None: ...  # noqa: D102
+
+    def close(self) -> None: ...  # noqa: D102
 
 
 class UdpSocket:
@@ -34,10 +66,18 @@ class UdpSocket:
     """
 
     def __init__(self, bind: Address, *, receive_buffer: int, wait_s: float) -> None:
+        self.overhead = 0
+        """Bytes that are added to each datagram that is sent."""
         self.kernel_drops = 0
         """Datagrams that the kernel dropped because the receive buffer was full."""
         self.unreachable = 0
         """Datagrams that the peer's host or the network turned away."""
+        self._runs: Union[runs.ManyAtOnce, runs.OneByOne] = (
+            runs.ManyAtOnce() if mmsg.AVAILABLE else runs.OneByOne()
+        )
+        self._sending: Union[runs.SendingMany, runs.SendingOne] = (
+            runs.SendingMany() if mmsg.AVAILABLE else runs.SendingOne()
+        )
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._set_up(receive_buffer, wait_s)
@@ -60,7 +100,18 @@ class UdpSocket:
         for level, kind, data in ancillary:
             if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                 (self.kernel_drops,) = _DROP_COUNT.unpack(data)
+        if sender is None:  # so does the kernel tell that the socket was shut
+            return None
         return size, sender
+
+    def receive_run(self, slots: Slots) -> Optional[Run]:
+        """Wait for datagrams and put them into slots; return None when there was none."""
+        run = self._runs.receive(self._socket, slots)
+        if run is None:
+            self._drain_errors()
+        elif self._runs.drops:
+            self.kernel_drops = self._runs.drops
+        return run
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
         """Send one datagram gathered from `buffers`; return whether the kernel took it."""
@@ -76,10 +127,22 @@ class UdpSocket:
         self.unreachable += 1
         return False
 
+    def send_run(self, run: Leaving, to: Address) -> int:
+        """Send parts of a message; return how many the kernel took."""
+        sent = self._sending.send(self._socket, run, to, self._may_try_again)
+        self.unreachable += run.parts_count - sent
+        return sent
+
+    def _may_try_again(self, error_number: int) -> bool:
+        if error_number != errno.ECONNREFUSED:
+            return False
+        self._drain_errors()  # it tells of an earlier datagram; this one was not sent
+        return True
+
     def shut(self) -> None:
         """Wake the thread that receives."""
         try:
-            self._socket.shutdown(socket.SHUT_RDWR)
+            self._socket.shutdown(socket.SHUT_RD)  # last reports are yet to be sent
         except OSError:
             pass  # an unconnected socket has nothing to shut down, but waiting threads do wake
 
@@ -113,6 +176,16 @@ class UdpSocket:
                 self.unreachable += 1
         except OSError:
             pass
+
+
+def buffer_hint(granted: int, wanted: int = ENOUGH_BUFFER) -> str:
+    """Return a line that says how to raise a receive buffer; empty when it is large enough."""
+    if granted >= wanted or not _IS_LINUX:
+        return ""
+    return (
+        f"the receive buffer is {granted} bytes instead of {wanted}; large messages will be slower;"
+        f" raise it by: sysctl -w net.core.rmem_max={wanted // 2}"
+    )
 
 
 def resolve(address: Address) -> Address:

@@ -41,10 +41,14 @@ def main(argv: list[str] | None = None) -> int:
         prog=PROGRAM, description="Publish in ROS 2 what arrives by UDP Bridge, and send back."
     )
     parser.add_argument("--bind", metavar="HOST:PORT", help="where to receive (127.0.0.1:7511)")
+    parser.add_argument("--key-file", metavar="FILE", help="key that both ends share")
+    parser.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
     try:
         arguments = parser.parse_args(remove_ros_args([PROGRAM, *argv])[1:])
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = BridgeNode(bind=arguments.bind)
+        node = BridgeNode(
+            bind=arguments.bind, key_file=arguments.key_file, key_env=arguments.key_env
+        )
     except OSError as error:
         return _fail(error.strerror or str(error))
     except (ValueError, RuntimeError, InvalidParameterTypeException) as error:

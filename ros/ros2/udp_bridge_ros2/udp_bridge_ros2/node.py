@@ -16,10 +16,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from udp_bridge import MSG_TYPES, Link, Message, Refused
+from udp_bridge.around import sealed_socket
 from udp_bridge.control import Subscribe
+from udp_bridge.keys import read_key
+from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import SUBSCRIBE
+from udp_bridge.udp_socket import buffer_hint
 
 from . import environment
+from .diagnostics import Diagnostics
 from .inlet import Inlet
 from .outlet import Outlet
 
@@ -46,44 +51,62 @@ class BridgeNode(Node):
     """The ROS 2 end of UDP Bridge.
 
     Its parameters are `bind`, where it receives, and `peer`, the only one whose messages it takes
-    (port 0: any of that host; empty: whoever sends), both as ``HOST:PORT``.
+    (port 0: any of that host; empty: whoever sends), both as ``HOST:PORT``. With `key_file`, a
+    file, or `key_env`, an environment variable, it sends and takes only what is sealed by that key.
 
     Parameters
     ----------
-    bind
-        Stands before the parameter of that name.
+    bind, key_file, key_env
+        Stand before the parameters of these names.
 
     Raises
     ------
     ValueError
-        When an address is none.
+        When an address is none, or the key is none that can be used.
     OSError
         When an address can't be resolved or bound.
     """
 
-    def __init__(self, *, bind: str | None = None) -> None:
-        given = [] if bind is None else [Parameter("bind", value=bind)]
+    def __init__(
+        self, *, bind: str | None = None, key_file: str | None = None, key_env: str | None = None
+    ) -> None:
+        words = {"bind": bind, "key_file": key_file, "key_env": key_env}
+        given = [Parameter(name, value=word) for name, word in words.items() if word is not None]
         super().__init__("udp_bridge", parameter_overrides=given)
         bind = str(self.declare_parameter("bind", DEFAULT_BIND).value)
         peer = str(self.declare_parameter("peer", "").value)
+        key_file = str(self.declare_parameter("key_file", "").value) or None
+        key_env = str(self.declare_parameter("key_env", "").value) or None
+        secret = read_key(key_file, key_env, os.environ)
         bind_address = parse_address(bind, what="bind")
         self._peer = _resolve(parse_address(peer, what="peer")) if peer else None
         self._refused = 0
-        self._outlet = Outlet(self)
+        self._outlet = Outlet(self, self._fated)
         self._inlet = Inlet(self, is_published=self._outlet.publishes)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         try:
-            self._link = Link(bind_address, report=True, on_message=self._take)
+            self._link = Link(
+                bind_address,
+                report=True,
+                confirmed=True,
+                on_message=self._take,
+                socket=sealed_socket(bind_address, secret, sends=FROM_ROS) if secret else None,
+            )
         except OSError:
             self._outlet.close()
             raise
+        self._diagnostics = Diagnostics(self, self._link)
         host, port = self._link.address
         self.get_logger().info(f"receiving at {host}:{port}; {environment.describe(os.environ)}")
+        if hint := buffer_hint(self._link.receive_buffer):
+            self.get_logger().warning(hint)
 
     def turn(self) -> None:
         """Serve ROS and the wishes of peers for a moment, 0.1 s at most."""
-        wait_s = self._inlet.turn(self._link, time.monotonic_ns())
+        now_nanos = time.monotonic_ns()
+        wait_s = self._inlet.turn(self._link, now_nanos)
+        self._diagnostics.turn(now_nanos)
         self._executor.spin_once(timeout_sec=wait_s)
 
     def close(self) -> None:
@@ -103,6 +126,7 @@ class BridgeNode(Node):
     def _take(self, message: Message, sender: Address) -> None:
         if self._peer is not None and not _is_from(sender, self._peer):
             self._refused += 1
+            self._link.dropped(message, sender)
             return
         row = MSG_TYPES[message.msg_type]
         if row.ros_type is not None:
@@ -112,6 +136,9 @@ class BridgeNode(Node):
                 self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
             except Refused:
                 self._refused += 1
+
+    def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
+        (self._link.published if is_published else self._link.dropped)(message, sender)
 
 
 def _resolve(address: Address) -> Address:

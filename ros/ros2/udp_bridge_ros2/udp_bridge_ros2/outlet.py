@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from . import topics
@@ -24,6 +25,7 @@ Address = tuple[str, int]
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph."""
+OnFate = Callable[["Message", Address, bool], None]
 _ENCAPSULATION = b"\x00\x01"
 """How little-endian CDR begins; a body of anything else would break its subscribers."""
 
@@ -42,6 +44,12 @@ class _Channel:
         self.latest: dict[Address, bytes] = {}
         """Of a latched topic: what each sender had published last."""
 
+    def is_full(self) -> bool:
+        """Tell whether the oldest message that waits has to give way."""
+        if len(self.waiting) <= self.delivery.waiting:
+            return False
+        return sum(len(message.body) for message, _ in self.waiting) > self.delivery.waiting_bytes
+
 
 class Outlet:
     """Publishes messages on a thread of its own.
@@ -50,9 +58,12 @@ class Outlet:
     ----------
     node
         Where publishers are created; its logger tells of first arrivals.
+    on_fate
+        Called once with each message, its sender, and whether it was published: `put` tells of
+        those that are not taken and the thread that publishes of the rest.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, on_fate: OnFate = lambda *_: None) -> None:
         self.published = 0
         """Messages handed to ROS."""
         self.dropped = 0
@@ -60,6 +71,7 @@ class Outlet:
         self.refused = 0
         """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
         self._node = node
+        self._on_fate = on_fate
         self._channels: dict[tuple[int, str], _Channel] = {}
         self._turn: deque[_Channel] = deque()
         self._wake = threading.Condition()
@@ -89,15 +101,15 @@ class Outlet:
             channel = self._channels.get((row.number, topic))
             if channel is None:
                 if len(self._channels) >= MAX_TOPICS:
-                    self.refused += 1
+                    self._refuse(message, sender)
                     return
                 channel = self._channels[row.number, topic] = _Channel(row, topic)
             if channel.is_refused or message.body[:2] != _ENCAPSULATION:
-                self.refused += 1
+                self._refuse(message, sender)
                 return
             channel.waiting.append((message, sender))
-            if len(channel.waiting) > channel.delivery.waiting:
-                channel.waiting.popleft()
+            if channel.is_full():
+                self._on_fate(*channel.waiting.popleft(), False)
                 self.dropped += 1
             else:
                 self._turn.append(channel)
@@ -129,7 +141,7 @@ class Outlet:
             try:
                 self._publish(channel, message, sender)
             except Exception as error:
-                self.refused += 1
+                self._refuse(message, sender)
                 channel.is_refused = channel.publisher is None
                 if not channel.has_complained:
                     channel.has_complained = True
@@ -140,7 +152,7 @@ class Outlet:
 
     def _publish(self, channel: _Channel, message: Message, sender: Address) -> None:
         if channel.is_refused:
-            self.refused += 1
+            self._refuse(message, sender)
             return
         if channel.publisher is None:
             channel.publisher = self._create_publisher(channel, message, sender)
@@ -148,12 +160,18 @@ class Outlet:
         if channel.delivery.is_latched:
             # The sender repeats it for receivers that come late; DDS does that for ours.
             if channel.latest.get(sender) == body:
+                self._on_fate(message, sender, True)
                 return
             if len(channel.latest) >= channel.delivery.depth:
                 channel.latest.clear()
             channel.latest[sender] = body
         channel.publisher.publish(body)
         self.published += 1
+        self._on_fate(message, sender, True)
+
+    def _refuse(self, message: Message, sender: Address) -> None:
+        self.refused += 1
+        self._on_fate(message, sender, False)
 
     def _create_publisher(self, channel: _Channel, message: Message, sender: Address) -> Any:
         assert channel.row.ros_type is not None

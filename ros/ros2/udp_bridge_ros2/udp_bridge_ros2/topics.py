@@ -23,6 +23,8 @@ class Delivery(NamedTuple):
     """Messages that DDS keeps for readers that lag."""
     waiting: int = 0
     """Messages that may wait for the publishing thread; a newer one drops the oldest."""
+    waiting_bytes: int = 0
+    """More may wait if they hold no more than this: a LiDAR's blocks come in bursts."""
     is_reliable: bool = True
     is_latched: bool = False
     """Transient local: a late reader gets the last ones. Sent again only when it changed."""
@@ -44,7 +46,7 @@ class Delivery(NamedTuple):
 # Half a second of an IMU at 400 Hz in DDS, and a second of it while the publishing thread is busy.
 _SMALL = Delivery(depth=200, waiting=400)
 # Megabytes each, and only the newest is worth its time.
-_LARGE = Delivery(depth=5, waiting=3)
+_LARGE = Delivery(depth=5, waiting=3, waiting_bytes=1 << 20)
 
 _PUBLISHED = {
     "PointCloud2": _LARGE,

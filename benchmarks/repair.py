@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Count what repair delivers over lossy links: `python -m benchmarks.repair`.
+
+Rule: links and times are simulated and seeded, so that the counts are the same everywhere; only
+`--latency` uses sockets and a clock, and loses what it receives on purpose. Decides nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import threading
+import time
+from collections.abc import Callable
+
+from tests.udp_bridge.simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
+from tests.udp_bridge.test_repaired_links import lossy
+from udp_bridge import Link, Message
+from udp_bridge.repair import Fec, Mode, Resend
+
+PARTS = 64
+PART = 232
+TOPIC = (1, "/p")
+LOCAL = ("127.0.0.1", 0)
+HALF = Resend(SECOND // 2)
+ROWS: list[tuple[str, Mode | None, Callable[[int], Loss], bool]] = [
+    ("none, 1 %", None, lambda seed: independent(random.Random(seed), 0.01), False),
+    ("fec 20 %, 5 %", Fec(0.2), lambda seed: independent(random.Random(seed), 0.05), False),
+    ("resend 0.5 s, 10 %", HALF, lambda seed: independent(random.Random(seed), 0.1), True),
+    (
+        "resend 0.5 s, bursts of 5, 5 %",
+        HALF,
+        lambda seed: bursts(random.Random(seed), 0.05, 5),
+        True,
+    ),
+    (
+        "resend 0.2 s, 10 %",
+        Resend(SECOND // 5),
+        lambda seed: independent(random.Random(seed), 0.1),
+        True,
+    ),
+]
+
+
+def delivered(mode: Mode | None, make: Callable[[int], Loss], back: bool, count: int) -> str:
+    """Return a row's figures for `count` messages of 64 parts, ten a second, 10 ms each way."""
+    sim = Simulation(
+        repair={TOPIC: mode} if mode else None,
+        loss=make(1),
+        loss_back=make(2) if back else no_loss,
+        delay=10 * MS,
+        datagram=256,
+    )
+    # A multiple of 8 is what is left for a coded part.
+    size = PARTS * (PART if not isinstance(mode, Fec) else PART - 8) - 5
+    bodies = [random.Random(index).randbytes(size) for index in range(4)]
+    wrong = 0
+    for index in range(count):
+        sim.send(index * 100 * MS, Message(*TOPIC, "l", index * 100 * MS, 0, bodies[index % 4]))
+    ages = []
+    for _ in range(0, count, 100):
+        sim.run(sim.now + 10 * SECOND)
+        wrong += sum(message.body != bodies[message.seq_number % 4] for _, message in sim.delivered)
+        ages += [when - message.stamp_nanos for when, message in sim.delivered]
+        sim.delivered.clear()
+    sim.run(sim.now + 2 * SECOND)
+    wrong += sum(message.body != bodies[message.seq_number % 4] for _, message in sim.delivered)
+    ages += [when - message.stamp_nanos for when, message in sim.delivered]
+    ages.sort()
+    times = [ages[len(ages) * percent // 100] / MS for percent in (50, 99)] if ages else [0, 0]
+    return (
+        f"{len(ages)} of {count} ({100 * len(ages) / count:.3f} %), {wrong} wrong, "
+        f"age p50 {times[0]:.0f} ms, p99 {times[1]:.0f} ms, "
+        f"{sim.sent_datagrams / count / PARTS:.2f} datagrams a part"
+    )
+
+
+def latency(size: int, share: float, mode: Mode | None, count: int = 100) -> list[float]:
+    """Return the times in ms from `send` to `on_message` between two links on this host."""
+    took: list[float] = []
+    came = threading.Event()
+
+    def on_message(message: Message, _: object) -> None:
+        if message.msg_type == TOPIC[0]:
+            took.append((time.monotonic_ns() - message.stamp_nanos) / MS)
+            came.set()
+
+    seeds = random.Random(3)
+    body = seeds.randbytes(size)
+    table = {TOPIC: mode} if mode else None
+    ends = lossy(seeds, share), lossy(seeds, share)
+    with (
+        Link(LOCAL, on_message=on_message, socket=ends[0]) as to,
+        Link(LOCAL, to.address, repair=table, socket=ends[1]) as link,
+    ):
+        for _ in range(count):
+            came.clear()
+            link.send(*TOPIC, "l", time.monotonic_ns(), body)
+            came.wait(1)
+    return sorted(took)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description="Count what repair delivers over lossy links.")
+    parser.add_argument("--messages", type=int, default=2000, help="of each row (2000)")
+    parser.add_argument("--latency", action="store_true", help="measure over sockets instead")
+    options = parser.parse_args()
+    if not options.latency:
+        for name, mode, make, back in ROWS:
+            print(f"{name}: {delivered(mode, make, back, options.messages)}", flush=True)
+        return
+    for size in (1_000_000, 10_000_000):
+        medians = []
+        for name, share, mode in [
+            ("nothing lost", 0.0, None),
+            ("5 % lost, resend", 0.05, HALF),
+        ]:
+            took = latency(size, share, mode)
+            medians.append(took[len(took) // 2])
+            print(f"{size / 1e6:.0f} MB, {name}: {len(took)} of 100, p50 {medians[-1]:.2f} ms")
+        print(f"{size / 1e6:.0f} MB: {medians[1] / medians[0]:.2f} times")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ages of messages that the kernel's own TCP carries over the emulated link.
+
+Rule: in TCP's favour wherever there is a choice. Of the messages that wait only the newest is
+sent, Nagle's delay is off, nothing is serialised or copied, and every process has nothing else to
+do. A message's age is the time from its stamp until its last byte was read.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import time
+from typing import NamedTuple
+
+from groundlink.emulation import Impairment
+
+from .two_hosts import HOSTS, run
+
+PORT = 5000
+_STAMP = struct.Struct("<Q")
+_ROW = struct.Struct("<QQ")
+_BEGIN_S = 0.5
+"""For the receiver to listen and the connection to open."""
+
+
+class Arrival(NamedTuple):
+    """A message that was handed over, by one clock."""
+
+    stamp_nanos: int
+    at_nanos: int
+
+
+def measure(
+    impairment: Impairment, *, size: int, rate_hz: float, seconds: float, congestion: str, mtu: int
+) -> list[Arrival]:
+    """Send messages of `size` bytes at a rate for some seconds; return those that arrived.
+
+    Raises
+    ------
+    NotAllowed
+        When no network can be made.
+    """
+    results, writing = os.pipe()
+
+    def send() -> None:
+        _send(size, rate_hz, seconds, congestion)
+
+    def receive() -> None:
+        _receive(size, writing)
+
+    with open(results, "rb") as file:
+        run((send, receive), impairment, mtu=mtu, seconds=seconds + 2 * _BEGIN_S)
+        os.close(writing)
+        return [Arrival(*row) for row in _ROW.iter_unpack(file.read())]
+
+
+def _send(size: int, rate_hz: float, seconds: float, congestion: str) -> None:
+    connection = _connected(congestion)
+    body = bytes(size)
+    begin = time.monotonic_ns()
+    period = round(1e9 / rate_hz)
+    due = 0
+    while (now := time.monotonic_ns() - begin) < seconds * 1e9:
+        if now < due * period:
+            time.sleep((due * period - now) / 1e9)
+            continue
+        due = now // period  # what became due while the last one was written is dropped
+        connection.sendall(_STAMP.pack(begin + due * period))
+        connection.sendall(memoryview(body)[_STAMP.size :])
+        due += 1
+
+
+def _connected(congestion: str) -> socket.socket:
+    end = time.monotonic() + 10.0
+    while True:
+        connection = socket.socket()
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, congestion.encode())
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            connection.connect((HOSTS[1], PORT))
+            return connection
+        except ConnectionRefusedError:
+            connection.close()
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.01)
+
+
+def _receive(size: int, results: int) -> None:
+    with socket.create_server((HOSTS[1], PORT)) as server:
+        connection, _ = server.accept()
+    buffer = bytearray(size)
+    while True:
+        got = 0
+        while got < size:
+            more = connection.recv_into(memoryview(buffer)[got:])
+            if not more:
+                return
+            got += more
+        os.write(results, _ROW.pack(*_STAMP.unpack_from(buffer), time.monotonic_ns()))

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the two directions of a link change in the course of a run, as users write it.
+
+Rule: pure. An event names only the fields that change. All is checked before anything starts: a
+script that was made can be played to its end. Changes during a run go through the same checks.
+"""
+
+from __future__ import annotations
+
+import difflib
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from groundlink.world.solids import Spec
+
+from .settings import Impairment
+
+DIRECTIONS = ("to_ros", "from_ros")
+Changes = dict[str, float | bool]
+
+
+class Event(Spec, frozen=True, kw_only=True):
+    """From `at_s` seconds of sim time on, the named fields have new values."""
+
+    at_s: Annotated[float, Meta(ge=0)]
+    to_ros: Changes = msgspec.field(default_factory=dict)
+    from_ros: Changes = msgspec.field(default_factory=dict)
+
+
+class LinkScript(Spec, frozen=True, kw_only=True):
+    """A link and its course.
+
+    Raises
+    ------
+    ValueError
+        when an event names no field or a value that its field cannot have.
+    """
+
+    seed: Annotated[int, Meta(ge=0)] = 0
+    to_ros: Impairment = Impairment()
+    from_ros: Impairment = Impairment()
+    events: tuple[Event, ...] = ()
+    """In any order."""
+
+    def __post_init__(self) -> None:
+        Script(self).at(float("inf"))
+
+
+class Script:
+    """A link script that is being played."""
+
+    def __init__(self, script: LinkScript) -> None:
+        self._script = script
+        self._events = sorted(script.events, key=lambda event: event.at_s)
+        self._now = 0.0
+        self._begin()
+
+    def at(self, sim_seconds: float) -> dict[str, Impairment]:
+        """Return the settings of each direction at an instant; going back begins anew."""
+        if sim_seconds < self._now:
+            self._begin()
+        self._now = sim_seconds
+        while self._next < len(self._events) and self._events[self._next].at_s <= sim_seconds:
+            event = self._events[self._next]
+            self._next += 1
+            for direction in DIRECTIONS:
+                self.change(direction, getattr(event, direction), f"event at {event.at_s:g} s: ")
+        return self.now()
+
+    def now(self) -> dict[str, Impairment]:
+        """Return the settings of each direction as they are."""
+        return dict(self._settings)
+
+    def change_all(self, changes: dict[str, Changes]) -> None:
+        """Change fields by direction now, or nothing; errors are those of `change`."""
+        before = self.now()
+        try:
+            for direction, fields in changes.items():
+                self.change(direction, fields)
+        except ValueError:
+            self._settings = before
+            raise
+
+    def change(self, direction: str, changes: Changes, where: str = "") -> None:
+        """Change fields of one direction now; later events change theirs all the same.
+
+        Raises
+        ------
+        ValueError
+            when there is no such direction or field, or the value is none for it.
+        """
+        if direction not in DIRECTIONS:
+            raise ValueError(
+                f"{where}no direction `{direction}`; expected {' or '.join(DIRECTIONS)}"
+            )
+        try:
+            self._settings[direction] = changed(self._settings[direction], changes)
+        except ValueError as error:
+            raise ValueError(f"{where}{direction}: {error}") from None
+
+    def _begin(self) -> None:
+        self._settings = {name: getattr(self._script, name) for name in DIRECTIONS}
+        self._next = 0
+
+
+def parse_changes(text: str) -> dict[str, Changes]:
+    """Return changes by direction, of a text such as `to_ros.loss=0.1;from_ros.outage=true`.
+
+    Raises
+    ------
+    ValueError
+        when it is no such text.
+    """
+    changes: dict[str, Changes] = {}
+    for part in filter(None, text.split(";")):
+        where, equals, value = part.partition("=")
+        direction, dot, field = where.partition(".")
+        try:
+            parsed = {"true": True, "false": False}.get(value) if value.isalpha() else float(value)
+        except ValueError:
+            parsed = None
+        if not equals or not dot or parsed is None:
+            raise ValueError(f"`{part}`: expected DIRECTION.FIELD=VALUE such as to_ros.loss=0.1")
+        changes.setdefault(direction, {})[field] = parsed
+    return changes
+
+
+def changed(settings: Impairment, changes: dict[str, Any]) -> Impairment:
+    """Return the settings with some fields replaced.
+
+    Raises
+    ------
+    ValueError
+        when there is no such field, or the value is none for it.
+    """
+    fields = msgspec.to_builtins(settings)
+    for name in changes:
+        if name not in fields:
+            close = difflib.get_close_matches(name, fields, n=1, cutoff=0.5)
+            hint = (
+                f"did you mean `{close[0]}`?" if close else f"expected one of {', '.join(fields)}"
+            )
+            raise ValueError(f"no field `{name}`; {hint}")
+    try:
+        return msgspec.convert(fields | changes, Impairment)
+    except msgspec.ValidationError as error:
+        problem, _, where = str(error).partition(" - at `$.")
+        field = where.rstrip("`")
+        given = f"`{field}`: " if field else ""
+        raise ValueError(f"{given}{problem[:1].lower()}{problem[1:]}") from None

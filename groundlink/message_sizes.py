@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How large a sensor's messages get, and into how many datagrams the gateway cuts them.
+
+Rule: an estimate for people before a run, from the scenario alone: the largest message, as ROS
+takes it, and the plain cut of PROTOCOL.md without what repair and sealing add. The gateway's own
+cut is `udp_bridge.fragments`, which nothing here imports; a test holds the two together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from .messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
+from .ros_messages import to_cdr
+from .scenario.schema import Gateway, Vehicle
+from .scenario.sensors import Encoders, Lidar, Sensor
+
+BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
+"""Azimuths that are offered to a LiDAR whose messages are too large."""
+
+_MTU, _LOOPBACK_PART, _LARGEST, _IP_FRAGMENT = 1472, 65280, 65507, 1480
+
+
+class Cut(NamedTuple):
+    """A message in datagrams."""
+
+    body_bytes: int
+    parts: int
+    part_bytes: int
+    datagram_bytes: int
+    """Of all parts but the last, header included."""
+
+    fits: bool
+    """Whether the scenario's datagram size suffices; if not, datagrams are larger."""
+
+
+class NeverFits(ValueError):
+    """A message that fits at no datagram size; the text says how much would."""
+
+
+def body_bytes(vehicle: Vehicle, sensor: Sensor) -> int:
+    """Return the bytes of a sensor's largest message in CDR."""
+    return len(to_cdr(_largest(vehicle, sensor)))
+
+
+def cut(vehicle: Vehicle, sensor: Sensor, gateway: Gateway) -> Cut:
+    """Return how a sensor's largest message is sent.
+
+    Raises
+    ------
+    NeverFits
+        when it is not, at any datagram size.
+    """
+    size = body_bytes(vehicle, sensor)
+    names = len(sensor.topic.encode()) + len((vehicle.frame_prefix + sensor.frame).encode())
+    header = -(-(18 + names) // 4) * 4
+    most = 127 if gateway.signed_peer else 255
+    grown = [*range(_MTU, _LARGEST, _IP_FRAGMENT), _LARGEST]
+    asked = {"mtu": _MTU, "loopback": min(_LOOPBACK_PART + header, _LARGEST)}
+    wanted = asked.get(str(gateway.datagram), gateway.datagram)
+    for i, datagram in enumerate([int(wanted), *grown]):
+        parts = max(1, -(-size // (datagram - header)))
+        if parts <= most:
+            return Cut(size, parts, datagram - header, datagram, fits=i == 0)
+    raise NeverFits(
+        f"a message of {size} bytes is more than {most} datagrams hold, "
+        f"{most * (_LARGEST - header)} bytes"
+    )
+
+
+def fitting_block_deg(vehicle: Vehicle, sensor: Lidar, gateway: Gateway) -> float | None:
+    """Return the largest `block_deg` whose messages fit the scenario's datagrams, if any does."""
+    for block_deg in BLOCKS_DEG:
+        if 360 / block_deg > sensor.firings_per_revolution:
+            break
+        in_blocks = replace(sensor, block_deg=float(block_deg))
+        try:
+            if cut(vehicle, in_blocks, gateway).fits:
+                return block_deg
+        except NeverFits:
+            continue
+    return None
+
+
+def _largest(vehicle: Vehicle, sensor: Sensor) -> Message:
+    """Return a message of a sensor that is as large as they get."""
+    frame = vehicle.frame_prefix + sensor.frame
+    if isinstance(sensor, Lidar):
+        # Where firings are no multiple of the blocks, some blocks have one more.
+        firings = -(-sensor.firings_per_revolution // sensor.blocks_per_revolution)
+        points = np.empty(firings * len(sensor.elevations_deg), POINT)
+        return PointCloud(0, frame, packed(points.view(np.uint8)))
+    if isinstance(sensor, Encoders):
+        names = tuple(wheel.name for wheel in vehicle.model.wheels)
+        return WheelEncoders(0, frame, names, (0,) * len(names))
+    still = (0.0, 0.0, 0.0)
+    return Imu(0, frame, (0.0, 0.0, 0.0, 1.0), still, still, 0.0, 0.0, 0.0)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.link`` or ``groundlink link``: a relay that is a bad link."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import socket
+import threading
+import time
+from collections.abc import Sequence
+from typing import NoReturn
+
+import msgspec
+
+from groundlink import process
+from groundlink.emulation.arguments import Outages, add_arguments, impairments
+from groundlink.emulation.model import FATES, NOTES
+from groundlink.errors import UserError
+
+from .relay import Address, Relay
+
+NAME = "link"
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that tells a mistake in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Relay until `stop` is set, then tell what happened to the datagrams."""
+    parser = _Parser(prog=NAME, description="Relay datagrams over an emulated link.")
+    add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="tell the counters as JSON")
+    options = parser.parse_args(arguments)
+    if options.listen is None or options.to is None:
+        raise UserError("expected --listen HOST:PORT and --to HOST:PORT")
+    settings, outages = impairments(options)
+    seed = options.seed or 0
+    if seed < 0:
+        raise UserError(f"--seed {seed}: expected 0 or more")
+    relay = Relay(
+        _address(options.listen),
+        _address(options.to),
+        forward=settings["forward"],
+        back=settings["back"],
+        seed=seed,
+        flips=options.keyed,
+    )
+    host, port = relay.address
+    print(f"relaying from {host}:{port} to {options.to}", flush=True)
+    begun = time.monotonic_ns()
+    try:
+        while not stop.is_set():
+            now = time.monotonic_ns() - begun
+            for way, one_way in (("forward", relay.forward), ("back", relay.back)):
+                is_out = _is_out(outages[way], now)
+                if one_way.settings.outage != is_out:
+                    one_way.settings = msgspec.structs.replace(one_way.settings, outage=is_out)
+            relay.turn(time.monotonic_ns)
+    finally:
+        relay.close()
+        _tell(relay, as_json=options.json)
+
+
+def _is_out(outages: Outages, now: int) -> bool:
+    return any(start <= now < end for start, end in outages)
+
+
+def _tell(relay: Relay, *, as_json: bool) -> None:
+    """Print the counters; each direction's add up."""
+    ways = {
+        name: {**way.counts, "waiting": way.waiting}
+        for name, way in (("forward", relay.forward), ("back", relay.back))
+    }
+    rest = {"peers": relay.peers, "kernel_drops": relay.kernel_drops, "unsent": relay.unsent}
+    if as_json:
+        print(json.dumps(ways | rest), flush=True)
+        return
+    for name, counts in ways.items():
+        fates = ", ".join(f"{fate} {counts[fate]}" for fate in (*FATES, "waiting") if counts[fate])
+        notes = ", ".join(f"{note} {counts[note]}" for note in NOTES if counts[note])
+        print(
+            f"{name}: datagrams {counts['datagrams']} + duplicated {counts['duplicated']} = "
+            f"{fates or 'none'}" + (f" (of these {notes})" if notes else "")
+        )
+    print(", ".join(f"{name} {count}" for name, count in rest.items()), flush=True)
+
+
+def _address(text: str) -> Address:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 65535:
+        raise UserError(f"`{text}` is no address; expected HOST:PORT such as 127.0.0.1:7511")
+    try:
+        return socket.gethostbyname(host), int(port)
+    except OSError:
+        raise UserError(f"`{text}`: no host is called `{host}`") from None
+
+
+if __name__ == "__main__":
+    process.run(NAME, main)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Short runs of the fuzzers; the long ones are commands, see `fuzz/`."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fuzz.reassembly import BATCH, recorded, run_batch
+
+from .programs import missing
+
+ROOT = Path(__file__).parents[2]
+SEEDS = 3
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_random_and_mutated_datagrams(seed: int) -> None:
+    twins = run_batch(seed, recorded())
+    assert twins.datagrams >= BATCH
+    assert twins.refused > BATCH / 10
+    assert twins.messages > BATCH / 100  # honest ones get through, or it would prove little
+
+
+def test_guided_by_coverage() -> None:
+    if importlib.util.find_spec("atheris") is None:
+        missing("atheris is not installed; it has wheels for Linux on x86-64 alone")
+    command = [sys.executable, "-m", "fuzz.guided", "--runs", "2000", "--seconds", "30"]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "stat::number_of_executed_units: 2" in done.stderr

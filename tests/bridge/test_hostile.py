@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Garbage between the datagrams of a real link, from the sender's own address."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Sequence
+
+from udp_bridge import Link, Message
+from udp_bridge.around import Around
+from udp_bridge.header import Buffer
+from udp_bridge.sending import Address
+from udp_bridge.udp_socket import UdpSocket
+
+MESSAGES = 60
+PATIENCE_S = 20.0
+
+
+class Garbling(Around):
+    """Sends a broken copy of some kind after each datagram, and now and then random bytes."""
+
+    def __init__(self) -> None:
+        super().__init__(UdpSocket(("127.0.0.1", 0), receive_buffer=1 << 20, wait_s=0.1))
+        self._rng = random.Random(1)
+
+    def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
+        is_sent = super().send(buffers, to)
+        broken = bytearray(b"".join(bytes(part) for part in buffers))
+        kind = self._rng.randrange(4)
+        if kind == 0:
+            # Another type or sizes: no field by which it could pass as another part of this one.
+            broken[self._rng.choice([0, 1, 16, 17])] = self._rng.randrange(256)
+        elif kind == 1:
+            del broken[self._rng.randrange(len(broken)) :]
+        elif kind == 2:
+            broken[-1] ^= 0xFF
+        else:
+            broken[:] = self._rng.randbytes(self._rng.randrange(100))
+        super().send([bytes(broken)], to)
+        return is_sent
+
+
+def test_garbage_changes_no_body_and_ends_nothing() -> None:
+    received: dict[int, bytes] = {}
+
+    def on_message(message: Message, _: Address) -> None:
+        if (message.msg_type, message.topic) == (1, "/points"):
+            received[message.stamp_nanos] = bytes(message.body)
+
+    rng = random.Random(2)
+    sent = {stamp: rng.randbytes(rng.choice([10, 30_000, 300_000])) for stamp in range(MESSAGES)}
+    with (
+        Link(("127.0.0.1", 0), on_message=on_message) as receiver,
+        Link(("", 0), receiver.address, datagram="mtu", socket=Garbling()) as sender,
+    ):
+        for stamp, body in sent.items():
+            sender.send(1, "/points", "lidar", stamp, body)
+            deadline = time.monotonic() + PATIENCE_S
+            while stamp not in received:
+                assert time.monotonic() < deadline, f"message {stamp} never came"
+                time.sleep(0.001)
+        counters = receiver.counters()
+    assert received == sent
+    assert sum(counters["refused"].values()) > MESSAGES
+    assert counters["duplicates"] > MESSAGES

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kernel drops datagrams instead of our emulation, and repair brings them back."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .kernel_loss import LOSS, MESSAGES, PARTS
+from .programs import missing, need
+
+ROOT = Path(__file__).parents[2]
+SIGMAS = 6.0
+"""The kernel's random numbers have no seed."""
+UNSHARE = ["unshare", "--net", *([] if os.geteuid() == 0 else ["--map-root-user"])]
+
+
+@pytest.mark.system
+def test_repair_of_what_the_kernel_drops() -> None:
+    need("iptables")
+    need("unshare")
+    if importlib.util.find_spec("raptorq") is None:
+        missing("raptorq is not installed: pip install udp-bridge[fec]")
+    # It is the machine's to allow; where it does not, nobody can install anything against it.
+    probe = subprocess.run(
+        [
+            *UNSHARE,
+            "iptables",
+            "-A",
+            "INPUT",
+            "-m",
+            "statistic",
+            "--mode",
+            "random",
+            "--probability",
+            "0.5",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    if probe.returncode:
+        pytest.skip(f"no network of its own with a lossy kernel here: {probe.stderr.strip()}")
+    done = subprocess.run(
+        [*UNSHARE, sys.executable, "-m", "tests.bridge.kernel_loss"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["kernel"] > LOSS * MESSAGES * PARTS
+    assert not any(row["different"] for row in result["modes"].values())
+    plain = result["modes"]["none"]
+    share = (1 - LOSS) ** PARTS
+    bound = SIGMAS * math.sqrt(plain["sent"] * share * (1 - share))
+    assert abs(plain["arrived"] - plain["sent"] * share) <= bound, result
+    for mode in ("fec", "resend"):
+        repaired = result["modes"][mode]
+        assert repaired["arrived"] >= 0.97 * repaired["sent"], result
+        assert repaired["sent"] > MESSAGES / 2

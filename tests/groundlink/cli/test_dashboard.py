@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from groundlink.cli.dashboard import dashboard
+from groundlink.cli.up import PLAIN_WIDTH
+from groundlink.messages import Health, StreamReport
+from groundlink.run_monitor import RunMonitor
+
+HEALTHY = StreamReport(
+    "/wheel_encoders",
+    "WheelEncoders",
+    50.0,
+    50.0,
+    0.0123,
+    499_998,
+    0,
+    age_p99_seconds=0.1234,
+    sent=499_999,
+    in_flight=1,
+)
+LOSSY = StreamReport(
+    "/camera/compressed",
+    "CompressedImage",
+    30.0,
+    29.97,
+    0.0123,
+    299_980,
+    18,
+    age_p99_seconds=1.2345,
+    sent=300_000,
+    missing=11,
+    incomplete=7,
+    dropped=2,
+    repaired=12_345,
+    superseded=3,
+)
+BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="from ROS", sent=7)
+
+
+def drawn(*streams: StreamReport) -> str:
+    monitor = RunMonitor()
+    monitor.heard(Health("gateway", 1, 400, {}, streams), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, []))
+    return capture.get()
+
+
+def line(picture: str, topic: str) -> str:
+    return next(text for text in picture.splitlines() if topic in text)
+
+
+def test_every_figure_stands_in_the_table_uncut() -> None:
+    picture = drawn(HEALTHY, LOSSY, BACK)
+    assert "…" not in picture
+    healthy = line(picture, "/wheel_encoders")
+    for figure in ("50 Hz", "50.00 Hz", "12.3 ms", "123.4 ms", "499999", "499998"):
+        assert figure in healthy
+    assert "(back)" in line(picture, "/cmd_vel")
+    assert max(map(len, picture.splitlines())) <= PLAIN_WIDTH
+
+
+def test_what_did_not_arrive_is_told_by_cause() -> None:
+    lost = [text.split("│")[-2] for text in drawn(LOSSY).splitlines() if text.startswith("│")]
+    assert " ".join(" ".join(lost).split()) == ("11 missing, 7 incomplete, 2 dropped, 3 superseded")

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `groundlink check` says of sizes is what the bridge does and what sensors send."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.cli.check import check
+from groundlink.errors import UserError
+from groundlink.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.schema import Gateway
+from groundlink.scenario.sensors import Lidar
+from udp_bridge.fragments import TooLarge, plan
+from udp_bridge.message import Message
+
+LAB = SHIPPED / "indoor_lab.yaml"
+SCENARIO = load(LAB)
+ROVER = SCENARIO.vehicles[0]
+LIDAR = ROVER.sensors[0]
+assert isinstance(LIDAR, Lidar)
+
+GATEWAYS = [
+    Gateway(),
+    Gateway(signed_peer=True),
+    Gateway(datagram="mtu"),
+    Gateway(datagram="mtu", signed_peer=True),
+    Gateway(datagram=256),
+    Gateway(datagram=9000),
+    Gateway(datagram=65507),
+]
+
+
+@pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
+@pytest.mark.parametrize("block_deg", [0.0, 15.0, 2.4])
+@pytest.mark.parametrize("sensor", ROVER.sensors, ids=lambda sensor: sensor.name)
+def test_the_cut_is_the_bridges_own(gateway: Gateway, block_deg: float, sensor: Any) -> None:
+    if isinstance(sensor, Lidar):
+        sensor = replace(sensor, block_deg=block_deg)
+    found = cut(ROVER, sensor, gateway)
+    message = Message(1, sensor.topic, sensor.frame, 0, 0, bytes(found.body_bytes))
+    planned = plan(message, gateway.datagram, signed_peer=gateway.signed_peer)
+    assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
+
+
+def test_what_fits_nowhere_is_refused_by_both() -> None:
+    huge = replace(LIDAR, firings_per_revolution=36000, elevations_deg=tuple(range(-16, 16)))
+    with pytest.raises(NeverFits, match=r"more than 255 datagrams hold, 166\d{5} bytes"):
+        cut(ROVER, huge, Gateway())
+    with pytest.raises(TooLarge):
+        plan(Message(1, "/points", "", 0, 0, bytes(body_bytes(ROVER, huge))))
+
+
+def test_the_block_that_is_offered_fits_and_the_next_larger_does_not() -> None:
+    gateway = Gateway(datagram="mtu")
+    assert fitting_block_deg(ROVER, LIDAR, gateway) == 90.0
+    assert cut(ROVER, replace(LIDAR, block_deg=90.0), gateway).fits
+    assert not cut(ROVER, replace(LIDAR, block_deg=120.0), gateway).fits
+
+
+def said(capsys: pytest.CaptureFixture[str], tmp_path: Any, more: str) -> str:
+    file = tmp_path / "lab.yaml"
+    file.write_text(LAB.read_text(encoding="utf-8") + more, encoding="utf-8")
+    assert check(argparse.Namespace(scenario=str(file))) == 0
+    return capsys.readouterr().out
+
+
+def test_check_warns_of_a_revolution_in_ethernet_frames(
+    capsys: pytest.CaptureFixture[str], tmp_path: Any
+) -> None:
+    text = said(capsys, tmp_path, "gateway: {datagram: mtu}\n")
+    assert "does not fit 255 datagrams of `mtu`" in text
+    assert "`block_deg: 90` for rover/lidar would fit" in text
+    assert text.count("does not fit") == 1
+
+
+def test_check_is_content_with_the_default(
+    capsys: pytest.CaptureFixture[str], tmp_path: Any
+) -> None:
+    text = said(capsys, tmp_path, "")
+    assert "does not fit" not in text
+    assert "up to 1267393 bytes in 20 datagrams" in text
+    assert "/ground_truth/odom, 50 Hz, for those who subscribe" in text
+
+
+def test_check_refuses_what_fits_nowhere(tmp_path: Any) -> None:
+    angles = ", ".join(str(angle) for angle in range(-32, 32))
+    text = LAB.read_text(encoding="utf-8").replace(
+        "sensors/vlp16_paper.yaml,",
+        "sensors/vlp16_paper.yaml, firings_per_revolution: 36000, laser_times_us: [], "
+        f"elevations_deg: [{angles}],",
+    )
+    file = tmp_path / "lab.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=r"rover/lidar: a message of 506\d+ bytes is more than 255"):
+        check(argparse.Namespace(scenario=str(file)))

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The levels of /diagnostics and what is said with them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from udp_bridge.accounts import Account
+from udp_bridge.control import NO_AGE, TopicReport
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+from udp_bridge_ros2.verdicts import (
+    BUFFER_HINT,
+    GOOD_BUFFER_BYTES,
+    OK,
+    STALE,
+    STALE_NANOS,
+    WARN,
+    Verdict,
+    Verdicts,
+)
+
+COUNTS: dict[str, Any] = {
+    "kernel_drops": 0,
+    "refused": {},
+    "received_datagrams": 10,
+    "received_bytes": 1000,
+    "unreachable": 0,
+}
+
+
+def arriving(verdicts: Verdicts, now_nanos: int = 0, **changes: int) -> Verdict:
+    counts = dict.fromkeys(TopicReport._fields, 0) | {"msg_type": 2, "age_p50_nanos": 1_500_000}
+    verdicts.begin()
+    return verdicts.arriving("/imu", TopicReport(**(counts | changes)), "a:1", now_nanos)
+
+
+def test_a_loss_is_warned_of_once_and_named() -> None:
+    verdicts = Verdicts()
+    assert arriving(verdicts, numbers=5, published=5).level == OK
+    lost = arriving(verdicts, numbers=10, published=6, incomplete=1, late=1, dropped=1)
+    assert (lost.level, lost.message) == (
+        WARN,
+        "4 lost; in all 1 missing, 1 incomplete, 1 late, 1 dropped",
+    )
+    assert arriving(verdicts, numbers=11, published=7, incomplete=1, late=1, dropped=1).level == OK
+
+
+def test_a_silent_topic_is_stale() -> None:
+    verdicts = Verdicts()
+    arriving(verdicts, 7, numbers=5, published=5)
+    assert arriving(verdicts, 6 + STALE_NANOS, numbers=5, published=5).level == OK
+    assert arriving(verdicts, 7 + STALE_NANOS, numbers=5, published=5).level == STALE
+    assert arriving(verdicts, 8 + STALE_NANOS, numbers=6, published=6).level == OK
+
+
+def test_the_values_of_a_topic_add_up() -> None:
+    values = arriving(
+        Verdicts(), numbers=30, published=9, dropped=2, incomplete=3, late=4, pending=5
+    ).values
+    parts = ("delivered", "missing", "incomplete", "late", "dropped", "waiting")
+    assert int(values["sent"]) == sum(int(values[part]) for part in parts) == 30
+    assert values["missing"] == "7"
+    assert values["age p50 (ms)"] == "1.500"
+
+
+def test_a_topic_that_leaves() -> None:
+    account = Account(9, "/cmd_vel", 10, 480, 2, 5, 1, 1, 1, 1, 1, 0, 240, None)
+    verdict = Verdicts().leaving(account, "a:1", 0)
+    parts = ("delivered", "missing", "incomplete", "late", "dropped", "in flight")
+    assert int(verdict.values["sent"]) == sum(int(verdict.values[part]) for part in parts)
+    assert (verdict.level, verdict.values["age p99 (ms)"]) == (WARN, "")
+    assert NO_AGE < 0
+
+
+def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:
+    verdicts = Verdicts()
+
+    def link(**changes: Any) -> Verdict:
+        verdicts.begin()
+        return verdicts.link(COUNTS | changes, GOOD_BUFFER_BYTES)
+
+    assert link().level == OK
+    bad = link(kernel_drops=3, refused={"short": 2})
+    assert (bad.level, bad.message) == (WARN, "5 datagrams refused or dropped by the kernel")
+    assert bad.values["refused: short"] == "2"
+    assert link(kernel_drops=3, refused={"short": 2}).level == OK
+
+
+def test_a_small_receive_buffer_is_warned_of_with_how_to_raise_it() -> None:
+    verdict = Verdicts().link(COUNTS, GOOD_BUFFER_BYTES - 1)
+    assert verdict.level == WARN
+    assert verdict.values["hint"] == BUFFER_HINT
+    assert BUFFER_HINT in verdict.message

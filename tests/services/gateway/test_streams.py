@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.errors import UserError
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import Repair, RepairBy
+from services.gateway.streams import outgoing, repair_table
+from udp_bridge.repair import Fec, Mode, Resend
+
+
+@pytest.mark.parametrize(
+    ("said", "mode"),
+    [
+        ("none", None),
+        ("resend", Resend(500_000_000)),
+        (RepairBy(resend=0.2), Resend(200_000_000)),
+        (RepairBy(fec=0.25), Fec(0.25)),
+    ],
+)
+def test_what_a_scenario_says_of_repair_reaches_the_link(said: Repair, mode: Mode | None) -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    (vehicle,) = scenario.vehicles
+    sensors = (replace(vehicle.sensors[0], repair=said), *vehicle.sensors[1:])
+    changed = replace(scenario, vehicles=(replace(vehicle, sensors=sensors),))
+    expected = {(1, "/points"): mode} if mode else {}
+    assert repair_table(outgoing(changed, "run")) == expected
+
+
+@pytest.mark.parametrize("said", ["{fec: 0}", "{fec: 0.1, resend: 1}", "{}", "fec", "{rs: 1}"])
+def test_what_is_no_repair_is_a_mistake_of_the_user(tmp_path: Path, said: str) -> None:
+    text = (SHIPPED / "indoor_lab.yaml").read_text()
+    assert "name: lidar," in text
+    for folder in ("worlds", "vehicles", "sensors"):
+        (tmp_path / folder).symlink_to(SHIPPED / folder)
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(text.replace("name: lidar,", f"name: lidar, repair: {said},"))
+    with pytest.raises(UserError, match=r"repair"):
+        load(wrong)
+    right = tmp_path / "right.yaml"
+    right.write_text(text.replace("name: lidar,", "name: lidar, repair: {fec: 0.2},"))
+    assert load(right).vehicles[0].sensors[0].repair == RepairBy(fec=0.2)

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run over Ethernet-sized datagrams: blocks, wishes of both sides, poses and maps from ROS."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.messages import Message, State
+from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.topics import FROM_ROS, STATE, STREAM_TOPICS
+from tests.vectors.examples import EXAMPLES, fields
+from udp_bridge import Link
+from udp_bridge import Message as WireMessage
+from udp_bridge.control import Subscribe
+from udp_bridge.types import MSG_TYPES, type_number
+
+from .rig import Observer, Rig, rig, wait_for
+
+pytestmark = pytest.mark.system
+
+ODOMETRY = type_number("Odometry")
+CLOUD = type_number("PointCloud2")
+SCAN = type_number("LaserScan")
+LAB_CHANGES = (
+    ("sensors/vlp16_paper.yaml,", "sensors/vlp16_paper.yaml, block_deg: 15,"),
+    (
+        "    sensors:\n",
+        "    streams: [{name: scan, kind: laser_scan, topic: /scan, rate_hz: 10, push: false}]\n"
+        "    sensors:\n",
+    ),
+)
+
+
+@dataclass
+class Running:
+    rig: Rig
+    observer: Observer
+    bus: Bus
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    # Fast: a busy machine may take its time, and everything is waited for.
+    with rig(tmp_path_factory.mktemp("run"), time_section="time: {mode: fast}\n") as it:
+        text = it.scenario.read_text(encoding="utf-8")
+        text = text.replace("gateway: {", "gateway: {datagram: mtu, ")
+        for old, new in LAB_CHANGES:
+            assert old in text
+            text = text.replace(old, new)
+        it.scenario.write_text(text, encoding="utf-8")
+        observer = Observer(it)
+        it.up()
+        wait_for(lambda: observer.count("/points") > 24, 60, "blocks arrive in ROS")
+        with Bus(connect=it.endpoint) as bus:
+            yield Running(it, observer, bus)
+
+
+class Asker:
+    """A plain receiver that wishes for topics as any peer may."""
+
+    def __init__(self, it: Rig) -> None:
+        self.got: list[WireMessage] = []
+        self.link = Link(("127.0.0.1", 0), it.bind, on_message=lambda got, _: self.take(got))
+
+    def take(self, message: WireMessage) -> None:
+        if MSG_TYPES[message.msg_type].ros_type:
+            self.got.append(message)
+
+    def wish(self, msg_type: int, topic: str, *, lease_s: int, max_rate_hz: float = 0.0) -> None:
+        body = Subscribe(msg_type, lease_s=lease_s, max_rate_hz=max_rate_hz).pack()
+        self.link.send(7, topic, "", time.time_ns(), body)
+
+
+@pytest.fixture
+def asker(running: Running) -> Iterator[Asker]:
+    it = Asker(running.rig)
+    yield it
+    it.link.close()
+
+
+def test_every_block_arrives(asker: Asker) -> None:
+    """Of some three seconds; a plain receiver, as DDS holds nobody up."""
+    asker.wish(CLOUD, "/points", lease_s=60)
+    wait_for(lambda: len(asker.got) >= 700, 60, "700 blocks")
+    blocks = asker.got[:700]
+    gaps = set(np.diff([block.stamp_nanos for block in blocks]).tolist())
+    assert gaps == {4_166_666, 4_166_667}, "15 degrees of 10 Hz each"
+    assert max(block.parts for block in blocks) <= 37, "datagrams have not grown"
+    sizes = np.array([len(block.body) for block in blocks])
+    assert sizes.max() <= 150 * 16 * 22 + 200
+    assert sizes.mean() > 0.8 * 150 * 16 * 22
+
+
+def test_ground_truth_comes_as_long_as_it_is_wished_and_is_true(
+    running: Running, asker: Asker
+) -> None:
+    states: Inbox[State] = Inbox(depth=10_000)
+    running.bus.subscribe(STATE.key_in(running.rig.run), State, states)
+    asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=60, max_rate_hz=10.0)
+    wait_for(lambda: len(asker.got) >= 8, 10, "ground truth")
+    gaps = np.diff([message.stamp_nanos for message in asker.got[:8]])
+    assert set(gaps.tolist()) == {100_000_000}, "50 Hz, thinned out to the 10 that were wished"
+    known: dict[int, State] = {}
+
+    def true_ones() -> list[WireMessage]:
+        while arrived := states.get(seconds=0):
+            known[arrived[1].stamp_nanos] = arrived[1]
+        return [message for message in list(asker.got) if message.stamp_nanos in known]
+
+    both = wait_for(true_ones, 20, "states of the same instants")
+    message_type = type(EXAMPLES["odometry"].message)
+    for message in both:
+        pose = fields(bytes(message.body), message_type)["pose"]["pose"]
+        truth = known[message.stamp_nanos].vehicles["rover"].poses()[0]
+        assert [pose["position"][axis] for axis in "xyz"] == truth[:3].tolist()
+        assert [pose["orientation"][axis] for axis in "xyzw"] == truth[3:].tolist()
+    asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=1, max_rate_hz=10.0)
+    wait_for(lambda: is_over(asker), 10, "the end of the lease")
+    count = len(asker.got)
+    asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=2)
+    wait_for(lambda: len(asker.got) > count, 10, "ground truth for who asks anew")
+
+
+def is_over(asker: Asker) -> bool:
+    before = len(asker.got)
+    time.sleep(0.5)  # five messages of the wished rate
+    return len(asker.got) == before
+
+
+def test_what_another_process_publishes_is_carried(running: Running, asker: Asker) -> None:
+    scan = EXAMPLES["laser-scan"].message
+    key = STREAM_TOPICS["laser_scan"].key_in(running.rig.run, vehicle="rover", sensor="scan")
+    publish = running.bus.publisher(key, STREAM_TOPICS["laser_scan"].delivery)
+    asker.wish(SCAN, "/scan", lease_s=30)
+    stamp = time.time_ns()
+
+    def comes() -> bool:
+        nonlocal stamp
+        stamp += 1_000_000
+        publish(replace(scan, stamp_nanos=stamp))
+        return bool(asker.got)
+
+    wait_for(comes, 10, "a scan")
+    message = asker.got[0]
+    expected = replace(scan, stamp_nanos=message.stamp_nanos)
+    assert (message.msg_type, message.topic, message.link) == (SCAN, "/scan", "laser_link")
+    assert bytes(message.body) == bytes(to_cdr(expected))
+
+
+def test_a_pose_and_a_map_of_ros_are_typed_messages_on_the_bus(running: Running) -> None:
+    it = running.rig
+    for name in ("pose", "map"):
+        example = EXAMPLES[name]
+        row = FROM_ROS[name]
+        inbox: Inbox[Message] = Inbox(depth=100)
+        key = row.key_in(it.run, vehicle="rover")
+        running.bus.subscribe(key, row.message, inbox)
+        ros_type = ROS_FORMS[row.message].ros_type
+        body = bytes(to_cdr(example.message)).hex()
+        it.start("-m", "tests.ros.replayer", ros_type, f"/{name}", body, log=f"{name}.log")
+        arrived = inbox.get(seconds=20)
+        assert arrived, it.log(f"{name}.log")
+        assert arrived == (key, example.message)

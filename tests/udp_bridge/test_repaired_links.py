@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Repair between two links over real sockets; datagrams are lost on purpose, by a seed."""
+
+from __future__ import annotations
+
+import random
+import time
+from typing import Any, cast
+
+import pytest
+
+from udp_bridge import Link, Message
+from udp_bridge.repair import Fec, Mode, Resend
+from udp_bridge.udp_socket import DatagramSocket, UdpSocket
+
+from .test_link import DEFAULT_BUFFER, LOCAL, wait_for
+
+
+def lossy(rng: random.Random, share: float) -> DatagramSocket:
+    """Return a socket of the kind below, as what it stands for."""
+    return cast(DatagramSocket, Lossy(rng, share))
+
+
+class Lossy:
+    """A socket that loses some of what it receives; it offers no runs."""
+
+    def __init__(self, rng: random.Random, share: float) -> None:
+        self._inner = UdpSocket(LOCAL, receive_buffer=4 << 20, wait_s=0.02)
+        self._rng, self._share = rng, share
+        self.lost = 0
+
+    def receive_into(self, buffer: bytearray) -> tuple[int, tuple[str, int]] | None:
+        received = self._inner.receive_into(buffer)
+        if received is not None and self._rng.random() < self._share:
+            self.lost += 1
+            return None
+        return received
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("receive_run", "send_run"):
+            raise AttributeError(name)
+        return getattr(self._inner, name)
+
+
+@pytest.mark.parametrize("mode", [Resend(2_000_000_000), Fec(0.3)])
+def test_what_is_lost_between_two_links_is_mended(mode: Mode) -> None:
+    count = 40
+    bodies = [random.Random(index).randbytes(90_000) for index in range(count)]
+    received: list[Message] = []
+    seeds = random.Random(8)
+    at_receiver, at_sender = Lossy(seeds, 0.05), Lossy(seeds, 0.05)
+    table = {(1, "/points"): mode}
+    with (
+        Link(
+            LOCAL,
+            on_message=lambda message, _: received.append(message),
+            socket=cast(DatagramSocket, at_receiver),
+        ) as to,
+        Link(
+            LOCAL, to.address, datagram=1472, repair=table, socket=cast(DatagramSocket, at_sender)
+        ) as link,
+    ):
+        for index, body in enumerate(bodies):
+            before = len(received)
+            link.send(1, "/points", "lidar", time.time_ns(), body)
+            wait_for(lambda before=before: len(received) > before)  # type: ignore[misc]
+            assert received[-1].seq_number == index
+        assert link.flush(20)
+        sent, got = link.counters(), to.counters()
+    assert [bytes(message.body) for message in received] == bodies
+    assert at_receiver.lost > 20
+    assert got["repaired"] > count // 2
+    assert got["refused"] == {}
+    assert (sent["resent"] > 0) == (got["resend_requests"] > 0) == isinstance(mode, Resend)
+
+
+def test_a_body_may_be_sent_to_a_link_that_offers_no_repair() -> None:
+    received: list[Message] = []
+    with (
+        Link(LOCAL, on_message=lambda message, _: received.append(message)) as to,
+        Link(LOCAL, to.address, receive_buffer=DEFAULT_BUFFER) as link,
+    ):
+        link.send(1, "/points", "", 1, bytes(100_000))
+        wait_for(lambda: len(received) == 1)
+        assert to.counters()["resend_requests"] == 0

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+from udp_bridge import Header, Message, parse
+from udp_bridge.repair import Resend
+from udp_bridge.repair_wire import Offer, Request, parse_resend
+from udp_bridge.resend import GOODPUT_FLOOR_BYTES, HISTORY_MESSAGES
+from udp_bridge.sending import Datagram, Outbox
+
+MS = 1_000_000
+SECOND = 1000 * MS
+TO = ("192.0.2.1", 4000)
+PARTS = 5
+PART = 1440
+
+
+def box(limit: int = 500 * MS) -> Outbox:
+    outbox = Outbox(TO, "mtu", repair={(kind, "/p"): Resend(limit) for kind in (1, 2)})
+    outbox.pacer.bucket.rate_bytes_per_s = 1e12
+    outbox.pacer.bucket.burst_bytes = 10**9
+    outbox.pacer.window.window_bytes = 10**9
+    return outbox
+
+
+def taken(outbox: Outbox, now: int) -> list[tuple[Header, bytes]]:
+    out: list[tuple[Header, bytes]] = []
+    datagram: Datagram | None = outbox.take(now)
+    while datagram is not None:
+        data = datagram.header + bytes(datagram.part)
+        header, offset = parse(data)
+        out.append((header, data[offset:]))
+        datagram = outbox.take(now)
+    return out
+
+
+def cloud(stamp: int = 7, parts: int = PARTS) -> Message:
+    return Message(1, "/p", "link", stamp, 0, bytes(range(250)) * 6 * parts)
+
+
+def put(outbox: Outbox, now: int, message: Message | None = None) -> list[tuple[Header, bytes]]:
+    """Send a message; return its datagrams, without the offer."""
+    outbox.put(message or cloud())
+    return [row for row in taken(outbox, now) if row[0].msg_type != 65]
+
+
+def ask(outbox: Outbox, header: Header, parts: tuple[int, ...], now: int, goodput: int = 0) -> None:
+    request = Request(header.msg_type, header.parts_max, 1, goodput, parts)
+    outbox.resender.asked(header, request, now)
+
+
+def test_parts_go_out_again_byte_for_byte() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    ask(outbox, sent[0][0], (1, 4), MS)
+    assert not outbox.is_idle
+    again = [row for row in taken(outbox, MS) if row[0].msg_type == 1]
+    assert again == [sent[1], sent[4]]
+    assert outbox.is_idle
+    assert outbox.resender.resent == 2
+
+
+def test_they_go_before_parts_of_newer_messages_and_behind_small_ones() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    ask(outbox, sent[0][0], (2,), MS)
+    outbox.put(cloud(8))
+    outbox.put(Message(8, "/clock", "", 1, 0, b"t"))
+    kinds = [
+        (header.msg_type, header.seq_number, header.part_number)
+        for header, _ in taken(outbox, MS)
+        if header.msg_type != 65
+    ]
+    assert kinds[:3] == [(8, 0, 0), (1, 0, 2), (1, 1, 0)]
+
+
+def test_what_was_not_sent_yet_or_is_another_message_is_not_sent() -> None:
+    outbox = box()
+    outbox.put(cloud())
+    first, *_ = [outbox.take(0), outbox.take(0)]
+    assert first is not None
+    header, _ = parse(first.header)
+    ask(outbox, header, (0, 1, 2, 3), 0)
+    ask(outbox, header._replace(time_nsec=9), (0,), 0)
+    ask(outbox, header._replace(parts_max=9), (0,), 0)
+    ask(outbox, header._replace(seq_number=5), (0,), 0)
+    ask(outbox, header._replace(topic="/q"), (0,), 0)
+    numbers = [header.part_number for header, _ in taken(outbox, 0) if header.msg_type == 1]
+    assert numbers == [0, 1, 2, 3, 4, 5]  # 0 and 1 again, the others for the first time
+    assert outbox.resender.resent == 2
+
+
+def test_whole_messages_are_sent_again() -> None:
+    outbox = box()
+    rows = [put(outbox, 0, Message(2, "/p", "", stamp, 0, b"imu")) for stamp in range(4)]
+    outbox.resender.asked(rows[1][0][0]._replace(time_nsec=999), Request(2, 0, 2, 0), MS)
+    again = [row for row in taken(outbox, MS) if row[0].msg_type == 2]
+    assert again == [*rows[1], *rows[2]]
+
+
+def test_stale_messages_are_forgotten() -> None:
+    outbox = box(limit=100 * MS)
+    sent = put(outbox, 0)
+    ask(outbox, sent[0][0], (1,), 100 * MS)
+    ask(outbox, sent[0][0], (2,), 100 * MS + 1)
+    assert outbox.resender.history_bytes == 0
+    assert [h for h, _ in taken(outbox, 101 * MS) if h.msg_type == 1] == []
+    assert outbox.resender.resent == 0
+
+
+def test_copies_of_a_request_are_answered_once() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    for _ in range(2):
+        ask(outbox, sent[0][0], (1,), MS)
+        taken(outbox, MS)
+    assert outbox.resender.resent == 1
+    ask(outbox, sent[0][0], (1,), 3 * MS)
+    taken(outbox, 3 * MS)
+    assert outbox.resender.resent == 2
+
+
+def test_a_second_resends_a_quarter_of_the_goodput_or_the_floor() -> None:
+    outbox = box(limit=5 * SECOND)
+    parts = 200
+    size = 1472
+    sent = put(outbox, 0, cloud(parts=parts))
+    numbers = tuple(range(len(sent)))
+    ask(outbox, sent[0][0], numbers, 0)
+    taken(outbox, 0)
+    floor = GOODPUT_FLOOR_BYTES // size
+    assert outbox.resender.resent == floor
+    assert outbox.resender.over_budget == len(sent) - floor
+    # What the receiver claims beyond what was sent counts for nothing.
+    put(outbox, 2 * SECOND, cloud(8, parts=parts))
+    put(outbox, 2 * SECOND, cloud(9, parts=parts))
+    ask(outbox, sent[0][0], numbers, 2 * SECOND, goodput=1 << 31)
+    taken(outbox, 2 * SECOND)
+    assert outbox.resender.resent - floor == 2 * parts * 1500 // 4 // size
+    # Within the same second there is no more, a second later there is.
+    before = outbox.resender.resent
+    ask(outbox, sent[0][0], numbers, 2 * SECOND + 999 * MS, goodput=1 << 31)
+    taken(outbox, 2 * SECOND + 999 * MS)
+    assert outbox.resender.resent == before
+    ask(outbox, sent[0][0], numbers, 3 * SECOND, goodput=0)
+    taken(outbox, 3 * SECOND)
+    assert outbox.resender.resent == before + floor
+
+
+def test_history_is_bounded() -> None:
+    outbox = box()
+    for stamp in range(HISTORY_MESSAGES + 10):
+        put(outbox, 0, Message(2, "/p", "", stamp, 0, b"x"))
+    assert outbox.resender.history_bytes == HISTORY_MESSAGES
+    outbox = box()
+    for stamp in range(12):
+        outbox.put(Message(1, "/p", "", stamp, 0, bytes(16_000_000)))
+        taken(outbox, 0)
+    assert outbox.resender.history_bytes == 4 * 16_000_000
+
+
+def offers(outbox: Outbox, until: int, step: int = MS // 2) -> list[tuple[int, Header, Offer]]:
+    out = []
+    for now in range(0, until, step):
+        for header, body in taken(outbox, now):
+            if header.msg_type == 65:
+                offer = parse_resend(body)
+                assert isinstance(offer, Offer)
+                out.append((now // MS, header, offer))
+    return out
+
+
+def test_offers_follow_a_message_until_it_is_stale() -> None:
+    outbox = box(limit=100 * MS)
+    outbox.put(cloud())
+    out = offers(outbox, 300 * MS)
+    assert [when for when, _, _ in out] == [0, 1, 3, 7, 15, 31, 51, 71, 91]
+    assert {offer for _, _, offer in out} == {Offer(1, 6, 100)}
+    assert {header.stamp_nanos for _, header, _ in out} == {7}
+    assert outbox.next_wake(300 * MS) is None
+
+
+def test_an_offer_names_the_newest_message() -> None:
+    outbox = box()
+    put(outbox, 0)
+    outbox.put(cloud(8))
+    (_, header, _), *_ = offers(outbox, MS)
+    assert (header.seq_number, header.stamp_nanos, header.link) == (1, 8, "")
+
+
+def test_fast_topics_are_offered_at_most_every_5_ms() -> None:
+    outbox = box()
+    count = 0
+    for now in range(0, SECOND, 2_500_000):
+        outbox.put(Message(2, "/p", "", now, 0, b"x"))
+        count += sum(header.msg_type == 65 for header, _ in taken(outbox, now))
+    assert count == 200
+
+
+def test_other_topics_are_not_kept_and_not_offered() -> None:
+    outbox = box()
+    outbox.put(Message(1, "/other", "", 1, 0, bytes(9000)))
+    assert all(header.msg_type == 1 for header, _ in taken(outbox, 0))
+    assert outbox.resender.history_bytes == 0
+    assert outbox.next_wake(0) is None

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages behind the vectors of one type each, and how those vectors were made.
+
+``python -m tests.vectors.examples`` writes the `.bin` and `.json` of those that are not there yet;
+a vector that exists is never written again. The body is the message's CDR, sent in datagrams of 256
+bytes so that every type has parts; `fields` in the JSON is the ROS message, numbers as they are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from groundlink import imagery, navigation
+from groundlink.clock import NANOS
+from groundlink.messages import Message, packed
+from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.ros_types import STORE
+from udp_bridge import Message as WireMessage
+from udp_bridge import fragments
+from udp_bridge.control import Subscribe
+from udp_bridge.types import type_number
+
+FOLDER = Path(__file__).parent
+DATAGRAM_BYTES = 256
+STAMP = 1_795_246_685_346_812_417
+
+TURN = (0.0, 0.0, 0.6, 0.8)
+COVARIANCE = packed(np.arange(36.0) / 8)
+
+
+class Example(NamedTuple):
+    """A vector's content."""
+
+    type_name: str
+    topic: str
+    seq_number: int
+    message: Message
+
+
+EXAMPLES = {
+    "compressed-image": Example(
+        *("CompressedImage", "/image/compressed", 3),
+        imagery.CompressedImage(
+            *(STAMP, "camera", "jpeg"), packed(np.arange(700, dtype=np.uint16).astype(np.uint8))
+        ),
+    ),
+    "nav-sat-fix": Example(
+        *("NavSatFix", "/fix", 4),
+        navigation.NavSatFix(
+            *(STAMP, "gps_link", 1, 9, 50.2887, 18.6774, 246.5),
+            *(packed(np.diag([1.5, 1.5, 6.25])), 2),
+        ),
+    ),
+    "range": Example(
+        *("Range", "/sonar/front", 5),
+        imagery.Range(STAMP, "sonar_link", "infrared", 0.5, 0.25, 4.0, 1.5, 0.0625),
+    ),
+    "pose": Example(
+        *("PoseStamped", "/pose", 6),
+        navigation.PoseStamped(STAMP, "map", (1.5, -2.25, 0.125), TURN),
+    ),
+    "map": Example(
+        *("OccupancyGrid", "/map", 7),
+        navigation.OccupancyGrid(
+            *(STAMP, "map", STAMP - NANOS, 0.25, 30, 20, (-3.75, -2.5, 0.0)),
+            *((0.0, 0.0, 0.0, 1.0), packed((np.arange(600) % 102 - 1).astype(np.int8))),
+        ),
+    ),
+    "laser-scan": Example(
+        *("LaserScan", "/scan", 8),
+        imagery.LaserScan(
+            *(STAMP, "laser_link", -1.5, 0.0625, 0.0001220703125, 0.125, 0.25, 30.0),
+            packed(np.append(np.arange(48) / 4, np.inf).astype(np.float32)),
+            packed((np.arange(49) * 2).astype(np.float32)),
+        ),
+    ),
+    "image": Example(
+        *("Image", "/image", 9),
+        imagery.Image(
+            *(STAMP, "camera", 12, 16, "rgb8", 48),
+            packed((np.arange(576) % 251).astype(np.uint8)),
+        ),
+    ),
+    "camera-info": Example(
+        *("CameraInfo", "/camera_info", 10),
+        imagery.CameraInfo(
+            *(STAMP, "camera", 480, 640, "plumb_bob"),
+            packed(np.array([-0.25, 0.125, 0.0, 0.0, 0.0])),
+            packed(np.array([500.0, 0, 320, 0, 500, 240, 0, 0, 1])),
+            packed(np.eye(3)),
+            packed(np.array([500.0, 0, 320, 0, 0, 500, 240, 0, 0, 0, 1, 0])),
+        ),
+    ),
+    "transforms": Example(
+        *("TFMessage", "/tf", 11),
+        navigation.Transforms(
+            (
+                navigation.Transform(STAMP - 5, "odom", "base_link", (1.5, -2.25, 0.125), TURN),
+                navigation.Transform(STAMP, "base_link", "mast", (0, 0, 0.5), (0, 0, 0, 1)),
+            )
+        ),
+    ),
+    "odometry": Example(
+        *("Odometry", "/odom", 12),
+        navigation.Odometry(
+            *(STAMP, "odom", "base_link", (1.5, -2.25, 0.125), TURN),
+            *((0.5, 0.0, -0.125), (0.0, 0.0625, 0.25), COVARIANCE, COVARIANCE),
+        ),
+    ),
+    "joint-state": Example(
+        *("JointState", "/joint_states", 13),
+        navigation.JointState(
+            *(STAMP, "", ("front_left", "front_right")),
+            *(packed(np.array([0.5, -0.25])), packed(np.array([2.0, -2.0])), memoryview(b"")),
+        ),
+    ),
+}
+SUBSCRIBE = Subscribe(type_number("Odometry"), 1, 3, 10.0)
+
+
+def plain(value: Any) -> Any:
+    """Return a ROS message of rosbags as JSON has it; what is not finite as a word."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    if hasattr(value, "__dataclass_fields__"):
+        names = [name for name in value.__dataclass_fields__ if name != "__msgtype__"]
+        return {name: plain(getattr(value, name)) for name in names}
+    return str(value) if isinstance(value, float) and abs(value) == float("inf") else value
+
+
+def fields(body: bytes, message_type: type[Message]) -> Any:
+    """Return what rosbags reads in a body."""
+    return plain(STORE.deserialize_cdr(body, ROS_FORMS[message_type].ros_type))
+
+
+def _write(name: str, message: WireMessage, meaning: Any) -> None:
+    if (FOLDER / f"{name}.bin").exists():
+        return
+    datagrams = [header + bytes(part) for header, part in fragments(message, DATAGRAM_BYTES)]
+    sec, nsec = divmod(message.stamp_nanos, NANOS)
+    row = {
+        "body_sha256": hashlib.sha256(message.body).hexdigest(),
+        "body_size": len(message.body),
+        "fields": meaning,
+        "link": message.link,
+        "msg_type": message.msg_type,
+        "parts": len(datagrams),
+        "seq_number": message.seq_number,
+        "time_nsec": nsec,
+        "time_sec": sec,
+        "topic": message.topic,
+    }
+    (FOLDER / f"{name}.bin").write_bytes(
+        b"".join(struct.pack("<I", len(datagram)) + datagram for datagram in datagrams)
+    )
+    text = json.dumps({"messages": [row]}, indent=1, sort_keys=True)
+    (FOLDER / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Write the vectors that are not there."""
+    for name, (type_name, topic, seq_number, message) in EXAMPLES.items():
+        body = bytes(to_cdr(message))
+        link = getattr(message, "frame", "")
+        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+        wire = WireMessage(type_number(type_name), topic, link, stamp, seq_number, body)
+        _write(name, wire, fields(body, type(message)))
+    wish = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
+    _write("subscribe", wish, SUBSCRIBE._asdict())
+
+
+if __name__ == "__main__":
+    main()

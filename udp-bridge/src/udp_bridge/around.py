@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sockets around a link's socket: what they refuse never reaches reassembly.
+
+Each is a `DatagramSocket` and stands around another one. A refused datagram is raised as
+`Refused` by `receive_into`, so that the link counts it like any other.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from typing import Iterable, Optional, Sequence, Tuple
+
+from .header import Buffer, Refused
+from .seal import OVERHEAD, Seal
+from .sending import Address
+from .udp_socket import DatagramSocket, UdpSocket
+
+_WAIT_S = 0.1
+
+
+class Around:
+    """What all of them pass on."""
+
+    def __init__(self, inner: DatagramSocket) -> None:
+        self._inner = inner
+        self.address: Address = inner.address
+        self.receive_buffer: int = inner.receive_buffer
+        self.overhead: int = inner.overhead
+
+    @property
+    def kernel_drops(self) -> int:
+        """As `UdpSocket` has it."""
+        return self._inner.kernel_drops
+
+    @property
+    def unreachable(self) -> int:
+        """As `UdpSocket` has it."""
+        return self._inner.unreachable
+
+    def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
+        """Wait for a datagram; return its size and sender, or None when there was none."""
+        return self._inner.receive_into(buffer)
+
+    def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
+        """Send one datagram gathered from `buffers`; return whether the kernel took it."""
+        return self._inner.send(buffers, to)
+
+    def shut(self) -> None:
+        """Wake the thread that receives."""
+        self._inner.shut()
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._inner.close()
+
+
+class PeersOnly(Around):
+    """Takes datagrams from certain addresses alone.
+
+    Parameters
+    ----------
+    peers
+        Numeric hosts with ports; port 0 stands for every port of the host.
+    """
+
+    def __init__(self, inner: DatagramSocket, peers: Iterable[Address]) -> None:
+        super().__init__(inner)
+        self._peers = frozenset(peers)
+        if hasattr(inner, "send_run"):  # what is sent passes as it is
+            self.send_run = inner.send_run
+
+    def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
+        """Wait for a datagram; return its size and sender, or None when there was none.
+
+        Raises
+        ------
+        Refused
+            When it came from elsewhere.
+        """
+        received = self._inner.receive_into(buffer)
+        if received is not None:
+            host, port = received[1]
+            if (host, port) not in self._peers and (host, 0) not in self._peers:
+                raise Refused("stranger")
+        return received
+
+
+def sealed_socket(
+    bind: Address, secret: bytes, *, sends: int, receive_buffer: int = 8 << 20
+) -> DatagramSocket:
+    """Return a bound socket that sends and takes sealed datagrams alone, as `Sealed` has it.
+
+    Raises
+    ------
+    OSError
+        When the address can't be bound.
+    """
+    bare = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
+    return Sealed(bare, secret, sends=sends)
+
+
+class Sealed(Around):
+    """Sends and takes sealed datagrams alone.
+
+    Parameters
+    ----------
+    secret
+        What both ends share; see `keys`.
+    sends
+        `seal.TO_ROS` or `seal.FROM_ROS`, what this end sends.
+    """
+
+    def __init__(self, inner: DatagramSocket, secret: bytes, *, sends: int) -> None:
+        super().__init__(inner)
+        self.overhead += OVERHEAD
+        sender = int.from_bytes(os.urandom(4), "little")
+        self._seal = Seal(secret, sends=sends, sender=sender)
+        self._counting = threading.Lock()  # a link sends in two threads
+        self._came = bytearray(1 << 16)
+
+    def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
+        """Wait for a datagram; return the size of the one within and its sender, or None.
+
+        Raises
+        ------
+        Refused
+            When what came must not be trusted.
+        """
+        received = self._inner.receive_into(self._came)
+        if received is None:
+            return None
+        size, sender = received
+        plain = self._seal.opened(memoryview(self._came)[:size], time.time_ns())
+        buffer[: len(plain)] = plain
+        return len(plain), sender
+
+    def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
+        """Send one datagram, sealed; return whether the kernel took it."""
+        with self._counting:
+            counter = self._seal.next_counter(time.time_ns())
+        return self._inner.send(self._seal.sealed(buffers, counter), to)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies of the repair messages, to the byte: Resend (type 65) and Repair (type 66).
+
+Each class packs itself and parses itself. A body that is not exactly right raises `Refused`
+(`body_size` or `body_value`). Nothing here acts on them.
+"""
+
+from __future__ import annotations
+
+from struct import Struct
+from typing import NamedTuple, Tuple, Union
+
+from .header import Buffer, Refused
+from .types import MSG_TYPES
+
+_OFFER = Struct("<BBBxI")
+_REQUEST = Struct("<BBBBI")
+_SYMBOL = Struct("<BBBxI")
+
+SYMBOL_PREFIX = _SYMBOL.size
+"""Bytes before the symbol in the body of a Repair message: 8."""
+SYMBOL_UNIT = 8
+"""Symbols are multiples of this."""
+WHOLE_MAX = 64
+"""Messages that one request may ask for as a whole."""
+
+
+class Offer(NamedTuple):
+    """Kind 0 of Resend: all parts of the message that the header names have been sent.
+
+    The header has the topic, seq_number and time of the newest message; the link is empty.
+    """
+
+    msg_type: int
+    parts_max: int
+    """Of the newest message."""
+    limit_ms: int
+    """How old a message may be when it is asked for."""
+
+    def pack(self) -> bytes:
+        """Return the 8 bytes of the body."""
+        return _OFFER.pack(0, self.msg_type, self.parts_max, self.limit_ms)
+
+
+class Request(NamedTuple):
+    """Kind 1 of Resend: these parts of the message that the header names are missing.
+
+    Or, with parts_max 0, `messages` whole messages from the header's seq_number on, of which
+    nothing came; then the header's time means nothing.
+    """
+
+    msg_type: int
+    parts_max: int
+    messages: int
+    goodput: int
+    """Bytes that came from this sender within the last second, headers included."""
+    parts: Tuple[int, ...] = ()
+    """Part numbers, ascending; empty where whole messages are asked for."""
+
+    def pack(self) -> bytes:
+        """Return the body: 8 bytes and a bitmap of the parts."""
+        fixed = _REQUEST.pack(1, self.msg_type, self.parts_max, self.messages, self.goodput)
+        bits = sum(1 << part for part in self.parts)
+        return fixed + bits.to_bytes(-(-self.parts_max // 8), "little")
+
+
+def parse_resend(body: Buffer) -> Union[Offer, Request]:
+    """Return the body of a Resend message, whichever kind it is, or raise `Refused`."""
+    if len(body) < _OFFER.size:
+        raise Refused("body_size")
+    kind, msg_type, parts_max, count, number = _REQUEST.unpack_from(body)
+    if kind > 1 or not _is_data(msg_type):
+        raise Refused("body_value")
+    bitmap = bytes(body[_REQUEST.size :])
+    if len(bitmap) != (-(-parts_max // 8) if kind else 0):
+        raise Refused("body_size")
+    if not kind:
+        if not parts_max:
+            raise Refused("body_value")
+        return Offer(msg_type, parts_max, number)
+    bits = int.from_bytes(bitmap, "little")
+    most = 1 if parts_max else WHOLE_MAX
+    if not 1 <= count <= most or bits >> parts_max or bool(bits) != bool(parts_max):
+        raise Refused("body_value")
+    parts = tuple(part for part in range(parts_max) if bits >> part & 1)
+    return Request(msg_type, parts_max, count, number, parts)
+
+
+class Symbol(NamedTuple):
+    """What stands before a repair symbol: which message it repairs, and how it was made.
+
+    The header has the message's topic, link, seq_number and time; its part_number is the
+    symbol's index among the parts_max that were sent.
+    """
+
+    msg_type: int
+    parts_max: int
+    """Of the message; its parts are the source symbols."""
+    code: int
+    body_size: int
+
+    def pack(self) -> bytes:
+        """Return the 8 bytes before the symbol."""
+        return _SYMBOL.pack(*self)
+
+
+def parse_symbol(body: Buffer) -> Tuple[Symbol, memoryview]:
+    """Return the body of a Repair message and the symbol in it, or raise `Refused`."""
+    if len(body) <= SYMBOL_PREFIX or len(body) % SYMBOL_UNIT:
+        raise Refused("body_size")
+    symbol = Symbol(*_SYMBOL.unpack_from(body))
+    size = len(body) - SYMBOL_PREFIX
+    if not _is_data(symbol.msg_type) or symbol.parts_max != -(-symbol.body_size // size):
+        raise Refused("body_value")
+    if symbol.parts_max == 0:
+        raise Refused("body_value")
+    return symbol, memoryview(body)[SYMBOL_PREFIX:]
+
+
+def _is_data(msg_type: int) -> bool:
+    """Tell whether messages of a type are repaired: those of ROS, not the bridge's own."""
+    row = MSG_TYPES.get(msg_type)
+    return row is not None and row.ros_type is not None

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a receiver asks a sender to send again, of one topic, and when.
+
+A topic is asked for only while its sender offers it, and only as long as a message is not older
+than the offer's limit. Nothing here waits: what arrives of a topic, offers among it, is when it
+is asked whether something is due. Parts and bodies are `assembly`'s.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+
+from .header import NANOS, SEQ_NUMBERS, Header
+from .repair_wire import WHOLE_MAX, Offer, Request
+
+DEBOUNCE_NANOS = 1_000_000
+"""A gap is this old before it is asked for: datagrams may overtake each other, and one request
+serves several gaps. A message that is said to be sent altogether is not waited for."""
+FIRST_WAIT_NANOS = 50_000_000
+"""From a request to its repetition while no round trip was measured."""
+SHORTEST_WAIT_NANOS = 1_000_000
+"""What is added to a measured round trip at least."""
+LONGEST_WAIT_NANOS = NANOS // 2
+BACK_OFF = 1.5
+LONGEST_BACK_OFF = 3.0
+"""Each repetition waits this many times longer than the one before, up to so many round trips."""
+COPIES = 3
+"""A repetition goes out twice, the third and later ones so often: requests are small, and loss in
+bursts would take one after the other. The sender takes copies for one."""
+TRIES = 16
+WANTS = 64
+"""Messages of a topic that are asked for; older ones give way."""
+
+_WHOLE = -1
+"""Stands for all parts of a message of which nothing came."""
+
+
+class Asked(NamedTuple):
+    """A request and the header fields that go with it."""
+
+    seq_number: int
+    time: Tuple[int, int]
+    request: Request
+    copies: int = 1
+
+
+class _Want:
+    """A message that has a gap."""
+
+    __slots__ = ("asked_nanos", "due", "highest", "is_asked", "parts_max", "since_nanos", "time")
+
+    def __init__(self, since_nanos: int) -> None:
+        self.since_nanos = since_nanos
+        """When its first part, or the gap, was noticed."""
+        self.due: Dict[int, Tuple[int, int]] = {}
+        """When to ask for a part, and how often that was done."""
+        self.highest = -1
+        """All parts up to this one have been sent."""
+        self.parts_max = 0
+        self.time = (0, 0)
+        self.asked_nanos = 0
+        self.is_asked = False
+
+
+class Asking:
+    """The gaps of one topic of one sender."""
+
+    def __init__(self) -> None:
+        self._limit_nanos = 0
+        self._newest: Optional[int] = None
+        self._wants: OrderedDict[int, _Want] = OrderedDict()  # by seq_number, oldest first
+        self._due_nanos: Optional[int] = None  # no part is due before
+        self._round_trip_nanos = 0.0
+        self._deviation_nanos = 0.0
+
+    def is_wanted(self, seq_number: int, now_nanos: int) -> bool:
+        """Tell whether a message was missed and is not stale."""
+        want = self._wants.get(seq_number)
+        return want is not None and now_nanos - want.since_nanos <= self._limit_nanos
+
+    def spans(self, nanos: int) -> bool:
+        """Tell whether a message may be sent again when this much time has passed."""
+        return nanos <= self._limit_nanos
+
+    def is_asked(self, seq_number: int) -> bool:
+        """Tell whether something of a message was asked for."""
+        want = self._wants.get(seq_number)
+        return want is not None and want.is_asked
+
+    def offered(self, header: Header, offer: Offer, *, is_finished: bool, now_nanos: int) -> None:
+        """Take the sender's word that the message in the header was sent altogether.
+
+        Parameters
+        ----------
+        is_finished
+            Nothing is missing of that message.
+        """
+        self._limit_nanos = offer.limit_ms * 1_000_000
+        newest = self._newest
+        is_known = newest is not None and _ahead(header.seq_number, newest) <= 0
+        self._advance(header.seq_number, now_nanos)
+        want = self._wants.get(header.seq_number)
+        if want is None and not is_known and not is_finished:
+            want = self._want(header.seq_number, now_nanos)
+            want.due[_WHOLE] = (now_nanos, 0)
+        if want is None:
+            return
+        if want.parts_max:
+            self._is_sent_up_to(want, want.parts_max, now_nanos)
+        for part, (_, tries) in want.due.items():
+            if not tries:
+                want.due[part] = (now_nanos, 0)
+        self._due_nanos = now_nanos
+
+    def saw(self, header: Header, *, is_whole: bool, now_nanos: int) -> None:
+        """Take note of a part that came; `is_whole` when its message is complete now."""
+        seq_number = header.seq_number
+        self._advance(seq_number, now_nanos)
+        want = self._wants.get(seq_number)
+        if is_whole:
+            if want is not None:
+                self._measure(want, header.part_number, now_nanos)
+                del self._wants[seq_number]
+            return
+        if want is None:
+            want = self._want(seq_number, now_nanos)
+        if not want.parts_max:
+            want.parts_max = header.parts_max
+            want.time = (header.time_sec, header.time_nsec)
+        whole = want.due.pop(_WHOLE, None)
+        if whole is not None or seq_number != self._newest:
+            # It was sent long since, and what was asked for as a whole is on its way.
+            wait = self._wait_nanos(whole[1]) if whole and whole[1] else DEBOUNCE_NANOS
+            tries = whole[1] if whole else 0
+            self._is_sent_up_to(want, header.parts_max, now_nanos + wait, tries)
+        self._measure(want, header.part_number, now_nanos)
+        want.due.pop(header.part_number, None)
+        self._is_sent_up_to(want, header.part_number, now_nanos + DEBOUNCE_NANOS)
+        want.highest = max(want.highest, header.part_number)
+
+    def finished(self, seq_number: int) -> None:
+        """Ask no more for a message that was given up."""
+        self._wants.pop(seq_number, None)
+
+    def forget(self) -> None:
+        """Begin anew, as with a sender that was restarted."""
+        self._newest = None
+        self._wants.clear()
+        self._due_nanos = None
+
+    def due(self, msg_type: int, now_nanos: int) -> List[Asked]:
+        """Return what to ask for now; the goodput is for the caller to fill in."""
+        if self._due_nanos is None or now_nanos < self._due_nanos:
+            return []
+        for seq_number, want in list(self._wants.items()):
+            if now_nanos - want.since_nanos > self._limit_nanos:
+                del self._wants[seq_number]
+        asked = []
+        for seq_number, want in self._wants.items():
+            tries = 0
+            taken = []
+            for part, part_tries in self._take_due(want, now_nanos):
+                taken.append(part)
+                tries = max(tries, part_tries)
+            if not taken:
+                continue
+            parts = tuple(sorted(taken))
+            copies = min(1 + (tries + 1) // 2, COPIES)
+            if parts != (_WHOLE,):
+                request = Request(msg_type, want.parts_max, 1, 0, parts)
+                asked.append(Asked(seq_number, want.time, request, copies))
+            elif asked and _follows(asked[-1], seq_number):
+                last = asked[-1]
+                request = last.request._replace(messages=last.request.messages + 1)
+                asked[-1] = last._replace(request=request)
+            else:
+                asked.append(Asked(seq_number, (0, 0), Request(msg_type, 0, 1, 0), copies))
+        dues = [due for want in self._wants.values() for due, _ in want.due.values()]
+        self._due_nanos = min(dues) if dues else None
+        return asked
+
+    def _take_due(self, want: _Want, now_nanos: int) -> Iterator[Tuple[int, int]]:
+        """Yield the parts that are due now, and how often they were asked for, and put them off."""
+        for part, (due_nanos, tries) in list(want.due.items()):
+            if due_nanos > now_nanos:
+                continue
+            if tries >= TRIES:
+                del want.due[part]
+                continue
+            want.due[part] = (now_nanos + self._wait_nanos(tries), tries + 1)
+            want.asked_nanos = now_nanos
+            want.is_asked = True
+            yield part, tries
+
+    def _advance(self, seq_number: int, now_nanos: int) -> None:
+        """Find the gap before a number that is ahead; what is behind it was sent altogether."""
+        if self._newest is None:
+            self._newest = seq_number
+            return
+        ahead = _ahead(seq_number, self._newest)
+        if ahead <= 0:
+            return
+        later_nanos = now_nanos + DEBOUNCE_NANOS
+        last = self._wants.get(self._newest)
+        if last is not None and last.parts_max:
+            self._is_sent_up_to(last, last.parts_max, later_nanos)
+        for back in range(min(ahead - 1, WANTS), 0, -1):
+            want = self._want((seq_number - back) % SEQ_NUMBERS, now_nanos)
+            want.due[_WHOLE] = (later_nanos, 0)
+            self._wake_at(later_nanos)
+        self._newest = seq_number
+
+    def _want(self, seq_number: int, now_nanos: int) -> _Want:
+        if len(self._wants) >= WANTS:
+            self._wants.popitem(last=False)
+        want = self._wants[seq_number] = _Want(now_nanos)
+        return want
+
+    def _is_sent_up_to(self, want: _Want, end: int, due_nanos: int, tries: int = 0) -> None:
+        """Take all parts before `end` as sent; those that have not come are due then."""
+        due = (due_nanos, tries)
+        for part in range(want.highest + 1, end):
+            want.due.setdefault(part, due)
+            self._wake_at(due_nanos)
+        want.highest = max(want.highest, end - 1)
+
+    def _wake_at(self, due_nanos: int) -> None:
+        if self._due_nanos is None or due_nanos < self._due_nanos:
+            self._due_nanos = due_nanos
+
+    def _measure(self, want: _Want, part: int, now_nanos: int) -> None:
+        """Measure the round trip by a part that was asked for once (RFC 6298, 2)."""
+        tries = want.due.get(part, want.due.get(_WHOLE, (0, 0)))[1]
+        if tries != 1:
+            return
+        measured = now_nanos - want.asked_nanos
+        if not self._round_trip_nanos:
+            self._round_trip_nanos, self._deviation_nanos = measured, measured / 2
+        else:
+            off = abs(measured - self._round_trip_nanos)
+            self._deviation_nanos += (off - self._deviation_nanos) / 4
+            self._round_trip_nanos += (measured - self._round_trip_nanos) / 8
+
+    def _wait_nanos(self, tries: int) -> int:
+        wait: float = FIRST_WAIT_NANOS
+        if self._round_trip_nanos:
+            margin = max(SHORTEST_WAIT_NANOS, 4 * self._deviation_nanos)
+            wait = self._round_trip_nanos + margin
+        return int(min(wait * min(BACK_OFF**tries, LONGEST_BACK_OFF), LONGEST_WAIT_NANOS))
+
+
+def _ahead(seq_number: int, other: int) -> int:
+    difference = (seq_number - other) % SEQ_NUMBERS
+    return difference if difference < SEQ_NUMBERS // 2 else difference - SEQ_NUMBERS
+
+
+def _follows(asked: Asked, seq_number: int) -> bool:
+    """Tell whether a message can be asked for as one more of `asked`."""
+    request = asked.request
+    return (
+        not request.parts_max
+        and request.messages < WHOLE_MAX
+        and (asked.seq_number + request.messages) % SEQ_NUMBERS == seq_number
+    )
