@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -43,6 +44,23 @@ def parser(process: str, description: str) -> argparse.ArgumentParser:
 def endpoint(options: argparse.Namespace) -> str:
     """Return where to join: as told, or where physics listens by default."""
     return str(options.connect or DEFAULT_ENDPOINT)
+
+
+def address(text: str) -> tuple[str, int]:
+    """Return `HOST:PORT` as a numeric address.
+
+    Raises
+    ------
+    UserError
+        when it is no address or the host has none.
+    """
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 65535:
+        raise UserError(f"`{text}` is no address; expected HOST:PORT such as 127.0.0.1:7511")
+    try:
+        return socket.gethostbyname(host), int(port)
+    except OSError:
+        raise UserError(f"`{text}`: no host is called `{host}`") from None
 
 
 def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) -> NoReturn:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import threading
 from collections.abc import Sequence
 
@@ -52,8 +51,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     options = parser.parse_args(arguments)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join(bus, options.run, stop)
-        bind = address(options.bind or scenario.gateway.bind)
-        peer = address(options.peer or scenario.gateway.peer)
+        bind = process.address(options.bind or scenario.gateway.bind)
+        peer = process.address(options.peer or scenario.gateway.peer)
         inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
         gateway = Gateway(
             scenario,
@@ -143,7 +142,7 @@ def sockets(
         raise UserError(str(error)) from None
     peers = [(peer[0], 0)]
     for text in settings.peers:
-        peers.append(address(text) if ":" in text else address(f"{text}:0"))
+        peers.append(process.address(text) if ":" in text else process.address(f"{text}:0"))
     try:
         bare = UdpSocket(bind, receive_buffer=DEFAULT_RECEIVE_BUFFER, wait_s=RECEIVE_WAIT_SECONDS)
     except OSError as error:
@@ -158,23 +157,6 @@ def sockets(
     if secret is not None:
         around = Sealed(around, secret, sends=TO_ROS)
     return around, emulated
-
-
-def address(text: str) -> Address:
-    """Return `HOST:PORT` as a numeric address.
-
-    Raises
-    ------
-    UserError
-        when it is no address or the host has none.
-    """
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdigit() or int(port) > 65535:
-        raise UserError(f"`{text}` is no address; expected HOST:PORT such as 127.0.0.1:7511")
-    try:
-        return socket.gethostbyname(host), int(port)
-    except OSError:
-        raise UserError(f"`{text}`: no host is called `{host}`") from None
 
 
 if __name__ == "__main__":

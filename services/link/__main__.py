@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 import threading
 import time
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from groundlink.emulation.arguments import Outages, add_arguments, impairments
 from groundlink.emulation.model import FATES, NOTES
 from groundlink.errors import UserError
 
-from .relay import Address, Relay
+from .relay import Relay
 
 NAME = "link"
 
@@ -43,8 +42,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     if seed < 0:
         raise UserError(f"--seed {seed}: expected 0 or more")
     relay = Relay(
-        _address(options.listen),
-        _address(options.to),
+        process.address(options.listen),
+        process.address(options.to),
         forward=settings["forward"],
         back=settings["back"],
         seed=seed,
@@ -88,16 +87,6 @@ def _tell(relay: Relay, *, as_json: bool) -> None:
             f"{fates or 'none'}" + (f" (of these {notes})" if notes else "")
         )
     print(", ".join(f"{name} {count}" for name, count in rest.items()), flush=True)
-
-
-def _address(text: str) -> Address:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or int(port) > 65535:
-        raise UserError(f"`{text}` is no address; expected HOST:PORT such as 127.0.0.1:7511")
-    try:
-        return socket.gethostbyname(host), int(port)
-    except OSError:
-        raise UserError(f"`{text}`: no host is called `{host}`") from None
 
 
 if __name__ == "__main__":
