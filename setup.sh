@@ -33,8 +33,8 @@ else
     install() { .venv/bin/python -m pip install -qq --disable-pip-version-check "$@"; }
 fi
 
-step "Groundlink, PyBullet, Embree, Zenoh and the tools of its tests (a minute or so)"
-install -e ./udp-bridge -e '.[physics,sensors,gateway,benchmarks,dev]'
+step "Groundlink, PyBullet, Embree, Zenoh, Rerun and the tools of its tests (a minute or two)"
+install -e ./udp-bridge -e '.[physics,sensors,gateway,record,report,view,benchmarks,dev]'
 
 step "ROS 2 Kilted"
 if install $(.venv/bin/python - <<'PYTHON'

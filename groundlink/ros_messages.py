@@ -17,7 +17,7 @@ import numpy as np
 from rosbags.serde import SerdeError
 
 from . import imagery, navigation, ros_imagery, ros_navigation
-from .messages import POINT, BadMessage, Clock, Imu, Message, PointCloud, WheelEncoders
+from .messages import POINT, BadMessage, Clock, Command, Imu, Message, PointCloud, WheelEncoders
 from .ros_types import STORE, TYPES, header, quaternion, time, vector
 
 _POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4}
@@ -38,6 +38,13 @@ _POINT_FIELDS = [
 
 def _clock(message: Clock) -> dict[str, Any]:
     return {"clock": time(message.stamp_nanos)}
+
+
+def _twist(message: Command) -> dict[str, Any]:
+    return {
+        "linear": vector(message.linear_mps),
+        "angular": vector(message.angular_radps),
+    }
 
 
 def _imu(message: Imu) -> dict[str, Any]:
@@ -85,6 +92,7 @@ class RosForm:
 
 ROS_FORMS: dict[type[Message], RosForm] = {
     Clock: RosForm("rosgraph_msgs/msg/Clock", _clock),
+    Command: RosForm("geometry_msgs/msg/Twist", _twist),
     Imu: RosForm("sensor_msgs/msg/Imu", _imu),
     PointCloud: RosForm("sensor_msgs/msg/PointCloud2", _point_cloud),
     WheelEncoders: RosForm("groundlink_msgs/msg/WheelEncoders", _wheel_encoders),

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 
 from groundlink.messages import BadMessage, Clock, Command, Message, StreamReport
 from groundlink.ros_messages import to_cdr
+from groundlink.ros_streams import TF_STATIC_TOPIC, Outgoing, outgoing, static_transforms
 from groundlink.scenario import Scenario
 from udp_bridge import control
 from udp_bridge.control import LinkReport, Subscribe
@@ -24,7 +25,7 @@ from udp_bridge.types import CONTROL, SUBSCRIBE
 
 from .incoming import LATCHED, Incoming
 from .reports import PeerReports, peer_counters
-from .streams import TF_MESSAGE, TF_STATIC_TOPIC, Stream, outgoing, static_transforms
+from .streams import TF_MESSAGE, wire_type
 from .subscriptions import Address, Subscriptions
 
 STALE_SLACK_NANOS = 100_000_000
@@ -48,26 +49,25 @@ class Gateway:
         peer: Address,
         publish: Callable[[str, Message], object],
     ) -> None:
-        self.streams: Mapping[str, Stream] = {s.key: s for s in outgoing(scenario, run)}
+        self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
+        self._place_in_ros = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
         self.peer = peer
         self._publish = publish
         self._scenario = scenario
         self.incoming = Incoming(scenario, run)
         self._has_wished = False
         # What is not pushed may never arrive, and then nothing is wrong.
-        rates = {(s.msg_type, s.topic): s.declared_hz for s in self.streams.values() if s.push}
+        rates = {self._place_in_ros[s.key]: s.declared_hz for s in self.streams.values() if s.push}
         self._reports = PeerReports(
             rates,
             stamps_follow_wall=scenario.time.mode == "realtime"
             and scenario.time.epoch == "wall"
             and scenario.time.factor == 1.0,
         )
-        offered = {(s.msg_type, s.topic) for s in self.streams.values()}
-        self._subscriptions = Subscriptions(frozenset(offered | {(TF_MESSAGE, TF_STATIC_TOPIC)}))
-        for stream in self.streams.values():
-            if stream.push:
-                self._subscriptions.push((stream.msg_type, stream.topic), peer)
-        self._subscriptions.push((TF_MESSAGE, TF_STATIC_TOPIC), peer)
+        static = (TF_MESSAGE, TF_STATIC_TOPIC)
+        self._subscriptions = Subscriptions(frozenset({*self._place_in_ros.values(), static}))
+        for place in (*rates, static):
+            self._subscriptions.push(place, peer)
         self._newest: dict[str, int] = {}
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
@@ -78,14 +78,13 @@ class Gateway:
 
     def forward(self, key: str, message: Message, link: Link) -> None:
         """Send a message of the bus to all that want it."""
-        stream = self.streams[key]
         stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
         if isinstance(message, Clock):
             self.clock_nanos, self._epoch_nanos = stamp, message.epoch_nanos
         elif self._is_stale(key, stamp):
             self.counts["stale"] += 1
             return
-        self._send(stream.msg_type, stream.topic, stamp, message, link)
+        self._send(*self._place_in_ros[key], stamp, message, link)
 
     def repeat(self, link: Link) -> None:
         """Send what is repeated every second: wishes for commands, and static transforms."""

@@ -12,22 +12,15 @@ from dataclasses import dataclass
 
 from groundlink.messages import BadMessage, Message
 from groundlink.ros_incoming import READERS
+from groundlink.ros_streams import incoming
 from groundlink.scenario import Scenario
-from groundlink.topics import COMMAND, FROM_ROS
 from udp_bridge.control import Subscribe
 from udp_bridge.message import Message as WireMessage
 from udp_bridge.types import MSG_TYPES, type_number
 
-TWIST = type_number("Twist")
+from .streams import wire_type
 
-_TYPES = {
-    "pose": type_number("PoseStamped"),
-    "odometry": type_number("Odometry"),
-    "map": type_number("OccupancyGrid"),
-}
-"""The wire's types by field of the scenario's `from_ros`."""
-
-LATCHED = frozenset({_TYPES["map"]})
+LATCHED = frozenset({type_number("OccupancyGrid")})
 """Published once and kept for those that come late."""
 
 LEASE_SECONDS = 3
@@ -67,7 +60,11 @@ class Incoming:
     """All that a run wishes from ROS."""
 
     def __init__(self, scenario: Scenario, run: str) -> None:
-        self._by_topic = {(w.msg_type, w.topic): w for w in _wishes(scenario, run)}
+        wishes = (
+            Wish(msg_type=wire_type(stream.message), topic=stream.topic, key=stream.key)
+            for stream in incoming(scenario, run)
+        )
+        self._by_topic = {(wish.msg_type, wish.topic): wish for wish in wishes}
 
     def __iter__(self) -> Iterator[Wish]:
         return iter(self._by_topic.values())
@@ -84,13 +81,3 @@ class Incoming:
         if wish is None or now_nanos is None:
             raise BadMessage(f"nobody wishes {message.topic} yet")
         return wish.key, wish.read(message, now_nanos)
-
-
-def _wishes(scenario: Scenario, run: str) -> Iterator[Wish]:
-    for vehicle in scenario.vehicles:
-        key = COMMAND.key_in(run, vehicle=vehicle.name)
-        yield Wish(msg_type=TWIST, topic=vehicle.command_topic, key=key)
-        for name, row in FROM_ROS.items():
-            if topic := getattr(vehicle.from_ros, name):
-                key = row.key_in(run, vehicle=vehicle.name)
-                yield Wish(msg_type=_TYPES[name], topic=topic, key=key)

@@ -1,85 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which streams of the bus go to ROS: their keys, their wire types, their topics, their rates.
+"""Which types of the wire the streams of a run have, and how what is lost of them is made good.
 
-Rule: derived from the scenario and the two tables of types alone. This is where the vocabulary of
-the bus meets the vocabulary of the wire; the way back is `incoming`.
+Rule: derived from the run's streams and the wire's table of types alone. This is where the
+vocabulary of the bus meets the vocabulary of the wire.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
-from groundlink.frames import quaternion_from_rpy
-from groundlink.messages import Clock, Message
-from groundlink.navigation import Transform, Transforms
+from groundlink.messages import Message
 from groundlink.ros_messages import ROS_FORMS
-from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Repair, RepairBy
-from groundlink.topics import CLOCK, GROUND_TRUTH, SENSOR_TOPICS, STREAM_TOPICS, sensor_rate_hz
+from groundlink.ros_streams import Outgoing
+from groundlink.scenario.sensors import RepairBy
 from udp_bridge.repair import Mode, parse_mode
 from udp_bridge.types import MSG_TYPES, type_number
 
-CLOCK_TOPIC = "/clock"
-TF_STATIC_TOPIC = "/tf_static"
-
 TF_MESSAGE = type_number("TFMessage")
 
-_MSG_TYPE_OF = {row.ros_type: number for number, row in MSG_TYPES.items() if row.ros_type}
+_NUMBER_OF = {row.ros_type: number for number, row in MSG_TYPES.items() if row.ros_type}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stream:
-    """A stream of the bus on its way to ROS."""
-
-    key: str
-    message: type[Message]
-    topic: str
-    declared_hz: float
-    push: bool
-    repair: Repair = "none"
-
-    @property
-    def msg_type(self) -> int:
-        """The wire's number of the ROS type that the message becomes."""
-        return _MSG_TYPE_OF[ROS_FORMS[self.message].ros_type]
+def wire_type(message: type[Message]) -> int:
+    """Return the wire's number of the ROS type that a message of the bus becomes."""
+    return _NUMBER_OF[ROS_FORMS[message].ros_type]
 
 
-def outgoing(scenario: Scenario, run: str) -> list[Stream]:
-    """Return every stream that can go to ROS: the clock first, then each vehicle's in order."""
-    clock = Stream(
-        key=CLOCK.key_in(run),
-        message=Clock,
-        topic=CLOCK_TOPIC,
-        declared_hz=scenario.time.clock_rate_hz,
-        push=True,
-    )
-    return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run))]
-
-
-def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Stream]:
-    rows = [(SENSOR_TOPICS[type(s)], s, sensor_rate_hz(s)) for s in vehicle.sensors]
-    extra = [(STREAM_TOPICS[s.kind], s, s.rate_hz) for s in vehicle.streams]
-    for topic, spec, rate_hz in (*rows, *extra):
-        yield Stream(
-            key=topic.key_in(run, vehicle=vehicle.name, sensor=spec.name),
-            message=topic.message,
-            topic=spec.topic,
-            declared_hz=rate_hz,
-            push=spec.push,
-            repair=spec.repair,
-        )
-    yield Stream(
-        key=GROUND_TRUTH.key_in(run, vehicle=vehicle.name),
-        message=GROUND_TRUTH.message,
-        topic=scenario.ground_truth_topic(vehicle),
-        declared_hz=vehicle.ground_truth.rate_hz,
-        push=vehicle.ground_truth.push,
-    )
-
-
-def repair_table(streams: Iterable[Stream]) -> dict[tuple[int, str], Mode]:
+def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:
     """Return how what is lost of each stream is made good, by wire type and topic."""
     table = {}
     for stream in streams:
@@ -90,24 +37,5 @@ def repair_table(streams: Iterable[Stream]) -> dict[tuple[int, str], Mode]:
         else:
             mode = parse_mode(said)
         if mode is not None:
-            table[stream.msg_type, stream.topic] = mode
+            table[wire_type(stream.message), stream.topic] = mode
     return table
-
-
-def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:
-    """Return base_from_sensor of every sensor that has a frame of its own; None without any."""
-    transforms = {}
-    for vehicle in scenario.vehicles:
-        base = vehicle.model.base_frame
-        for sensor in vehicle.sensors:
-            if sensor.frame != base:
-                roll, pitch, yaw = sensor.mount.rpy_radians()
-                child = vehicle.frame_prefix + sensor.frame
-                transforms[child] = Transform(
-                    stamp_nanos=stamp_nanos,
-                    parent=vehicle.frame_prefix + base,
-                    child=child,
-                    translation_m=sensor.mount.xyz_m,
-                    rotation=quaternion_from_rpy(roll, pitch, yaw),
-                )
-    return Transforms(tuple(transforms.values())) if transforms else None

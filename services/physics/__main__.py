@@ -34,7 +34,7 @@ from groundlink.topics import (
 )
 from groundlink.world.build import solids, world_hash
 
-from .pace import AsFastAsSensors, RealTime
+from .pace import AsFastAsOthers, RealTime
 from .simulation import Simulation
 from .truth import Truth
 
@@ -48,9 +48,17 @@ NAME = "physics"
 
 
 class Physics:
-    """The run's authority: simulation, pace and the bus, one tick at a time."""
+    """The run's authority: simulation, pace and the bus, one tick at a time.
 
-    def __init__(self, scenario: Scenario, run: str, bus: Bus) -> None:
+    Parameters
+    ----------
+    others
+        processes beside the sensors without which a fast run does not begin, such as a recorder.
+    """
+
+    def __init__(
+        self, scenario: Scenario, run: str, bus: Bus, *, others: Sequence[str] = ()
+    ) -> None:
         self._run = run
         self._world_hash = world_hash(scenario)
         self._simulation = Simulation(scenario, solids(scenario))
@@ -59,8 +67,10 @@ class Physics:
         self.pace = (
             RealTime(scenario.time.factor)
             if scenario.time.mode == "realtime"
-            else AsFastAsSensors(
-                scenario.sensor_names(), scenario.time.window_ticks, self.epoch_nanos
+            else AsFastAsOthers(
+                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks),
+                scenario.time.window_ticks,
+                self.epoch_nanos,
             )
         )
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
@@ -166,6 +176,13 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         metavar="ENDPOINT",
         help=f"be the router that others connect to (default {DEFAULT_ENDPOINT} without --connect)",
     )
+    parser.add_argument(
+        "--wait-for",
+        metavar="PROCESS",
+        action="append",
+        default=[],
+        help="in fast mode a process to wait for beside the sensors, such as recorder; repeatable",
+    )
     options = parser.parse_args(arguments)
     scenario = load(options.scenario)
     run = options.run or scenario.name
@@ -173,7 +190,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     with Bus(connect=options.connect, listen=listen) as bus:
         if bus.present(HEALTH.key_in(run, process=NAME), seconds=1.0):
             raise UserError(f"run `{run}` is on the bus already; end it or give --run another name")
-        physics = Physics(scenario, run, bus)
+        physics = Physics(scenario, run, bus, others=options.wait_for)
         try:
             _keep_stepping(physics, process.Heartbeat(bus, run, NAME), stop.is_set)
         finally:

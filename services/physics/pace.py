@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When physics may take its next step: by the wall clock, or as fast as the sensors follow.
+"""When physics may take its next step: by the wall clock, or as fast as the others follow.
 
 Rule: time and acknowledgements come in as arguments. A pace answers how long to wait; it does not
 wait itself.
@@ -7,7 +7,7 @@ wait itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 from groundlink.clock import TICK_SECONDS
 from groundlink.messages import Ack
@@ -46,20 +46,21 @@ class RealTime:
         return []
 
 
-class AsFastAsSensors:
-    """Free of the wall clock, at most a window of ticks ahead of the slowest sensor.
+class AsFastAsOthers:
+    """Free of the wall clock, at most a window of ticks ahead of each process that matters.
 
     Parameters
     ----------
-    sensors
-        names of the sensors that must have joined before the first step and are waited for always.
-        Other processes (a gateway, a recorder) are waited for from their first ack to their leave.
+    windows
+        how many ticks physics may be ahead of each of the processes that must have joined before
+        the first step and are waited for always.
     window_ticks
-        how far physics may be ahead.
+        how far it may be ahead of others (a gateway, a viewer), which are waited for from their
+        first ack to their leave.
     """
 
-    def __init__(self, sensors: Iterable[str], window_ticks: int, epoch_nanos: int) -> None:
-        self._sensors = frozenset(sensors)
+    def __init__(self, windows: Mapping[str, int], window_ticks: int, epoch_nanos: int) -> None:
+        self._windows = windows
         self._window = window_ticks
         self._epoch_nanos = epoch_nanos
         self._reached: dict[str, int] = {}
@@ -71,8 +72,8 @@ class AsFastAsSensors:
             self._reached[process] = ack.tick
 
     def left(self, process: str) -> None:
-        """Stop waiting for a process that has gone, unless it is one of the sensors."""
-        if process not in self._sensors:
+        """Stop waiting for a process that has gone, unless the run needs it."""
+        if process not in self._windows:
             self._reached.pop(process, None)
 
     def wait_seconds(self, tick: int, now_seconds: float) -> float:
@@ -82,7 +83,10 @@ class AsFastAsSensors:
 
     def missing(self) -> list[str]:
         """Return the processes that hold up the next step."""
-        absent = self._sensors - self._reached.keys()
-        limit = self._next_tick - self._window
-        behind = (name for name, reached in self._reached.items() if reached < limit)
+        absent = self._windows.keys() - self._reached.keys()
+        behind = (
+            name
+            for name, reached in self._reached.items()
+            if reached < self._next_tick - self._windows.get(name, self._window)
+        )
         return sorted([*absent, *behind])

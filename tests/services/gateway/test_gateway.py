@@ -24,13 +24,13 @@ from groundlink.messages import (
     packed,
 )
 from groundlink.ros_messages import to_cdr
+from groundlink.ros_streams import outgoing
 from groundlink.ros_types import WHEEL_ENCODERS_DEFINITION
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Stream as ExtraStream
 from services.gateway.gateway import Gateway
-from services.gateway.incoming import TWIST
-from services.gateway.streams import TF_MESSAGE, outgoing
+from services.gateway.streams import TF_MESSAGE, wire_type
 from tests.vectors.examples import EXAMPLES
 from udp_bridge.accounts import Account
 from udp_bridge.control import LinkReport, Subscribe, TopicReport
@@ -40,6 +40,7 @@ from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
 PEER = ("127.0.0.1", 7511)
 STRANGER = ("127.0.0.1", 9999)
 RUN = "lab"
+TWIST = type_number("Twist")
 STORE = get_typestore(Stores.ROS2_KILTED)
 STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
 
@@ -111,7 +112,7 @@ def imu(stamp: int) -> Imu:
 
 def test_every_stream_is_known_by_key() -> None:
     streams = outgoing(load(SHIPPED / "indoor_lab.yaml"), RUN)
-    assert [(s.key, s.topic, s.msg_type, s.declared_hz) for s in streams] == [
+    assert [(s.key, s.topic, wire_type(s.message), s.declared_hz) for s in streams] == [
         ("groundlink/lab/clock", "/clock", 8, 100.0),
         ("groundlink/lab/rover/lidar", "/points", 1, 10.0),
         ("groundlink/lab/rover/imu", "/imu", 2, 400.0),

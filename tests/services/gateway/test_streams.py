@@ -7,10 +7,11 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.errors import UserError
+from groundlink.ros_streams import outgoing
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Repair, RepairBy
-from services.gateway.streams import outgoing, repair_table
+from services.gateway.streams import repair_table
 from udp_bridge.repair import Fec, Mode, Resend
 
 

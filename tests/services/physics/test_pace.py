@@ -4,7 +4,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.messages import Ack
-from services.physics.pace import CATCH_UP_SECONDS, AsFastAsSensors, RealTime
+from services.physics.pace import CATCH_UP_SECONDS, AsFastAsOthers, RealTime
 
 
 def test_real_time_waits_until_a_tick_is_due() -> None:
@@ -43,15 +43,15 @@ EPOCH = 7
 
 
 @pytest.fixture
-def pace() -> AsFastAsSensors:
-    return AsFastAsSensors(["rover/imu", "rover/lidar"], 100, EPOCH)
+def pace() -> AsFastAsOthers:
+    return AsFastAsOthers({"rover/imu": 100, "rover/lidar": 100}, 100, EPOCH)
 
 
-def ack(pace: AsFastAsSensors, process: str, tick: int, epoch: int = EPOCH) -> None:
+def ack(pace: AsFastAsOthers, process: str, tick: int, epoch: int = EPOCH) -> None:
     pace.acknowledged(process, Ack(epoch, tick, tick))
 
 
-def test_nothing_moves_before_every_sensor_has_joined(pace: AsFastAsSensors) -> None:
+def test_nothing_moves_before_every_sensor_has_joined(pace: AsFastAsOthers) -> None:
     assert pace.wait_seconds(1, 0.0) > 0
     assert pace.missing() == ["rover/imu", "rover/lidar"]
     ack(pace, "rover/imu", -1)
@@ -60,7 +60,7 @@ def test_nothing_moves_before_every_sensor_has_joined(pace: AsFastAsSensors) -> 
     assert pace.wait_seconds(1, 0.0) == 0.0
 
 
-def test_physics_is_at_most_a_window_ahead(pace: AsFastAsSensors) -> None:
+def test_physics_is_at_most_a_window_ahead(pace: AsFastAsOthers) -> None:
     ack(pace, "rover/imu", 1000)
     ack(pace, "rover/lidar", 50)
     assert pace.wait_seconds(150, 0.0) == 0.0
@@ -70,7 +70,7 @@ def test_physics_is_at_most_a_window_ahead(pace: AsFastAsSensors) -> None:
     assert pace.wait_seconds(151, 0.0) == 0.0
 
 
-def test_a_gateway_is_waited_for_while_it_is_there(pace: AsFastAsSensors) -> None:
+def test_a_gateway_is_waited_for_while_it_is_there(pace: AsFastAsOthers) -> None:
     ack(pace, "rover/imu", 1000)
     ack(pace, "rover/lidar", 1000)
     ack(pace, "gateway", 10)
@@ -79,17 +79,32 @@ def test_a_gateway_is_waited_for_while_it_is_there(pace: AsFastAsSensors) -> Non
     assert pace.wait_seconds(500, 0.0) == 0.0
 
 
-def test_a_sensor_that_left_is_waited_for(pace: AsFastAsSensors) -> None:
+def test_a_sensor_that_left_is_waited_for(pace: AsFastAsOthers) -> None:
     ack(pace, "rover/imu", 1000)
     ack(pace, "rover/lidar", 10)
     pace.left("rover/lidar")
     assert pace.wait_seconds(500, 0.0) > 0.0
 
 
-def test_words_from_an_earlier_life_do_not_count(pace: AsFastAsSensors) -> None:
+def test_words_from_an_earlier_life_do_not_count(pace: AsFastAsOthers) -> None:
     ack(pace, "rover/imu", 1000, epoch=EPOCH - 1)
     assert "rover/imu" in pace.missing()
 
 
 def test_without_sensors_nobody_is_waited_for() -> None:
-    assert AsFastAsSensors([], 1, EPOCH).wait_seconds(10**6, 0.0) == 0.0
+    assert AsFastAsOthers({}, 1, EPOCH).wait_seconds(10**6, 0.0) == 0.0
+
+
+def test_each_process_has_a_window_of_its_own() -> None:
+    pace = AsFastAsOthers({"rover/imu": 100, "rover/driver": 8}, 50, EPOCH)
+    ack(pace, "rover/imu", 0)
+    ack(pace, "rover/driver", 0)
+    assert pace.wait_seconds(8, 0.0) == 0.0
+    assert pace.wait_seconds(9, 0.0) > 0.0
+    assert pace.missing() == ["rover/driver"]
+    ack(pace, "rover/driver", 1000)
+    assert pace.wait_seconds(100, 0.0) == 0.0
+    ack(pace, "gateway", 0)
+    assert pace.wait_seconds(50, 0.0) == 0.0
+    assert pace.wait_seconds(51, 0.0) > 0.0
+    assert pace.missing() == ["gateway"]

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run looks like from ROS: its topics, each with its place on the bus, and its fixed frames.
+
+Rule: derived from the scenario and the table of topics alone; gateway, recorder, viewer and replay
+share it. How a message becomes a ROS message is in `ros_messages`; who receives it is nobody's
+business here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .frames import quaternion_from_rpy
+from .messages import Clock, Message
+from .navigation import Odometry, Transform, Transforms
+from .scenario import Scenario
+from .scenario.schema import Vehicle
+from .scenario.sensors import Repair
+from .topics import (
+    CLOCK,
+    COMMAND,
+    FROM_ROS,
+    GROUND_TRUTH,
+    SENSOR_TOPICS,
+    STREAM_TOPICS,
+    sensor_rate_hz,
+)
+
+CLOCK_TOPIC = "/clock"
+TF_TOPIC = "/tf"
+TF_STATIC_TOPIC = "/tf_static"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosStream:
+    """A stream of the bus that ROS knows as a topic."""
+
+    key: str
+    message: type[Message]
+    topic: str
+    declared_hz: float | None
+    """None where nobody promised a rate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outgoing(RosStream):
+    """One that goes to ROS."""
+
+    declared_hz: float
+    push: bool
+    """Sent to the gateway's peer unasked."""
+
+    repair: Repair = "none"
+
+
+def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
+    """Return every stream that can go to ROS: the clock first, then each vehicle's in order."""
+    clock = Outgoing(
+        key=CLOCK.key_in(run),
+        message=Clock,
+        topic=CLOCK_TOPIC,
+        declared_hz=scenario.time.clock_rate_hz,
+        push=True,
+    )
+    return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run))]
+
+
+def incoming(scenario: Scenario, run: str) -> list[RosStream]:
+    """Return every stream that can come from ROS: each vehicle's commands, then what it tells."""
+    streams = []
+    for vehicle in scenario.vehicles:
+        rows = [(COMMAND, vehicle.command_topic)]
+        rows += [(row, getattr(vehicle.from_ros, name)) for name, row in FROM_ROS.items()]
+        for row, topic in rows:
+            if topic is not None:
+                key = row.key_in(run, vehicle=vehicle.name)
+                streams.append(
+                    RosStream(key=key, message=row.message, topic=topic, declared_hz=None)
+                )
+    return streams
+
+
+def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outgoing]:
+    rows = [(SENSOR_TOPICS[type(s)], s, sensor_rate_hz(s)) for s in vehicle.sensors]
+    extra = [(STREAM_TOPICS[s.kind], s, s.rate_hz) for s in vehicle.streams]
+    for topic, spec, rate_hz in (*rows, *extra):
+        yield Outgoing(
+            key=topic.key_in(run, vehicle=vehicle.name, sensor=spec.name),
+            message=topic.message,
+            topic=spec.topic,
+            declared_hz=rate_hz,
+            push=spec.push,
+            repair=spec.repair,
+        )
+    yield Outgoing(
+        key=GROUND_TRUTH.key_in(run, vehicle=vehicle.name),
+        message=GROUND_TRUTH.message,
+        topic=scenario.ground_truth_topic(vehicle),
+        declared_hz=vehicle.ground_truth.rate_hz,
+        push=vehicle.ground_truth.push,
+    )
+
+
+def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:
+    """Return base_from_sensor of every sensor that has a frame of its own; None without any."""
+    transforms = {}
+    for vehicle in scenario.vehicles:
+        base = vehicle.model.base_frame
+        for sensor in vehicle.sensors:
+            if sensor.frame != base:
+                roll, pitch, yaw = sensor.mount.rpy_radians()
+                child = vehicle.frame_prefix + sensor.frame
+                transforms[child] = Transform(
+                    stamp_nanos=stamp_nanos,
+                    parent=vehicle.frame_prefix + base,
+                    child=child,
+                    translation_m=sensor.mount.xyz_m,
+                    rotation=quaternion_from_rpy(roll, pitch, yaw),
+                )
+    return Transforms(tuple(transforms.values())) if transforms else None
+
+
+def true_transform(truth: Odometry) -> Transforms:
+    """Return world_from_base as a vehicle's ground truth says, for the tf tree of a recording."""
+    return Transforms(
+        (
+            Transform(
+                stamp_nanos=truth.stamp_nanos,
+                parent=truth.frame,
+                child=truth.child_frame,
+                translation_m=truth.position_m,
+                rotation=truth.orientation,
+            ),
+        )
+    )
