@@ -33,6 +33,7 @@ benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.bridge
 	@$(BIN)/python -m benchmarks.loss
 	@$(BIN)/python -m benchmarks.freshness
+	@$(BIN)/python -m benchmarks.recording
 
 clean: ## remove the environment and every cache
 	@rm -rf .venv build *.egg-info udp-bridge/src/*.egg-info \

@@ -8,10 +8,10 @@ import sys
 from collections.abc import Sequence
 
 from . import __version__
-from .cli import check, link, topics, up
+from .cli import check, convert, drive, link, record, replay, report, top, topics, up, view
 from .errors import UserError
 
-COMMANDS = (up, check, topics, link)
+COMMANDS = (up, record, replay, convert, report, top, drive, check, topics, link, view)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

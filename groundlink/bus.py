@@ -11,6 +11,7 @@ hangs its process, so a `Bus` is a context manager.
 from __future__ import annotations
 
 import json
+import random
 import re
 from collections.abc import Callable
 from types import TracebackType
@@ -34,6 +35,11 @@ _CONGESTION_CONTROL = {
     Delivery.ALL: zenoh.CongestionControl.BLOCK,
 }
 
+ONLOOKERS = tuple(f"6e10{number:04x}" for number in range(1024))
+"""Identities of sessions that only look on, so many that two hardly choose the same. To them the
+router drops what they are too slow for; for everybody else it waits, and a viewer that somebody has
+stopped would stop the run."""
+
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d{1,5})$")
 
 
@@ -50,15 +56,19 @@ class Bus:
         endpoint of the router to join, such as `tcp/HOST:7447`.
     listen
         endpoint to listen on as the router that others join through.
+    onlooker
+        never waited for: what this session does not take in time, the router drops.
     """
 
-    def __init__(self, *, connect: str | None = None, listen: str | None = None) -> None:
+    def __init__(
+        self, *, connect: str | None = None, listen: str | None = None, onlooker: bool = False
+    ) -> None:
         self._declared: list[Any] = []
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
         try:
-            self._session = zenoh.open(_configuration(connect, listen))
+            self._session = zenoh.open(_configuration(connect, listen, onlooker))
         except zenoh.ZError as error:
             raise BusError(_explained(str(error), connect, listen)) from None
 
@@ -144,9 +154,9 @@ class Bus:
         )
 
 
-def _configuration(connect: str | None, listen: str | None) -> zenoh.Config:
+def _configuration(connect: str | None, listen: str | None, onlooker: bool) -> zenoh.Config:
     """Return the session's configuration: explicit endpoints only."""
-    settings = {
+    settings: dict[str, Any] = {
         "mode": "router" if listen else "client",
         "connect/endpoints": [connect] if connect else [],
         "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
@@ -159,8 +169,20 @@ def _configuration(connect: str | None, listen: str | None) -> zenoh.Config:
         # batches, 1 ms) then drop states although every receiver keeps up.
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,
-        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 500_000,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 100_000,
     }
+    if listen:
+        settings["qos/network"] = [
+            {
+                "id": "onlookers",
+                "zids": ONLOOKERS,
+                "messages": ["put"],
+                "flows": ["egress"],
+                "overwrite": {"congestion_control": "drop"},
+            }
+        ]
+    if onlooker:
+        settings["id"] = random.choice(ONLOOKERS)
     configuration = zenoh.Config()
     for key, value in settings.items():
         configuration.insert_json5(key, json.dumps(value))

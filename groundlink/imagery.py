@@ -114,11 +114,6 @@ class LaserScan(Message, frozen=True):
         if len(self.intensities):
             exactly(self.intensities, len(self.ranges_m), "intensities")
 
-    @property
-    def angle_max_rad(self) -> float:
-        """The angle of the last ray."""
-        return self.angle_min_rad + max(0, len(self.ranges_m) // 4 - 1) * self.angle_increment_rad
-
 
 class Range(Message, frozen=True):
     """One distance of an ultrasonic or infrared range finder (sensor_msgs/Range)."""

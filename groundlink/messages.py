@@ -228,6 +228,8 @@ class Health(Message, frozen=True):
     tick: int
     counters: dict[str, int]
     streams: tuple[StreamReport, ...] = ()
+    host: str = ""
+    """Name of the machine that it runs on."""
 
 
 M = TypeVar("M", bound=Message)

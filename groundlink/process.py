@@ -121,4 +121,7 @@ class Heartbeat:
     ) -> None:
         """Publish the process's health."""
         self._next = time.monotonic() + HEALTH_PERIOD_SECONDS
-        self._publish(Health(self._process, os.getpid(), tick, counters, tuple(streams)))
+        health = Health(
+            self._process, os.getpid(), tick, counters, tuple(streams), socket.gethostname()
+        )
+        self._publish(health)

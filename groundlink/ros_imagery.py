@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
-from .ros_types import TYPES, array, header
+from .ros_types import TYPES, array, float32, header
 
 _RADIATION = {"ultrasound": 0, "infrared": 1}
 """sensor_msgs/Range's constants."""
@@ -59,12 +59,13 @@ def camera_info(message: CameraInfo) -> dict[str, Any]:
 
 
 def laser_scan(message: LaserScan) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/LaserScan."""
+    """Return the fields of sensor_msgs/LaserScan; its last angle follows from its other angles."""
+    first, step = float32(message.angle_min_rad), float32(message.angle_increment_rad)
     return {
         "header": header(message.stamp_nanos, message.frame),
-        "angle_min": message.angle_min_rad,
-        "angle_max": message.angle_max_rad,
-        "angle_increment": message.angle_increment_rad,
+        "angle_min": first,
+        "angle_max": first + max(0, len(message.ranges_m) // 4 - 1) * step,
+        "angle_increment": step,
         "time_increment": message.time_increment_s,
         "scan_time": message.scan_time_s,
         "range_min": message.min_range_m,

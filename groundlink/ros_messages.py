@@ -11,19 +11,22 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from rosbags.serde import SerdeError
 
-from . import imagery, navigation, ros_imagery, ros_navigation
+from . import imagery, navigation, ros_imagery, ros_navigation, ros_vitals
 from .messages import POINT, BadMessage, Clock, Command, Imu, Message, PointCloud, WheelEncoders
 from .ros_types import STORE, TYPES, header, quaternion, time, vector
+from .vitals import Vitals
 
 _POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4}
 """sensor_msgs/PointField's FLOAT32 and UINT16."""
 
 
+@lru_cache(maxsize=64)
 def _diagonal(variance: float) -> np.ndarray[Any, Any]:
     return np.diag(np.full(3, variance, np.float64)).ravel()
 
@@ -112,6 +115,11 @@ ROS_FORMS: dict[type[Message], RosForm] = {
 }
 """Every message of the bus that ROS sees."""
 
+RECORDED_FORMS = ROS_FORMS | {
+    Vitals: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_vitals.vitals)
+}
+"""Those, and what only a recording holds."""
+
 
 def to_cdr(message: Message) -> memoryview:
     """Return a message as its ROS type's CDR, encapsulation header included.
@@ -121,7 +129,7 @@ def to_cdr(message: Message) -> memoryview:
     BadMessage
         when a number is beyond what the ROS type holds: a stamp after 2038, a large float32.
     """
-    form = ROS_FORMS[type(message)]
+    form = RECORDED_FORMS[type(message)]
     try:
         return STORE.serialize_cdr(TYPES[form.ros_type](**form.fields(message)), form.ros_type)
     except (struct.error, SerdeError, OverflowError) as error:

@@ -24,8 +24,10 @@ from .topics import (
     GROUND_TRUTH,
     SENSOR_TOPICS,
     STREAM_TOPICS,
+    VITALS,
     sensor_rate_hz,
 )
+from .vitals import VITALS_HZ
 
 CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"
@@ -64,6 +66,20 @@ def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
         push=True,
     )
     return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run))]
+
+
+def recorded_only(scenario: Scenario, run: str) -> list[Outgoing]:
+    """Return what no gateway sends and a recording holds: each vehicle's vitals."""
+    return [
+        Outgoing(
+            key=VITALS.key_in(run, vehicle=vehicle.name),
+            message=VITALS.message,
+            topic=scenario.vitals_topic(vehicle),
+            declared_hz=float(VITALS_HZ),
+            push=False,
+        )
+        for vehicle in scenario.vehicles
+    ]
 
 
 def incoming(scenario: Scenario, run: str) -> list[RosStream]:

@@ -7,6 +7,7 @@ message of the bus is known here.
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ int64[] ticks
 STORE = get_typestore(Stores.ROS2_KILTED)
 STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
 TYPES = STORE.types
+
+_FLOAT32 = struct.Struct("<f")
 
 
 def time(nanos: int) -> Any:
@@ -71,6 +74,12 @@ def xyz(vector: Any) -> Vector3:
 def xyzw(quaternion: Any) -> Quaternion:
     """Return the components of a Quaternion."""
     return quaternion.x, quaternion.y, quaternion.z, quaternion.w
+
+
+def float32(number: float) -> float:
+    """Return what a float32 field makes of a number; OverflowError where it holds none so large."""
+    rounded: float = _FLOAT32.unpack(_FLOAT32.pack(number))[0]
+    return rounded
 
 
 def array(packed: memoryview, dtype: Any) -> NDArray[Any]:

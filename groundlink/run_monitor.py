@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from .clock import TICK_SECONDS
 from .messages import Health, StreamReport
+from .topics import TIME_KEEPERS
 
 RATE_TOLERANCE = 0.02
 """A declared rate is kept when the measured one, counted in stamps, is this near."""
@@ -42,8 +43,10 @@ class RunMonitor:
         self.health[health.process] = health
         if health.streams:
             self.streams = health.streams
-        if health.process == "physics":
-            if self.first_tick is None or health.tick < self.tick:
+        if health.process in TIME_KEEPERS:
+            # At the first tick time stands still as long as others are waited for.
+            stands = health.tick == self.first_tick or self.tick < 0
+            if self.first_tick is None or health.tick < self.tick or stands:
                 self.first_tick, self._first_seconds = health.tick, now_seconds
             self.tick, self._last_seconds = health.tick, now_seconds
 

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 RESTART_SECONDS = 0.2
@@ -34,7 +34,7 @@ _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Ask the kernel to kill this child when the supervisor is gone (prctl(2))."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
@@ -52,6 +52,9 @@ class Child:
     delay: float = RESTART_SECONDS
     false_starts: int = 0
     last_exit: str = ""
+    is_done: bool = False
+    """It may end by itself, and has done so."""
+
     _reader: threading.Thread | None = field(default=None, repr=False)
 
 
@@ -64,12 +67,19 @@ class Supervisor:
         argument lists after the Python interpreter, by process name.
     say
         called with a process's name and a line that it printed; from several threads.
+    finite
+        names of processes that end by themselves, with 0, when their work is done.
     """
 
     def __init__(
-        self, commands: Mapping[str, Sequence[str]], say: Callable[[str, str], None]
+        self,
+        commands: Mapping[str, Sequence[str]],
+        say: Callable[[str, str], None],
+        *,
+        finite: Collection[str] = (),
     ) -> None:
         self.children = {name: Child(name, command) for name, command in commands.items()}
+        self._finite = frozenset(finite)
         self._say = say
 
     def start(self) -> None:
@@ -88,6 +98,9 @@ class Supervisor:
                 continue
             code = child.process.poll()
             if code is None:
+                continue
+            if code == 0 and child.name in self._finite:
+                child.process, child.is_done = None, True
                 continue
             self._crashed(child, code, now)
             if code == 2 or child.false_starts == MAX_FALSE_STARTS:
@@ -125,7 +138,7 @@ class Supervisor:
             text=True,
             errors="replace",
             start_new_session=True,
-            preexec_fn=_end_with_parent,
+            preexec_fn=end_with_parent,
             env=os.environ | {"PYTHONUNBUFFERED": "1"},
         )
         child.started = time.monotonic()

@@ -14,11 +14,15 @@ from .clock import TICK_RATE_HZ
 from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
 from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
-from .scenario.schema import Scenario
+from .scenario.schema import Scenario, Vehicle
 from .scenario.sensors import Encoders, Lidar, Sensor, SensorSpec
 from .scenario.sensors import Imu as ImuSpec
+from .vitals import VITALS_HZ, Vitals
 
 ROOT = "groundlink"
+
+TIME_KEEPERS = ("physics", "replay")
+"""Processes of which a run has one: it says what time it is."""
 
 
 class Delivery(Enum):
@@ -70,8 +74,8 @@ COMMAND = Topic(
     name="command",
     key="{vehicle}/command",
     message=Command,
-    publisher="gateway",
-    rate="as ROS sends",
+    publisher="gateway, driver",
+    rate="as ROS sends, 50 Hz",
     delivery=Delivery.ALL,
 )
 POINTS = Topic(
@@ -120,6 +124,14 @@ GROUND_TRUTH = Topic(
     message=Odometry,
     publisher="physics",
     rate="ground_truth.rate_hz",
+    delivery=Delivery.NEWEST,
+)
+VITALS = Topic(
+    name="vitals",
+    key="{vehicle}/vitals",
+    message=Vitals,
+    publisher="physics",
+    rate=f"{VITALS_HZ} Hz",
     delivery=Delivery.NEWEST,
 )
 
@@ -184,6 +196,7 @@ TOPICS = (
     COMMAND,
     *STREAM_TOPICS.values(),
     GROUND_TRUTH,
+    VITALS,
     *FROM_ROS.values(),
     ACK,
     HEALTH,
@@ -212,6 +225,16 @@ def sensor_rate_hz(spec: Sensor) -> float:
     return spec.rate_hz
 
 
+def driver_name(vehicle: Vehicle) -> str:
+    """Return the name of the process that drives a vehicle along a route."""
+    return f"{vehicle.name}/driver"
+
+
+def driver_names(scenario: Scenario) -> list[str]:
+    """Return the drivers that a run needs: of every vehicle with a route."""
+    return [driver_name(vehicle) for vehicle in scenario.vehicles if vehicle.route is not None]
+
+
 def process_names(scenario: Scenario) -> dict[str, str]:
     """Return the processes of a run, by name, with the module that each one is."""
     processes = {"physics": "services.physics"}
@@ -219,5 +242,6 @@ def process_names(scenario: Scenario) -> dict[str, str]:
         for sensor in vehicle.sensors:
             module = f"services.sensors.{SENSOR_TOPICS[type(sensor)].name}"
             processes[f"{vehicle.name}/{sensor.name}"] = module
+    processes |= dict.fromkeys(driver_names(scenario), "services.driver")
     processes["gateway"] = "services.gateway"
     return processes

@@ -7,13 +7,15 @@ What would work badly is a line too, with its mend, and no mistake; what would n
 from __future__ import annotations
 
 import argparse
+import math
 
+from groundlink import routes
 from groundlink.errors import UserError
 from groundlink.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario import load
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar, Sensor
-from groundlink.topics import SENSOR_TOPICS, sensor_rate_hz
+from groundlink.topics import SENSOR_TOPICS, driver_name, sensor_rate_hz
 from groundlink.world.build import solids, world_hash
 
 
@@ -39,6 +41,15 @@ def check(options: argparse.Namespace) -> int:
     print(f"  time     {scenario.time.mode}, seed {scenario.seed}")
     for vehicle in scenario.vehicles:
         print(f"  vehicle  {vehicle.name} ({vehicle.model.name}) obeys {vehicle.command_topic}")
+        if vehicle.route is not None:
+            place = vehicle.placement
+            way = routes.line(
+                vehicle.route,
+                start_m=(place.x_m, place.y_m),
+                heading_rad=math.radians(place.yaw_deg),
+            )
+            speed = f"{vehicle.route.speed_mps:g} m/s"
+            print(f"  route    {driver_name(vehicle)}: {way.length_m:.1f} m at {speed}")
         for sensor in vehicle.sensors:
             kind = SENSOR_TOPICS[type(sensor)].name
             rate = sensor_rate_hz(sensor)

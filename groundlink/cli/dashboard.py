@@ -22,10 +22,11 @@ def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> Ren
     factor = monitor.real_time_factor
     pace = "starting" if factor is None else f"real-time factor {factor:.3f}"
     head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
-    return Group(head, _streams(monitor.streams), _processes(monitor, children))
+    return Group(head, streams_table(monitor.streams), _processes(monitor, children))
 
 
-def _streams(streams: Iterable[StreamReport]) -> Table:
+def streams_table(streams: Iterable[StreamReport]) -> Table:
+    """Return what became of each stream between the gateway and the ROS side."""
     table = Table(
         title="to and from the ROS side", title_justify="left", expand=False, padding=(0, 0)
     )

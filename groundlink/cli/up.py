@@ -7,42 +7,29 @@ Rule: starts services only as ``python -m``, so that what runs here also runs on
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
-import signal
 import sys
-import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 
 import msgspec
-from rich.console import Console, RenderableType
-from rich.live import Live
+from rich.console import Console
 
 from groundlink import __version__
-from groundlink.bus import DEFAULT_ENDPOINT, Bus
+from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Health
 from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import Scenario, load
 from groundlink.supervisor import Supervisor
-from groundlink.topics import HEALTH, process_names
+from groundlink.topics import HEALTH
 
+from . import running
 from .dashboard import dashboard
 
 START_SECONDS = 20.0
 """After this long the duration counts even if a stream has not arrived."""
-
-PLAIN_PERIOD_SECONDS = 5.0
-"""Between tables where the output is no terminal."""
-
-PLAIN_WIDTH = 110
-
-ROS_SIDE = "ros"
-"""Name of the process that receives on the ROS side."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -60,12 +47,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--listen",
         metavar="ENDPOINT",
-        default=DEFAULT_ENDPOINT,
-        help="where the run's router listens for its processes and for others (%(default)s)",
+        default=running.LISTEN_DEFAULT,
+        help=running.LISTEN_HELP,
     )
     parser.add_argument(
         "--no-ros", action="store_true", help="start nothing on the ROS side; it runs elsewhere"
     )
+    parser.add_argument("--record", metavar="RUN.mcap", help="write the run to a file, too")
     parser.set_defaults(command=up)
 
 
@@ -76,15 +64,18 @@ def up(options: argparse.Namespace) -> int:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     if options.report and not options.report.resolve().parent.is_dir():
         raise UserError(f"--report {options.report}: there is no folder {options.report.parent}")
+    if options.record:
+        running.check_new_file("--record", Path(options.record))
     run = options.run or scenario.name
-    stop = _stop_on_signals()
-    console = Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
-    commands = _commands(scenario, options.scenario, run, options.listen)
+    stop = running.stop_on_signals()
+    console = running.console()
+    commands = running.commands(scenario, options.scenario, run, options.listen)
+    if options.record:
+        commands["physics"] += ["--wait-for", running.RECORDER]
+        commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
     if not options.no_ros:
-        commands[ROS_SIDE] = _ros_side(scenario, console)
-    supervisor = Supervisor(
-        commands, lambda name, line: console.print(f"{name}: {line}", markup=False, highlight=False)
-    )
+        commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
+    supervisor = Supervisor(commands, running.say(console))
     monitor = RunMonitor()
     failed: str | None = None
     with Bus(listen=options.listen) as bus:
@@ -93,8 +84,12 @@ def up(options: argparse.Namespace) -> int:
         started = time.time()
         supervisor.start()
         try:
-            show = _display(console, f"{scenario.name} (run `{run}`)", monitor, supervisor)
-            failed = _watch(supervisor, monitor, inbox, options.duration, stop, show)
+            title = f"{scenario.name} (run `{run}`)"
+            show = running.display(
+                console, lambda: dashboard(title, monitor, supervisor.children.values())
+            )
+            is_over = _Duration(monitor, options.duration).is_over
+            failed = running.watch(supervisor, monitor, inbox, stop, show=show, is_over=is_over)
         finally:
             killed = supervisor.stop()
     if killed:
@@ -110,79 +105,24 @@ def up(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-def _watch(
-    supervisor: Supervisor,
-    monitor: RunMonitor,
-    inbox: Inbox[Health],
-    duration: float | None,
-    stop: threading.Event,
-    show: Callable[[bool], None],
-) -> str | None:
-    """Tend the run until it ends; return the process that its user must mend, if any."""
-    begun = time.monotonic()
-    counted_from: float | None = None
-    with_duration = duration is not None
-    while not stop.is_set():
-        if failed := supervisor.tend():
-            return failed
-        while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
-            monitor.heard(arrived[1], time.monotonic())
-            if stop.is_set():
-                break
-        show(False)
-        late = time.monotonic() - begun > START_SECONDS
-        if counted_from is None and (monitor.everything_arrives() or late):
-            counted_from = monitor.sim_seconds
-        if with_duration and counted_from is not None:
-            assert duration is not None
-            if monitor.sim_seconds - counted_from >= duration:
-                break
-    show(True)
-    return None
+class _Duration:
+    """Sim time from when every stream arrives, or from `START_SECONDS` after the start."""
 
+    def __init__(self, monitor: RunMonitor, seconds: float | None) -> None:
+        self._monitor = monitor
+        self._seconds = seconds
+        self._begun = time.monotonic()
+        self._counted_from: float | None = None
 
-def _display(
-    console: Console, title: str, monitor: RunMonitor, supervisor: Supervisor
-) -> Callable[[bool], None]:
-    """Return a function that shows the run now; its argument says whether it is the last time."""
-
-    def picture() -> RenderableType:
-        return dashboard(title, monitor, supervisor.children.values())
-
-    if console.is_terminal:
-        live = Live(console=console, get_renderable=picture, refresh_per_second=4, transient=True)
-        live.start()
-        return lambda last: live.stop() if last else None
-    next_print = time.monotonic() + PLAIN_PERIOD_SECONDS
-
-    def show(last: bool) -> None:
-        nonlocal next_print
-        if not last and time.monotonic() >= next_print:
-            next_print += PLAIN_PERIOD_SECONDS
-            console.print(picture())
-
-    return show
-
-
-def _commands(scenario: Scenario, file: str, run: str, endpoint: str) -> dict[str, list[str]]:
-    """Return the command of every process of a run."""
-    join = ["--connect", endpoint, "--run", run]
-    commands = {}
-    for name, module in process_names(scenario).items():
-        arguments = [file] if name == "physics" else ["--name", name] if "/" in name else []
-        commands[name] = ["-m", module, *arguments, *join]
-    return commands
-
-
-def _ros_side(scenario: Scenario, console: Console) -> list[str]:
-    """Return the command that receives at the gateway's peer: the ROS 2 node where ROS is."""
-    bind = ["--bind", scenario.gateway.peer]
-    key = {"--key-file": scenario.gateway.key_file, "--key-env": scenario.gateway.key_env}
-    bind += [word for name, value in key.items() if value is not None for word in (name, value)]
-    if importlib.util.find_spec("rclpy") and importlib.util.find_spec("udp_bridge_ros2"):
-        return ["-m", "udp_bridge_ros2", *bind]
-    console.print("no ROS 2 in this environment: a plain receiver stands in for the ROS node")
-    return ["-m", "udp_bridge", "listen", *bind, "--report", "--quiet"]
+    def is_over(self) -> bool:
+        """Return whether the run has lasted that long; without a duration it never has."""
+        monitor = self._monitor
+        late = time.monotonic() - self._begun > START_SECONDS
+        if self._counted_from is None and (monitor.everything_arrives() or late):
+            self._counted_from = monitor.sim_seconds
+        if self._seconds is None or self._counted_from is None:
+            return False
+        return monitor.sim_seconds - self._counted_from >= self._seconds
 
 
 def _summarise(
@@ -222,14 +162,3 @@ def _report(
         },
         "scenario": msgspec.to_builtins(scenario),
     }
-
-
-def _stop_on_signals() -> threading.Event:
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
-    return stop

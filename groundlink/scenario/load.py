@@ -11,7 +11,7 @@ import difflib
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -20,10 +20,20 @@ from groundlink.world.build import WorldError, solids
 
 from .document import DataPath, Document, ScenarioError, read
 from .fields import field_names, kinds
-from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario
+from .route import FIGURES, Route, Waypoints
+from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
+from .vehicle import VehicleModel
 
 SHIPPED = Path(__file__).resolve().parents[2] / "scenarios"
 """Worlds, vehicles and data sheets that come with Groundlink."""
+
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+class _RouteFile(msgspec.Struct):
+    """What a route is read as that is no scenario's, so that errors name `route`."""
+
+    route: Route
 
 
 def load(file: str | Path) -> Scenario:
@@ -36,9 +46,31 @@ def load(file: str | Path) -> Scenario:
     """
     document = read(Path(file))
     _follow_references(document)
-    scenario = _convert(document)
+    scenario = _convert(document, Scenario)
     _check(scenario, document)
     return scenario
+
+
+def load_route(given: str, vehicle: Vehicle) -> Route:
+    """Return the route that a file describes, or the figure of this name with its defaults.
+
+    Raises
+    ------
+    ScenarioError
+        as `load` does.
+    """
+    if not given.endswith((".yaml", ".yml")):
+        if given not in FIGURES:
+            raise ScenarioError(
+                f"no figure `{given}`; {nearest(given, FIGURES)}, or a file with a `.yaml` name"
+            )
+        return FIGURES[given]()
+    file = read(Path(given))
+    document = Document({"route": file.value}, {(): file.mark(())})
+    document.put(("route",), file)
+    route = _convert(document, _RouteFile).route
+    _check_speeds(route, vehicle.model, document, ("route",))
+    return route
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -54,6 +86,7 @@ def _follow_references(document: Document) -> None:
     for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
         here: DataPath = ("vehicles", v)
         _include(document, (*here, "model"), "vehicles")
+        _include(document, (*here, "route"), "routes")
         if not isinstance(vehicle, dict):
             continue
         for s, sensor in enumerate(_sequence(vehicle.get("sensors"))):
@@ -117,14 +150,14 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
         document.at(path)["mount"] = mounts[mount]
 
 
-def _convert(document: Document) -> Scenario:
-    """Check plain data against the schema and name the first thing that does not fit."""
+def _convert(document: Document, schema: type[S]) -> S:
+    """Check plain data against a schema and name the first thing that does not fit."""
     try:
-        return msgspec.convert(document.value, Scenario)
+        return msgspec.convert(document.value, schema)
     except msgspec.ValidationError as error:
         problem, _, where = str(error).partition(" - at ")
         path = _data_path(where.strip("`"))
-        raise ScenarioError(_explained(problem, path, document)) from None
+        raise ScenarioError(_explained(problem, path, document, schema)) from None
 
 
 def _data_path(text: str) -> DataPath:
@@ -133,18 +166,18 @@ def _data_path(text: str) -> DataPath:
     return tuple(name or int(index) for name, index in steps)
 
 
-def _explained(problem: str, path: DataPath, document: Document) -> str:
+def _explained(problem: str, path: DataPath, document: Document, schema: type) -> str:
     """Return the schema's complaint with its place and, for a misspelt word, the right one."""
     if unknown := re.search(r"contains unknown field `(.*)`", problem):
         key = unknown.group(1)
-        names = field_names(Scenario, document.value, path)
+        names = field_names(schema, document.value, path)
         mark = document.mark((*path, key))
         return f"{mark}: unknown key `{_dotted((*path, key))}`; {nearest(key, names)}"
     mark = document.mark(path)
     if missing := re.search(r"missing required field `(.*)`", problem):
         return f"{mark}: `{_dotted((*path, missing.group(1)))}` is missing; add it"
     if invalid := re.search(r"Invalid value '(.*)'$", problem):
-        known = kinds(Scenario, document.value, path)
+        known = kinds(schema, document.value, path)
         if known:
             word = invalid.group(1)
             return f"{mark}: `{_dotted(path)}`: unknown kind `{word}`; {nearest(word, known)}"
@@ -172,6 +205,8 @@ def _check(scenario: Scenario, document: Document) -> None:
                 _free(document, (*here, section, s, "name"), spec.name, RESERVED_SENSOR_NAMES)
             _unique(document, (*here, section), [spec.name for spec in specs], taken)
             taken += [spec.name for spec in specs]
+        if vehicle.route is not None:
+            _check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
     time = scenario.time
     if time.mode == "fast" and time.window_ticks < TICK_RATE_HZ / time.clock_rate_hz:
         raise ScenarioError(
@@ -195,6 +230,21 @@ def _check(scenario: Scenario, document: Document) -> None:
         solids(scenario)
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
+
+
+def _check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
+    """Refuse a route that asks for more than the vehicle's wheels can turn."""
+    most = model.drive.max_wheel_speed_radps * min(wheel.radius_m for wheel in model.wheels)
+    asked: list[tuple[DataPath, float | None]] = [((*path, "speed_mps"), route.speed_mps)]
+    if isinstance(route, Waypoints):
+        for i, point in enumerate(route.points):
+            asked.append(((*path, "points", i, "speed_mps"), point.speed_mps))
+    for where, speed in asked:
+        if speed is not None and speed > most:
+            raise ScenarioError(
+                f"{document.mark(where)}: `{_dotted(where)}`: {speed:g} m/s is more than the "
+                f"{most:.2f} m/s that `{model.name}` can drive; ask for less"
+            )
 
 
 def _free(document: Document, path: DataPath, name: str, reserved: frozenset[str]) -> None:

@@ -16,6 +16,7 @@ from groundlink.emulation import LinkScript
 from groundlink.world.room import Clutter, Furniture, Room
 from groundlink.world.solids import Material, Solid, Spec, Vector3
 
+from .route import Route
 from .sensors import Rate, Repair, RosTopic, Sensor
 from .vehicle import VehicleModel
 
@@ -25,8 +26,8 @@ Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 RESERVED_NAMES = frozenset({"state", "clock", "health", "scenario", "link", "ack"})
 """Second parts of the bus's own keys, so no names for vehicles."""
 
-RESERVED_SENSOR_NAMES = frozenset({"command", "ground_truth", "from_ros"})
-"""Last parts of a vehicle's own keys."""
+RESERVED_SENSOR_NAMES = frozenset({"command", "driver", "from_ros", "ground_truth", "vitals"})
+"""Last parts of a vehicle's own keys, and the name of its driver."""
 
 Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
 """HOST:PORT."""
@@ -124,6 +125,8 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     streams: tuple[Stream, ...] = ()
     ground_truth: GroundTruth = GroundTruth()
     from_ros: FromRos = FromRos()
+    route: Route | None = None
+    """Where a driver of its own drives it; none: it waits for commands."""
 
 
 class Time(Spec, frozen=True):
@@ -191,6 +194,10 @@ class Scenario(Spec, frozen=True, kw_only=True):
         """Return the ROS topic of a vehicle's ground truth."""
         company = f"/{vehicle.name}" if len(self.vehicles) > 1 else ""
         return vehicle.ground_truth.topic or f"{company}/ground_truth/odom"
+
+    def vitals_topic(self, vehicle: Vehicle) -> str:
+        """Return the topic of a vehicle's vitals in a recording."""
+        return f"/{vehicle.name}/vitals" if len(self.vehicles) > 1 else "/vitals"
 
     def sensor_names(self) -> list[str]:
         """Return every sensor as `vehicle/sensor`, in the scenario's order."""

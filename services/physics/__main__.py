@@ -17,11 +17,12 @@ from msgspec.structs import replace
 
 from groundlink import process
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
-from groundlink.clock import TICK_NANOS, Schedule
+from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Command, State, encode
 from groundlink.scenario import Scenario, load
+from groundlink.scenario.route import DRIVER_WINDOW_TICKS
 from groundlink.topics import (
     ACK,
     CLOCK,
@@ -29,12 +30,16 @@ from groundlink.topics import (
     GROUND_TRUTH,
     HEALTH,
     STATE,
+    VITALS,
+    driver_name,
+    driver_names,
     history_key,
     scenario_key,
 )
+from groundlink.vitals import VITALS_HZ
 from groundlink.world.build import solids, world_hash
 
-from .pace import AsFastAsOthers, RealTime
+from .pace import AsFastAsOthers, Promises, RealTime
 from .simulation import Simulation
 from .truth import Truth
 
@@ -43,6 +48,8 @@ HISTORY_TICKS = 1024
 
 PATIENCE_SECONDS = 5.0
 """After this long without a step the processes that hold it up are named."""
+
+VITALS_TICKS = TICK_RATE_HZ // VITALS_HZ
 
 NAME = "physics"
 
@@ -53,22 +60,25 @@ class Physics:
     Parameters
     ----------
     others
-        processes beside the sensors without which a fast run does not begin, such as a recorder.
+        processes beside the sensors without which a run does not begin, such as a recorder.
     """
 
     def __init__(
         self, scenario: Scenario, run: str, bus: Bus, *, others: Sequence[str] = ()
     ) -> None:
         self._run = run
+        self._awaited = frozenset(others)
+        self._follows_wall = scenario.time.epoch == "wall"
         self._world_hash = world_hash(scenario)
         self._simulation = Simulation(scenario, solids(scenario))
         # Building the world takes a while; sim time zero is when the first step is near.
-        self.epoch_nanos = time.time_ns() if scenario.time.epoch == "wall" else 0
+        self.epoch_nanos = time.time_ns() if self._follows_wall else 0
         self.pace = (
             RealTime(scenario.time.factor)
             if scenario.time.mode == "realtime"
             else AsFastAsOthers(
-                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks),
+                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks)
+                | dict.fromkeys(driver_names(scenario), DRIVER_WINDOW_TICKS),
                 scenario.time.window_ticks,
                 self.epoch_nanos,
             )
@@ -84,7 +94,12 @@ class Physics:
             v.name: bus.publisher(GROUND_TRUTH.key_in(run, vehicle=v.name), GROUND_TRUTH.delivery)
             for v in scenario.vehicles
         }
-        self._commands: Inbox[Command] = Inbox(depth=64)
+        self._publish_vitals = {
+            v.name: bus.publisher(VITALS.key_in(run, vehicle=v.name), VITALS.delivery)
+            for v in scenario.vehicles
+        }
+        self._promises = Promises({driver_name(v): v.name for v in scenario.vehicles})
+        self._commands: Inbox[Command] = Inbox(depth=1024)
         self._arrived_acks: Inbox[Ack] = Inbox(depth=1024)
         self._command_keys = {
             COMMAND.key_in(run, vehicle=v.name): v.name for v in scenario.vehicles
@@ -115,14 +130,28 @@ class Physics:
         while len(self._arrived_acks) and (arrived := self._arrived_acks.get(seconds=0)):
             name = arrived[0].removeprefix(self._ack_prefix)
             self._acks[name] = arrived[1]
-            self.pace.acknowledged(name, arrived[1])
+            self._promises.given(name, arrived[1])
         while len(self._commands) and (command := self._commands.get(seconds=0)):
             key, asked = command
             since_start = replace(asked, stamp_nanos=asked.stamp_nanos - self.epoch_nanos)
+            vehicle = self._command_keys[key]
+            self._promises.commanded(vehicle, since_start.stamp_nanos // TICK_NANOS)
             try:
-                self._simulation.command(self._command_keys[key], since_start)
+                self._simulation.command(vehicle, since_start)
             except ValueError:
                 self._commands.refused += 1
+        for name, ack in self._promises.kept():
+            self.pace.acknowledged(name, ack)
+
+    def missing(self) -> list[str]:
+        """Return who is waited for: to be there once, and in a fast run to keep up."""
+        return sorted({*self.pace.missing(), *self._awaited})
+
+    def begin(self) -> None:
+        """Publish the first state; where nobody has been told the epoch yet, it is now."""
+        if self._follows_wall and isinstance(self.pace, RealTime):
+            self.epoch_nanos = time.time_ns()
+        self.publish()
 
     def step(self) -> None:
         """Step one tick and publish what has become of the world."""
@@ -147,6 +176,9 @@ class Physics:
         for truth in self._truths:
             if odometry := truth.odometry(state):
                 self._publish_truth[truth.vehicle](odometry)
+        if simulation.tick % VITALS_TICKS == 0:
+            for vitals in simulation.vitals(state.stamp_nanos):
+                self._publish_vitals[vitals.vehicle](vitals)
 
     def close(self) -> None:
         """End the simulation."""
@@ -163,8 +195,11 @@ class Physics:
         return [encode(resume), *self._history.copy()]
 
     def _on_liveliness(self, key: str, there: bool) -> None:
-        if not there:
-            self.pace.left(key.removeprefix(self._health_prefix))
+        name = key.removeprefix(self._health_prefix)
+        if there:
+            self._awaited = self._awaited - {name}
+        else:
+            self.pace.left(name)
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -181,10 +216,13 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         metavar="PROCESS",
         action="append",
         default=[],
-        help="in fast mode a process to wait for beside the sensors, such as recorder; repeatable",
+        help="a process without which the run does not begin, such as recorder; repeatable",
     )
+    parser.add_argument("--mode", choices=("realtime", "fast"), help="instead of the scenario's")
     options = parser.parse_args(arguments)
     scenario = load(options.scenario)
+    if options.mode:
+        scenario = replace(scenario, time=replace(scenario.time, mode=options.mode))
     run = options.run or scenario.name
     listen = options.listen or (None if options.connect else DEFAULT_ENDPOINT)
     with Bus(connect=options.connect, listen=listen) as bus:
@@ -200,22 +238,24 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 def _keep_stepping(
     physics: Physics, heartbeat: process.Heartbeat, stopped: Callable[[], bool]
 ) -> None:
-    """Step whenever the pace allows it."""
-    physics.publish()
+    """Step whenever the pace allows it, from a first state that all hear who are waited for."""
     last_step = time.monotonic()
-    complained = False
+    complained = has_begun = False
     while not stopped():
         now = time.monotonic()
         if heartbeat.due():
             heartbeat.beat(physics.tick, physics.counters())
         physics.hear()
-        wait = physics.pace.wait_seconds(physics.tick + 1, now)
+        if not has_begun and not physics.missing():
+            physics.begin()
+            has_begun = True
+        wait = physics.pace.wait_seconds(physics.tick + 1, now) if has_begun else 0.001
         if wait == 0.0:
             physics.step()
             last_step, complained = now, False
             continue
-        if physics.pace.missing() and now - last_step > PATIENCE_SECONDS and not complained:
-            names = ", ".join(physics.pace.missing())
+        if physics.missing() and now - last_step > PATIENCE_SECONDS and not complained:
+            names = ", ".join(physics.missing())
             print(f"{NAME}: tick {physics.tick} waits for {names}", file=sys.stderr, flush=True)
             complained = True
         time.sleep(min(wait, 0.05))

@@ -7,7 +7,7 @@ wait itself.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from groundlink.clock import TICK_SECONDS
 from groundlink.messages import Ack
@@ -90,3 +90,36 @@ class AsFastAsOthers:
             if reached < self._next_tick - self._windows.get(name, self._window)
         )
         return sorted([*absent, *behind])
+
+
+class Promises:
+    """Holds the acknowledgements of drivers back until the commands that they speak of are here.
+
+    The bus keeps the order of one key, not that of a command and an acknowledgement. A driver's
+    `settled_tick` is that of its newest command's stamp.
+
+    Parameters
+    ----------
+    drivers
+        the vehicle that each driver drives, by the driver's process.
+    """
+
+    def __init__(self, drivers: Mapping[str, str]) -> None:
+        self._drivers = drivers
+        self._held: dict[str, Ack] = {}
+        self._commanded: dict[str, int] = {}
+
+    def commanded(self, vehicle: str, tick: int) -> None:
+        """Take note of a command for `vehicle` that is stamped with `tick`."""
+        self._commanded[vehicle] = max(tick, self._commanded.get(vehicle, -1))
+
+    def given(self, process: str, ack: Ack) -> None:
+        """Take an acknowledgement."""
+        self._held[process] = ack
+
+    def kept(self) -> Iterator[tuple[str, Ack]]:
+        """Yield each process and acknowledgement that holds now, once."""
+        for process, ack in list(self._held.items()):
+            vehicle = self._drivers.get(process)
+            if vehicle is None or ack.settled_tick <= self._commanded.get(vehicle, -1):
+                yield process, self._held.pop(process)

@@ -14,7 +14,8 @@ from typing import Self
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import Command, VehicleState
 from groundlink.scenario.schema import Scenario
-from groundlink.world.solids import Solid
+from groundlink.vitals import Vitals
+from groundlink.world.solids import Solid, Sphere
 
 from .engine import Engine
 from .statics import add_statics
@@ -48,13 +49,19 @@ class Simulation:
             ),
             default=0.0,
         )
-        frictions = add_statics(self._engine, solids, materials, ground_below_m=clearance_m)
+        statics = add_statics(self._engine, solids, materials, ground_below_m=clearance_m)
+        frictions = {body: static.friction for body, static in statics.items()}
         self._vehicles = {
             vehicle.name: SimulatedVehicle(
                 self._engine, vehicle, materials, frictions, epoch_nanos=epoch_nanos
             )
             for vehicle in scenario.vehicles
         }
+        self._bodies: dict[int, Sequence[Solid]] = {b: s.solids for b, s in statics.items()}
+        for vehicle in scenario.vehicles:
+            # Another vehicle is met as a whole: it has one name, wherever it is.
+            whole = Solid(vehicle.name, Sphere(radius_m=1.0), "")
+            self._bodies[self._vehicles[vehicle.name].body] = (whole,)
 
     def __enter__(self) -> Self:
         return self
@@ -100,3 +107,17 @@ class Simulation:
     def vehicle_states(self) -> dict[str, VehicleState]:
         """Return the truth about every vehicle at the present tick, by name."""
         return {name: vehicle.state() for name, vehicle in self._vehicles.items()}
+
+    def vitals(self, stamp_nanos: int) -> list[Vitals]:
+        """Return every vehicle's energy so far and what it has touched since the last call."""
+        return [
+            Vitals(
+                stamp_nanos,
+                name,
+                self.tick,
+                vehicle.ledger.motor_work_j,
+                vehicle.ledger.braked_j,
+                vehicle.ledger.contacts(self._bodies),
+            )
+            for name, vehicle in self._vehicles.items()
+        ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from groundlink.frames import IDENTITY_QUATERNION
 from groundlink.world.bounds import bounds
@@ -34,21 +35,29 @@ CELL_M = 6.0
 spans the room would be looked into in every step. Measured best of 1 to 20 m in the laboratory."""
 
 
+@dataclass(frozen=True)
+class Static:
+    """A body of the engine that stands for some solids."""
+
+    friction: float
+    solids: Sequence[Solid]
+
+
 def add_statics(
     engine: Engine,
     solids: Sequence[Solid],
     materials: Mapping[str, Material],
     *,
     ground_below_m: float,
-) -> dict[int, float]:
+) -> dict[int, Static]:
     """Put solids into the engine; those whose top is not above `ground_below_m` are ground.
 
     Returns
     -------
     dict
-        coefficient of friction by the engine's number of each body.
+        what each body is, by the engine's number.
     """
-    frictions: dict[int, float] = {}
+    statics: dict[int, Static] = {}
     alike: dict[tuple[object, int, float], list[Solid]] = defaultdict(list)
     for solid in solids:
         low, high = bounds(solid)
@@ -57,12 +66,13 @@ def add_statics(
         alike[cell, group, materials[solid.material].friction].append(solid)
     for (_, group, friction), members in alike.items():
         for start in range(0, len(members), COMPOUND_LIMIT):
-            body = _add(engine, members[start : start + COMPOUND_LIMIT])
+            some = members[start : start + COMPOUND_LIMIT]
+            body = _add(engine, some)
             # Bullet multiplies both sides' restitution; with 1 here, that of the chassis decides.
             engine.changeDynamics(body, -1, lateralFriction=friction, restitution=1.0)
             engine.setCollisionFilterGroupMask(body, -1, group, MEETS[group])
-            frictions[body] = friction
-    return frictions
+            statics[body] = Static(friction, some)
+    return statics
 
 
 def _add(engine: Engine, solids: Sequence[Solid]) -> int:

@@ -15,6 +15,7 @@ from struct import Struct
 
 import numpy as np
 
+from groundlink.clock import TICK_NANOS
 from groundlink.messages import VehicleState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
@@ -22,6 +23,7 @@ from groundlink.world.solids import Material, Quaternion, Vector3
 
 from .drive import SkidSteering, Speeds
 from .engine import GRAVITY_MPS2, Engine
+from .ledger import Ledger
 from .statics import CHASSIS, MEETS, WHEEL
 from .tyre import Tyre
 from .urdf import knuckle_joint, rim_mass, urdf
@@ -57,7 +59,8 @@ class SimulatedVehicle:
         self._model = model = vehicle.model
         self._frictions = frictions
         self.drive = SkidSteering(model, epoch_nanos=epoch_nanos)
-        self._body = body = _load(engine, vehicle, materials)
+        self.ledger = Ledger()
+        self.body = body = _load(engine, vehicle, materials)
         indices = {
             engine.getJointInfo(body, joint)[1].decode(): joint
             for joint in range(engine.getNumJoints(body))
@@ -78,8 +81,11 @@ class SimulatedVehicle:
             )
             for wheel, link in zip(model.wheels, self._wheels, strict=True)
         ]
+        self._com = model.chassis.center_m
+        self._centers = [wheel.center_m for wheel in model.wheels]
         self._torques = [model.drive.max_wheel_torque_nm] * count
         self._asked: Speeds = ()
+        self._axles: tuple[tuple[float, ...], ...] = ()
         self._pack_links = Struct(f"<{7 * (count + 1)}d").pack
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
@@ -87,7 +93,7 @@ class SimulatedVehicle:
         self.sense()
 
     def _set_dynamics(self) -> None:
-        engine, body, chassis = self._engine, self._body, self._model.chassis
+        engine, body, chassis = self._engine, self.body, self._model.chassis
         for link in range(-1, engine.getNumJoints(body)):
             # Bullet would damp every motion by 4 % a second.
             engine.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0)
@@ -106,15 +112,20 @@ class SimulatedVehicle:
 
     def sense(self) -> None:
         """Read from the engine where the base and the joints are, and how they move."""
-        engine, body = self._engine, self._body
+        engine, body = self._engine, self.body
         states = engine.getJointStates(body, self._joints)
-        self._springs, self._axles = states[: self._count], states[self._count :]
+        self._springs, axles = states[: self._count], states[self._count :]
+        self.ledger.worked(self._axles, axles)
+        self._axles = axles
         center, self._quaternion = engine.getBasePositionAndOrientation(body)
         velocity, self._turn = engine.getBaseVelocity(body)
         # From Bullet's centre of mass to the base link's origin.
         self._rows = rows = _matrix(self._quaternion)
-        c = self._model.chassis.center_m
-        dx, dy, dz = (-(r[0] * c[0] + r[1] * c[1] + r[2] * c[2]) for r in rows)
+        (a, b, c), (d, e, f), (g, h, i) = rows
+        cx, cy, cz = self._com
+        dx = -(a * cx + b * cy + c * cz)
+        dy = -(d * cx + e * cy + f * cz)
+        dz = -(g * cx + h * cy + i * cz)
         wx, wy, wz = self._turn
         self._origin = center[0] + dx, center[1] + dy, center[2] + dz
         self._velocity = (
@@ -133,20 +144,23 @@ class SimulatedVehicle:
             for preload, spring in zip(self._preloads, self._springs, strict=True)
         ]
         engine.setJointMotorControlArray(
-            self._body, self._joints, engine.TORQUE_CONTROL, forces=forces + self._grip()
+            self.body,
+            self._joints,
+            engine.TORQUE_CONTROL,
+            forces=forces + self._grip(sim_nanos // TICK_NANOS),
         )
         speeds = self.drive.speeds(sim_nanos)
         if speeds != self._asked:
             self._asked = speeds
             engine.setJointMotorControlArray(
-                self._body,
+                self.body,
                 self._wheels,
                 engine.VELOCITY_CONTROL,
                 targetVelocities=speeds,
                 forces=self._torques,
             )
 
-    def _grip(self) -> list[float]:
+    def _grip(self, tick: int) -> list[float]:
         """Push the base as the tyres do, and return the torque that they put on each axle, N m.
 
         The ground under a wheel is taken as parallel to the base's x and y. Forces act where the
@@ -154,15 +168,17 @@ class SimulatedVehicle:
         """
         engine = self._engine
         limits = dict.fromkeys(self._wheels, 0.0)
-        for contact in engine.getContactPoints(self._body):
+        for contact in engine.getContactPoints(self.body):
             # The body's link, the other body, the normal force.
             if (link := contact[3]) in limits:
                 limits[link] += self._frictions[contact[2]] * contact[9]
+            elif contact[9] > 0.0:
+                self.ledger.touched((tick, contact[2], contact[6], contact[9]))
         (a, b, c), (d, e, f), (g, h, i) = self._rows
         (vx, vy, vz), (wx, wy, wz) = self._velocity, self._turn
         ux, uy = a * vx + d * vy + g * vz, b * vx + e * vy + h * vz
         ox, oy, oz = a * wx + d * wy + g * wz, b * wx + e * wy + h * wz, c * wx + f * wy + i * wz
-        com_x, com_y, com_z = self._model.chassis.center_m
+        com_x, com_y, com_z = self._com
         fx = fy = tx = ty = tz = 0.0
         torques = []
         for (tyre, link, friction, radius, (x, y, z)), axle in zip(
@@ -180,8 +196,8 @@ class SimulatedVehicle:
             ty += (z - com_z) * forward
             tz += (x - com_x) * left - (y - com_y) * forward
             torques.append(-radius * forward)
-        engine.applyExternalForce(self._body, -1, (fx, fy, 0.0), (0.0, 0.0, 0.0), engine.LINK_FRAME)
-        engine.applyExternalTorque(self._body, -1, (tx, ty, tz), engine.LINK_FRAME)
+        engine.applyExternalForce(self.body, -1, (fx, fy, 0.0), (0.0, 0.0, 0.0), engine.LINK_FRAME)
+        engine.applyExternalTorque(self.body, -1, (tx, ty, tz), engine.LINK_FRAME)
         return torques
 
     def state(self) -> VehicleState:
@@ -190,15 +206,16 @@ class SimulatedVehicle:
         x, y, z = self._origin
         qx, qy, qz, qw = self._quaternion
         poses = [x, y, z, qx, qy, qz, qw]
-        rows = self._rows
-        for wheel, spring, axle in zip(self._model.wheels, self._springs, self._axles, strict=True):
-            cx, cy, cz = wheel.center_m
+        (a, b, c), (d, e, f), (g, h, i) = self._rows
+        for (cx, cy, cz), spring, axle in zip(
+            self._centers, self._springs, self._axles, strict=True
+        ):
             cz += spring[0]
             sine, cosine = sin(axle[0] / 2), cos(axle[0] / 2)
             poses += (
-                x + rows[0][0] * cx + rows[0][1] * cy + rows[0][2] * cz,
-                y + rows[1][0] * cx + rows[1][1] * cy + rows[1][2] * cz,
-                z + rows[2][0] * cx + rows[2][1] * cy + rows[2][2] * cz,
+                x + a * cx + b * cy + c * cz,
+                y + d * cx + e * cy + f * cz,
+                z + g * cx + h * cy + i * cz,
                 # base_from_wheel is a turn about y: (0, sine, 0, cosine).
                 qx * cosine - qz * sine,
                 qy * cosine + qw * sine,

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from groundlink import imagery, messages, navigation
 from groundlink.messages import POINT, BadMessage, Message, decode, encode, packed
+from groundlink.vitals import Contact, Vitals
 
 POINTS = np.zeros(3, POINT)
 POINTS["x"], POINTS["ring"], POINTS["time"] = [1.5, -2, 3], [0, 7, 65535], [0, 0.05, 0.1]
@@ -73,7 +74,8 @@ EXAMPLES: list[Message] = [
     ),
     navigation.NavSatFix(20, "gps", 0, 9, 50.25, 18.5, 250.0, packed(np.diag([1.0, 1.0, 4.0])), 2),
     messages.Ack(10, 11, -1),
-    messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,)),
+    messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,), "a-host"),
+    Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),)),
 ]
 NAMES = [type(example).__name__ for example in EXAMPLES]
 
@@ -206,8 +208,8 @@ def test_every_cut_is_refused(message: Message) -> None:
 def test_a_missing_field_is_refused(message: Message) -> None:
     document = msgspec.msgpack.decode(encode(message))
     for field in message.__struct_fields__:
-        if (type(message), field) == (messages.Health, "streams"):
-            continue  # It has a default.
+        if (type(message), field) in ((messages.Health, "streams"), (messages.Health, "host")):
+            continue  # They have defaults.
         rest = {name: value for name, value in document.items() if name != field}
         with pytest.raises(BadMessage, match=f"`{field}`"):
             decode(msgspec.msgpack.encode(rest), type(message))

@@ -40,6 +40,19 @@ def test_real_time_factor_is_sim_over_wall() -> None:
     assert monitor.sim_seconds == pytest.approx(3.0)
 
 
+def test_time_that_others_are_waited_for_does_not_count() -> None:
+    monitor = RunMonitor()
+    monitor.heard(Health("replay", 1, -1, {}), 10.0)
+    monitor.heard(Health("replay", 1, -1, {}), 15.0)
+    monitor.heard(Health("replay", 1, 8000, {}), 16.0)
+    monitor.heard(Health("replay", 1, 8400, {}), 17.0)
+    assert monitor.real_time_factor == pytest.approx(1.0)
+    monitor.heard(Health("physics", 1, 0, {}), 20.0)
+    monitor.heard(Health("physics", 1, 0, {}), 25.0)
+    monitor.heard(Health("physics", 1, 400, {}), 26.0)
+    assert monitor.real_time_factor == pytest.approx(1.0)
+
+
 def test_a_restarted_physics_begins_anew() -> None:
     monitor = RunMonitor()
     monitor.heard(Health("physics", 1, 4000, {}), 10.0)

@@ -65,6 +65,20 @@ def test_a_crashed_child_is_restarted_and_the_others_are_left_alone() -> None:
         assert supervisor.stop() == []
 
 
+def test_what_may_end_by_itself_is_done_then_and_others_are_restarted() -> None:
+    lines = Lines()
+    ends = ["-c", "print('worked', flush=True)"]
+    supervisor = Supervisor({"a": ends, "b": ends}, lines, finite={"a"})
+    supervisor.start()
+    try:
+        tend_until(supervisor, lambda: lines.count("b", "worked") == 2)
+        assert supervisor.children["a"].is_done
+        assert lines.count("a", "worked") == 1
+        assert supervisor.children["a"].restarts == 0
+    finally:
+        supervisor.stop()
+
+
 def test_a_users_mistake_is_not_restarted() -> None:
     lines = Lines()
     supervisor = Supervisor(

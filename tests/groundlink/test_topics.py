@@ -31,12 +31,13 @@ def test_first_words_of_keys_are_reserved() -> None:
     words = {topic.key.split("/")[0] for topic in TOPICS} - {"{vehicle}"}
     assert words | {"scenario", "link"} == RESERVED_NAMES
     last = {topic.key.split("/")[1] for topic in TOPICS if topic.key.startswith("{vehicle}/")}
-    assert last - {"{sensor}"} == RESERVED_SENSOR_NAMES
+    assert last - {"{sensor}"} | {"driver"} == RESERVED_SENSOR_NAMES
 
 
 def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
     assert set(get_args(get_type_hints(Stream)["kind"])) == set(STREAM_TOPICS)
-    assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_FORMS) - {messages.Clock}
+    others = {messages.Clock, messages.Command}
+    assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_FORMS) - others
 
 
 def test_every_field_of_from_ros_has_a_row() -> None:
@@ -66,6 +67,11 @@ def test_processes_of_the_shipped_scenario() -> None:
     }
     rates = [sensor_rate_hz(s) for s in scenario.vehicles[0].sensors]
     assert rates == [10.0, 400.0, 50.0]
+
+
+def test_a_route_needs_a_driver() -> None:
+    tour = load(SHIPPED / "indoor_lab_tour.yaml")
+    assert process_names(tour)["rover/driver"] == "services.driver"
 
 
 def test_nothing_else_writes_keys_of_the_bus() -> None:

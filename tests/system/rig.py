@@ -56,7 +56,7 @@ class Rig:
             + time_section,
             encoding="utf-8",
         )
-        self._started: list[subprocess.Popen[str]] = []
+        self.started: list[subprocess.Popen[str]] = []
 
     def start(self, *command: str, log: str) -> subprocess.Popen[str]:
         """Start a Python process whose output goes to a file of this name."""
@@ -71,7 +71,7 @@ class Rig:
                 text=True,
                 start_new_session=True,
             )
-        self._started.append(process)
+        self.started.append(process)
         return process
 
     def up(self, *more: str) -> subprocess.Popen[str]:
@@ -82,6 +82,11 @@ class Rig:
             log="up.log",
         )
 
+    def is_answered(self) -> bool:
+        """Return whether somebody listens at the endpoint."""
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", int(self.endpoint.rpartition(":")[2]))) == 0
+
     @staticmethod
     def address(pair: tuple[str, int]) -> str:
         return f"{pair[0]}:{pair[1]}"
@@ -90,10 +95,10 @@ class Rig:
         return (self.folder / name).read_text(encoding="utf-8")
 
     def stop(self) -> None:
-        for process in self._started:
+        for process in self.started:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        for process in self._started:
+        for process in self.started:
             try:
                 process.wait(5)
             except subprocess.TimeoutExpired:

@@ -2,13 +2,12 @@
 """A ray sensor's own copy of the world: what stands in it, and how its vehicles moved.
 
 Rule: built from the scenario alone and moved by states alone; the same for every sensor that casts
-rays. Wheels are cylinders about their link's y axis, base links are their visuals.
+rays.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +15,12 @@ from numpy.typing import NDArray
 from groundlink.frames import Floats, matrix_from_quaternion
 from groundlink.messages import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.build import solids
+from groundlink.world.links import links as links_of
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere, Vector3
 from groundlink.world.triangles import merged
 
 from .scene import Scene
-
-_Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-"""Turns a cylinder's axis from z to y."""
 
 
 class Replica:
@@ -54,7 +50,7 @@ class Replica:
         links: list[list[Solid]] = []
         self._links_of: dict[str, int] = {}
         for other in scenario.vehicles:
-            base, *wheels = _links(other.model)
+            base, *wheels = links_of(other.model)
             if other.name == vehicle.name:
                 self.base = len(links)
                 base = [solid for solid in base if not _encloses(solid, eye_in_base)]
@@ -112,14 +108,6 @@ class Replica:
         dropped = min(max(0, before_tick - self._first_tick), len(self._poses))
         del self._poses[:dropped]
         self._first_tick += dropped
-
-
-def _links(model: VehicleModel) -> Iterator[list[Solid]]:
-    """Yield what each link looks like, in the order of `VehicleState.link_poses`."""
-    yield list(model.visuals)
-    for wheel in model.wheels:
-        tyre = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
-        yield [Solid(name=wheel.name, shape=tyre, material=wheel.material, orientation=_Y_FROM_Z)]
 
 
 def _encloses(solid: Solid, point: Vector3) -> bool:

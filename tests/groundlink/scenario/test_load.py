@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.scenario import ScenarioError, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.load import SHIPPED, load_route
+from groundlink.scenario.route import Circle, FigureEight
 from groundlink.scenario.sensors import Imu, Lidar
 
 GOOD = """\
@@ -98,6 +99,24 @@ MISTAKES = [
         18,
         ["99 is less than a period of the clock"],
     ),
+    ("rover.yaml", "rover.yaml\n    route: {kind: spiral}", 7, ["unknown kind `spiral`"]),
+    ("rover.yaml", "rover.yaml\n    route: {kind: circel}", 7, ["did you mean `circle`?"]),
+    ("rover.yaml", "rover.yaml\n    route: {kind: square, side: 2}", 7, ["`side_m`?"]),
+    ("rover.yaml", "rover.yaml\n    route: {kind: circle, radius_m: 0}", 7, ["radius_m", "> 0"]),
+    ("rover.yaml", "rover.yaml\n    route: {kind: waypoints}", 7, ["route.points", "missing"]),
+    (
+        "rover.yaml",
+        "rover.yaml\n    route: {kind: waypoints, laps: 2, points: [{x_m: 1, y_m: 2}]}",
+        7,
+        ["`laps` needs `closed: true`"],
+    ),
+    (
+        "rover.yaml",
+        "rover.yaml\n    route: {kind: circle, speed_mps: 2}",
+        7,
+        ["`vehicles[0].route.speed_mps`: 2 m/s is more than the 1.50 m/s that `rover` can drive"],
+    ),
+    ("rover.yaml", "rover.yaml\n    route: tour", 7, ["no file `routes/tour.yaml`"]),
     ("seed: 3", "seed: [3", 3, ["not valid YAML"]),
     ("vehicles:", "vehicels:", 4, ["unknown key `vehicels`", "`vehicles`?"]),
 ]
@@ -161,6 +180,39 @@ def test_an_unknown_material_is_named_with_its_nearest(tmp_path: Path) -> None:
         load(write(tmp_path, GOOD.replace("worlds/lab.yaml", "worlds/odd.yaml")))
 
 
-def test_the_shipped_scenario_is_valid() -> None:
-    scenario = load(SHIPPED / "indoor_lab.yaml")
+@pytest.mark.parametrize(("name", "drives"), [("indoor_lab", False), ("indoor_lab_tour", True)])
+def test_the_shipped_scenarios_are_valid(name: str, drives: bool) -> None:
+    scenario = load(SHIPPED / f"{name}.yaml")
     assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders"]
+    assert (scenario.vehicles[0].route is not None) is drives
+
+
+def test_a_route_of_its_own_is_a_file_or_a_figure(tmp_path: Path) -> None:
+    vehicle = load(SHIPPED / "indoor_lab.yaml").vehicles[0]
+    assert load_route("figure_eight", vehicle) == FigureEight()
+    file = tmp_path / "path.yaml"
+    file.write_text("kind: circle\nradius_m: 2\n", encoding="utf-8")
+    assert load_route(str(file), vehicle) == Circle(radius_m=2.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("kind: circle\nradius: 2\n", ["path.yaml:2: unknown key `route.radius`", "`radius_m`?"]),
+        ("kind: circle\nspeed_mps: 9\n", ["path.yaml:2: `route.speed_mps`: 9 m/s is more than"]),
+        ("kind: ring\n", ["path.yaml:1: `route.kind`: unknown kind `ring`", "circle"]),
+        ("- 1\n", ["path.yaml:1: `route`: expected `object`"]),
+    ],
+)
+def test_a_mistake_in_a_route_of_its_own(tmp_path: Path, content: str, words: list[str]) -> None:
+    file = tmp_path / "path.yaml"
+    file.write_text(content, encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load_route(str(file), load(SHIPPED / "indoor_lab.yaml").vehicles[0])
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_an_unknown_figure_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(ScenarioError, match="no figure `cirle`; did you mean `circle`"):
+        load_route("cirle", load(SHIPPED / "indoor_lab.yaml").vehicles[0])

@@ -4,7 +4,12 @@ from __future__ import annotations
 import pytest
 
 from groundlink.messages import Ack
-from services.physics.pace import CATCH_UP_SECONDS, AsFastAsOthers, RealTime
+from groundlink.scenario.route import (
+    COMMAND_AHEAD_TICKS,
+    DRIVER_PERIOD_TICKS,
+    DRIVER_WINDOW_TICKS,
+)
+from services.physics.pace import CATCH_UP_SECONDS, AsFastAsOthers, Promises, RealTime
 
 
 def test_real_time_waits_until_a_tick_is_due() -> None:
@@ -108,3 +113,30 @@ def test_each_process_has_a_window_of_its_own() -> None:
     assert pace.wait_seconds(50, 0.0) == 0.0
     assert pace.wait_seconds(51, 0.0) > 0.0
     assert pace.missing() == ["gateway"]
+
+
+def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None:
+    pace = AsFastAsOthers({"rover/driver": DRIVER_WINDOW_TICKS}, 400, EPOCH)
+    assert pace.wait_seconds(1, 0.0) > 0.0
+    for answered in range(-DRIVER_PERIOD_TICKS, 80, DRIVER_PERIOD_TICKS):
+        ack(pace, "rover/driver", answered)
+        due = answered + DRIVER_PERIOD_TICKS
+        assert pace.wait_seconds(due, 0.0) == 0.0, "it never sees the state to answer"
+        acts = due + COMMAND_AHEAD_TICKS  # the tick that the command for `due` is stamped with
+        assert pace.wait_seconds(acts, 0.0) == 0.0
+        assert pace.wait_seconds(acts + 1, 0.0) > 0.0
+
+
+def test_a_drivers_word_counts_when_its_command_is_here() -> None:
+    promises = Promises({"rover/driver": "rover"})
+    promises.given("rover/driver", Ack(EPOCH, -8, -1))
+    assert list(promises.kept()) == [("rover/driver", Ack(EPOCH, -8, -1))]
+    promises.given("rover/driver", Ack(EPOCH, 8, 16))
+    promises.given("rover/imu", Ack(EPOCH, 50, 40))
+    assert [name for name, _ in promises.kept()] == ["rover/imu"]
+    promises.commanded("rover", 8)
+    promises.commanded("other", 16)
+    assert list(promises.kept()) == []
+    promises.commanded("rover", 16)
+    assert list(promises.kept()) == [("rover/driver", Ack(EPOCH, 8, 16))]
+    assert list(promises.kept()) == []

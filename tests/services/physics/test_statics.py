@@ -26,7 +26,7 @@ def engine() -> Iterator[Engine]:
 
 def test_every_solid_is_met_where_it_stands(lab: Scenario, engine: Engine) -> None:
     built = solids(lab)
-    frictions = add_statics(engine, built, lab.world.materials, ground_below_m=0.13)
+    statics = add_statics(engine, built, lab.world.materials, ground_below_m=0.13)
     for solid in built:
         low, high = bounds(solid)
         center = (low + high) / 2
@@ -34,9 +34,9 @@ def test_every_solid_is_met_where_it_stands(lab: Scenario, engine: Engine) -> No
         [(body, _, _, point, _)] = engine.rayTest(
             [*center[:2], high[2] + 1e-3], [*center[:2], low[2]]
         )
-        assert body in frictions, solid.name
+        assert solid in statics[body].solids
         assert point[2] == pytest.approx(high[2], abs=2e-3), solid.name
-        assert frictions[body] == lab.world.materials[solid.material].friction
+        assert statics[body].friction == lab.world.materials[solid.material].friction
 
 
 def test_static_bodies_are_few(lab: Scenario, engine: Engine) -> None:

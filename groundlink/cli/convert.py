@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink convert RUN.mcap RUN.bag`: a recording for ROS 1."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from groundlink.errors import UserError
+
+from . import running
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("convert", help="make a ROS 1 bag of a recording")
+    parser.add_argument("recording", metavar="RUN.mcap", help="file that was recorded")
+    parser.add_argument("bag", metavar="RUN.bag", help="file to write")
+    parser.set_defaults(command=convert)
+
+
+def convert(options: argparse.Namespace) -> int:
+    """Write the bag; what was begun is deleted when it cannot be finished."""
+    # Other commands work where the extra `record` is not installed.
+    from groundlink.recording.reading import Recording
+    from groundlink.recording.ros1 import write_bag
+
+    out = Path(options.bag)
+    if out.suffix != ".bag":
+        raise UserError(f"{out}: expected a name that ends with .bag, as ROS 1 wants it")
+    running.check_new_file("RUN.bag:", out)
+    console = Console()
+    with Recording(Path(options.recording)) as recording:
+        messages = track(
+            recording.read(), str(out), total=recording.messages, console=console, transient=True
+        )
+        try:
+            count = write_bag(out, recording.types, messages)
+        except BaseException as error:
+            out.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise UserError(f"cannot write {out}: {error.strerror or error}") from None
+            raise
+    size = out.stat().st_size / 1e6
+    console.print(f"wrote {out}: {count} messages, {size:.1f} MB", soft_wrap=True)
+    return 0

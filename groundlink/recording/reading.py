@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run, read: what it is of, which topics it holds, its messages in the order of time.
+
+Rule: memory does not grow with the file. Whatever is wrong with a file becomes one line for its
+user. Bodies are CDR and stay so.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.reader import SeekingReader
+from zstandard import ZstdError
+
+from groundlink.errors import UserError
+
+from .metadata import RUN_RECORD, TOPICS_RECORD, RunFacts, TopicFacts, run_facts, topic_facts
+
+
+class Recorded(NamedTuple):
+    """A message of a recording."""
+
+    nanos: int
+    """Log time: the run's time."""
+
+    topic: str
+    ros_type: str
+    cdr: bytes
+
+
+class Recording:
+    """A file with a run, open for reading.
+
+    Raises
+    ------
+    UserError
+        when there is no such file, or it is no recording of a run.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise UserError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+        try:
+            self._read()
+        except UserError:
+            self._file.close()
+            raise
+        except (McapError, msgspec.MsgspecError, struct.error, ValueError, OSError) as error:
+            self._file.close()
+            raise UserError(
+                f"{path}: no recording of a run ({type(error).__name__}); expected an MCAP file "
+                "that `groundlink record` wrote. One without its end is mended by `mcap recover`"
+            ) from None
+
+    def _read(self) -> None:
+        self._reader = SeekingReader(self._file)
+        summary = self._reader.get_summary()
+        records = {record.name: record.metadata for record in self._reader.iter_metadata()}
+        if summary is None or summary.statistics is None or RUN_RECORD not in records:
+            raise UserError(
+                f"{self.path}: an MCAP file, but not of a run; `groundlink record` writes such"
+            )
+        self.run: RunFacts = run_facts(records[RUN_RECORD])
+        self.topics: dict[str, TopicFacts] = topic_facts(records.get(TOPICS_RECORD, {}))
+        """By name, as the recorder counted them."""
+
+        self.messages: int = summary.statistics.message_count
+        self.first_nanos: int = summary.statistics.message_start_time
+        self.last_nanos: int = summary.statistics.message_end_time
+        self.types: dict[str, str] = {
+            channel.topic: summary.schemas[channel.schema_id].name
+            for channel in summary.channels.values()
+        }
+        """ROS type by topic, of all that were declared."""
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def read(
+        self, topics: Sequence[str] | None = None, *, from_nanos: int | None = None
+    ) -> Iterator[Recorded]:
+        """Return the messages of some topics, or of all, in the order of their times.
+
+        Raises
+        ------
+        UserError
+            where the file is damaged.
+        """
+        try:
+            for schema, channel, message in self._reader.iter_messages(
+                topics, starting_at=from_nanos
+            ):
+                name = schema.name if schema else ""
+                yield Recorded(message.log_time, channel.topic, name, message.data)
+        except (McapError, ZstdError, struct.error, ValueError) as error:
+            raise UserError(f"{self.path}: damaged: {error}") from None

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording as a ROS 1 bag: the same topics and times, bodies in ROS 1's form.
+
+Rule: message after message, so that memory does not grow with the file. Definitions are those of
+ROS Noetic; what they lack is registered here, and what ROS 2 added to a type is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from groundlink.ros_streams import TF_STATIC_TOPIC
+from groundlink.ros_types import STORE, WHEEL_ENCODERS_DEFINITION
+
+from .reading import Recorded
+
+NOETIC = get_typestore(Stores.ROS1_NOETIC)
+for _name, _definition in {
+    "groundlink_msgs/msg/WheelEncoders": WHEEL_ENCODERS_DEFINITION,
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+}.items():
+    NOETIC.register(get_types_from_msg(_definition, _name))
+
+_ADDED_BYTES = {"sensor_msgs/msg/Range": 4}
+"""By type: what ROS 2 has at its end and ROS 1 has not, here the variance."""
+
+
+def body(ros_type: str, cdr: bytes | memoryview) -> memoryview:
+    """Return a ROS 2 message's CDR as a ROS 1 message; headers get the sequence number 0."""
+    data = STORE.cdr_to_ros1(cdr, ros_type)
+    return data[: len(data) - _ADDED_BYTES.get(ros_type, 0)]
+
+
+def write_bag(path: Path, types: dict[str, str], messages: Iterable[Recorded]) -> int:
+    """Write a bag and return how many messages it holds.
+
+    Parameters
+    ----------
+    types
+        ROS type by topic.
+    """
+    count = 0
+    with Writer(path) as bag:
+        connections = {}
+        for topic, ros_type in types.items():
+            definition, digest = NOETIC.generate_msgdef(ros_type, ros_version=1)
+            latching = int(topic == TF_STATIC_TOPIC)
+            connections[topic] = bag.add_connection(
+                topic, ros_type, msgdef=definition, md5sum=digest, latching=latching
+            )
+        for message in messages:
+            data = body(message.ros_type, message.cdr)
+            bag.write(connections[message.topic], message.nanos, data)
+            count += 1
+    return count

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS 2 topics in an MCAP file, as rosbag2 writes them: definitions, encodings and QoS.
+
+Rule: the one place that knows the `ros2` profile. Policies are written as numbers, which every
+rosbag2 since Humble reads; the metadata record `rosbag2` tells newer ones that they are.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from groundlink import __version__
+from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
+
+from .mcap_file import McapFile
+
+PROFILE = "ros2"
+
+ROSBAG2_METADATA = ("rosbag2", {"ROS_DISTRO": "kilted"})
+"""Whose definitions these are."""
+
+_INFINITE = "{sec: 9223372036, nsec: 854775807}"
+
+_VOLATILE, _TRANSIENT_LOCAL = 2, 1
+"""rmw_qos_durability_policy_t."""
+
+
+def _qos(durability: int, depth: int) -> str:
+    """Return the profile of a publisher, keep last and reliable, as rosbag2 keeps it."""
+    return f"""\
+- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: {durability}
+  deadline: {_INFINITE}
+  lifespan: {_INFINITE}
+  liveliness: 1
+  liveliness_lease_duration: {_INFINITE}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+PLAIN_QOS = _qos(_VOLATILE, 10)
+LATCHED_QOS = _qos(_TRANSIENT_LOCAL, 1)
+"""Of what is published once and kept for those that come late."""
+
+
+class RosFile:
+    """An MCAP file of the profile `ros2`, open for messages.
+
+    Parameters
+    ----------
+    path
+        where there is no file yet.
+
+    Raises
+    ------
+    FileExistsError
+        when there is a file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.mcap = McapFile(path, profile=PROFILE, library=f"groundlink {__version__}")
+        self.mcap.add_metadata(*ROSBAG2_METADATA)
+        self._schemas: dict[str, int] = {}
+        self._topics: dict[tuple[str, str], Topic] = {}
+
+    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> Topic:
+        """Return the topic of this name and type; it is declared at the first call."""
+        known = self._topics.get((name, ros_type))
+        if known is None:
+            if ros_type not in self._schemas:
+                text = definition(ros_type).encode()
+                self._schemas[ros_type] = self.mcap.add_schema(ros_type, ENCODING, text)
+            qos = LATCHED_QOS if latched else PLAIN_QOS
+            channel = self.mcap.add_channel(
+                name, self._schemas[ros_type], MESSAGE_ENCODING, {"offered_qos_profiles": qos}
+            )
+            known = self._topics[name, ros_type] = Topic(self.mcap, channel, name, ros_type)
+        return known
+
+    def topics(self) -> list[Topic]:
+        """Return every topic that was declared, in that order."""
+        return list(self._topics.values())
+
+
+class Topic:
+    """A topic of the file, and what was written to it."""
+
+    def __init__(self, mcap: McapFile, channel: int, name: str, ros_type: str) -> None:
+        self._mcap = mcap
+        self._channel = channel
+        self.name = name
+        self.ros_type = ros_type
+        self.messages = 0
+        self.first_nanos = 0
+        self.last_nanos = 0
+
+    def write(self, nanos: int, cdr: memoryview) -> None:
+        """Append a message; times of a topic never decrease."""
+        nanos = max(nanos, self.last_nanos)
+        if not self.messages:
+            self.first_nanos = nanos
+        self.messages += 1
+        self.last_nanos = nanos
+        self._mcap.write(self._channel, nanos, self.messages, cdr)

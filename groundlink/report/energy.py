@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A vehicle's energy over time, and its contacts as events.
+
+Rule: a thing that is touched again within half a second is still the same event. Memory grows with
+the number of events and no further than `MAX_EVENTS`; the rest are counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from groundlink.clock import TICK_SECONDS
+from groundlink.vitals import Contact, Vitals
+
+SAME_EVENT_SECONDS = 0.5
+MAX_EVENTS = 500
+MAX_POINTS = 20_000
+
+
+@dataclass
+class Event:
+    """A time during which a vehicle touched one thing."""
+
+    name: str
+    begin_seconds: float
+    """Of the run, of the message that tells it first; 0.1 s exact."""
+
+    end_seconds: float
+    force_n: float
+    force_seconds: float
+    """When the force was largest."""
+
+    ticks: int
+
+
+@dataclass
+class Energy:
+    """What one vehicle's motors did and what it touched."""
+
+    vehicle: str
+    stride: int
+    rows: list[tuple[float, float, float]] = field(default_factory=list)
+    """Time (s of the run), work of the motors, work that they braked (J)."""
+
+    events: list[Event] = field(default_factory=list)
+    further_events: int = 0
+    last: Vitals | None = None
+    _seen: int = 0
+
+    def add(self, seconds: float, vitals: Vitals) -> None:
+        """Take the next vitals."""
+        if self._seen % self.stride == 0:
+            self.rows.append((seconds, vitals.motor_work_j, vitals.braked_j))
+        self._seen += 1
+        self.last = vitals
+        for contact in vitals.contacts:
+            self._touched(seconds, contact)
+
+    def _touched(self, seconds: float, contact: Contact) -> None:
+        at = contact.tick * TICK_SECONDS
+        for event in reversed(self.events):
+            if event.name == contact.name and seconds - event.end_seconds <= SAME_EVENT_SECONDS:
+                event.end_seconds = seconds
+                event.ticks += contact.ticks
+                if contact.force_n > event.force_n:
+                    event.force_n, event.force_seconds = contact.force_n, at
+                return
+        if len(self.events) == MAX_EVENTS:
+            self.further_events += 1
+            return
+        self.events.append(
+            Event(contact.name, seconds, seconds, contact.force_n, at, contact.ticks)
+        )

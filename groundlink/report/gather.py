@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that the page needs of a recording, in one pass over it.
+
+Rule: streaming, and of each topic no more is decoded than is shown: clouds and IMU samples are only
+counted. Memory does not grow with the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.serde import SerdeError
+
+from groundlink.clock import NANOS
+from groundlink.recording.metadata import RunFacts
+from groundlink.recording.reading import Recorded, Recording
+from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros_types import STORE
+from groundlink.ros_vitals import from_vitals
+
+from .energy import MAX_POINTS as ENERGY_POINTS
+from .energy import Energy
+from .motion import Motion, stride
+from .said import Said
+from .streams import StreamTrack
+from .thumbnails import IMAGE_TYPES, Camera
+
+PROGRESS_MESSAGES = 2_000
+"""How often progress is told."""
+
+
+@dataclass
+class Gathered:
+    """A run, as its page shows it."""
+
+    path: Path
+    size_bytes: int
+    run: RunFacts
+    first_nanos: int
+    last_nanos: int
+    messages: int
+    streams: list[StreamTrack]
+    motions: list[Motion]
+    energies: list[Energy]
+    cameras: list[Camera]
+    said: Said
+    undecodable: int
+    """Messages of decoded topics that do not fit their type."""
+
+    def seconds(self, nanos: int) -> float:
+        """Return sim time from a stamp: seconds since the run's start."""
+        return (nanos - self.run.epoch_nanos) / NANOS
+
+    @property
+    def duration_seconds(self) -> float:
+        """From the first message to the last."""
+        return (self.last_nanos - self.first_nanos) / NANOS
+
+
+def gather(recording: Recording, progress: Callable[[float], object]) -> Gathered:
+    """Read a recording; `progress` is called with the share that is read, 0..1."""
+    taking = _Taking(recording)
+    span = max(recording.last_nanos - recording.first_nanos, 1)
+    for number, message in enumerate(recording.read()):
+        taking.take(message)
+        if number % PROGRESS_MESSAGES == 0:
+            progress((message.nanos - recording.first_nanos) / span)
+    progress(1.0)
+    return taking.gathered
+
+
+class _Taking:
+    """Which message goes where."""
+
+    def __init__(self, recording: Recording) -> None:
+        run = recording.run
+        times = {"first_nanos": recording.first_nanos, "last_nanos": recording.last_nanos}
+        counted = recording.topics
+        streams = {}
+        for topic, ros_type in sorted(recording.types.items()):
+            declared = counted[topic].declared_hz if topic in counted else None
+            streams[topic] = StreamTrack(topic, ros_type, declared, **times)
+        self._streams = streams
+        self._handlers: dict[str, Callable[[Recorded], None]] = {}
+        self.gathered = Gathered(
+            path=recording.path,
+            size_bytes=recording.path.stat().st_size,
+            run=run,
+            **times,
+            messages=recording.messages,
+            streams=list(streams.values()),
+            motions=[],
+            energies=[],
+            cameras=[],
+            said=Said(),
+            undecodable=0,
+        )
+        for vehicle in run.scenario.vehicles:
+            truth, vitals = (
+                run.scenario.ground_truth_topic(vehicle),
+                run.scenario.vitals_topic(vehicle),
+            )
+            expected = {name: facts.messages for name, facts in counted.items()}
+            motion = Motion(vehicle.name, stride(expected.get(truth, 0)))
+            energy = Energy(vehicle.name, -(-expected.get(vitals, 0) // ENERGY_POINTS) or 1)
+            asked = stride(expected.get(vehicle.command_topic, 0))
+            self.gathered.motions.append(motion)
+            self.gathered.energies.append(energy)
+            self._decode(truth, motion.moved, motion.stride)
+            self._decode(vehicle.command_topic, motion.was_asked, asked)
+            self._on_vitals(vitals, energy)
+        self._decode(DIAGNOSTICS_TOPIC, self.gathered.said.add, 1)
+        for topic, ros_type in recording.types.items():
+            if ros_type in IMAGE_TYPES:
+                camera = Camera(topic, recording.first_nanos, recording.last_nanos)
+                self._on_images(topic, camera)
+
+    def take(self, message: Recorded) -> None:
+        self._streams[message.topic].add(message.nanos, len(message.cdr))
+        if handler := self._handlers.get(message.topic):
+            try:
+                handler(message)
+            except (SerdeError, ValueError, AttributeError, IndexError):
+                self.gathered.undecodable += 1
+
+    def _decode(self, topic: str, use: Callable[[float, Any], object], every: int) -> None:
+        """Decode every n-th message of a topic and use it with its time."""
+        stream = self._streams.get(topic)
+        if stream is None:
+            return
+
+        def handler(message: Recorded) -> None:
+            if (stream.messages - 1) % every == 0:
+                use(self.gathered.seconds(message.nanos), _decoded(message))
+
+        self._handlers[topic] = handler
+
+    def _on_vitals(self, topic: str, energy: Energy) -> None:
+        def use(seconds: float, array: Any) -> None:
+            energy.add(seconds, from_vitals(array, 0))
+
+        self._decode(topic, use, 1)
+
+    def _on_images(self, topic: str, camera: Camera) -> None:
+        self.gathered.cameras.append(camera)
+
+        def handler(message: Recorded) -> None:
+            if camera.is_due(message.nanos):
+                camera.add(self.gathered.seconds(message.nanos), _decoded(message))
+
+        self._handlers[topic] = handler
+
+
+def _decoded(message: Recorded) -> Any:
+    return STORE.deserialize_cdr(message.cdr, message.ros_type)

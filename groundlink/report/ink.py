@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How pictures look: matplotlib's SVG, in the page's own type and colours, light or dark.
+
+Rule: a picture is drawn once, in stand-in colours; they become variables of the page's style sheet,
+so that the same lines are dark on light and light on dark, on the screen and on paper. Text stays
+text. The same data give the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+INK, FAINT, LINE, BODY, WALL, FURNITURE = (
+    *("#010101", "#020202", "#030303"),
+    *("#040404", "#050505", "#060606"),
+)
+BLUE, ORANGE, GREEN, RED, VIOLET, GREY = (
+    *("#070707", "#080808", "#090909"),
+    *("#0a0a0a", "#0b0b0b", "#0c0c0c"),
+)
+VARIABLES = {
+    INK: "ink",
+    FAINT: "faint",
+    LINE: "line",
+    BODY: "body",
+    WALL: "wall",
+    FURNITURE: "furniture",
+    BLUE: "blue",
+    ORANGE: "orange",
+    GREEN: "green",
+    RED: "red",
+    VIOLET: "violet",
+    GREY: "grey",
+}
+"""Stand-in colours, and the page's variables that take their place."""
+
+SERIES = (BLUE, ORANGE, GREEN, VIOLET, RED, GREY)
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "groundlink",
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": FAINT,
+    "axes.edgecolor": LINE,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": LINE,
+    "grid.linewidth": 0.6,
+    "xtick.color": LINE,
+    "ytick.color": LINE,
+    "xtick.labelcolor": FAINT,
+    "ytick.labelcolor": FAINT,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "text.color": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.4,
+    "lines.solid_capstyle": "round",
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the page's manner."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def axes(figure: Figure, seconds: tuple[float, float]) -> Axes:
+    """Return axes over the run's time."""
+    plot = figure.subplots()
+    plot.set_xlim(*seconds)
+    plot.set_xlabel("sim time, s")
+    return plot
+
+
+def svg(figure: Figure, label: str) -> str:
+    """Return a figure as an SVG element for a page, with a text for those who cannot see it."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    drawn = text.getvalue()
+    drawn = drawn[drawn.index("<svg") :]
+    drawn = re.sub(r"<metadata>.*?</metadata>", "", drawn, flags=re.DOTALL)
+    # Of the names that matplotlib gives to groups none is used, and each would be there many times.
+    drawn = re.sub(r'<g id="[^"]*"', "<g", drawn)
+    for stand_in, variable in VARIABLES.items():
+        drawn = drawn.replace(stand_in, f"var(--{variable})")
+    # The type is the page's, and the width that of its column.
+    drawn = re.sub(r"font: ([0-9.]+px)[^;\"]*", r"font-size: \1", drawn)
+    drawn = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", drawn, count=1)
+    drawn = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", drawn, count=1)
+    return drawn.replace("<svg", f'<svg role="img" aria-label="{label}"', 1).strip()

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a vehicle was and how fast, and what it was asked for: thinned to what a picture shows.
+
+Rule: memory does not grow with the run; of a long one every n-th truth is decoded. The distance is
+the sum over those that are, so a curve of a few centimetres may be cut short in runs of hours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import hypot
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_POINTS = 20_000
+"""Of a trajectory: 400 s at 50 Hz are kept whole."""
+
+
+@dataclass
+class Motion:
+    """The trajectory of one vehicle."""
+
+    vehicle: str
+    stride: int
+    """Every n-th message is decoded."""
+
+    rows: list[tuple[float, float, float, float, float]] = field(default_factory=list)
+    """Time (s of the run), x, y (m, world), speed (m/s, ahead positive), yaw rate (rad/s)."""
+
+    asked: list[tuple[float, float, float]] = field(default_factory=list)
+    """Time (s of the run), speed (m/s) and yaw rate (rad/s) of commands."""
+
+    def moved(self, seconds: float, odometry: Any) -> None:
+        """Take a nav_msgs/Odometry of the ground truth."""
+        place, twist = odometry.pose.pose.position, odometry.twist.twist
+        self.rows.append((seconds, place.x, place.y, twist.linear.x, twist.angular.z))
+
+    def was_asked(self, seconds: float, twist: Any) -> None:
+        """Take a geometry_msgs/Twist."""
+        self.asked.append((seconds, twist.linear.x, twist.angular.z))
+
+    def track(self) -> NDArray[np.float64]:
+        """Return `rows` as an array, shape (N, 5)."""
+        return np.array(self.rows, np.float64).reshape(-1, 5)
+
+    @property
+    def distance_m(self) -> float:
+        """Length of the way."""
+        track = self.track()
+        return float(np.linalg.norm(np.diff(track[:, 1:3], axis=0), axis=1).sum())
+
+    def place(self, seconds: float) -> tuple[float, float] | None:
+        """Return x, y at a time; None where nothing is known."""
+        track = self.track()
+        if not len(track):
+            return None
+        x, y = (float(np.interp(seconds, track[:, 0], track[:, i])) for i in (1, 2))
+        return x, y
+
+    @property
+    def top_speed_mps(self) -> float:
+        """The largest speed, ahead or back."""
+        return max((abs(row[3]) for row in self.rows), default=0.0)
+
+    @property
+    def displacement_m(self) -> float:
+        """From the first place to the last."""
+        track = self.track()
+        return hypot(*(track[-1, 1:3] - track[0, 1:3])) if len(track) else 0.0
+
+
+def stride(messages: int) -> int:
+    """Return of how many messages one is decoded."""
+    return max(-(-messages // MAX_POINTS), 1)

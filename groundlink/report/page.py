@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A gathered run as one HTML page that needs nothing else.
+
+Rule: what a run did not have is not there, and is said where it could be missed. The words are
+those of the tables that `groundlink up` shows.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from importlib.resources import files
+from math import radians
+from string import Template
+
+import msgspec
+import yaml
+
+from groundlink.clock import NANOS
+from groundlink.routes import line
+from groundlink.run_monitor import RATE_TOLERANCE
+from groundlink.world.build import solids
+
+from . import figures
+from .gather import Gathered
+from .html import (
+    Markup,
+    details,
+    figure,
+    heading,
+    joined,
+    paragraph,
+    picture,
+    section,
+    table,
+    text,
+    tiles,
+)
+from .plan import outlines
+from .said import CAUSES, PROCESS_FIELDS
+from .streams import StreamTrack
+
+Span = tuple[float, float]
+
+
+def page(run: Gathered) -> str:
+    """Return the whole page."""
+    scenario = run.run.scenario
+    span = run.seconds(run.first_nanos), run.seconds(run.last_nanos)
+    template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
+    sections = [_way(run), *_vehicles(run, span), _streams(run, span), _link(run, span)]
+    sections += [_cameras(run), _processes(run), _origin(run)]
+    return template.substitute(
+        title=text(f"Run {run.run.run}"),
+        subtitle=text(" · ".join(filter(None, (scenario.description, _when(run))))),
+        verdict=_verdict(run),
+        facts=_facts(run),
+        sections=joined(part for part in sections if part),
+        footer=text(f"{run.path.name}, made into a page by groundlink report"),
+    )
+
+
+def _when(run: Gathered) -> str:
+    if not run.run.epoch_nanos:
+        return "stamps count from zero"
+    begun = datetime.fromtimestamp(run.run.epoch_nanos / NANOS, UTC)
+    return f"sim time zero is {begun:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _faults(run: Gathered) -> list[str]:
+    """Return what a person should know first, as lines."""
+    lines = []
+    for stream in run.streams:
+        if not _keeps_rate(stream):
+            measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
+            lines.append(f"{stream.topic}: declared {stream.declared_hz:g} Hz, recorded {measured}")
+        if stream.gaps:
+            gaps = "1 gap" if stream.gaps == 1 else f"{stream.gaps} gaps"
+            longest = stream.largest_gaps[0].nanos / 1e6
+            lines.append(f"{stream.topic}: {gaps}, the longest of {longest:.0f} ms")
+    for (topic, direction), words in run.said.streams.items():
+        lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
+        if lost != "0":
+            lines.append(f"{topic}: {lost} of {sent} lost on the way {direction}")
+    for energy in run.energies:
+        if energy.events:
+            names = ", ".join(dict.fromkeys(event.name for event in energy.events))
+            lines.append(f"{energy.vehicle} touched {names}")
+    if run.undecodable:
+        lines.append(f"{run.undecodable} messages could not be read")
+    return lines
+
+
+def _keeps_rate(stream: StreamTrack) -> bool:
+    if stream.declared_hz is None:
+        return True
+    measured = stream.measured_hz
+    return measured is not None and abs(measured / stream.declared_hz - 1) <= RATE_TOLERANCE
+
+
+def _verdict(run: Gathered) -> Markup:
+    faults = _faults(run)
+    if not faults:
+        return Markup(
+            '<div class="verdict">Every declared rate was kept from the first message to the last, '
+            "without a gap, and nothing was touched.</div>"
+        )
+    items = "".join(f"<li>{text(fault)}</li>" for fault in faults)
+    return Markup(f'<div class="verdict bad">What to look at:<ul>{items}</ul></div>')
+
+
+def _facts(run: Gathered) -> Markup:
+    facts = [(f"{run.duration_seconds:.1f} s", "of sim time")]
+    for motion, energy in zip(run.motions, run.energies, strict=True):
+        whose = f", {motion.vehicle}" if len(run.motions) > 1 else ""
+        facts.append((f"{motion.distance_m:.1f} m", f"driven{whose}"))
+        facts.append((f"{motion.top_speed_mps:.2f} m/s", f"top speed{whose}"))
+        if energy.last is not None:
+            facts.append((_joules(energy.last.motor_work_j), f"work of the motors{whose}"))
+        facts.append((str(len(energy.events) + energy.further_events), f"contacts{whose}"))
+    facts.append((f"{run.messages:,}".replace(",", "\u202f"), "messages"))
+    facts.append((f"{run.size_bytes / 1e6:.1f} MB", "on disk"))
+    return tiles(facts)
+
+
+def _joules(value: float) -> str:
+    return f"{value / 1e3:.2f} kJ" if value >= 1e3 else f"{value:.1f} J"
+
+
+def _way(run: Gathered) -> Markup:
+    moved = [(m, e) for m, e in zip(run.motions, run.energies, strict=True) if m.rows]
+    if not moved:
+        return section("Way", paragraph("The file holds no ground truth, so no way is known."))
+    scenario = run.run.scenario
+    routes = [
+        line(
+            vehicle.route,
+            start_m=(vehicle.placement.x_m, vehicle.placement.y_m),
+            heading_rad=radians(vehicle.placement.yaw_deg),
+        ).points_m
+        for vehicle in scenario.vehicles
+        if vehicle.route is not None
+    ]
+    drawn = figures.trajectory(
+        outlines(solids(scenario)), [m for m, _ in moved], [e for _, e in moved], routes
+    )
+    caption = (
+        "From above, by the ground truth of the base, coloured by speed. In stronger grey: what "
+        f"is taller than {figures.TALL_M:g} m; in weaker: lower things, table tops among them."
+    )
+    return section("Way", figure(drawn, caption))
+
+
+def _vehicles(run: Gathered, span: Span) -> list[Markup]:
+    found = []
+    for motion, energy in zip(run.motions, run.energies, strict=True):
+        whose = f" of {motion.vehicle}" if len(run.motions) > 1 else ""
+        if motion.rows:
+            caption = (
+                "True: of the base, in its own frame. Asked for: what was on the command topic."
+            )
+            found.append(section(f"Speed{whose}", figure(figures.speed(motion, span), caption)))
+        if energy.last is not None:
+            events = [
+                (
+                    f"{event.begin_seconds:.1f} s",
+                    event.name,
+                    f"{event.force_n:,.0f} N at {event.force_seconds:.3f} s".replace(",", "\u202f"),
+                    f"{event.ticks * 0.0025:.3f} s",
+                )
+                for event in energy.events
+            ]
+            columns = ("at", "touched", "largest force of a tick", "touching for")
+            parts = [
+                figure(
+                    figures.energy([energy], span),
+                    "Mechanical work of the wheels' motors: where they drive, and what they "
+                    "took up where they brake. To turn on the spot is to work on the tyres.",
+                ),
+                table(columns, events, numbers=(2, 3), code=(1,))
+                if events
+                else paragraph("It touched nothing but the ground under its wheels."),
+            ]
+            if energy.further_events:
+                parts.append(paragraph(f"{energy.further_events} more are not listed."))
+            found.append(section(f"Energy and contacts{whose}", *parts))
+    return found
+
+
+def _streams(run: Gathered, span: Span) -> Markup:
+    if not run.streams:
+        return Markup("")
+    rows, off = [], []
+    for number, stream in enumerate(run.streams):
+        gaps = stream.largest_gaps
+        rows.append(
+            (
+                stream.topic,
+                stream.ros_type,
+                _hz(stream.declared_hz, 0),
+                _hz(stream.measured_hz, 2),
+                str(stream.messages),
+                str(stream.gaps) if stream.declared_hz else "",
+                f"{gaps[0].nanos / 1e6:.1f} ms" if gaps else "",
+                f"{stream.bytes / 1e6:.1f} MB",
+            )
+        )
+        if not _keeps_rate(stream) or stream.gaps:
+            off.append(number)
+    columns = ("topic", "type", "declared", "recorded", "messages", "gaps", "longest", "size")
+    parts = [table(columns, rows, numbers=range(2, 8), code=(0, 1), off=off)]
+    if any(stream.declared_hz for stream in run.streams):
+        caption = (
+            "Green where a bin of time holds the declared number of messages within 2 %, orange "
+            "where it does not, red where there are none. A gap is more than 1.5 periods."
+        )
+        parts.insert(0, figure(figures.rates(run.streams, span), caption))
+    return section("Rates and gaps", *parts)
+
+
+def _hz(value: float | None, digits: int) -> str:
+    if value is None:
+        return ""
+    return f"{value:g} Hz" if not digits else f"{value:.{digits}f} Hz"
+
+
+def _link(run: Gathered, span: Span) -> Markup:
+    words = run.said.streams
+    if not words:
+        return section(
+            "Ages and losses",
+            paragraph("No gateway spoke in this run, so nothing is known of its way to ROS."),
+        )
+    rows, off = [], []
+    for number, ((topic, direction), stream) in enumerate(words.items()):
+        last = stream.last
+        causes = [f"{last[cause]} {cause}" for cause in CAUSES if last.get(cause, "0") != "0"]
+        rows.append(
+            (
+                topic if direction == "to ROS" else f"{topic} (back)",
+                _milliseconds(last.get("age_seconds", "")),
+                _milliseconds(last.get("age_p99_seconds", "")),
+                *(last.get(name, "") for name in ("sent", "messages", "repaired")),
+                ", ".join(causes) or "none",
+            )
+        )
+        if causes:
+            off.append(number)
+    parts: list[str] = []
+    if any(stream.ages for stream in words.values()):
+        caption = (
+            "From the instant of measurement to publication on the ROS side, over the last 10 s of "
+            "each moment, on a scale that is logarithmic above 1 ms."
+        )
+        parts.append(figure(figures.ages(words, span), caption))
+    columns = ("topic", "age p50", "p99", "sent", "arrived", "repaired", "lost, by cause")
+    parts.append(table(columns, rows, numbers=range(1, 6), code=(0,), off=off))
+    return section("Ages and losses", *parts)
+
+
+def _milliseconds(seconds: str) -> str:
+    return f"{1e3 * float(seconds):.1f} ms" if seconds else ""
+
+
+def _cameras(run: Gathered) -> Markup:
+    parts: list[Markup] = []
+    for camera in run.cameras:
+        shown = "".join(picture(uri, f"{at:.1f} s") for at, uri in camera.pictures)
+        parts.append(heading(camera.topic))
+        parts.append(Markup(f'<div class="pictures">{shown}</div>'))
+        if camera.unknown:
+            parts.append(paragraph(f"{camera.unknown} pictures are of a form not known here."))
+    return section("Cameras", *parts)
+
+
+def _processes(run: Gathered) -> Markup:
+    rows = []
+    for name, facts in sorted(run.said.processes.items()):
+        counts = [f"{k} {v}" for k, v in facts.items() if k not in PROCESS_FIELDS and v != "0"]
+        rows.append((name, facts.get("host", ""), facts.get("pid", ""), ", ".join(counts)))
+    if not rows:
+        return Markup("")
+    return section("Processes", table(("name", "host", "pid", "counts"), rows, code=(0,)))
+
+
+def _origin(run: Gathered) -> Markup:
+    facts = run.run
+    resolved = yaml.safe_dump(msgspec.to_builtins(facts.scenario), sort_keys=False, width=100)
+    versions = sorted(facts.versions.items())
+    return section(
+        "Where it comes from",
+        paragraph(
+            f"Scenario {facts.scenario.name}, seed {facts.scenario.seed}, time mode "
+            f"{facts.scenario.time.mode}, world {facts.world_hash[:12]}."
+        ),
+        table(("software", "version"), versions, code=(0, 1)),
+        details("The scenario, resolved", resolved),
+    )

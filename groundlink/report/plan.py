@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The world from above: the outline of what a vehicle could meet, in the world's x and y.
+
+Rule: geometry only. Floors, ceilings and what hangs above a vehicle's reach are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.world.bounds import bounds
+from groundlink.world.solids import Solid
+from groundlink.world.triangles import merged
+
+FLAT_M = 0.02
+"""What rises no higher is floor."""
+
+OVERHEAD_M = 1.5
+"""What begins higher is passed under."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """One solid from above."""
+
+    name: str
+    corners_m: NDArray[np.float64]
+    """Shape (N, 2): its convex outline, anticlockwise."""
+
+    low_m: float
+    high_m: float
+
+
+def outlines(solids: Sequence[Solid]) -> list[Outline]:
+    """Return the outlines of what stands in the way, the lowest first."""
+    found = []
+    for solid in solids:
+        low, high = bounds(solid)
+        if high[2] <= FLAT_M or low[2] >= OVERHEAD_M:
+            continue
+        corners = _hull(merged([solid]).vertices[:, :2].astype(np.float64))
+        found.append(Outline(solid.name, corners, float(low[2]), float(high[2])))
+    return sorted(found, key=lambda outline: outline.high_m)
+
+
+def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the convex hull of points, anticlockwise (Andrew's monotone chain)."""
+    ordered = sorted(set(map(tuple, np.round(points, 6).tolist())))
+    chains = []
+    for sequence in (ordered, ordered[::-1]):
+        chain: list[tuple[float, ...]] = []
+        for x, y in sequence:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0:
+                chain.pop()
+            chain.append((x, y))
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1])
+
+
+def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
+    """Return twice the area of a triangle, positive where it turns to the left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the processes of a run said about themselves, from its diagnostics.
+
+Rule: of counters the last word counts; of ages each word, thinned in long runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from groundlink.messages import StreamReport
+
+PROCESS_FIELDS = ("pid", "host", "tick")
+"""What a process's status holds beside its counters."""
+
+MAX_WORDS = 5_000
+"""Of one stream's ages; then every second one is left out."""
+
+
+@dataclass
+class StreamWords:
+    """One stream between the gateway and the ROS side."""
+
+    last: dict[str, str]
+    """The fields of the newest `StreamReport`, as text."""
+
+    ages: list[tuple[float, float, float]] = field(default_factory=list)
+    """Time (s of the run), median age (s), what 99 % do not exceed (s)."""
+
+
+class Said:
+    """All that was said."""
+
+    def __init__(self) -> None:
+        self.processes: dict[str, dict[str, str]] = {}
+        """The last word of each process: place and counters, as text."""
+
+        self.streams: dict[tuple[str, str], StreamWords] = {}
+        """By topic and direction."""
+
+        self._stride = 1
+        self._heard = 0
+
+    def add(self, seconds: float, array: Any) -> None:
+        """Take a diagnostic_msgs/DiagnosticArray of the recorder."""
+        self._heard += 1
+        keeps = self._heard % self._stride == 0
+        for status in array.status:
+            facts = {pair.key: pair.value for pair in status.values}
+            if "pid" in facts:
+                self.processes[status.name] = facts
+            elif {"topic", "direction", "sent"} <= facts.keys():
+                self._heard_stream(seconds, facts, keeps=keeps)
+
+    def _heard_stream(self, seconds: float, facts: dict[str, str], *, keeps: bool) -> None:
+        key = facts["topic"], facts["direction"]
+        words = self.streams.setdefault(key, StreamWords(facts))
+        words.last = facts
+        ages = facts.get("age_seconds", ""), facts.get("age_p99_seconds", "")
+        if keeps and all(ages):
+            words.ages.append((seconds, float(ages[0]), float(ages[1])))
+        if len(words.ages) > MAX_WORDS:
+            self._stride *= 2
+            for stream in self.streams.values():
+                stream.ages = stream.ages[::2]
+
+
+CAUSES = ("missing", "incomplete", "late", "dropped", "superseded")
+"""Fields of `StreamReport` that say why something did not arrive."""
+
+assert set(CAUSES) <= set(StreamReport.__struct_fields__)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.driver``: joins a run and drives a vehicle along a route."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Sequence
+from math import radians
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.errors import UserError
+from groundlink.inbox import Inbox
+from groundlink.messages import Ack, State, decode
+from groundlink.routes import line
+from groundlink.scenario import Scenario
+from groundlink.scenario.load import load_route, nearest
+from groundlink.scenario.schema import Vehicle
+from groundlink.topics import ACK, COMMAND, HEALTH, STATE, driver_name, history_key
+
+from .model import Follower
+from .shell import DriverProcess, MakeFollower
+
+STATES_KEPT = 4096
+"""States that may wait: ten seconds of sim time."""
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Drive until `stop` is set."""
+    parser = process.parser("driver", "Drive a vehicle of a run along a route.")
+    parser.add_argument("--name", required=True, help="vehicle/driver, as in rover/driver")
+    parser.add_argument(
+        "--route",
+        metavar="FILE.yaml|FIGURE",
+        help="instead of the scenario's; a figure begins where the vehicle stands now",
+    )
+    parser.add_argument("--once", action="store_true", help="end when the route is driven")
+    options = parser.parse_args(arguments)
+    with Bus(connect=process.endpoint(options)) as bus:
+        run, scenario = process.join(bus, options.run, stop)
+        vehicle = _find(scenario, options.name)
+        make_follower = _follower_maker(scenario, vehicle, options.route)
+        if options.route and bus.present(HEALTH.key_in(run, process=options.name), seconds=1.0):
+            raise UserError(f"`{vehicle.name}` has a driver already; end it first")
+        finished = threading.Event()
+
+        def say(text: str) -> None:
+            print(text if sys.stdout.isatty() else f"{options.name}: {text}", flush=True)
+            finished.set()
+
+        driver = DriverProcess(
+            vehicle.name,
+            make_follower,
+            publish=bus.publisher(COMMAND.key_in(run, vehicle=vehicle.name), COMMAND.delivery),
+            acknowledge=bus.publisher(ACK.key_in(run, process=options.name), ACK.delivery),
+            say=say,
+        )
+        states: Inbox[State] = Inbox(depth=STATES_KEPT)
+        bus.subscribe(STATE.key_in(run), State, states)
+        missed = list(bus.ask(history_key(run), options.name, seconds=2.0).values())
+        if missed:
+            driver.resume(decode(missed[0], Ack))
+            for payload in missed[1:]:
+                driver.take(decode(payload, State))
+        heartbeat = process.Heartbeat(bus, run, options.name)
+        while not stop.is_set() and not (options.once and finished.is_set()):
+            if arrived := states.get(seconds=0.1):
+                driver.take(arrived[1])
+            if heartbeat.due():
+                counters = {
+                    "commands": driver.commands,
+                    "missed_ticks": driver.missed_ticks,
+                    "refused": states.refused + driver.refused,
+                }
+                heartbeat.beat(driver.tick, counters)
+
+
+def _find(scenario: Scenario, name: str) -> Vehicle:
+    """Return the vehicle whose driver is called `name`."""
+    for vehicle in scenario.vehicles:
+        if driver_name(vehicle) == name:
+            return vehicle
+    known = [driver_name(vehicle) for vehicle in scenario.vehicles]
+    raise UserError(f"scenario `{scenario.name}` has no `{name}`; {nearest(name, known)}")
+
+
+def _follower_maker(scenario: Scenario, vehicle: Vehicle, given: str | None) -> MakeFollower:
+    """Return what makes the follower of the route that was given, or of the scenario's.
+
+    The scenario's route begins at the placement, so that a restarted driver finds the same line.
+    """
+    if given is not None:
+        if scenario.time.mode == "fast":
+            raise UserError(
+                f"run `{scenario.name}` is in fast mode, which waits for no driver that comes "
+                "later; write `route:` into the scenario's vehicle"
+            )
+        route = load_route(given, vehicle)
+        return lambda x, y, yaw: Follower(line(route, start_m=(x, y), heading_rad=yaw))
+    if vehicle.route is None:
+        raise UserError(
+            f"`{vehicle.name}` has no `route` in scenario `{scenario.name}`; give one by --route"
+        )
+    own, place = vehicle.route, vehicle.placement
+    along = line(own, start_m=(place.x_m, place.y_m), heading_rad=radians(place.yaw_deg))
+    return lambda x, y, yaw: Follower(along)
+
+
+if __name__ == "__main__":
+    process.run("driver", main)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Between the states of a run and a driver: what it asks for goes out as commands, stamped ahead.
+
+Rule: in fast mode every command is there before the step that it acts in, and depends on nothing
+but the states, so that a run that drives itself gives the same bytes each time; see
+`DRIVER_WINDOW_TICKS`. In real time nobody waits and a late command acts late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import atan2
+
+from groundlink.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.messages import Ack, BadMessage, Command, State
+from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
+
+from .model import Follower
+
+MakeFollower = Callable[[float, float, float], Follower]
+"""Makes a follower for a vehicle at x (m), y (m), yaw (rad)."""
+
+
+class DriverProcess:
+    """A driver of one vehicle.
+
+    Parameters
+    ----------
+    make_follower
+        called with the vehicle's pose at the first state of each life of physics.
+    say
+        called with a line for the user.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        make_follower: MakeFollower,
+        *,
+        publish: Callable[[Command], object],
+        acknowledge: Callable[[Ack], object],
+        say: Callable[[str], object],
+    ) -> None:
+        self._vehicle = vehicle
+        self._make_follower = make_follower
+        self._publish = publish
+        self._acknowledge = acknowledge
+        self._say = say
+        self._epoch_nanos: int | None = None
+        self._follower: Follower | None = None
+        self._done = False
+        self._commanded_tick = -1
+        self._answered_to = -1
+        self._due = 0
+        self.tick = -1
+        self.commands = 0
+        self.missed_ticks = 0
+        self.refused = 0
+
+    def resume(self, ack: Ack) -> None:
+        """Go on where a predecessor stopped: states that it answered are not answered again.
+
+        Without a predecessor the word is that of one who answered a period before the first state,
+        so that no command has to be there but those that are.
+        """
+        self._epoch_nanos = ack.epoch_nanos
+        self._answered_to = ack.tick if ack.tick >= 0 else -DRIVER_PERIOD_TICKS
+        self._acknowledge(Ack(ack.epoch_nanos, self._answered_to, ack.settled_tick))
+
+    def take(self, state: State) -> None:
+        """Look at one state; answer it when an answer is due."""
+        if state.epoch_nanos != self._epoch_nanos:
+            self._epoch_nanos, self._answered_to = state.epoch_nanos, -1
+            self._follower, self._done, self.tick, self._due = None, False, -1, 0
+            self._commanded_tick = -1
+        elif state.tick <= self.tick:
+            return
+        elif self.tick >= 0:
+            self.missed_ticks += state.tick - self.tick - 1
+        self.tick = state.tick
+        if state.tick < self._due:
+            return
+        self._due = (state.tick // DRIVER_PERIOD_TICKS + 1) * DRIVER_PERIOD_TICKS
+        if not self._done:
+            try:
+                self._steer(state)
+            except BadMessage:
+                self.refused += 1
+                return
+        if state.tick > self._answered_to:
+            self._acknowledge(Ack(state.epoch_nanos, state.tick, self._commanded_tick))
+
+    def _steer(self, state: State) -> None:
+        vehicle = state.vehicles.get(self._vehicle)
+        if vehicle is None or not len(vehicle.link_poses):
+            raise BadMessage(f"a state without `{self._vehicle}`")
+        x, y, _, qx, qy, qz, qw = vehicle.poses()[0].tolist()
+        yaw = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+        if self._follower is None:
+            self._follower = self._make_follower(x, y, yaw)
+        linear, angular = self._follower.twist(x, y, yaw)
+        self._done = self._follower.finished
+        if state.tick <= self._answered_to:
+            return
+        self._commanded_tick = state.tick + COMMAND_AHEAD_TICKS
+        stamp_nanos = state.epoch_nanos + self._commanded_tick * TICK_NANOS
+        self._publish(Command(stamp_nanos, (linear, 0.0, 0.0), (0.0, 0.0, angular)))
+        self.commands += 1
+        if self._done:
+            self._say(f"the route is driven; stopped at {state.tick * TICK_SECONDS:.1f} s")

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the messages of a run to a file: one life of physics, from its first clock to its end.
+
+Rule: messages in, records out; no bus and no clock of its own. Log times are the run's: a reading's
+or command's stamp, and for all else from ROS the newest clock. What is not newer than its stream is
+dropped, as a restarted sensor repeats itself. A new life of physics needs a new file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from groundlink.clock import NANOS, exact
+from groundlink.messages import BadMessage, Clock, Command, Health, Message
+from groundlink.navigation import Odometry
+from groundlink.recording.metadata import TOPICS_RECORD, TopicFacts, topic_entries
+from groundlink.recording.ros_channels import RosFile, Topic
+from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
+from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros_streams import (
+    TF_STATIC_TOPIC,
+    TF_TOPIC,
+    RosStream,
+    incoming,
+    outgoing,
+    recorded_only,
+    static_transforms,
+    true_transform,
+)
+from groundlink.scenario import Scenario
+from groundlink.topics import GROUND_TRUTH, STREAM_TOPICS
+
+DIAGNOSTICS_NANOS = NANOS
+"""Of sim time, from one array to the next."""
+
+EARLY_MESSAGES = 100
+"""That may come before the first clock; older ones are dropped."""
+
+PATIENCE_NANOS = 5 * NANOS
+"""Sim time after the recording's end for which a sensor that lags, or is not there, is awaited."""
+
+_TF_TYPE = "tf2_msgs/msg/TFMessage"
+
+
+class Recorder:
+    """Writes a run.
+
+    Parameters
+    ----------
+    begin
+        called with the epoch at the first clock; returns the file to write.
+    duration_nanos
+        sim time after which the recording is complete; None for no end.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        run: str,
+        begin: Callable[[int], RosFile],
+        *,
+        duration_nanos: int | None = None,
+    ) -> None:
+        self._scenario = scenario
+        self._begin = begin
+        self._duration_nanos = duration_nanos
+        self._outgoing = {
+            stream.key: stream
+            for stream in (*outgoing(scenario, run), *recorded_only(scenario, run))
+        }
+        self._incoming = {stream.key: stream for stream in incoming(scenario, run)}
+        self._truth_keys = {
+            GROUND_TRUTH.key_in(run, vehicle=vehicle.name) for vehicle in scenario.vehicles
+        }
+        self._of_others = {
+            STREAM_TOPICS[extra.kind].key_in(run, vehicle=vehicle.name, sensor=extra.name)
+            for vehicle in scenario.vehicles
+            for extra in vehicle.streams
+        }
+        """What other processes may publish, or not."""
+
+        self._declared_hz = {s.topic: s.declared_hz for s in self._outgoing.values()}
+        self._health: dict[str, Health] = {}
+        self._file: RosFile | None = None
+        self._topics: dict[str, Topic] = {}
+        self._early: list[tuple[str, Message]] = []
+        self._reached: dict[str, int] = {}
+        """By stream: the stamp of the newest message."""
+
+        self._committed = 0
+        self._first_nanos = 0
+        self._next_diagnostics_nanos = 0
+        self.clock: Clock | None = None
+        """The newest; None before the first."""
+
+        self.counts = dict.fromkeys(("messages", "repeated", "refused"), 0)
+
+    @property
+    def streams(self) -> list[RosStream]:
+        """What is recorded."""
+        return [*self._outgoing.values(), *self._incoming.values()]
+
+    @property
+    def file(self) -> RosFile | None:
+        """What is being written; None before the first clock."""
+        return self._file
+
+    def take(self, key: str, message: Message) -> None:
+        """Write a message of one of the run's streams.
+
+        Raises
+        ------
+        OSError
+            when the file cannot be begun.
+        """
+        if isinstance(message, Clock):
+            self._heard_clock(message)
+        elif self._file is None:
+            # A recording begins with a clock, which other messages of its tick may outrun.
+            self._early = [*self._early, (key, message)][-EARLY_MESSAGES:]
+            return
+        self._take(key, message)
+        for early in self._early:
+            self._take(*early)
+        self._early = []
+
+    def _take(self, key: str, message: Message) -> None:
+        if key in self._incoming:
+            assert self.clock is not None
+            # What a stack stamps is its own business; a command has the run's time.
+            timed = message if isinstance(message, Command) else self.clock
+            self._write(key, message, max(timed.stamp_nanos, self._first_nanos))
+            return
+        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+        if stamp <= self._reached.get(key, self._first_nanos - 1):
+            self.counts["repeated"] += stamp >= self._first_nanos
+            return
+        self._reached[key] = stamp
+        self._write(key, message, stamp)
+        if key in self._truth_keys and isinstance(message, Odometry):
+            self._put(TF_TOPIC, _TF_TYPE, stamp, true_transform(message))
+
+    def heard(self, health: Health) -> None:
+        """Remember a process's word for the next diagnostics."""
+        self._health[health.process] = health
+
+    def is_another_life(self, message: Message) -> bool:
+        """Return whether a clock is of another life of physics than this file."""
+        if not isinstance(message, Clock) or self.clock is None:
+            return False
+        jumped_back = message.stamp_nanos < self.clock.stamp_nanos
+        return jumped_back or message.epoch_nanos != self.clock.epoch_nanos
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all that physics and the sensors publish has come to the recording's end."""
+        end = self._end_nanos
+        if end is None or self.clock is None or self.clock.stamp_nanos < end:
+            return False
+        return self.clock.stamp_nanos >= end + PATIENCE_NANOS or all(
+            self._reached.get(key, 0) + self._period_nanos(key) >= end
+            for key in self._outgoing.keys() - self._of_others
+        )
+
+    def commit(self) -> None:
+        """Make the file whole with all that was taken.
+
+        Raises
+        ------
+        OSError
+            when it cannot be written.
+        """
+        if self._file is not None and self.counts["messages"] != self._committed:
+            self._committed = self.counts["messages"]
+            topics = {
+                topic.name: TopicFacts(
+                    type=topic.ros_type,
+                    messages=topic.messages,
+                    first_nanos=topic.first_nanos,
+                    last_nanos=topic.last_nanos,
+                    declared_hz=self._declared_hz.get(topic.name),
+                )
+                for topic in self._file.topics()
+            }
+            self._file.mcap.commit(TOPICS_RECORD, topic_entries(topics))
+
+    @property
+    def _end_nanos(self) -> int | None:
+        return None if self._duration_nanos is None else self._first_nanos + self._duration_nanos
+
+    def _period_nanos(self, key: str) -> int:
+        return -int(-Fraction(NANOS) / exact(self._outgoing[key].declared_hz) // 1)
+
+    def _heard_clock(self, clock: Clock) -> None:
+        self.clock = clock
+        if self._file is None:
+            self._first_nanos = clock.stamp_nanos
+            self._next_diagnostics_nanos = clock.stamp_nanos + DIAGNOSTICS_NANOS
+            self._start(clock)
+        while clock.stamp_nanos >= self._next_diagnostics_nanos:
+            stamp = self._next_diagnostics_nanos
+            self._next_diagnostics_nanos += DIAGNOSTICS_NANOS
+            if not self._is_beyond(stamp):
+                topic = self._topic(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE)
+                topic.write(stamp, diagnostics(stamp, self._health.values()))
+                self.counts["messages"] += 1
+
+    def _start(self, clock: Clock) -> None:
+        """Begin the file with all its topics, so that also those appear on which nothing comes."""
+        self._file = self._begin(clock.epoch_nanos)
+        for stream in self.streams:
+            self._topic(stream.topic, RECORDED_FORMS[stream.message].ros_type)
+        if transforms := static_transforms(self._scenario, clock.epoch_nanos):
+            self._put(TF_STATIC_TOPIC, _TF_TYPE, clock.stamp_nanos, transforms)
+
+    def _write(self, key: str, message: Message, nanos: int) -> None:
+        stream = self._outgoing.get(key) or self._incoming[key]
+        self._put(stream.topic, RECORDED_FORMS[stream.message].ros_type, nanos, message)
+
+    def _put(self, topic: str, ros_type: str, nanos: int, message: Message) -> None:
+        if self._is_beyond(nanos):
+            return
+        try:
+            cdr = to_cdr(message)
+        except BadMessage:
+            self.counts["refused"] += 1
+            return
+        self._topic(topic, ros_type).write(nanos, cdr)
+        self.counts["messages"] += 1
+
+    def _topic(self, name: str, ros_type: str) -> Topic:
+        assert self._file is not None
+        return self._file.topic(name, ros_type, latched=name == TF_STATIC_TOPIC)
+
+    def _is_beyond(self, nanos: int) -> bool:
+        end = self._end_nanos
+        return end is not None and nanos >= end

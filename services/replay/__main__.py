@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.replay``: stands for physics and the sensors of a recorded run.
+
+Nothing of a replay is lost: who acknowledges clocks, as the gateway and a recorder do, is waited
+for when it is more than the scenario's window behind, as physics waits in a fast run.
+
+In a loop the stamps are those of the recording again, as with ``ros2 bag play --loop``: the clock
+jumps back, and whoever takes readings sees it do so before they do.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
+
+from groundlink import process
+from groundlink.bus import DEFAULT_ENDPOINT, Bus
+from groundlink.clock import NANOS
+from groundlink.errors import UserError
+from groundlink.inbox import Inbox
+from groundlink.messages import Ack, Clock, Message
+from groundlink.recording.reading import Recording
+from groundlink.scenario import Scenario, load
+from groundlink.topics import ACK, HEALTH, TIME_KEEPERS, Delivery, scenario_key
+
+from .player import Player
+
+NAME = "replay"
+
+JUMP_SECONDS = 0.1
+"""Between a clock that jumps back and what comes after it: streams may outrun each other, and what
+is older than before is only new to those who know that time jumped."""
+
+CATCH_UP_SECONDS = 0.2
+"""Longer hold-ups are not made up for: the replay takes longer."""
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Replay until the recording's end, or in a loop until `stop` is set."""
+    parser = process.parser(NAME, "Publish a recorded run's readings on the bus, at their pace.")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap")
+    parser.add_argument(
+        "--listen",
+        metavar="ENDPOINT",
+        help=f"be the router that others connect to (default {DEFAULT_ENDPOINT} without --connect)",
+    )
+    parser.add_argument("--factor", type=float, default=1.0, metavar="F", help="times real time")
+    parser.add_argument(
+        "--from", type=float, default=0.0, metavar="S", dest="start", help="begin S s into the run"
+    )
+    parser.add_argument("--loop", action="store_true", help="begin anew at the end, for ever")
+    parser.add_argument(
+        "--wait-for",
+        metavar="PROCESS",
+        action="append",
+        default=[],
+        help="a process without which the replay does not begin, such as gateway; repeatable",
+    )
+    parser.add_argument(
+        "--delay",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="wait as long before the first message",
+    )
+    parser.add_argument(
+        "--gateway", metavar="SCENARIO", help="take the gateway's settings from this scenario"
+    )
+    options = parser.parse_args(arguments)
+    with Recording(options.recording) as recording:
+        length = (recording.last_nanos - recording.first_nanos) / NANOS
+        if not options.factor > 0:
+            raise UserError(f"--factor {options.factor:g}: expected more than 0")
+        if not 0 <= options.start < max(length, 1e-9):
+            raise UserError(f"--from {options.start:g}: the recording has {length:.1f} s")
+        run = options.run or recording.run.run
+        scenario = _as_served(recording.run.scenario, options.gateway)
+        listen = options.listen or (None if options.connect else DEFAULT_ENDPOINT)
+        with Bus(connect=options.connect, listen=listen) as bus:
+            for name in TIME_KEEPERS:
+                if bus.present(HEALTH.key_in(run, process=name), seconds=1.0):
+                    raise UserError(
+                        f"run `{run}` is on the bus already; end it or give --run another name"
+                    )
+            bus.serve(scenario_key(run), lambda _: [msgspec.msgpack.encode(scenario)])
+            others = _Others(bus, run, scenario.time.window_ticks)
+            replay = _Replay(bus, run, Player(recording, run), others, options.factor, stop)
+            while not others.are_there(set(options.wait_for)) and not stop.is_set():
+                replay.pause(0.02)
+            replay.pause(options.delay)
+            from_nanos = recording.first_nanos + round(options.start * NANOS)
+            while not stop.is_set():
+                replay.once(from_nanos)
+                if not options.loop:
+                    break
+            replay.beat()
+
+
+def _as_served(scenario: Scenario, gateway: str | None) -> Scenario:
+    """Return the scenario as others should take it: stamps are not the wall's, and time waits."""
+    scenario = replace(scenario, time=replace(scenario.time, mode="fast"))
+    return scenario if gateway is None else replace(scenario, gateway=load(gateway).gateway)
+
+
+class _Others:
+    """The other processes of the run: who is there, and how far they are."""
+
+    def __init__(self, bus: Bus, run: str, window_ticks: int) -> None:
+        self._window = window_ticks
+        self._there: set[str] = set()
+        self._reached: dict[str, int] = {}
+        self._acks: Inbox[Ack] = Inbox(depth=1024)
+        self._health_prefix = HEALTH.key_in(run, process="")
+        self._ack_prefix = ACK.key_in(run, process="")
+        bus.subscribe(ACK.key_in(run), Ack, self._acks)
+        bus.watch(HEALTH.key_in(run), self._on_change)
+
+    def are_there(self, names: set[str]) -> bool:
+        """Return whether all these processes are there."""
+        return names <= self._there
+
+    def follow(self, tick: int) -> bool:
+        """Return whether all that acknowledge are near enough to this tick."""
+        while len(self._acks) and (arrived := self._acks.get(seconds=0)):
+            self._reached[arrived[0].removeprefix(self._ack_prefix)] = arrived[1].tick
+        return all(
+            reached >= tick - self._window
+            for name, reached in self._reached.items()
+            if name in self._there
+        )
+
+    def forget(self) -> None:
+        """Begin anew: ticks jump back."""
+        self._reached.clear()
+
+    def _on_change(self, key: str, is_there: bool) -> None:
+        name = key.removeprefix(self._health_prefix)
+        self._there = self._there | {name} if is_there else self._there - {name}
+
+
+@dataclass
+class _Replay:
+    """The recording on the bus."""
+
+    bus: Bus
+    run: str
+    player: Player
+    others: _Others
+    factor: float
+    stop: threading.Event
+
+    def __post_init__(self) -> None:
+        streams = self.player.streams.values()
+        # Nothing of a replay may be lost, whoever listens: a replay can wait.
+        self._publish: dict[str, Callable[[Message], bytes]] = {
+            stream.key: self.bus.publisher(stream.key, Delivery.ALL) for stream in streams
+        }
+        self._heartbeat = process.Heartbeat(self.bus, self.run, NAME)
+        self._tick = -1
+        self._counts = {"published": 0, "rounds": 0, "refused": 0}
+
+    def once(self, from_nanos: int) -> None:
+        """Publish the recording from an instant to its end."""
+        begin: float | None = None
+        jumps = self._counts["rounds"] > 0
+        self.others.forget()
+        for due in self.player.play(from_nanos):
+            if begin is None:
+                begin, first_nanos = time.monotonic(), due.nanos
+            seconds = (due.nanos - first_nanos) / NANOS / self.factor
+            ahead = begin + seconds - time.monotonic()
+            if ahead < -CATCH_UP_SECONDS:
+                begin -= ahead
+            self.pause(ahead)
+            while not self.others.follow(self._tick) and not self.stop.is_set():
+                self.pause(0.002)
+            if self.stop.is_set():
+                return
+            if isinstance(due.message, Clock):
+                self._tick = due.message.tick
+            self._publish[due.key](due.message)
+            self._counts["published"] += 1
+            if jumps:
+                self.pause(JUMP_SECONDS)
+                begin += JUMP_SECONDS
+                jumps = False
+        self._counts["rounds"] += 1
+
+    def pause(self, seconds: float) -> None:
+        """Wait, and say meanwhile that this process lives."""
+        until = time.monotonic() + seconds
+        while True:
+            if self._heartbeat.due():
+                self.beat()
+            remaining = until - time.monotonic()
+            if remaining <= 0 or self.stop.wait(min(remaining, 0.05)):
+                return
+
+    def beat(self) -> None:
+        """Say how far it is."""
+        self._counts["refused"] = self.player.refused
+        self._heartbeat.beat(self._tick, self._counts)
+
+
+if __name__ == "__main__":
+    process.run(NAME, main)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.view``: joins a run and shows it, without holding it up."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.cli.view import add_arguments
+from groundlink.errors import UserError
+from groundlink.messages import Health, Message, State
+from groundlink.ros_streams import RosStream
+from groundlink.scenario import Scenario
+
+from .intake import Intake
+
+NAME = "view"
+
+FRAME_SECONDS = 1 / 30
+"""Between two looks at what has come."""
+
+END_SECONDS = 1.0
+"""From a signal to the end, whatever Rerun does."""
+
+WEB_PORT = 9090
+FOXGLOVE_PORT = 8765
+
+
+class Outlet(Protocol):
+    """What shows a run."""
+
+    def take_states(self, states: Sequence[State]) -> None:
+        """Take states, oldest first."""
+
+    def take(self, path: str, stream: RosStream, message: Message) -> None:
+        """Take a message of a stream."""
+
+    def take_health(self, health: Health, now_seconds: float) -> None:
+        """Take a process's word, heard at an instant of the wall clock."""
+
+    def flush(self) -> None:
+        """Show what was taken."""
+
+    def alive(self) -> bool:
+        """Return whether anybody can still look."""
+
+    def counters(self) -> dict[str, int]:
+        """Return what went wrong, for health."""
+
+    def close(self) -> None:
+        """End."""
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Show a run until `stop` is set or the viewer is closed."""
+    parser = process.parser(NAME, "Show a run in Rerun, or serve it to Foxglove.")
+    add_arguments(parser)
+    options = parser.parse_args(arguments)
+    with Bus(connect=process.endpoint(options), onlooker=True) as bus:
+        run, scenario = process.join(bus, options.run, stop)
+        intake = Intake(bus, scenario, run)
+        outlet = _outlet(options, scenario, run, intake.streams)
+        if options.save is None:
+            _end_in_time()
+        heartbeat = process.Heartbeat(bus, run, f"{NAME}/{os.getpid()}")
+        tick = -1
+        try:
+            due = time.monotonic()
+            while not stop.wait(max(0.0, due - time.monotonic())) and outlet.alive():
+                due = max(due + FRAME_SECONDS, time.monotonic())
+                states = intake.states()
+                outlet.take_states(states)
+                tick = states[-1].tick if states else tick
+                for path, stream, message in intake.messages():
+                    outlet.take(path, stream, message)
+                for health in intake.health():
+                    outlet.take_health(health, time.monotonic())
+                outlet.flush()
+                if heartbeat.due():
+                    heartbeat.beat(tick, intake.counters() | outlet.counters())
+        finally:
+            outlet.close()
+
+
+def _outlet(
+    options: argparse.Namespace, scenario: Scenario, run: str, streams: Mapping[str, RosStream]
+) -> Outlet:
+    """Return what the user wants to look at, and say where it is."""
+    try:
+        if options.foxglove:
+            from .foxglove_server import FoxgloveServer
+
+            port = options.port or FOXGLOVE_PORT
+            server = FoxgloveServer(scenario, run, streams, options.host, port)
+            print(f"view: open ws://{options.host}:{port} in Foxglove or Lichtblick", flush=True)
+            return server
+        from . import layout, picture, viewer
+    except ModuleNotFoundError as error:
+        raise UserError(
+            f"to view a run needs `{error.name}`; pip install 'groundlink[view]'"
+        ) from None
+    blueprint = layout.layout(scenario, streams)
+    destination: viewer.Destination
+    has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if options.save:
+        destination = viewer.File(options.save, blueprint)
+        print(f"view: writing {options.save}; open it with: rerun {options.save}", flush=True)
+    elif options.web or not has_screen:
+        port = options.port or WEB_PORT
+        _need_free(options.host, port)
+        destination, address = viewer.web(
+            blueprint, options.host, _free_port(), port, machine=socket.gethostname()
+        )
+        print(f"view: open {address}", flush=True)
+    else:
+        destination = viewer.window(blueprint, _free_port())
+    return picture.Picture(scenario, run, colouring=options.colour, destination=destination)
+
+
+def _end_in_time() -> None:
+    """End this process soon after a signal, even while it is blocked.
+
+    A viewer that hangs takes nothing any more. Then a call that logs does not return, and Python,
+    which handles signals between its instructions, handles none; the kernel's wakeup comes anyway.
+    The viewer's own process ends with this one. For a file there is no such haste.
+    """
+    awake, wakeup = socket.socketpair()
+    wakeup.setblocking(False)
+    signal.set_wakeup_fd(wakeup.detach())
+
+    def watch() -> None:
+        awake.recv(1)
+        time.sleep(END_SECONDS)
+        os._exit(0)
+
+    threading.Thread(target=watch, name="end", daemon=True).start()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _need_free(host: str, port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            raise UserError(f"cannot serve on {host}:{port}: {why}; choose --port") from None
+
+
+if __name__ == "__main__":
+    process.run(NAME, main)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The world and the vehicles as a foxglove.SceneUpdate, for the 3D panel.
+
+Rule: each solid is the primitive of its shape, in the colour of its material. The ceiling is left
+out, so that a room can be looked into. Wheels stand at rest: the tf tree has no frames for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from foxglove.messages import (
+    Color,
+    CubePrimitive,
+    CylinderPrimitive,
+    Duration,
+    Pose,
+    Quaternion,
+    SceneEntity,
+    SceneUpdate,
+    SpherePrimitive,
+    Timestamp,
+    Vector3,
+)
+from msgspec.structs import replace
+
+from groundlink.clock import NANOS
+from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Vehicle
+from groundlink.world.build import solids
+from groundlink.world.links import links
+from groundlink.world.solids import Box, Cylinder, Material, Solid
+
+from .meshes import rgba
+
+WORLD = "world"
+CEILING = "room_ceiling"
+
+
+def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
+    """Return everything that can be seen of a run, in the frames of its tf tree."""
+    materials = scenario.world.materials
+    still = [solid for solid in solids(scenario) if solid.name != CEILING]
+    entities = [_entity(WORLD, WORLD, still, materials, stamp_nanos)]
+    for vehicle in scenario.vehicles:
+        frame = vehicle.frame_prefix + vehicle.model.base_frame
+        entities.append(_entity(vehicle.name, frame, _body(vehicle), materials, stamp_nanos))
+    return SceneUpdate(entities=entities)
+
+
+def _body(vehicle: Vehicle) -> list[Solid]:
+    """Return a vehicle with its wheels, in its base frame."""
+    base, *wheels = links(vehicle.model)
+    for wheel, parts in zip(vehicle.model.wheels, wheels, strict=True):
+        base += [replace(part, position_m=wheel.center_m) for part in parts]
+    return base
+
+
+def _entity(
+    name: str,
+    frame: str,
+    parts: Iterable[Solid],
+    materials: Mapping[str, Material],
+    stamp_nanos: int,
+) -> SceneEntity:
+    cubes, cylinders, spheres = [], [], []
+    for solid in parts:
+        x, y, z = solid.position_m
+        qx, qy, qz, qw = solid.orientation
+        pose = Pose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+        red, green, blue, _ = (part / 255 for part in rgba(materials[solid.material].color))
+        colour = Color(r=red, g=green, b=blue, a=1.0)
+        if isinstance(solid.shape, Box):
+            size = Vector3(
+                x=solid.shape.size_m[0], y=solid.shape.size_m[1], z=solid.shape.size_m[2]
+            )
+            cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
+        elif isinstance(solid.shape, Cylinder):
+            across = 2 * solid.shape.radius_m
+            size = Vector3(x=across, y=across, z=solid.shape.length_m)
+            cylinders.append(
+                CylinderPrimitive(
+                    pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=colour
+                )
+            )
+        else:
+            across = 2 * solid.shape.radius_m
+            size = Vector3(x=across, y=across, z=across)
+            spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
+    return SceneEntity(
+        timestamp=Timestamp(sec=stamp_nanos // NANOS, nsec=stamp_nanos % NANOS),
+        frame_id=frame,
+        id=name,
+        lifetime=Duration(sec=0, nsec=0),
+        frame_locked=True,
+        cubes=cubes,
+        cylinders=cylinders,
+        spheres=spheres,
+    )

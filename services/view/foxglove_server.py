@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run as Foxglove sees a robot: ROS 2 topics over its WebSocket protocol.
+
+Rule: topics, types and bytes are those that ROS gets (`groundlink.ros_messages`), with `/tf` from
+the ground truth, so that everything is in the world. A message is only filled while somebody has
+subscribed. What seldom changes, the map too, is told again to each new subscriber.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from foxglove import Channel, Context, Schema, start_server
+from foxglove.channels import SceneUpdateChannel
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener
+
+from groundlink.errors import UserError
+from groundlink.messages import BadMessage, Clock, Health, Message, State
+from groundlink.navigation import OccupancyGrid, Odometry, Transforms
+from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
+from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.ros_streams import (
+    TF_STATIC_TOPIC,
+    TF_TOPIC,
+    RosStream,
+    static_transforms,
+    true_transform,
+)
+from groundlink.scenario import Scenario
+
+from .foxglove_scene import scene
+
+SCENE_TOPIC = "/scene"
+
+BACKLOG = 256
+"""Messages that wait for one slow client, about half a second's; then the oldest are dropped."""
+
+
+class FoxgloveServer(ServerListener):
+    """Serves a run to Foxglove and what speaks like it."""
+
+    def __init__(
+        self, scenario: Scenario, run: str, streams: Mapping[str, RosStream], host: str, port: int
+    ) -> None:
+        self._scenario = scenario
+        self._context = Context()
+        self._channels = {
+            path: self._channel(stream.topic, stream.message) for path, stream in streams.items()
+        }
+        self._tf = self._channel(TF_TOPIC, Transforms)
+        self._tf_static = self._channel(TF_STATIC_TOPIC, Transforms)
+        self._scene = SceneUpdateChannel(SCENE_TOPIC, context=self._context)
+        maps = {s.topic for s in streams.values() if s.message is OccupancyGrid}
+        self._latched = {TF_STATIC_TOPIC, SCENE_TOPIC, *maps}
+        self._maps: dict[str, OccupancyGrid] = {}
+        self._epoch_nanos: int | None = None
+        self._is_owed = True
+        self.refused = 0
+        """Messages that no ROS type holds."""
+
+        try:
+            self._server = start_server(
+                name=f"Groundlink: {run}",
+                host=host,
+                port=port,
+                capabilities=[Capability.Time],
+                server_listener=self,
+                context=self._context,
+                session_id=run,
+                message_backlog_size=BACKLOG,
+            )
+        except Exception as error:
+            raise UserError(f"cannot serve on {host}:{port}: {error}; choose another --port") from (
+                None
+            )
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return self._server.port
+
+    def take_states(self, states: Sequence[State]) -> None:
+        """Note the run's epoch."""
+        if states and states[-1].epoch_nanos != self._epoch_nanos:
+            self._epoch_nanos = states[-1].epoch_nanos
+            self._is_owed = True
+
+    def take(self, path: str, stream: RosStream, message: Message) -> None:
+        """Serve a message under its ROS topic."""
+        if isinstance(message, Clock):
+            self._server.broadcast_time(message.stamp_nanos)
+        if isinstance(message, Odometry) and path.endswith("/ground_truth"):
+            self._log(self._tf, true_transform(message))
+        if isinstance(message, OccupancyGrid):
+            self._maps[path] = message
+        self._log(self._channels[path], message)
+
+    def take_health(self, health: Health, now_seconds: float) -> None:
+        """Pass over: no ROS topic has it."""
+
+    def flush(self) -> None:
+        """Tell what seldom changes, when somebody new has come."""
+        if self._is_owed and self._epoch_nanos is not None:
+            self._is_owed = False
+            if transforms := static_transforms(self._scenario, self._epoch_nanos):
+                self._log(self._tf_static, transforms)
+            for path, message in self._maps.items():
+                self._log(self._channels[path], message)
+            self._scene.log(scene(self._scenario, self._epoch_nanos), log_time=self._epoch_nanos)
+
+    def alive(self) -> bool:
+        """Return that a server is always there."""
+        return True
+
+    def counters(self) -> dict[str, int]:
+        """Return what went wrong."""
+        return {"not_served": self.refused}
+
+    def close(self) -> None:
+        """End it."""
+        self._server.stop()
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        """Remember that somebody wants what was told before; called on the server's thread."""
+        if channel.topic in self._latched:
+            self._is_owed = True
+
+    def _channel(self, topic: str, message: type[Message]) -> Channel:
+        name = ROS_FORMS[message].ros_type
+        schema = Schema(name=name, encoding=ENCODING, data=definition(name).encode())
+        return Channel(
+            topic, schema=schema, message_encoding=MESSAGE_ENCODING, context=self._context
+        )
+
+    def _log(self, channel: Channel, message: Message) -> None:
+        if not channel.has_sinks():
+            return
+        try:
+            cdr = bytes(to_cdr(message))
+        except BadMessage:
+            self.refused += 1
+            return
+        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+        channel.log(cdr, log_time=stamp)

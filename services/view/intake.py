@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a viewer takes from the bus: everything that ROS would see, states and health.
+
+Rule: nothing is acknowledged, so nobody waits for a viewer. Each stream has a box of its own that
+keeps the newest and counts what it drops, few of what is large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from groundlink.bus import Bus
+from groundlink.imagery import CompressedImage, Image
+from groundlink.inbox import Inbox
+from groundlink.messages import Health, Imu, M, Message, PointCloud, State
+from groundlink.navigation import OccupancyGrid
+from groundlink.ros_streams import RosStream, incoming, outgoing
+from groundlink.scenario import Scenario
+from groundlink.scenario.sensors import Lidar
+from groundlink.topics import HEALTH, STATE
+
+KEPT: dict[type[Message], int] = {
+    State: 1000,
+    Imu: 1000,
+    PointCloud: 3,
+    Image: 3,
+    CompressedImage: 6,
+    OccupancyGrid: 1,
+}
+"""Messages of a stream that may wait, by type: of states those of 2.5 s."""
+
+KEPT_OF_OTHERS = 200
+
+
+def streams_of(scenario: Scenario, run: str) -> dict[str, RosStream]:
+    """Return every stream of a run that ROS sees, by its key without the run's part."""
+    every = [*outgoing(scenario, run), *incoming(scenario, run)]
+    return {stream.key.split("/", 2)[2]: stream for stream in every}
+
+
+class Intake:
+    """The boxes of one viewer."""
+
+    def __init__(self, bus: Bus, scenario: Scenario, run: str) -> None:
+        self.streams = streams_of(scenario, run)
+        self._states: Inbox[State] = Inbox(depth=KEPT[State])
+        self._health: Inbox[Health] = Inbox(depth=KEPT_OF_OTHERS)
+        self._boxes: dict[str, Inbox[Message]] = {}
+        bus.subscribe(STATE.key_in(run), State, self._states)
+        bus.subscribe(HEALTH.key_in(run), Health, self._health)
+        for path, stream in self.streams.items():
+            depth = KEPT.get(stream.message, KEPT_OF_OTHERS)
+            if stream.message is PointCloud:
+                depth *= _blocks(scenario, path)
+            box = self._boxes[path] = Inbox[Message](depth=depth)
+            bus.subscribe(stream.key, stream.message, box)
+
+    def states(self) -> list[State]:
+        """Return the states that wait."""
+        return list(_waiting(self._states))
+
+    def health(self) -> list[Health]:
+        """Return what processes have said about themselves."""
+        return list(_waiting(self._health))
+
+    def messages(self) -> Iterator[tuple[str, RosStream, Message]]:
+        """Yield what waits of every stream, with its path."""
+        for path, box in self._boxes.items():
+            for message in _waiting(box):
+                yield path, self.streams[path], message
+
+    def counters(self) -> dict[str, int]:
+        """Return how many messages were dropped and refused."""
+        boxes: list[Inbox[Any]] = [self._states, self._health, *self._boxes.values()]
+        return {
+            "dropped": sum(box.dropped for box in boxes),
+            "refused": sum(box.refused for box in boxes),
+        }
+
+
+def _waiting(box: Inbox[M]) -> Iterator[M]:
+    """Yield as many messages as waited when it was asked, so that it ends."""
+    for _ in range(len(box)):
+        if (arrived := box.get(seconds=0)) is None:
+            return
+        yield arrived[1]
+
+
+def _blocks(scenario: Scenario, path: str) -> int:
+    found = scenario.sensor(path)
+    return found[1].blocks_per_revolution if found and isinstance(found[1], Lidar) else 1

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the run and its link to ROS are, as text and plots.
+
+Rule: verdicts are those of `groundlink.run_monitor`, the same as in the table of `groundlink up`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from groundlink.messages import Health, StreamReport
+from groundlink.run_monitor import RunMonitor, keeps_rate
+
+from .plots import LINE_COLOURS, Plots
+
+AGES = "link/age"
+RATES = "link/rate"
+LOSSES = "link/lost"
+
+
+def text(title: str, monitor: RunMonitor, *, shown: str) -> str:
+    """Return the panel as Markdown."""
+    factor = monitor.real_time_factor
+    pace = "" if factor is None else f" · {factor:.2f} x real time"
+    faults = monitor.faults() if monitor.streams else []
+    if not monitor.streams:
+        verdict = "The gateway has not told yet what arrives in ROS."
+    elif faults:
+        verdict = "**Not kept:** " + "; ".join(faults)
+    else:
+        verdict = "Every declared rate is kept."
+    lines = [f"### {title}", f"{monitor.sim_seconds:.0f} s{pace} · {shown}", "", verdict, ""]
+    if monitor.streams:
+        lines += [
+            "| topic | declared | arrives | age p50 | p99 | lost |",
+            "|:--|--:|--:|--:|--:|--:|",
+            *(_row(stream) for stream in monitor.streams if stream.messages),
+            "",
+        ]
+    names = sorted(monitor.health)
+    if names:
+        lines.append(f"{len(names)} processes: {', '.join(names)}")
+    return "\n".join(lines)
+
+
+def _row(stream: StreamReport) -> str:
+    cells = [
+        stream.topic if keeps_rate(stream) else f"**{stream.topic}**",
+        _hertz(stream.declared_hz),
+        _hertz(stream.measured_hz),
+        _milliseconds(stream.age_seconds),
+        _milliseconds(stream.age_p99_seconds),
+        str(stream.lost),
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _hertz(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g} Hz"
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds * 1e3:.1f} ms"
+
+
+def plot(plots: Plots, sim_nanos: int, health: Health) -> None:
+    """Plot each stream's age, rate and losses: a line a topic, in the order of the table."""
+    for index, stream in enumerate(health.streams):
+        colour = [LINE_COLOURS[index % len(LINE_COLOURS)]]
+        name = f"{stream.topic} {stream.direction}" if _is_back(stream) else stream.topic
+        line = name.strip("/").replace("/", "_").replace(" ", "_")
+        for path, value, words in _values(stream):
+            if value is not None:
+                plots.add(f"{path}/{line}", sim_nanos, [value], [f"{name}{words}"], colour)
+
+
+def _is_back(stream: StreamReport) -> bool:
+    return stream.direction != "to ROS"
+
+
+def _values(stream: StreamReport) -> Sequence[tuple[str, float | None, str]]:
+    median, most = stream.age_seconds, stream.age_p99_seconds
+    return (
+        (AGES, None if median is None else median * 1e3, ""),
+        (f"{AGES}_p99", None if most is None else most * 1e3, ""),
+        (RATES, stream.measured_hz, ""),
+        (LOSSES, float(stream.lost), ""),
+    )

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Solids as meshes that a viewer shades: triangles with normals and colours of their own.
+
+Rule: every triangle has its own three vertices, so that edges stay sharp. Of a room's floor, walls
+and ceiling only what faces into the room is drawn: who looks from outside looks through, as into a
+doll's house. No viewer is known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.scenario import Scenario
+from groundlink.world.build import solids
+from groundlink.world.furnish import walls
+from groundlink.world.solids import Material, Solid
+from groundlink.world.triangles import merged
+
+Reals = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles to draw: vertices 3 i to 3 i + 2 are one, anticlockwise seen from outside."""
+
+    vertices: Reals
+    """Shape (3 F, 3), metres."""
+
+    normals: Reals
+    """Shape (3 F, 3), unit vectors."""
+
+    colours: NDArray[np.uint8]
+    """Shape (3 F, 4): red, green, blue, opacity; sRGB."""
+
+
+def mesh(solids: Sequence[Solid], materials: Mapping[str, Material]) -> Mesh:
+    """Return solids as one mesh in the frame of their poses."""
+    triangles = merged(solids)
+    corners = triangles.vertices[triangles.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    colours = np.array([rgba(materials[s.material].color) for s in solids], np.uint8)
+    return Mesh(
+        corners.reshape(-1, 3),
+        np.repeat(normals, 3, axis=0).astype(np.float32),
+        np.repeat(colours.reshape(-1, 4)[triangles.labels], 3, axis=0),
+    )
+
+
+def rgba(linear: Sequence[float]) -> tuple[int, int, int, int]:
+    """Return a linear colour, 0..1, as sRGB with full opacity (IEC 61966-2-1)."""
+    part = np.clip(np.asarray(linear, np.float64), 0, 1)
+    encoded = np.where(part <= 0.0031308, 12.92 * part, 1.055 * part ** (1 / 2.4) - 0.055)
+    red, green, blue = np.rint(255 * encoded).astype(int).tolist()
+    return red, green, blue, 255
+
+
+def world(scenario: Scenario) -> dict[str, Mesh]:
+    """Return what stands still, in the world: one mesh for the room, one for each thing in it."""
+    materials, room = scenario.world.materials, scenario.world.room
+    shell = {solid.name for solid in walls(room)} if room else set()
+    inside = [solid for solid in solids(scenario) if solid.name in shell]
+    meshes = {}
+    if room and inside:
+        centre = (0.0, 0.0, room.size_m[2] / 2)
+        meshes["room"] = facing(mesh(inside, materials), centre)
+    things: dict[str, list[Solid]] = {}
+    for solid in solids(scenario):
+        if solid.name not in shell:
+            things.setdefault(thing(solid.name), []).append(solid)
+    return meshes | {name: mesh(parts, materials) for name, parts in things.items()}
+
+
+def thing(part: str) -> str:
+    """Return what a part belongs to: `table_3` for `table_3_leg_0`; all clutter is one thing."""
+    kind, _, rest = part.partition("_")
+    number = rest.partition("_")[0]
+    return kind if kind == "clutter" or not number.isdecimal() else f"{kind}_{number}"
+
+
+def facing(whole: Mesh, point: Sequence[float]) -> Mesh:
+    """Return the triangles of a mesh whose front can be seen from a point."""
+    seen = np.einsum("ij,ij->i", whole.normals, np.subtract(point, whole.vertices)) > 0
+    return Mesh(whole.vertices[seen], whole.normals[seen], whole.colours[seen])

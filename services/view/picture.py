@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run as a Rerun recording: the world at its start, then whatever the bus brings.
+
+Rule: states place the vehicles, at most 30 times a second; messages are drawn by the table in
+`forms`. Time is an argument, and where the recording goes is the business of `viewer`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from groundlink.clock import NANOS
+from groundlink.frames import conjugate, matrix_from_quaternion
+from groundlink.messages import Health, Message, State, floats
+from groundlink.ros_streams import RosStream
+from groundlink.run_monitor import RunMonitor
+from groundlink.scenario import Scenario
+from groundlink.world.links import links
+
+from . import link_panel
+from .canvas import WORLD, Canvas, Seen
+from .colours import Colouring
+from .forms import FORMS
+from .layout import TEXT
+from .meshes import Mesh, mesh, world
+from .viewer import Destination
+
+FRAME_NANOS = NANOS // 30
+"""Of sim time between two places of a vehicle."""
+
+ROOT = "tf#/"
+"""Rerun's name for the frame of the entity at the root."""
+
+TRUTH = (90, 220, 255)
+"""Colour of the true trajectory."""
+
+WORLD_LIGHT = 0.6
+"""What stands still is drawn darker than it is, so that points and vehicles stand out."""
+
+IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class Picture:
+    """One run, as it is drawn.
+
+    Parameters
+    ----------
+    destination
+        asked for a recording for each life of the run's physics: sim time begins anew with it.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        run: str,
+        *,
+        colouring: Colouring,
+        destination: Destination,
+    ) -> None:
+        self._scenario, self._run = scenario, run
+        self._colouring = colouring
+        self._destination = destination
+        self._monitor = RunMonitor()
+        self._next_frame_nanos = 0
+        self._next_plot_nanos = 0
+        self._sim_nanos = 0
+        self.canvas = self._begin()
+
+    def take_states(self, states: Sequence[State]) -> None:
+        """Take the states that have come; the newest of them is drawn when it is due."""
+        for state in states:
+            if self.canvas.epoch_nanos != state.epoch_nanos:
+                if self.canvas.epoch_nanos is not None:
+                    self.canvas = self._begin()
+                self.canvas.epoch_nanos = state.epoch_nanos
+            for name, seen in self.canvas.vehicles.items():
+                if name in state.vehicles:
+                    seen.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
+        if states:
+            self._sim_nanos = states[-1].sim_nanos
+            if self._sim_nanos >= self._next_frame_nanos:
+                self._next_frame_nanos = self._sim_nanos + FRAME_NANOS * 3 // 4
+                for name, seen in self.canvas.vehicles.items():
+                    if name in states[-1].vehicles:
+                        self._draw(states[-1], seen)
+
+    def take(self, path: str, stream: RosStream, message: Message) -> None:
+        """Draw a message of a vehicle; without a state before it there is no sim time for it."""
+        seen = self.canvas.vehicles.get(path.partition("/")[0])
+        if self.canvas.epoch_nanos is not None and seen is not None:
+            FORMS[stream.message](self.canvas, seen, path, message)
+
+    def take_health(self, health: Health, now_seconds: float) -> None:
+        """Show how a process is."""
+        self._monitor.heard(health, now_seconds)
+        if self.canvas.epoch_nanos is None:
+            return
+        if health.streams:
+            link_panel.plot(self.canvas.plots, self._sim_nanos, health)
+        if health.process == "physics":
+            colour = {"intensity": "intensity", "ring": "laser"}[self._colouring]
+            title = f"{self._scenario.name} · run {self._run}"
+            said = link_panel.text(title, self._monitor, shown=f"points coloured by {colour}")
+            stamp = self.canvas.epoch_nanos + self._sim_nanos
+            self.canvas.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
+
+    def flush(self) -> None:
+        """Hand the plots over, some times a second of sim time."""
+        if self._sim_nanos >= self._next_plot_nanos:
+            self._next_plot_nanos = self._sim_nanos + NANOS // 5
+            self.canvas.plots.flush()
+
+    def alive(self) -> bool:
+        """Return whether anybody can still look."""
+        return self._destination.alive()
+
+    def counters(self) -> dict[str, int]:
+        """Return how many messages could not be drawn."""
+        return {"not_drawn": self.canvas.not_drawn}
+
+    def close(self) -> None:
+        """Show what waits, and end."""
+        self.canvas.plots.flush()
+        self._destination.close()
+
+    def _begin(self) -> Canvas:
+        """Return a new recording with all that stands still."""
+        recording = self._destination.new_recording()
+        canvas = Canvas(recording, self._scenario, self._colouring)
+        self._next_frame_nanos = self._next_plot_nanos = 0
+        recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        canvas.fix(WORLD, ROOT, IDENTITY)
+        for name, solid in world(self._scenario).items():
+            recording.log(f"world/{name}", _drawn(solid, WORLD_LIGHT), static=True)
+        materials = self._scenario.world.materials
+        for seen in canvas.vehicles.values():
+            model, prefix = seen.spec.model, seen.spec.frame_prefix
+            for link, parts in zip(model.link_names(), links(model), strict=True):
+                path = f"{seen.spec.name}/links/{link}"
+                canvas.in_frame(path, prefix + link)
+                recording.log(path, _drawn(mesh(parts, materials)), static=True)
+            for sensor in seen.spec.sensors:
+                frame = prefix + sensor.frame
+                placed = seen.base_from(frame)
+                if frame != seen.base_frame and placed is not None:
+                    mount = rr.Transform3D(
+                        translation=placed[:3, 3],
+                        mat3x3=placed[:3, :3],
+                        parent_frame=seen.base_frame,
+                        child_frame=frame,
+                    )
+                    recording.log(f"tf/{frame}", mount, static=True)
+        return canvas
+
+    def _draw(self, state: State, seen: Seen) -> None:
+        """Draw where a vehicle is and how it moves."""
+        vehicle, canvas = state.vehicles[seen.spec.name], self.canvas
+        name, prefix = seen.spec.name, seen.spec.frame_prefix
+        poses = vehicle.poses()
+        for link, pose in zip(seen.spec.model.link_names(), poses.tolist(), strict=False):
+            canvas.move(prefix + link, WORLD, pose, state.stamp_nanos)
+        # Just above the floor, so that the vehicle does not hide it.
+        x, y, z = poses[0, :3].tolist()
+        if seen.trail.add((x, y, z - seen.spec.model.base_height_m + 0.01)):
+            line = rr.LineStrips3D([seen.trail.points], colors=[TRUTH], radii=[-2.5])
+            canvas.log(f"{name}/path", state.stamp_nanos, line)
+        base_from_world = matrix_from_quaternion(conjugate(poses[0, 3:]))
+        linear, angular = floats(vehicle.base_velocity).reshape(2, 3) @ base_from_world.T
+        at = state.sim_nanos
+        canvas.plots.add(f"{name}/speed/true", at, [float(linear[0])], ["true"], [TRUTH])
+        canvas.plots.add(f"{name}/turning/true", at, [float(angular[2])], ["true"], [TRUTH])
+
+
+def _drawn(solid: Mesh, light: float = 1.0) -> rr.Mesh3D:
+    return rr.Mesh3D(
+        vertex_positions=solid.vertices,
+        triangle_indices=np.arange(len(solid.vertices), dtype=np.uint32).reshape(-1, 3),
+        vertex_normals=solid.normals,
+        vertex_colors=solid.colours,
+        albedo_factor=[light, light, light, 1.0],
+        face_rendering="Front",
+    )

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is no recording becomes one line for its user."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from groundlink.errors import UserError
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
+from groundlink.recording.reading import Recording
+from groundlink.recording.ros_channels import RosFile
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+
+
+def recording(path: Path, messages: int = 50) -> bytes:
+    file = RosFile(path)
+    scenario = load(str(SHIPPED / "indoor_lab.yaml"))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", 3)))
+    topic = file.topic("/clock", "rosgraph_msgs/msg/Clock")
+    for i in range(messages):
+        topic.write(i + 1, memoryview(bytes(12)))
+    file.mcap.commit("topics", {})
+    file.mcap.close()
+    return path.read_bytes()
+
+
+def test_a_run_s_facts_survive_being_text() -> None:
+    before = facts(load(str(SHIPPED / "indoor_lab.yaml")), "lab", 1_700_000_000_123_456_789)
+    assert run_facts(run_entries(before)) == before
+    assert before.versions["groundlink"]
+    assert len(before.world_hash) > 12
+
+
+def test_there_is_no_such_file(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no such file"):
+        Recording(tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"x" * 1000], ids=len)
+def test_something_else(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(UserError, match="no recording of a run"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_an_mcap_file_of_others(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()  # type: ignore[no-untyped-call]
+        writer.finish()  # type: ignore[no-untyped-call]
+    with pytest.raises(UserError, match="but not of a run"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_one_without_its_end_says_what_mends_it(tmp_path: Path) -> None:
+    whole = recording(tmp_path / "a.mcap")
+    for cut in range(10, len(whole), 50):
+        (tmp_path / "b.mcap").write_bytes(whole[:cut])
+        with pytest.raises(UserError, match="mcap recover"):
+            Recording(tmp_path / "b.mcap")
+
+
+def test_a_damaged_chunk_is_said_when_it_is_met(tmp_path: Path) -> None:
+    whole = bytearray(recording(tmp_path / "a.mcap", 5000))
+    begin = whole.index(b"zstd") + 12
+    whole[begin : begin + 400] = bytes(400)
+    (tmp_path / "b.mcap").write_bytes(whole)
+    with Recording(tmp_path / "b.mcap") as damaged, pytest.raises(UserError, match="damaged"):
+        list(damaged.read())

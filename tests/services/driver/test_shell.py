@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver says to the run, and when."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from groundlink.clock import TICK_NANOS
+from groundlink.messages import Ack, Command, State, VehicleState, packed
+from groundlink.routes import Line
+from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
+from services.driver.model import Follower
+from services.driver.shell import DriverProcess
+
+EPOCH = 1000
+
+
+def state(tick: int, x_m: float = 0.0, *, epoch: int = EPOCH, name: str = "rover") -> State:
+    pose = np.array([x_m, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0])
+    nothing = packed(np.zeros(6))
+    vehicle = VehicleState(packed(pose), nothing, packed(np.zeros(4)), packed(np.zeros(4)))
+    return State("run", epoch, tick, tick * TICK_NANOS, "hash", {name: vehicle})
+
+
+class Rover:
+    """A driver and all that it said, in order."""
+
+    def __init__(self) -> None:
+        self.said: list[object] = []
+        self.made = 0
+        self.driver = DriverProcess(
+            "rover",
+            self._make,
+            publish=self.said.append,
+            acknowledge=self.said.append,
+            say=self.said.append,
+        )
+
+    def _make(self, x_m: float, y_m: float, yaw_rad: float) -> Follower:
+        self.made += 1
+        return Follower(Line(np.array([[0.0, 0.0], [2.0, 0.0]]), np.array([0.5])))
+
+    def commands(self) -> list[Command]:
+        return [said for said in self.said if isinstance(said, Command)]
+
+    def acks(self) -> list[int]:
+        return [said.tick for said in self.said if isinstance(said, Ack)]
+
+
+def test_a_command_is_stamped_ahead_and_goes_before_its_acknowledgement() -> None:
+    rover = Rover()
+    for tick in range(20):
+        rover.driver.take(state(tick))
+    assert rover.acks() == [0, DRIVER_PERIOD_TICKS, 2 * DRIVER_PERIOD_TICKS]
+    stamps = [EPOCH + (tick + COMMAND_AHEAD_TICKS) * TICK_NANOS for tick in rover.acks()]
+    assert [command.stamp_nanos for command in rover.commands()] == stamps
+    assert [type(said) for said in rover.said[:4]] == [Command, Ack, Command, Ack]
+    assert rover.commands()[0].linear_mps[0] == 0.5
+
+
+def test_at_the_end_it_stops_says_so_once_and_leaves_the_vehicle_to_others() -> None:
+    rover = Rover()
+    for tick in range(0, 80, 8):
+        rover.driver.take(state(tick, 1.0 if tick < 40 else 2.1))
+    assert rover.commands()[-1].linear_mps[0] == 0.0
+    assert len(rover.commands()) == 6
+    assert [said for said in rover.said if isinstance(said, str)] == [
+        "the route is driven; stopped at 0.1 s"
+    ]
+    assert rover.acks()[-1] == 72, "physics still waits for it"
+
+
+def test_a_lost_state_is_made_up_for_by_the_next() -> None:
+    rover = Rover()
+    for tick in (0, 7, 9, 10, 16):
+        rover.driver.take(state(tick))
+    assert rover.acks() == [0, 9, 16]
+    assert rover.driver.missed_ticks == 12
+
+
+def test_a_successor_answers_nothing_twice() -> None:
+    rover = Rover()
+    rover.driver.resume(Ack(EPOCH, 16, 16))
+    for tick in range(0, 33, 8):
+        rover.driver.take(state(tick))
+    assert rover.acks() == [16, 24, 32]
+    assert len(rover.commands()) == 2
+    assert rover.made == 1
+
+
+def test_the_first_word_grants_no_step_that_needs_a_command() -> None:
+    rover = Rover()
+    rover.driver.resume(Ack(EPOCH, -1, -1))
+    rover.driver.take(state(0))
+    assert rover.acks() == [-DRIVER_PERIOD_TICKS, 0]
+    assert len(rover.commands()) == 1
+
+
+def test_a_new_life_of_physics_is_a_new_drive() -> None:
+    rover = Rover()
+    rover.driver.take(state(800))
+    rover.driver.take(state(0, epoch=EPOCH + 1))
+    assert rover.made == 2
+    assert rover.acks() == [800, 0]
+
+
+def test_a_state_without_the_vehicle_is_counted() -> None:
+    rover = Rover()
+    rover.driver.take(state(0, name="other"))
+    assert rover.driver.refused == 1
+    assert rover.said == []

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a run's messages becomes which record, without a bus."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from msgspec.structs import replace
+
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.messages import (
+    POINT,
+    Clock,
+    Command,
+    Health,
+    Imu,
+    PointCloud,
+    StreamReport,
+    packed,
+)
+from groundlink.navigation import Odometry, PoseStamped
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.reading import Recording
+from groundlink.recording.ros_channels import RosFile
+from groundlink.scenario import Scenario, load
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.schema import Stream
+from groundlink.vitals import Vitals
+from services.recorder.recorder import Recorder
+
+EPOCH = 1_700_000_000 * NANOS
+RUN = "lab"
+KEYS = {
+    name: f"groundlink/{RUN}/rover/{name}"
+    for name in ("imu", "lidar", "ground_truth", "command", "from_ros/pose", "vitals")
+}
+CLOCK = f"groundlink/{RUN}/clock"
+NO_ERROR = packed(np.zeros(36))
+STILL = (0.0, 0.0, 0.0)
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def lab() -> Scenario:
+    return load(str(SHIPPED / "indoor_lab.yaml"))
+
+
+class Rig:
+    """A recorder, and what it has written so far."""
+
+    def __init__(self, scenario: Scenario, path: Path, seconds: float | None = None) -> None:
+        self.path = path
+        self.scenario = scenario
+        nanos = None if seconds is None else round(seconds * NANOS)
+        self.recorder = Recorder(scenario, RUN, self._begin, duration_nanos=nanos)
+
+    def _begin(self, epoch_nanos: int) -> RosFile:
+        file = RosFile(self.path)
+        file.mcap.add_metadata(RUN_RECORD, run_entries(facts(self.scenario, RUN, epoch_nanos)))
+        return file
+
+    def clock(self, tick: int, epoch: int = EPOCH) -> None:
+        self.recorder.take(CLOCK, Clock(epoch + tick * TICK_NANOS, epoch, tick))
+
+    def imu(self, tick: int) -> None:
+        stamp = EPOCH + tick * TICK_NANOS
+        self.recorder.take(KEYS["imu"], Imu(stamp, "imu_link", UPRIGHT, STILL, STILL, 0, 0, 0))
+
+    def cloud(self, tick: int) -> None:
+        points = packed(np.zeros(3, POINT).view(np.uint8))
+        cloud = PointCloud(EPOCH + tick * TICK_NANOS, "lidar_link", points)
+        self.recorder.take(KEYS["lidar"], cloud)
+
+    def vitals(self, tick: int) -> None:
+        message = Vitals(EPOCH + tick * TICK_NANOS, "rover", tick, 0.0, 0.0, ())
+        self.recorder.take(KEYS["vitals"], message)
+
+    def truth(self, tick: int, x_m: float) -> None:
+        odometry = Odometry(
+            EPOCH + tick * TICK_NANOS,
+            *("world", "base_link", (x_m, 0.0, 0.0), UPRIGHT, STILL, STILL, NO_ERROR, NO_ERROR),
+        )
+        self.recorder.take(KEYS["ground_truth"], odometry)
+
+    def written(self) -> dict[str, list[tuple[int, Any]]]:
+        """Return by topic the ticks and the decoded messages, in the order of time."""
+        self.recorder.commit()
+        found: dict[str, list[tuple[int, Any]]] = defaultdict(list)
+        with self.path.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            for _, channel, message, ros in reader.iter_decoded_messages():
+                found[channel.topic].append(((message.log_time - EPOCH) // TICK_NANOS, ros))
+        return found
+
+
+@pytest.fixture
+def rig(lab: Scenario, tmp_path: Path) -> Rig:
+    return Rig(lab, tmp_path / "run.mcap")
+
+
+def test_a_recording_begins_with_a_clock(rig: Rig) -> None:
+    rig.imu(8)
+    assert not rig.path.exists()
+    rig.clock(10)
+    rig.imu(9)  # was measured before
+    rig.imu(10)
+    written = rig.written()
+    assert [tick for tick, _ in written["/imu"]] == [10]
+    assert [tick for tick, _ in written["/tf_static"]] == [10]
+    with Recording(rig.path) as recording:
+        assert recording.run.epoch_nanos == EPOCH
+        assert recording.run.scenario == rig.scenario
+        assert recording.types["/cmd_vel"] == "geometry_msgs/msg/Twist"  # nothing came, yet known
+
+
+def test_what_a_restarted_sensor_repeats_is_written_once(rig: Rig) -> None:
+    rig.clock(0)
+    for tick in (0, 1, 2, 1, 2, 3):
+        rig.imu(tick)
+    assert [tick for tick, _ in rig.written()["/imu"]] == [0, 1, 2, 3]
+    assert rig.recorder.counts["repeated"] == 2
+
+
+def test_readings_that_come_late_have_the_time_of_their_measurement(rig: Rig) -> None:
+    rig.clock(0)
+    rig.clock(60)
+    rig.cloud(0)
+    rig.cloud(40)
+    assert [tick for tick, _ in rig.written()["/points"]] == [0, 40]
+
+
+def test_ground_truth_is_also_a_transform(rig: Rig) -> None:
+    rig.clock(0)
+    rig.truth(8, 1.25)
+    written = rig.written()
+    (tick, message) = written["/tf"][0]
+    (transform,) = message.transforms
+    assert tick == 8
+    assert (transform.header.frame_id, transform.child_frame_id) == ("world", "base_link")
+    assert transform.transform.translation.x == 1.25
+    assert len(written["/ground_truth/odom"]) == 1
+
+
+def test_times_of_what_comes_from_ros(rig: Rig) -> None:
+    """A command has the run's time in its stamp; a pose is written when it came."""
+    rig.clock(0)
+    rig.clock(40)
+    command = Command(EPOCH + 38 * TICK_NANOS, (0.5, 0.0, 0.0), STILL)
+    rig.recorder.take(KEYS["command"], command)
+    rig.recorder.take(KEYS["command"], command)  # asked for twice is no repetition
+    rig.recorder.take(KEYS["from_ros/pose"], PoseStamped(17, "map", STILL, UPRIGHT))
+    written = rig.written()
+    assert [tick for tick, _ in written["/cmd_vel"]] == [38, 38]
+    (tick, pose) = written["/pose"][0]
+    assert tick == 40
+    assert pose.header.stamp.nanosec == 17
+
+
+def test_diagnostics_once_a_second_of_sim_time(rig: Rig) -> None:
+    stream = StreamReport("/imu", "Imu", 400.0, 399.0, None, 90, 10, sent=100, missing=10)
+    rig.clock(0)
+    rig.recorder.heard(Health("physics", 7, 5, {"refused": 3}))
+    rig.recorder.heard(Health("gateway", 8, 5, {}, (stream,)))
+    for tick in range(4, 1300, 4):
+        rig.clock(tick)
+    arrays = rig.written()["/diagnostics"]
+    assert [tick for tick, _ in arrays] == [400, 800, 1200]
+    by_name = {status.name: status for status in arrays[0][1].status}
+    assert {p.key: p.value for p in by_name["physics"].values}["refused"] == "3"
+    imu = by_name["gateway: /imu to ROS"]
+    assert (int(imu.level), imu.message) == (1, "10 of 100 lost")
+    assert {p.key: p.value for p in imu.values}["measured_hz"] == "399.0"
+
+
+def test_it_is_complete_when_every_stream_is(lab: Scenario, tmp_path: Path) -> None:
+    """Sensors lag behind the clock: it is not the clock that ends a recording."""
+    (rover,) = lab.vehicles
+    only = tuple(sensor for sensor in rover.sensors if sensor.name != "encoders")
+    extra = Stream(name="cam", kind="image", topic="/image", rate_hz=30.0)
+    rover = replace(rover, sensors=only, streams=(extra,))  # of which nothing ever comes
+    rig = Rig(replace(lab, vehicles=(rover,)), tmp_path / "run.mcap", seconds=0.2)
+    rig.clock(0)
+    for tick in range(0, 80, 8):
+        rig.truth(tick, 0.0)
+    for tick in range(0, 80, 40):
+        rig.vitals(tick)
+    for tick in range(0, 70):
+        rig.imu(tick)
+    rig.clock(80)
+    assert not rig.recorder.is_complete
+    for tick in range(70, 90):
+        rig.imu(tick)
+    assert not rig.recorder.is_complete  # the first cloud has not come
+    rig.cloud(0)
+    assert not rig.recorder.is_complete
+    rig.cloud(40)
+    assert rig.recorder.is_complete
+    rig.cloud(80)
+    written = rig.written()
+    assert [tick for tick, _ in written["/points"]] == [0, 40]
+    assert [tick for tick, _ in written["/imu"]] == list(range(80))
+    assert [tick for tick, _ in written["/clock"]] == [0]
+
+
+def test_a_sensor_that_is_not_there_is_not_awaited_for_ever(lab: Scenario, tmp_path: Path) -> None:
+    rig = Rig(lab, tmp_path / "run.mcap", seconds=0.2)
+    for tick in (0, 80, 2079):
+        rig.clock(tick)
+        assert not rig.recorder.is_complete
+    rig.clock(2080)
+    assert rig.recorder.is_complete
+
+
+def test_what_outruns_the_first_clock_is_kept(rig: Rig) -> None:
+    for tick in range(9, 14):
+        rig.imu(tick)
+    rig.clock(10)
+    rig.imu(14)
+    assert [tick for tick, _ in rig.written()["/imu"]] == [10, 11, 12, 13, 14]
+
+
+def test_another_life_of_physics_is_known_by_its_clock(rig: Rig) -> None:
+    rig.clock(100)
+    same = Clock(EPOCH + 104 * TICK_NANOS, EPOCH, 104)
+    assert not rig.recorder.is_another_life(same)
+    assert rig.recorder.is_another_life(Clock(EPOCH, EPOCH, 0))
+    assert rig.recorder.is_another_life(Clock(EPOCH + NANOS, EPOCH + NANOS, 0))
+
+
+def test_facts_of_topics_are_in_the_file_at_every_commit(rig: Rig) -> None:
+    rig.clock(0)
+    for tick in range(401):
+        rig.imu(tick)
+    rig.recorder.commit()
+    with Recording(rig.path) as recording:
+        imu = recording.topics["/imu"]
+    assert (imu.messages, imu.declared_hz) == (401, 400.0)
+    assert imu.measured_hz == pytest.approx(400.0)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a recording becomes on the bus, and when it is due."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.messages import POINT, Clock, Command, Imu, Message, PointCloud, packed
+from groundlink.navigation import PoseStamped
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.reading import Recording
+from groundlink.recording.ros_channels import RosFile
+from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+from services.replay.player import Player
+
+EPOCH = 1_700_000_000 * NANOS
+STILL = (0.0, 0.0, 0.0)
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+MS = 1_000_000
+
+
+def clock(ms: int) -> Clock:
+    return Clock(EPOCH + ms * MS, EPOCH, ms * MS // TICK_NANOS)
+
+
+def imu(ms: int) -> Imu:
+    return Imu(EPOCH + ms * MS, "imu_link", UPRIGHT, STILL, STILL, 1.0, 2.0, 3.0)
+
+
+def cloud(ms: int) -> PointCloud:
+    points = np.zeros(ms % 7 + 1, POINT)
+    return PointCloud(EPOCH + ms * MS, "lidar_link", packed(points.view(np.uint8)))
+
+
+def command(ms: int) -> Command:
+    return Command(EPOCH + ms * MS, (0.25, 0.0, 0.0), STILL)
+
+
+def pose(ms: int) -> PoseStamped:
+    return PoseStamped(EPOCH + ms * MS, "map", STILL, UPRIGHT)
+
+
+TOPICS: dict[type[Message], str] = {
+    Clock: "/clock",
+    Imu: "/imu",
+    PointCloud: "/points",
+    Command: "/cmd_vel",
+    PoseStamped: "/pose",
+}
+
+Recorded = Callable[[list[Message]], Recording]
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Recorded:
+    """Return a function that makes a recording of messages in this order."""
+
+    def record(messages: list[Message]) -> Recording:
+        file = RosFile(tmp_path / "run.mcap")
+        scenario = load(str(SHIPPED / "indoor_lab.yaml"))
+        file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
+        for message in messages:
+            kind = type(message)
+            topic = file.topic(TOPICS[kind], ROS_FORMS[kind].ros_type)
+            topic.write(message.stamp_nanos, to_cdr(message))  # type: ignore[attr-defined]
+            file.mcap.commit("topics", {})  # a chunk for each
+        file.mcap.close()
+        return Recording(tmp_path / "run.mcap")
+
+    return record
+
+
+def played(recording: Recording, from_ms: int = 0) -> list[tuple[int, str, Message]]:
+    with recording:
+        player = Player(recording, "again")
+        return [
+            ((due.nanos - EPOCH) // MS, due.key.removeprefix("groundlink/again/"), due.message)
+            for due in player.play(EPOCH + from_ms * MS)
+        ]
+
+
+def test_a_cloud_is_due_when_its_revolution_is_over(recorded: Recorded) -> None:
+    messages = [clock(0), cloud(0), imu(50), clock(100), imu(100), cloud(100), clock(110)]
+    assert played(recorded(messages)) == [
+        (0, "clock", clock(0)),
+        (50, "rover/imu", imu(50)),
+        (100, "clock", clock(100)),
+        (100, "rover/lidar", cloud(0)),
+        (100, "rover/imu", imu(100)),
+        (110, "clock", clock(110)),
+        (200, "rover/lidar", cloud(100)),
+    ]
+
+
+def test_the_order_of_time_whatever_the_order_of_arrival(recorded: Recorded) -> None:
+    """In a fast run streams lag behind each other by up to a window."""
+    messages = [clock(0), clock(10), clock(20), imu(5), imu(10), imu(15)]
+    order = [(ms, key) for ms, key, _ in played(recorded(messages))]
+    assert order == [
+        *((0, "clock"), (5, "rover/imu"), (10, "clock"), (10, "rover/imu")),
+        *((15, "rover/imu"), (20, "clock")),
+    ]
+
+
+def test_from_an_instant_it_begins_with_a_clock(recorded: Recorded) -> None:
+    messages = [clock(0), imu(5), clock(10), imu(15), clock(20), imu(25)]
+    order = [(ms, key) for ms, key, _ in played(recorded(messages), from_ms=12)]
+    assert order == [(20, "clock"), (25, "rover/imu")]
+
+
+def test_commands_are_played_and_what_the_stack_told_is_not(recorded: Recorded) -> None:
+    messages = [clock(0), command(4), pose(6), clock(10)]
+    assert [key for _, key, _ in played(recorded(messages))] == ["clock", "rover/command", "clock"]
+
+
+def test_a_damaged_message_is_counted_and_passed_over(recorded: Recorded, tmp_path: Path) -> None:
+    recording = recorded([clock(0), imu(5)])
+    recording.close()
+    file = RosFile(tmp_path / "other.mcap")
+    file.mcap.add_metadata(RUN_RECORD, run_entries(recording.run))
+    file.topic("/clock", "rosgraph_msgs/msg/Clock").write(EPOCH, to_cdr(clock(0)))
+    file.topic("/imu", "sensor_msgs/msg/Imu").write(EPOCH, to_cdr(clock(0)))
+    file.mcap.commit("topics", {})
+    with Recording(tmp_path / "other.mcap") as damaged:
+        player = Player(damaged, "again")
+        assert [due.message for due in player.play(EPOCH)] == [clock(0)]
+    assert player.refused == 1

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A client of Foxglove's WebSocket protocol that knows of ROS only what it is told."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+SUBPROTOCOL = Subprotocol("foxglove.sdk.v1")
+MESSAGE_DATA, TIME = 1, 2
+"""First byte of the protocol's binary messages."""
+
+
+class Client:
+    """One connection, and all that came by it."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.times: list[int] = []
+        self.got: list[tuple[str, int, bytes]] = []
+
+    def read(self, quiet: float = 0.2, *, at_most: float = 5.0) -> None:
+        """Take what comes until nothing has come for so many seconds."""
+        end = time.monotonic() + at_most
+        while time.monotonic() < end:
+            try:
+                frame = self.socket.recv(timeout=quiet)
+            except TimeoutError:
+                return
+            self._take(frame)
+
+    def _take(self, frame: str | bytes) -> None:
+        if isinstance(frame, str):
+            for channel in json.loads(frame).get("channels", ()):
+                self.channels[channel["topic"]] = channel
+        elif frame[0] == MESSAGE_DATA:
+            number, stamp = struct.unpack_from("<IQ", frame, 1)
+            topic = next(t for t, c in self.channels.items() if c["id"] == number)
+            self.got.append((topic, stamp, frame[13:]))
+        elif frame[0] == TIME:
+            self.times.append(struct.unpack_from("<Q", frame, 1)[0])
+
+    def subscribe(self, *topics: str) -> None:
+        wishes = [
+            {"id": self.channels[t]["id"], "channelId": self.channels[t]["id"]} for t in topics
+        ]
+        self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wishes}))
+
+    def decoded(self, topic: str) -> Any:
+        """Return the newest message of a topic, read by the advertised definition."""
+        channel = self.channels[topic]
+        schema = Schema(
+            id=1,
+            name=channel["schemaName"],
+            encoding=channel["schemaEncoding"],
+            data=channel["schema"].encode(),
+        )
+        decode = DecoderFactory().decoder_for(channel["encoding"], schema)
+        assert decode is not None
+        return decode(next(body for t, _, body in reversed(self.got) if t == topic))
+
+
+@contextmanager
+def joined(port: int) -> Iterator[Client]:
+    """Join a server and read what it advertises."""
+    address = f"ws://127.0.0.1:{port}"
+    with connect(address, subprotocols=[SUBPROTOCOL], max_size=None) as socket:
+        client = Client(socket)
+        client.read()
+        yield client

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every message of a vehicle is drawn, in its place, and none ends the viewer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from groundlink import imagery, navigation
+from groundlink.messages import (
+    POINT,
+    Command,
+    Imu,
+    Message,
+    PointCloud,
+    VehicleState,
+    WheelEncoders,
+    packed,
+)
+from groundlink.ros_streams import RosStream
+from groundlink.topics import COMMAND, FROM_ROS, GROUND_TRUTH, STREAM_TOPICS
+from services.view.canvas import MOST_POINTS, Trail
+from services.view.forms import FORMS
+from services.view.picture import Picture
+
+from .scenes import EPOCH, SCENARIO, Nowhere, Remembering, state
+
+STAMP = EPOCH + 500_000_000
+EYE9, ZERO36 = packed(np.eye(3)), packed(np.zeros(36))
+UP = (0.0, 0.0, 0.0, 1.0)
+
+
+def picture(colouring: Any = "intensity") -> tuple[Picture, Remembering]:
+    """Return a picture that has seen a second of driving."""
+    nowhere = Nowhere()
+    it = Picture(SCENARIO, "run", colouring=colouring, destination=nowhere)
+    it.take_states([state(tick) for tick in range(401)])
+    return it, nowhere.recordings[0]
+
+
+def show(it: Picture, path: str, message: Message) -> None:
+    key = f"groundlink/run/{path}"
+    it.take(path, RosStream(key=key, message=type(message), topic="/t", declared_hz=None), message)
+
+
+def cloud(points: list[tuple[float, ...]], stamp: int = STAMP) -> PointCloud:
+    return PointCloud(stamp, "lidar_link", packed(np.array(points, POINT)))
+
+
+def encoders(ticks: int, stamp: int) -> WheelEncoders:
+    names = tuple(wheel.name for wheel in SCENARIO.vehicles[0].model.wheels)
+    return WheelEncoders(stamp, "base_link", names, (ticks,) * 4)
+
+
+def camera_info() -> imagery.CameraInfo:
+    lens = packed(np.array([[400.0, 0, 2], [0, 400, 1], [0, 0, 1]]))
+    return imagery.CameraInfo(
+        STAMP, "cam", 2, 4, "plumb_bob", packed(np.zeros(5)), lens, EYE9, packed(np.zeros(12))
+    )
+
+
+def odometry() -> navigation.Odometry:
+    return navigation.Odometry(
+        STAMP, "odom", "base", (1, 0, 0), UP, (1, 0, 0), (0, 0, 0), ZERO36, ZERO36
+    )
+
+
+SCAN = (STAMP, "lidar_link", 0.0, 0.1, 0.001, 0.1, 0.1, 10.0)
+JPEG = memoryview(b"\xff\xd8\xff\xe0 as it is")
+GRID = navigation.OccupancyGrid(
+    STAMP, "world", STAMP, 0.5, 2, 1, (0, 0, 0), UP, packed(np.array([-1, 100], np.int8))
+)
+
+CASES: dict[type[Message], tuple[Message, str, type | None]] = {
+    Command: (Command(STAMP, (1, 0, 0), (0, 0, 0)), "rover/speed/commanded", None),
+    Imu: (Imu(STAMP, "imu_link", UP, (0, 0, 1), (0, 0, 9), 0, 0, 0), "rover/x/acceleration", None),
+    PointCloud: (cloud([(1, 0, 0, 80, 3, 0)]), "rover/x", rr.Points3D),
+    WheelEncoders: (encoders(5, STAMP), "rover/x", None),
+    imagery.Image: (
+        imagery.Image(STAMP, "cam", 2, 4, "rgb8", 16, memoryview(bytes(32))),
+        "rover/x",
+        rr.Image,
+    ),
+    imagery.CompressedImage: (
+        imagery.CompressedImage(STAMP, "cam", "rgb8; jpeg compressed bgr8", JPEG),
+        "rover/x",
+        rr.EncodedImage,
+    ),
+    imagery.CameraInfo: (camera_info(), "rover/x", rr.Pinhole),
+    imagery.LaserScan: (
+        imagery.LaserScan(*SCAN, packed(np.array([1, np.inf], np.float32)), memoryview(b"")),
+        "rover/x",
+        rr.Points3D,
+    ),
+    imagery.Range: (
+        imagery.Range(STAMP, "front", "ultrasound", 0.5, 0.1, 4.0, float("inf"), 0.0),
+        "rover/x",
+        rr.Arrows3D,
+    ),
+    navigation.PoseStamped: (
+        navigation.PoseStamped(STAMP, "map", (0, 0, 0), UP),
+        "rover/x",
+        rr.LineStrips3D,
+    ),
+    navigation.Odometry: (odometry(), "rover/x", rr.LineStrips3D),
+    navigation.OccupancyGrid: (GRID, "rover/x", rr.GridMap),
+    navigation.Transforms: (
+        navigation.Transforms((navigation.Transform(STAMP, "base_link", "arm", (0, 0, 1), UP),)),
+        "tf/arm",
+        rr.Transform3D,
+    ),
+    navigation.JointState: (
+        navigation.JointState(STAMP, "", ("a",), packed(np.ones(1)), *(memoryview(b""),) * 2),
+        "rover/x/positions",
+        None,
+    ),
+    navigation.NavSatFix: (
+        navigation.NavSatFix(STAMP, "gnss", 0, 1, 50.0, 14.4, 200.0, EYE9, 2),
+        "rover/x",
+        rr.GeoPoints,
+    ),
+}
+"""A message of each kind, where something of it is drawn, and as what; None is a plot."""
+
+
+def test_all_that_ros_sees_of_a_vehicle_is_drawn() -> None:
+    rows = [COMMAND, GROUND_TRUTH, *STREAM_TOPICS.values(), *FROM_ROS.values()]
+    assert {row.message for row in rows} == set(FORMS) == set(CASES)
+
+
+@pytest.mark.parametrize("kind", CASES, ids=lambda kind: kind.__name__)
+def test_each_message_is_drawn(kind: type[Message]) -> None:
+    message, path, drawn = CASES[kind]
+    it, recording = picture()
+    if kind is WheelEncoders:
+        show(it, "rover/x", encoders(0, STAMP - 20_000_000))
+    show(it, "rover/x", message)
+    it.canvas.plots.flush()
+    assert it.canvas.not_drawn == 0
+    if drawn is None:
+        assert recording.columns[path] == 1
+    else:
+        assert any(isinstance(what, drawn) for what in recording.logged[path])
+
+
+def test_a_jpeg_goes_as_it_is() -> None:
+    it, recording = picture()
+    show(it, "rover/x", CASES[imagery.CompressedImage][0])
+    (image,) = (w for w in recording.logged["rover/x"] if isinstance(w, rr.EncodedImage))
+    assert image.blob is not None
+    assert bytes(image.blob.as_arrow_array()[0].as_py()) == bytes(JPEG)
+
+
+def test_a_cloud_is_placed_point_by_point() -> None:
+    """The rover drives 1 m/s; its LiDAR is 0.65 m above the base. The same spot, 0.1 s apart."""
+    it, recording = picture()
+    show(it, "rover/lidar", cloud([(2.0, 0, 0, 50, 0, 0.0), (1.9, 0, 0, 50, 15, 0.1)]))
+    (points,) = recording.logged["rover/lidar"]
+    placed = np.array(points.positions.as_arrow_array().to_pylist())
+    assert placed == pytest.approx(np.array([[2.5, 0, 0.65]] * 2), abs=1e-5)
+
+
+@pytest.mark.parametrize(("colouring", "differ"), [("intensity", False), ("ring", True)])
+def test_colours_are_by_intensity_or_by_ring(colouring: str, differ: bool) -> None:
+    it, recording = picture(colouring)
+    show(it, "rover/lidar", cloud([(2.0, 0, 0, 50, 0, 0.0), (2.0, 0, 0, 50, 15, 0.0)]))
+    (points,) = recording.logged["rover/lidar"]
+    first, second = points.colors.as_arrow_array().to_pylist()
+    assert (first != second) == differ
+
+
+def test_a_cloud_from_before_the_first_state_is_counted() -> None:
+    it, recording = picture()
+    show(it, "rover/lidar", cloud([(1, 0, 0, 9, 0, 0)], stamp=EPOCH - 1))
+    assert it.canvas.not_drawn == 1
+    assert "rover/lidar" not in recording.logged
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        imagery.Image(STAMP, "cam", 1, 1, "bayer_rggb8", 1, memoryview(b"x")),
+        imagery.CompressedImage(STAMP, "cam", "h264", memoryview(b"x")),
+        PointCloud(STAMP, "nowhere", packed(np.zeros(1, POINT))),
+    ],
+    ids=["bayer", "h264", "unknown frame"],
+)
+def test_what_cannot_be_drawn_is_counted(message: Message) -> None:
+    it, _ = picture()
+    show(it, "rover/x", message)
+    assert it.canvas.not_drawn == 1
+
+
+@pytest.mark.parametrize(
+    ("encoding", "dtype", "channels"),
+    [("mono8", "u1", 1), ("bgra8", "u1", 4), ("mono16", "<u2", 1), ("32FC1", "<f4", 1)],
+)
+def test_rows_lose_their_padding(encoding: str, dtype: str, channels: int) -> None:
+    pixels = np.arange(2 * 3 * channels).astype(dtype).reshape(2, -1)
+    padded = np.concatenate([pixels.view(np.uint8), np.full((2, 5), 255, np.uint8)], axis=1)
+    it, recording = picture()
+    message = imagery.Image(STAMP, "cam", 2, 3, encoding, padded.shape[1], packed(padded))
+    show(it, "rover/x", message)
+    drawn = recording.logged["rover/x"][-1]
+    assert bytes(drawn.buffer.as_arrow_array()[0].as_py()) == pixels.tobytes()
+
+
+def test_the_stack_begins_on_the_truth_and_may_leave_it() -> None:
+    """The stack calls its start the origin; the rover was at x = 0.5 m then."""
+    it, recording = picture()
+    show(it, "rover/from_ros/map", GRID_OF_STACK)
+    assert "rover/from_ros/map" not in recording.logged
+    show(it, "rover/from_ros/pose", navigation.PoseStamped(STAMP, "map", (0, 0, 0), UP))
+    (frame,) = recording.logged["tf/rover/from_ros"]
+    assert frame.translation.as_arrow_array().to_pylist() == [pytest.approx([0.5, 0, 0])]
+    assert any(isinstance(what, rr.GridMap) for what in recording.logged["rover/from_ros/map"])
+    show(it, "rover/from_ros/pose", navigation.PoseStamped(STAMP + 1, "map", (3, 1, 0), UP))
+    assert len(recording.logged["tf/rover/from_ros"]) == 1
+
+
+GRID_OF_STACK = navigation.OccupancyGrid(
+    STAMP, "map", STAMP, 0.5, 2, 1, (0, 0, 0), UP, packed(np.array([0, 100], np.int8))
+)
+
+
+def test_a_new_life_of_physics_gets_a_recording_of_its_own() -> None:
+    nowhere = Nowhere()
+    it = Picture(SCENARIO, "run", colouring="intensity", destination=nowhere)
+    it.take_states([state(0), state(1)])
+    it.take_states([state(0, epoch=EPOCH + 10**10)])
+    assert len(nowhere.recordings) == 2
+    show(it, "rover/lidar", cloud([(1, 0, 0, 9, 0, 0)]))
+    assert it.canvas.not_drawn == 1
+
+
+def test_a_vehicle_that_moves_at_400_hz_is_drawn_at_30() -> None:
+    it, recording = picture()
+    before = len(recording.logged["tf/base_link"])
+    for tick in range(401, 801):
+        it.take_states([state(tick)])
+    assert 25 <= len(recording.logged["tf/base_link"]) - before <= 45
+
+
+def test_a_state_of_other_vehicles_draws_nothing() -> None:
+    it, _ = picture()
+    other = state(402)
+    vehicle: VehicleState = other.vehicles["rover"]
+    other.vehicles.clear()
+    other.vehicles["stranger"] = vehicle
+    it.take_states([other])
+
+
+def test_a_trail_is_bounded_and_keeps_its_ends() -> None:
+    trail = Trail(0.01)
+    for i in range(20_000):
+        trail.add((i * 0.02, 0.0, 0.0))
+    assert len(trail.points) <= MOST_POINTS
+    assert trail.points[0] == (0.0, 0.0, 0.0)
+    assert trail.points[-1][0] > 0.99 * 20_000 * 0.02

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The layout shows what the scenario has, and no empty panels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import rerun.blueprint as rrb
+
+from services.view.intake import streams_of
+from services.view.layout import layout
+
+from .scenes import SCENARIO, with_streams
+
+CAMERA = {"name": "front", "kind": "compressed_image", "topic": "/front", "rate_hz": 30}
+GNSS = {"name": "gnss", "kind": "nav_sat_fix", "topic": "/fix", "rate_hz": 5}
+
+
+def views(scenario: Any) -> dict[str, type]:
+    found: dict[str, type] = {}
+
+    def walk(part: Any) -> None:
+        for child in getattr(part, "contents", ()):
+            if isinstance(child, rrb.View):
+                found[str(child.name)] = type(child)
+            elif not isinstance(child, str):
+                walk(child)
+
+    walk(layout(scenario, streams_of(scenario, "run")).root_container)
+    return found
+
+
+def test_the_laboratory_has_its_panels_and_no_others() -> None:
+    shown = views(SCENARIO)
+    assert {"World", "Run", "Speed, m/s", "Wheels by their encoders, m/s"} <= set(shown)
+    assert "Acceleration, m/s²" in shown
+    assert rrb.MapView not in shown.values()
+    assert rrb.Spatial2DView not in shown.values()
+
+
+def test_a_camera_and_gnss_bring_theirs() -> None:
+    shown = views(with_streams(CAMERA, GNSS))
+    assert shown["rover/front"] is rrb.Spatial2DView
+    assert shown["Map"] is rrb.MapView

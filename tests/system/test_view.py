@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run is looked at: the picture is not blank, and the run does not feel that it is looked at."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from groundlink.bus import Bus
+from groundlink.clock import TICK_NANOS
+from groundlink.inbox import Inbox
+from groundlink.messages import Command, Health, Imu, Message, PointCloud, State
+from groundlink.topics import COMMAND, HEALTH, IMU, POINTS, STATE
+from tests.services.view.foxglove_client import joined
+
+from .rerun_eyes import Eyes, eyes, need_vulkan, share_of
+from .rig import Rig, children_of, free_port, rig, wait_for
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
+
+TRUTH = (90, 220, 255)
+"""Colour of the true trajectory, as services/view/picture.py draws it."""
+
+
+@dataclass
+class Running:
+    """A run whose rover drives in a circle, and a witness of what is on its bus."""
+
+    rig: Rig
+    bus: Bus
+    boxes: dict[str, Inbox[Message]] = field(default_factory=dict)
+    health: Inbox[Health] = field(default_factory=lambda: Inbox(depth=1000))
+
+    def drain(self) -> dict[str, list[int]]:
+        """Return the stamps of each stream that have come since the last look."""
+        return {
+            name: [m[1].stamp_nanos for m in iter(lambda b=box: b.get(seconds=0), None)]
+            for name, box in self.boxes.items()
+        }
+
+    def counters(self, process: str) -> dict[str, int]:
+        """Return a process's next word about itself."""
+        while True:
+            arrived = self.health.get(seconds=10)
+            assert arrived, f"{process} fell silent"
+            if arrived[1].process.startswith(process):
+                return arrived[1].counters
+
+    def pass_clouds(self, count: int) -> None:
+        """Wait until so many more clouds have come, ten a second, without holding them up long."""
+        begin = len(self.boxes["lidar"])
+        wait_for(
+            lambda: len(self.boxes["lidar"]) >= begin + count,
+            0.15 * count + 1.0,
+            f"{count} clouds more",
+        )
+
+    def view(self, *arguments: str, log: str) -> subprocess.Popen[str]:
+        """Start a viewer of this run."""
+        join = ("--connect", self.rig.endpoint, "--run", self.rig.run)
+        return self.rig.start("-m", "groundlink", "view", *join, *arguments, log=log)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with rig(tmp_path_factory.mktemp("view")) as it:
+        it.up()
+        wait_for(lambda: _listens(it), 20, "the router listens")
+        with Bus(connect=it.endpoint) as bus:
+            run = Running(it, bus)
+            names = {"vehicle": "rover"}
+            for name, row, box_of in (
+                ("state", STATE, State),
+                ("lidar", POINTS, PointCloud),
+                ("imu", IMU, Imu),
+            ):
+                box: Inbox[Message] = Inbox(depth=40_000 if name != "lidar" else 800)
+                run.boxes[name] = box
+                bus.subscribe(row.key_in(it.run, sensor=name, **names), box_of, box)
+            bus.subscribe(HEALTH.key_in(it.run), Health, run.health)
+            drive = bus.publisher(COMMAND.key_in(it.run, **names), COMMAND.delivery)
+            stop = threading.Event()
+
+            def circle() -> None:
+                while not stop.wait(0.05):
+                    drive(Command(time.time_ns(), (0.35, 0.0, 0.0), (0.0, 0.0, 0.6)))
+
+            driver = threading.Thread(target=circle)
+            driver.start()
+            try:
+                wait_for(lambda: len(run.boxes["lidar"]) > 5, 40, "clouds come")
+                yield run
+            finally:
+                stop.set()
+                driver.join()
+
+
+def _listens(it: Rig) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", int(it.endpoint.rpartition(":")[2]))) == 0
+
+
+def test_the_picture_of_a_live_run_is_not_blank(running: Running, tmp_path: Path) -> None:
+    """Live, by the way of the web viewer's server; the colours that must be there are there."""
+    need_vulkan()
+    port = free_port(socket.SOCK_STREAM)
+    viewer = running.view("--web", "--port", str(port), log="web.log")
+    wait_for(lambda: "open http://127.0.0.1" in running.rig.log("web.log"), 30, "it serves")
+    (address,) = re.findall(r"\?url=(\S+)", running.rig.log("web.log"))
+    with eyes(unquote(address), tmp_path) as seen:
+        began = wait_for(seen.newest_seconds, 60, "the recording arrives")
+        wait_for(lambda: seen.newest_seconds() > began + 8, 60, "eight seconds more arrive")
+        world = _world(seen)
+        text, speed = seen.picture("Run"), seen.picture("Speed, m/s")
+        assert seen.reports() == []
+    assert len(np.unique(world.reshape(-1, 3), axis=0)) > 1000
+    _, counts = np.unique(world.reshape(-1, 3), axis=0, return_counts=True)
+    assert counts.max() < 0.6 * counts.sum(), "one colour is most of the picture"
+    assert share_of(world, TRUTH, 12) > 2e-4, "the trajectory is drawn"
+    assert _cloud_share(world) > 2e-3, "the cloud is drawn"
+    assert (text.max(axis=-1) > 200).mean() > 2e-3, "the text is there"
+    assert share_of(speed, TRUTH, 25) > 1e-4, "the speed is plotted"
+    _ends_at_once(viewer)
+
+
+def _world(seen: Eyes) -> NDArray[np.uint8]:
+    """Return the 3D view once something bright enough fills a third of it."""
+
+    def lit() -> list[NDArray[np.uint8]]:
+        picture = seen.picture("World")
+        return [picture] if (picture.max(axis=-1) > 60).mean() > 0.3 else []
+
+    picture: NDArray[np.uint8] = wait_for(lit, 60, "the world is drawn")[0]
+    return picture
+
+
+def _cloud_share(world: NDArray[np.uint8]) -> float:
+    """Return the share of pixels in the colours of walls as a LiDAR sees them."""
+    return share_of(world, (240, 200, 60), 30) + share_of(world, (100, 215, 110), 40)
+
+
+def _ends_at_once(viewer: subprocess.Popen[str]) -> None:
+    """Ctrl-C ends a viewer within 2 s, more on a busy machine, and nothing of it is left."""
+    children = children_of(viewer.pid)
+    viewer.send_signal(signal.SIGINT)
+    assert viewer.wait(6) == 0
+    wait_for(lambda: all(map(_is_gone, children)), 2, "what it started has ended")
+
+
+def _is_gone(pid: int) -> bool:
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return True
+    return stat.rpartition(")")[2].split()[0] == "Z"  # ended, and nobody has asked how
+
+
+def test_a_viewer_that_falls_behind_or_goes_changes_no_rate(running: Running) -> None:
+    """Two viewers, whose servers are stopped. Then one of them is stopped itself, as by Ctrl-Z, for
+    8 s, and killed; the other, which waits for its server, ends by Ctrl-C all the same.
+    """
+    running.drain()
+    viewers = []
+    for log in ("stopped.log", "waiting.log"):
+        port = free_port(socket.SOCK_STREAM)
+        viewers.append(running.view("--web", "--port", str(port), log=log))
+        wait_for(lambda log=log: "open http" in running.rig.log(log), 30, "it serves")
+    stopped, waiting = viewers
+    running.pass_clouds(60)
+    servers = [pid for viewer in viewers for pid in children_of(viewer.pid)]
+    assert len(servers) == 2
+    for server in servers:
+        os.kill(server, signal.SIGSTOP)
+    running.pass_clouds(80)
+    stopped.send_signal(signal.SIGSTOP)
+    running.pass_clouds(80)
+    stopped.kill()
+    running.pass_clouds(20)
+    _ends_at_once(waiting)
+    wait_for(lambda: all(map(_is_gone, servers)), 5, "the servers end with their viewers")
+    stamps = running.drain()
+    for name, period in (("state", TICK_NANOS), ("lidar", 10**8), ("imu", TICK_NANOS)):
+        assert set(np.diff(stamps[name]).tolist()) == {period}, name
+    for sensor in ("rover/lidar", "rover/imu", "rover/encoders"):
+        assert running.counters(sensor)["missed_ticks"] == 0
+
+
+def test_foxglove_sees_a_robot(running: Running) -> None:
+    port = free_port(socket.SOCK_STREAM)
+    viewer = running.view("--foxglove", "--port", str(port), log="foxglove.log")
+    wait_for(lambda: "open ws://" in running.rig.log("foxglove.log"), 30, "it serves")
+    with joined(port) as client:
+        client.subscribe(*client.channels)
+        wanted = {"/clock", "/points", "/imu", "/wheel_encoders", "/tf", "/tf_static", "/scene"}
+        begun = time.monotonic()
+        while not wanted <= {topic for topic, _, _ in client.got}:
+            assert time.monotonic() < begun + 20
+            client.read(at_most=0.5)
+        assert client.decoded("/points").width > 40_000
+        frames = {
+            t.child_frame_id: t.header.frame_id
+            for topic in ("/tf", "/tf_static")
+            for t in client.decoded(topic).transforms
+        }
+        assert frames == {"base_link": "world", "lidar_link": "base_link", "imu_link": "base_link"}
+        assert client.times
+    _ends_at_once(viewer)
+
+
+def test_a_file_holds_what_was_seen(running: Running, tmp_path: Path) -> None:
+    need_vulkan()
+    file = tmp_path / "run.rrd"
+    viewer = running.view("--save", str(file), log="save.log")
+    wait_for(lambda: file.exists() and file.stat().st_size > 30_000_000, 30, "it is written")
+    _ends_at_once(viewer)
+    with eyes(str(file), tmp_path) as seen:
+        wait_for(lambda: seen.newest_seconds() > 0 and not seen.state().loading, 30, "it opens")
+        assert _cloud_share(_world(seen)) > 2e-3, "the cloud is drawn"
