@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,11 @@ _POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4}
 """sensor_msgs/PointField's FLOAT32 and UINT16."""
 
 
+@lru_cache(maxsize=256)
 def _diagonal(variance: float) -> np.ndarray[Any, Any]:
-    return np.diag(np.full(3, variance, np.float64)).ravel()
+    covariance = np.diag(np.full(3, variance, np.float64)).ravel()
+    covariance.setflags(write=False)
+    return covariance
 
 
 _POINT_FIELDS = [

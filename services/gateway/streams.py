@@ -11,12 +11,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from groundlink.frames import quaternion_from_rpy
+from groundlink.message_sizes import body_bytes
 from groundlink.messages import Clock, Message
 from groundlink.navigation import Transform, Transforms
 from groundlink.ros_messages import ROS_FORMS
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Repair, RepairBy
+from groundlink.scenario.sensors import Lidar, Repair, RepairBy
 from groundlink.topics import CLOCK, GROUND_TRUTH, SENSOR_TOPICS, STREAM_TOPICS, sensor_rate_hz
 from udp_bridge.repair import Mode, parse_mode
 from udp_bridge.types import MSG_TYPES, type_number
@@ -39,6 +40,8 @@ class Stream:
     declared_hz: float
     push: bool
     repair: Repair = "none"
+    waiting_bytes: int = 0
+    """Of blocks of a whole, which do not supersede each other, those that may wait for the wire."""
 
     @property
     def msg_type(self) -> int:
@@ -69,6 +72,7 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Stre
             declared_hz=rate_hz,
             push=spec.push,
             repair=spec.repair,
+            waiting_bytes=_revolution_bytes(vehicle, spec),
         )
     yield Stream(
         key=GROUND_TRUTH.key_in(run, vehicle=vehicle.name),
@@ -77,6 +81,21 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Stre
         declared_hz=vehicle.ground_truth.rate_hz,
         push=vehicle.ground_truth.push,
     )
+
+
+def _revolution_bytes(vehicle: Vehicle, spec: object) -> int:
+    """Return the bytes of all blocks of a revolution, of a LiDAR that sends some."""
+    if not isinstance(spec, Lidar) or spec.blocks_per_revolution == 1:
+        return 0
+    return spec.blocks_per_revolution * body_bytes(vehicle, spec)
+
+
+def waiting_table(streams: Iterable[Stream]) -> dict[tuple[int, str], int]:
+    """Return the bytes of each stream in blocks that may wait, by wire type and topic.
+
+    A block may be held up as long as a whole revolution would be: no data get older by it.
+    """
+    return {(s.msg_type, s.topic): s.waiting_bytes for s in streams if s.waiting_bytes}
 
 
 def repair_table(streams: Iterable[Stream]) -> dict[tuple[int, str], Mode]:
