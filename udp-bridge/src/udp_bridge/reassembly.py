@@ -115,7 +115,8 @@ class Reassembler:
         if header.parts_max != 1:
             raise Refused("parts_max")
         told = control.parse(part)
-        self.counters.messages += 1
+        # Asking for a Credit is no message of anybody's.
+        self.counters.messages += not isinstance(told, control.CreditRequest)
         return told
 
     def asked(self) -> List[Tuple[Hashable, str, Asked]]:
