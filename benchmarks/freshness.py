@@ -2,10 +2,12 @@
 """How old data are at the end of a lossy link, ours and TCP's: `python -m benchmarks.freshness`.
 
 Rule: 1 MB ten times a second over a link that loses 5 % of what it carries and takes 10 ms each
-way, for both the same emulation: of datagrams for ours, in the project's own relay; of IP packets
-for the kernel's TCP, between two network namespaces. A loss costs TCP more the smaller its
-packets are, so it is measured at the size of Ethernet and at the largest there is, and with
-Linux's default congestion control, CUBIC, and with BBR, which mostly overlooks random loss.
+way, for all the same emulation: of datagrams, in the project's own relay, or of IP packets between
+two network namespaces, where the kernel's TCP is, and ours again. A loss costs TCP more the smaller
+its packets are, so it is measured at the size of Ethernet and at the largest there is, and with
+Linux's default congestion control, CUBIC, and with BBR, which mostly overlooks random loss. Ours
+sends 1 MB in four messages over Ethernet's packets, as it does not fit into 255 of them; as one
+message it would go in IP fragments.
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ LINK = Impairment(loss=0.05, delay_ms=10)
 SIZE = 1_000_000
 RATE_HZ = 10.0
 ETHERNET_MTU, LARGEST_MTU = 1500, 65_535
+BLOCKS = 4
+"""Of 250 kB, which fit into 255 datagrams of an Ethernet packet each; 1 MB does not."""
 SAMPLE_NANOS = 5_000_000
 WORSE_AT_LEAST = 20.0
 
@@ -83,6 +87,18 @@ def ways(seconds: float) -> dict[str, Callable[[], list[Arrival]]]:
             mode=parse_mode(mode),
         )
 
+    def ours_in_packets(mode: object, blocks: int) -> Callable[[], list[Arrival]]:
+        return lambda: bridge_ages.measure_packets(
+            LINK,
+            size=SIZE,
+            rate_hz=RATE_HZ,
+            seconds=seconds,
+            datagram="mtu",
+            mode=parse_mode(mode),
+            mtu=ETHERNET_MTU,
+            blocks=blocks,
+        )
+
     def tcp(congestion: str, mtu: int) -> Callable[[], list[Arrival]]:
         return lambda: tcp_ages.measure(
             LINK, size=SIZE, rate_hz=RATE_HZ, seconds=seconds, congestion=congestion, mtu=mtu
@@ -92,13 +108,30 @@ def ways(seconds: float) -> dict[str, Callable[[], list[Arrival]]]:
         "UDP Bridge, fec 20 %": ours("loopback", {"fec": 0.2}),
         "UDP Bridge, resend": ours("loopback", "resend"),
         "UDP Bridge, no repair": ours("loopback", "none"),
+        "UDP Bridge, fec 20 %, Ethernet": ours_in_packets({"fec": 0.2}, BLOCKS),
+        "UDP Bridge, resend, Ethernet": ours_in_packets("resend", BLOCKS),
+        "UDP Bridge, resend, IP fragments": ours_in_packets("resend", 1),
         "TCP, CUBIC, Ethernet": tcp("cubic", ETHERNET_MTU),
         "TCP, CUBIC, 64 kB packets": tcp("cubic", LARGEST_MTU),
         "TCP, BBR, Ethernet": tcp("bbr", ETHERNET_MTU),
     }
 
 
-OURS, THEIRS = "UDP Bridge, fec 20 %", "TCP, CUBIC, Ethernet"
+COMPARED = (
+    ("UDP Bridge, fec 20 %", "TCP, CUBIC, Ethernet"),
+    ("UDP Bridge, fec 20 %, Ethernet", "TCP, CUBIC, Ethernet"),
+)
+"""The ways for which TCP is to be as much worse as claimed: datagrams of 64 kB against TCP's own
+packets, each of which is one loss to its link, and both over the very same network."""
+
+
+def _compared(ours: Result, theirs: Result) -> float:
+    """Print how much older TCP is at p99; return it for what arrived."""
+    ratio = at(theirs.ages_ms, 0.99) / at(ours.ages_ms, 0.99)
+    newest = at(theirs.newest_ms, 0.99) / at(ours.newest_ms, 0.99)
+    print(f"{theirs.name} is {ratio:.0f} times older at p99 than {ours.name}, ", end="")
+    print(f"its newest {newest:.0f} times")
+    return ratio
 
 
 def draw(results: list[Result], path: Path) -> None:
@@ -108,7 +141,7 @@ def draw(results: list[Result], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=(8, 4.5), constrained_layout=True)
+    figure, axes = pyplot.subplots(figsize=(10, 4.5), constrained_layout=True)
     for row in results:
         style = "-" if row.name.startswith("UDP") else "--"
         shares = [1 - index / len(row.newest_ms) for index in range(len(row.newest_ms))]
@@ -122,7 +155,7 @@ def draw(results: list[Result], path: Path) -> None:
         title="1 MB at 10 Hz over a link that loses 5 % and takes 10 ms each way",
     )
     axes.grid(visible=True, which="both", alpha=0.3)
-    axes.legend()
+    figure.legend(loc="outside right upper")
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
 
@@ -134,31 +167,30 @@ def main() -> int:
     parser.add_argument("--picture", type=Path, default=PICTURE)
     arguments = parser.parse_args()
     messages = round(arguments.seconds * RATE_HZ)
-    print(f"{'':26} delivered   age p50        p99    newest p50        p99")
+    print(f"{'':32} delivered   age p50        p99    newest p50        p99")
     results = {}
     for name, measure in ways(arguments.seconds).items():
         try:
             row = result(name, measure(), arguments.seconds)
         except (NotAllowed, OSError) as error:
-            print(f"{name:26} not measured: {error}", flush=True)
+            print(f"{name:32} not measured: {error}", flush=True)
             continue
         results[name] = row
         ages = (
             at(values, share) for values in (row.ages_ms, row.newest_ms) for share in (0.5, 0.99)
         )
         columns = " ".join(f"{age:9.1f} ms" for age in ages)
-        print(f"{name:26} {row.delivered:4} of {messages:3} {columns}", flush=True)
-    if OURS not in results or THEIRS not in results:
+        print(f"{name:32} {row.delivered:4} of {messages:3} {columns}", flush=True)
+    ratios = [
+        _compared(results[ours], results[theirs])
+        for ours, theirs in COMPARED
+        if ours in results and theirs in results
+    ]
+    if len(ratios) < len(COMPARED):
         return 2
-    ours, theirs = results[OURS], results[THEIRS]
-    ratio = at(theirs.ages_ms, 0.99) / at(ours.ages_ms, 0.99)
-    of_newest = at(theirs.newest_ms, 0.99) / at(ours.newest_ms, 0.99)
-    print(
-        f"{THEIRS} is {ratio:.0f} times older at p99 than {OURS}, its newest {of_newest:.0f} times"
-    )
     draw(list(results.values()), arguments.picture)
     print(f"drawn: {arguments.picture}")
-    return 0 if ratio >= WORSE_AT_LEAST else 1
+    return 0 if min(ratios) >= WORSE_AT_LEAST else 1
 
 
 if __name__ == "__main__":

@@ -2,26 +2,25 @@
 """Count what repair delivers over lossy links: `python -m benchmarks.repair`.
 
 Rule: links and times are simulated and seeded, so that the counts are the same everywhere; only
-`--latency` uses sockets and a clock, and loses what it receives on purpose. Decides nothing.
+`--latency` uses processes, sockets and a clock: it is the bridge benchmark's part `resending`.
 """
 
 from __future__ import annotations
 
 import argparse
 import random
-import threading
-import time
 from collections.abc import Callable
+from pathlib import Path
 
 from tests.udp_bridge.simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
-from tests.udp_bridge.test_repaired_links import lossy
-from udp_bridge import Link, Message
+from udp_bridge import Message
 from udp_bridge.repair import Fec, Mode, Resend
+
+from .bridge import resending
 
 PARTS = 64
 PART = 232
 TOPIC = (1, "/p")
-LOCAL = ("127.0.0.1", 0)
 HALF = Resend(SECOND // 2)
 ROWS: list[tuple[str, Mode | None, Callable[[int], Loss], bool]] = [
     ("none, 1 %", None, lambda seed: independent(random.Random(seed), 0.01), False),
@@ -75,31 +74,6 @@ def delivered(mode: Mode | None, make: Callable[[int], Loss], back: bool, count:
     )
 
 
-def latency(size: int, share: float, mode: Mode | None, count: int = 100) -> list[float]:
-    """Return the times in ms from `send` to `on_message` between two links on this host."""
-    took: list[float] = []
-    came = threading.Event()
-
-    def on_message(message: Message, _: object) -> None:
-        if message.msg_type == TOPIC[0]:
-            took.append((time.monotonic_ns() - message.stamp_nanos) / MS)
-            came.set()
-
-    seeds = random.Random(3)
-    body = seeds.randbytes(size)
-    table = {TOPIC: mode} if mode else None
-    ends = lossy(seeds, share), lossy(seeds, share)
-    with (
-        Link(LOCAL, on_message=on_message, socket=ends[0]) as to,
-        Link(LOCAL, to.address, repair=table, socket=ends[1]) as link,
-    ):
-        for _ in range(count):
-            came.clear()
-            link.send(*TOPIC, "l", time.monotonic_ns(), body)
-            came.wait(1)
-    return sorted(took)
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description="Count what repair delivers over lossy links.")
@@ -110,16 +84,7 @@ def main() -> None:
         for name, mode, make, back in ROWS:
             print(f"{name}: {delivered(mode, make, back, options.messages)}", flush=True)
         return
-    for size in (1_000_000, 10_000_000):
-        medians = []
-        for name, share, mode in [
-            ("nothing lost", 0.0, None),
-            ("5 % lost, resend", 0.05, HALF),
-        ]:
-            took = latency(size, share, mode)
-            medians.append(took[len(took) // 2])
-            print(f"{size / 1e6:.0f} MB, {name}: {len(took)} of 100, p50 {medians[-1]:.2f} ms")
-        print(f"{size / 1e6:.0f} MB: {medians[1] / medians[0]:.2f} times")
+    print("", *resending.run(False, Path()).claims, sep="\n")
 
 
 if __name__ == "__main__":

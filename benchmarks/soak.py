@@ -3,45 +3,34 @@
 
     .venv/bin/python -m benchmarks.soak --minutes 10
 
-Two links of one process talk through a relay that loses and repeats datagrams both ways and keeps
-its own books of what it let through. Ends are restarted without a word, in turn; now and then
-traffic rests until nothing is in flight, and the sender's accounts are compared with the books.
+Two processes talk through a relay that loses and repeats datagrams both ways and keeps its own
+books of what it let through. At first both are killed once while data flow. From then on only
+their links are ended and made anew, with and without a last word, so that a process's memory shows
+whatever an ended link leaves behind. Now and then traffic rests until nothing is in flight, and
+the sender's accounts are compared with the books.
 """
 
 from __future__ import annotations
 
 import argparse
-import gc
-import os
-import struct
+import itertools
 import sys
+import threading
 import time
-import zlib
 from collections import Counter
 
-from udp_bridge import Link, Message
 from udp_bridge.accounts import Account
-from udp_bridge.repair import Resend
-from udp_bridge.types import MSG_TYPES
 
 from .lossy_relay import Books, Relay
+from .soak_ends import LOCAL, REPAIR, TOOK, TOPICS, End, Receiver, Sender
+from .soak_memory import Sample, judged
 
-LOCAL = ("127.0.0.1", 0)
 LOSS = DUPLICATES = 0.02
-DATAGRAM = 8192
-TOPICS = (
-    (2, "/imu", 0.005, 320),
-    (5, "/wheels", 0.02, 200),
-    (1, "/points", 0.1, 200_000),
-    (33, "/image", 0.1, 100_000),
-)
-"""Type, topic, period in s, bytes of a body."""
-REPAIR = {(33, "/image"): Resend(500_000_000)}
-REPORT_SECONDS = 1.5
-"""What a receiver took within this time before its end may never be reported."""
+REPORT_SECONDS = 2.5
+"""What a receiver took within this time before its end may never be reported: it tells once a
+second, and one report may be lost."""
 REST_SECONDS = 12.0
 """How long everything may be in flight at most: 2 s of patience, 4 s until it is settled."""
-_TAG = struct.Struct("<QQI")
 
 
 class Soak:
@@ -49,98 +38,132 @@ class Soak:
 
     def __init__(self, seed: int) -> None:
         self.faults: list[str] = []
+        self.kills = 0
         self.restarts = 0
         self.rests = 0
         self.totals: Counter[str] = Counter()
-        self._number = 0
+        self.memory: list[Sample] = []
         self.books = Books()
-        self.wrong: list[str] = []
-        self._receiver = Link(LOCAL, on_message=self._take, report=True)
-        self._receiver_at = self._receiver.address
+        self._begun = time.monotonic()
+        self._receiver = End(Receiver, self._told)
+        self._receiver_at = self._receiver.do("open", LOCAL)
         self.relay = Relay(self._receiver_at, seed, loss=LOSS, duplicates=DUPLICATES)
-        self._sender = self._new_sender(LOCAL)
-        self._sender_at = self._sender.address
+        self._sender = End(Sender, self._told)
+        self._sender_at = LOCAL
+        self._open_sender()
         self.relay.new_life(self.books)
 
     def send_for(self, seconds: float) -> None:
         """Send every topic at its rate."""
-        begun = time.monotonic()
-        due = {topic: begun for _, topic, _, _ in TOPICS}
-        while (now := time.monotonic()) < begun + seconds:
-            for msg_type, topic, period, size in TOPICS:
-                if now >= due[topic]:
-                    due[topic] += period
-                    self._sender.send(msg_type, topic, "", time.time_ns(), self._body(size))
-                    self.books.sent[msg_type, topic] += 1
-            time.sleep(max(0.0, min(due.values()) - time.monotonic()))
+        self._sender.begin("send_for", seconds)
+        self._sent()
 
-    def crash_receiver(self) -> None:
-        """End the receiver without a last word and start another one in its place."""
-        self._receiver._report = False
+    def kill_receiver(self, seconds: float) -> None:
+        """Kill the receiver's process in the midst of data and start another one."""
+        self._sender.begin("send_for", seconds)
+        time.sleep(seconds / 2)
+        self._receiver.kill()
         self.books.crashes += 1
-        self.restart_receiver()
-
-    def restart_receiver(self) -> None:
-        """End the receiver and start another one in its place."""
-        self._receiver.close()
-        self._receiver = Link(self._receiver_at, on_message=self._take, report=True)
         self.books.receivers += 1
-        self.restarts += 1
+        self.kills += 1
+        self._receiver = End(Receiver, self._told)
+        self._receiver.do("open", self._receiver_at)
+        self._sent()
 
-    def restart_sender(self) -> None:
-        """End the sender without a word and start another one in its place."""
+    def kill_sender(self, seconds: float) -> None:
+        """Kill the sender's process in the midst of data and start another one."""
+        self._sender.begin("send_for", seconds)
+        time.sleep(seconds / 2)
+        self._sender.kill()
+        self.kills += 1
+        self._sender = End(Sender, self._told)
+        self._new_life()
+
+    def crash_receiver(self, seconds: float) -> None:
+        """End the receiver's link without a last word and make another one."""
+        self.books.crashes += 1
+        self.restart_receiver(seconds, is_crash=True)
+
+    def restart_receiver(self, seconds: float, *, is_crash: bool = False) -> None:
+        """End the receiver's link in the midst of data and make another one."""
+        self.books.receivers += 1
+        self._sender.begin("send_for", seconds)
+        time.sleep(seconds / 2)
+        self._receiver.do("restart", is_crash=is_crash)
+        self.restarts += 1
+        self._sent()
+
+    def restart_sender(self, seconds: float) -> None:
+        """End the sender's link without a word, with data in flight, and make another one."""
+        self.send_for(seconds)
         for account in self._accounts():
             self._check_bounds(account)
-        self._sender.close()
+        self._sender.do("close")
         self.restarts += 1
-        self.relay.settle()
-        self.books = Books()
-        self.relay.new_life(self.books)
-        time.sleep(1.0)  # as long as a process takes; `resend` tells lives apart by their stamps
-        self._sender = self._new_sender(self._sender_at)
+        self._new_life()
 
-    def rest(self) -> None:
-        """Wait until nothing is in flight, then compare accounts and books."""
-        self._sender.flush(5.0)
+    def rest(self, seconds: float) -> None:
+        """Send, wait until nothing is in flight, then compare accounts and books."""
+        self.send_for(seconds)
+        self._sender.do("flush")
         end = time.monotonic() + REST_SECONDS
         while any(account.in_flight for account in self._accounts()) and time.monotonic() < end:
             time.sleep(0.2)
         self.relay.settle()
+        self._receiver.do("nothing")
         self.rests += 1
         for account in self._accounts():
             self._check_bounds(account)
             self._check_exactly(account)
 
+    def sample(self) -> None:
+        """Write down the memory of both ends, but for what was just killed."""
+        seconds = time.monotonic() - self._begun
+        for name, end in (("sender", self._sender), ("receiver", self._receiver)):
+            try:
+                kb = end.resident_kb()
+            except (OSError, IndexError):
+                continue
+            if kb:  # a process that was killed has none
+                self.memory.append(Sample(name, seconds, kb))
+
     def close(self) -> None:
         """End everything."""
-        self._sender.close()
-        self._receiver.close()
+        self._sender.kill()
+        self._receiver.kill()
         self.relay.close()
-        self.faults += self.wrong
 
-    def _new_sender(self, bind: tuple[str, int]) -> Link:
+    def _new_life(self) -> None:
+        self._life = 0  # what still comes of the old one belongs to no books
+        self.relay.settle()
+        self.books = Books()
+        self.relay.new_life(self.books)
+        time.sleep(1.0)  # as long as a process takes; `resend` tells lives apart by their stamps
+        self._open_sender()
+
+    def _open_sender(self) -> None:
         self._life = time.time_ns()
-        return Link(bind, self.relay.front.getsockname(), datagram=DATAGRAM, repair=REPAIR)
+        to = self.relay.front.getsockname()
+        self._sender_at = self._sender.do("open", self._sender_at, to, self._life)
 
-    def _body(self, size: int) -> bytes:
-        self._number += 1
-        rest = self._number.to_bytes(8, "little") * (size // 8)
-        return _TAG.pack(self._life, self._number, zlib.crc32(rest)) + rest
+    def _sent(self) -> None:
+        self.books.sent.update(self._sender.answer())
 
-    def _take(self, message: Message, sender: object) -> None:
-        if not MSG_TYPES[message.msg_type].ros_type:
+    def _told(self, what: str, *rest: object) -> None:
+        if what != TOOK:
+            self.faults.append(str(rest[0]))
             return
-        body = memoryview(message.body)
-        life, number, crc = _TAG.unpack_from(body)
-        if zlib.crc32(body[_TAG.size :]) != crc:
-            self.wrong.append(f"{message}: not what was sent")
+        life, number, msg_type, topic = rest
         # The successor of a receiver may ask for what that one had.
         if life == self._life and number not in self.books.seen:
+            assert isinstance(number, int)
+            assert isinstance(msg_type, int)
             self.books.seen.add(number)
-            self.books.delivered[message.msg_type, message.topic] += 1
+            self.books.delivered[msg_type, str(topic)] += 1
 
     def _accounts(self) -> list[Account]:
-        return self._sender.accounts()
+        accounts: list[Account] = self._sender.do("accounts")
+        return accounts
 
     def _check_bounds(self, account: Account) -> None:
         """Check what always holds, whatever is in flight and whoever was restarted."""
@@ -188,66 +211,53 @@ class Soak:
             self.faults.append(f"{account.topic}: {what}: {got} instead of {expected}; {account}")
 
 
-def resident_kb() -> float:
-    """Return the memory of this process that is resident."""
-    with open("/proc/self/statm", encoding="ascii") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1024
-
-
-def slope_kb_per_minute(samples: list[tuple[float, float]]) -> float:
-    """Return the slope of the line nearest to (seconds, kB), by least squares."""
-    mean_s = sum(s for s, _ in samples) / len(samples)
-    mean_kb = sum(kb for _, kb in samples) / len(samples)
-    spread = sum((s - mean_s) ** 2 for s, _ in samples)
-    if not spread:
-        return 0.0
-    return 60 * sum((s - mean_s) * (kb - mean_kb) for s, kb in samples) / spread
-
-
-def soak(minutes: float, seed: int) -> tuple[Soak, list[tuple[float, float]]]:
-    """Run for about `minutes`; return what was found, and memory by time (s, kB)."""
+def soak(minutes: float, seed: int) -> Soak:
+    """Run for about `minutes`; return what was found."""
     begun = time.monotonic()
     end = begun + 60 * minutes
     step = min(10.0, max(1.0, 60 * minutes / 6))
     run = Soak(seed)
-    memory = []
-    turns = (run.rest, run.restart_receiver, run.restart_sender, run.crash_receiver)
+    is_over = threading.Event()
+
+    def watch() -> None:
+        while not is_over.wait(1.0):
+            run.sample()
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    # In the first life nothing is restarted until the books were compared to the last one.
+    first = (run.rest, run.kill_receiver, run.kill_sender)
+    then = (run.rest, run.restart_receiver, run.restart_sender, run.crash_receiver)
     try:
-        for turn in range(sys.maxsize):
-            run.send_for(step)
-            # In the first life nothing is restarted until the books were compared to the last one.
-            turns[turn % 4]()
-            if turn % 4 != 0:
-                run.send_for(step)
-            gc.collect()  # ended links wait for it, and would hide a leak in their noise
-            memory.append((time.monotonic() - begun, resident_kb()))
+        for turn in first:
+            turn(step)
+        for turn in itertools.cycle(then):
             if time.monotonic() >= end:
                 break
-        run.restart_sender()
-        run.send_for(step)
-        run.restart_receiver()
-        run.send_for(step)
-        run.rest()
+            turn(step)
+        run.restart_sender(step)
+        run.restart_receiver(step)
+        run.rest(step)
     finally:
+        is_over.set()
+        watching.join()
         run.close()
-    return run, memory
+    return run
 
 
 def main() -> int:
-    """Soak, print what was found; 0 when all sums add up."""
+    """Soak, print what was found; 0 when all sums add up and memory is flat."""
     parser = argparse.ArgumentParser(prog="benchmarks.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    run, memory = soak(options.minutes, options.seed)
+    run = soak(options.minutes, options.seed)
     totals = ", ".join(f"{name} {count}" for name, count in run.totals.items())
     print(f"relay: {run.relay.lost} datagrams lost, {run.relay.repeated} repeated")
-    print(f"{run.restarts} restarts, {run.rests} comparisons: {totals}")
-    settled = memory[len(memory) // 4 :]
-    print(
-        f"memory: {settled[0][1] / 1024:.1f} MB, at the end {settled[-1][1] / 1024:.1f} MB, "
-        f"{slope_kb_per_minute(settled):+.0f} kB a minute"
-    )
+    print(f"{run.kills} kills, {run.restarts} restarts, {run.rests} comparisons: {totals}")
+    lines, growing = judged(run.memory, options.minutes)
+    run.faults += growing
+    print("\n".join(lines))
     for fault in run.faults[:20]:
         print(f"fault: {fault}")
     print("every sum adds up" if not run.faults else f"{len(run.faults)} faults")

@@ -20,7 +20,8 @@ from .two_hosts import HOSTS, run
 
 PORT = 5000
 _STAMP = struct.Struct("<Q")
-_ROW = struct.Struct("<QQ")
+ROW = struct.Struct("<QQ")
+"""How an `Arrival` is told from process to process."""
 _BEGIN_S = 0.5
 """For the receiver to listen and the connection to open."""
 
@@ -53,7 +54,7 @@ def measure(
     with open(results, "rb") as file:
         run((send, receive), impairment, mtu=mtu, seconds=seconds + 2 * _BEGIN_S)
         os.close(writing)
-        return [Arrival(*row) for row in _ROW.iter_unpack(file.read())]
+        return [Arrival(*row) for row in ROW.iter_unpack(file.read())]
 
 
 def _send(size: int, rate_hz: float, seconds: float, congestion: str) -> None:
@@ -99,4 +100,4 @@ def _receive(size: int, results: int) -> None:
             if not more:
                 return
             got += more
-        os.write(results, _ROW.pack(*_STAMP.unpack_from(buffer), time.monotonic_ns()))
+        os.write(results, ROW.pack(*_STAMP.unpack_from(buffer), time.monotonic_ns()))

@@ -26,9 +26,11 @@ _POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4}
 """sensor_msgs/PointField's FLOAT32 and UINT16."""
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def _diagonal(variance: float) -> np.ndarray[Any, Any]:
-    return np.diag(np.full(3, variance, np.float64)).ravel()
+    covariance = np.diag(np.full(3, variance, np.float64)).ravel()
+    covariance.setflags(write=False)
+    return covariance
 
 
 _POINT_FIELDS = [

@@ -12,11 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from .frames import quaternion_from_rpy
+from .message_sizes import body_bytes
 from .messages import Clock, Message
 from .navigation import Odometry, Transform, Transforms
 from .scenario import Scenario
 from .scenario.schema import Vehicle
-from .scenario.sensors import Repair
+from .scenario.sensors import Lidar, Repair
 from .topics import (
     CLOCK,
     COMMAND,
@@ -54,6 +55,8 @@ class Outgoing(RosStream):
     """Sent to the gateway's peer unasked."""
 
     repair: Repair = "none"
+    whole_bytes: int = 0
+    """Of a stream of blocks, the bodies that make up a whole, such as a LiDAR's revolution."""
 
 
 def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
@@ -108,6 +111,7 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
             declared_hz=rate_hz,
             push=spec.push,
             repair=spec.repair,
+            whole_bytes=_revolution_bytes(vehicle, spec),
         )
     yield Outgoing(
         key=GROUND_TRUTH.key_in(run, vehicle=vehicle.name),
@@ -116,6 +120,12 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
         declared_hz=vehicle.ground_truth.rate_hz,
         push=vehicle.ground_truth.push,
     )
+
+
+def _revolution_bytes(vehicle: Vehicle, spec: object) -> int:
+    if not isinstance(spec, Lidar) or spec.blocks_per_revolution == 1:
+        return 0
+    return spec.blocks_per_revolution * body_bytes(vehicle, spec)
 
 
 def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:

@@ -6,28 +6,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from .claims import Row
 
-def draw(
-    file: Path, sizes: Sequence[int], names: Sequence[str], medians: Sequence[Sequence[float]]
-) -> None:
-    """Write a PNG.
+_LABELS = {
+    "UDP Bridge": "UDP Bridge, from send",
+    "from the bus": "UDP Bridge, from the sensor's publish on the bus",
+    "C program": "C program, until the message is whole",
+    "ROS# way": "ROS# way (rosbridge, JSON)",
+}
 
-    Parameters
-    ----------
-    sizes
-        Bytes of the messages.
-    medians
-        Milliseconds, a row for each size, a column for each name.
-    """
+
+def draw(file: Path, rows: Sequence[Row]) -> None:
+    """Write a PNG; `rows` are those of `latency`."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(7, 4.5))
-    for column, name in enumerate(names):
-        axes.plot([s / 1e6 for s in sizes], [row[column] for row in medians], "o-", label=name)
-    axes.set(xscale="log", yscale="log", xlabel="message, MB", ylabel="ms until ROS's publish")
+    for name in rows[0]["ms"]:
+        megabytes, took = [r["bytes"] / 1e6 for r in rows], [r["ms"][name] for r in rows]
+        axes.plot(megabytes, took, "o-", label=_LABELS.get(name, name))
+    axes.set(xscale="log", yscale="log", xlabel="message, MB", ylabel="ms until ROS's publish call")
     axes.grid(True, which="major", alpha=0.4)
     axes.legend()
     figure.tight_layout()

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS side of each way, a process of its own: `python -m benchmarks.bridge.receivers WAY`.
+"""The receiving side of each way, a process of its own: `python -m benchmarks.bridge.receivers`.
 
-It prints its port, and then for each message when it was whole and when `publish` was called, in
-nanoseconds of the host's monotonic clock. Nothing else is measured here.
+It prints its port, and then for each message, in nanoseconds of the host's monotonic clock, when
+`publish` was called (after it has returned, so that the next message finds the machine at rest), or
+without ROS when the message was handed over. Nothing else is measured here.
 """
 
 from __future__ import annotations
 
+import argparse
 import array
 import base64
 import json
 import os
+import signal
 import socket
 import struct
 import sys
@@ -18,50 +21,89 @@ import threading
 import time
 from typing import Any
 
-import rclpy
-from sensor_msgs.msg import Image
-from websockets.sync.server import ServerConnection, serve
-
 from udp_bridge import Link, Message
+from udp_bridge.link import DEFAULT_RECEIVE_BUFFER
+
+from .lossy import lossy_socket
 
 TOPIC = "/image"
-_IMAGE_TYPE = 33
+IMAGE = 33
 _SIZE = struct.Struct("<Q")
 
 
-class Publishing:
+def tell(nanos: int) -> None:
+    """Print a time."""
+    os.write(1, b"%d\n" % nanos)
+
+
+class Publisher:
     """A publisher that tells when it is called."""
 
-    def __init__(self, way: str) -> None:
-        rclpy.init()
-        self._node = rclpy.create_node(f"receiver_of_{way}")
-        self._publisher = self._node.create_publisher(Image, TOPIC, 1)
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
 
-    def publish(self, message: Any, whole_nanos: int) -> None:
+    def publish(self, message: Any) -> None:
         """Publish a message, or its bytes, and tell when."""
         nanos = time.monotonic_ns()
         self._publisher.publish(message)
-        os.write(1, f"{whole_nanos} {nanos}\n".encode())
+        tell(nanos)
 
 
-def udp_bridge(publishing: Publishing) -> None:
-    """Receive by the library, as the ROS 2 node does: bodies go on as bytes."""
+def own_publisher(way: str) -> Publisher:
+    """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
+    from udp_bridge_ros2 import environment, topics
+
+    environment.apply_defaults(os.environ)
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(f"receiver_of_{way}")
+    image = topics.message_class("sensor_msgs/msg/Image")
+    return Publisher(node.create_publisher(image, TOPIC, topics.published("Image", TOPIC).qos()))
+
+
+def node(_: argparse.Namespace) -> None:
+    """Run the ROS 2 node as it is; only its publishers tell when they are called."""
+    from udp_bridge_ros2 import __main__ as start
+    from udp_bridge_ros2 import node as module
+
+    class Telling(module.BridgeNode):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(**options)
+            print(self._link.address[1], flush=True)
+
+        def create_publisher(self, *given: Any, **more: Any) -> Any:
+            publisher = super().create_publisher(*given, **more)
+            return Publisher(publisher) if given[1] == TOPIC else publisher
+
+    setattr(module, "BridgeNode", Telling)  # noqa: B010
+    sys.exit(start.main(["--bind", "127.0.0.1:0"]))
+
+
+def library(options: argparse.Namespace) -> None:
+    """Receive by the library alone; its user keeps a message until it has the next one."""
+    kept: list[Message] = []
 
     def on_message(message: Message, _: object) -> None:
-        if message.msg_type == _IMAGE_TYPE:
-            nanos = time.monotonic_ns()
-            publishing.publish(bytes(message.body), nanos)
+        if message.msg_type == IMAGE:
+            tell(time.monotonic_ns())
+            kept[:] = [message]
 
-    with Link(("127.0.0.1", 0), on_message=on_message) as link:
+    lossy = None
+    if options.lost:
+        lossy = lossy_socket(options.lost, receive_buffer=DEFAULT_RECEIVE_BUFFER)
+    with Link(("127.0.0.1", 0), on_message=on_message, report=True, socket=lossy) as link:
         print(link.address[1], flush=True)
         threading.Event().wait()
 
 
-def tcp(publishing: Publishing) -> None:
+def tcp(_: argparse.Namespace) -> None:
     """Receive length and body by TCP."""
+    publisher = own_publisher("tcp")
     with socket.create_server(("127.0.0.1", 0)) as server:
         print(server.getsockname()[1], flush=True)
-        connection, _ = server.accept()
+        connection, _peer = server.accept()
     buffer = bytearray(1 << 24)
     view = memoryview(buffer)
     with connection:
@@ -70,18 +112,19 @@ def tcp(publishing: Publishing) -> None:
             received = 0
             while received < size:
                 received += connection.recv_into(view[received:size])
-            nanos = time.monotonic_ns()
-            publishing.publish(bytes(view[:size]), nanos)
+            publisher.publish(bytes(view[:size]))
 
 
-def ros_sharp(publishing: Publishing) -> None:
+def ros_sharp(_: argparse.Namespace) -> None:
     """Receive as rosbridge does: JSON in a WebSocket, binary as base64, a message to be filled."""
+    from sensor_msgs.msg import Image
+    from websockets.sync.server import ServerConnection, serve
+
+    publisher = own_publisher("ros_sharp")
 
     def handle(connection: ServerConnection) -> None:
         for text in connection:
-            call = json.loads(text)
-            nanos = time.monotonic_ns()
-            fields = call["msg"]
+            fields = json.loads(text)["msg"]
             message = Image()
             message.header.frame_id = fields["header"]["frame_id"]
             message.header.stamp.sec = fields["header"]["stamp"]["sec"]
@@ -89,14 +132,28 @@ def ros_sharp(publishing: Publishing) -> None:
             message.height, message.width = fields["height"], fields["width"]
             message.encoding, message.step = fields["encoding"], fields["step"]
             message.data = array.array("B", base64.b64decode(fields["data"]))
-            publishing.publish(message, nanos)
+            publisher.publish(message)
 
     with serve(handle, "127.0.0.1", 0, max_size=None, compression=None) as server:
         print(server.socket.getsockname()[1], flush=True)
         server.serve_forever()
 
 
-WAYS = {"udp_bridge": udp_bridge, "tcp": tcp, "ros_sharp": ros_sharp}
+def compute() -> None:
+    """Keep the interpreter busy, as a user's own thread may."""
+    while True:
+        pass
+
+
+WAYS = {way.__name__: way for way in (node, library, tcp, ros_sharp)}
 
 if __name__ == "__main__":
-    WAYS[sys.argv[1]](Publishing(sys.argv[1]))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("way", choices=WAYS)
+    parser.add_argument("--busy-thread", action="store_true")
+    parser.add_argument("--lost", type=float, default=0.0)
+    given = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    if given.busy_thread:
+        threading.Thread(target=compute, daemon=True).start()
+    WAYS[given.way](given)

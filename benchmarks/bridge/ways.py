@@ -2,7 +2,7 @@
 """The ways to carry a message to ROS, all with the same interface: send one, say how long it took.
 
 Each has its receiver in a process of its own. Bodies are an Image in CDR of the wanted size, but
-for the ROS# way, which sends the same picture as JSON, and the C program, which sends zeros.
+for the ROS# way, which sends the same picture as JSON, and the C program, which sends one value.
 """
 
 from __future__ import annotations
@@ -13,28 +13,21 @@ import random
 import socket
 import struct
 import subprocess
-import sys
 import time
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from websockets.sync.client import connect
 
-from udp_bridge import Link, type_number
+from .processes import Program, python
 
 HERE = Path(__file__).parent
+LOCALHOST = "127.0.0.1"
+RECEIVERS = "benchmarks.bridge.receivers"
 RECEIVE_BUFFER = 8 << 20
-"""What an unprivileged process is granted where net.core.rmem_max is 4 MiB."""
-_IMAGE_HEAD_BYTES = 56
-
-
-class Took(NamedTuple):
-    """Milliseconds from the call to send."""
-
-    whole: float
-    """Until the message was whole."""
-    published: float
-    """Until `publish` was called; of the C program the same as `whole`."""
+"""What the kernel grants to anybody where net.core.rmem_max is 4 MiB."""
+IMAGE_HEAD_BYTES = 52
+"""What an Image in CDR has before its pixels, with the names used here."""
 
 
 class Way(Protocol):
@@ -42,11 +35,20 @@ class Way(Protocol):
 
     name: str
 
-    def send(self, size: int) -> Took:
-        """Send a message of about `size` bytes, and wait until it has arrived."""
+    def send(self, size: int) -> float:
+        """Send a message of about `size` bytes, wait for it, return what it took in ms."""
 
     def close(self) -> None:
         """End its processes."""
+
+
+class Streaming(Protocol):
+    """A way that can send one message behind the other."""
+
+    name: str
+
+    def stream(self, size: int, count: int) -> float:
+        """Send `count` messages, wait until all of them have arrived, return what it took in ms."""
 
 
 def picture(size: int) -> bytes:
@@ -55,8 +57,8 @@ def picture(size: int) -> bytes:
 
 
 def image_cdr(size: int) -> bytes:
-    """Return a sensor_msgs/Image in CDR of `size` bytes or up to 3 more."""
-    data = picture(max(0, size - _IMAGE_HEAD_BYTES))
+    """Return a sensor_msgs/Image in CDR of `size` bytes, at least those of its head."""
+    data = picture(max(0, size - IMAGE_HEAD_BYTES))
     frame, encoding = b"camera\0", b"mono8\0"
     body = struct.pack("<iI", 0, 0) + struct.pack("<I", len(frame)) + frame
     body += bytes(-len(body) % 4) + struct.pack("<II", 1, len(data))
@@ -65,84 +67,31 @@ def image_cdr(size: int) -> bytes:
     return b"\x00\x01\x00\x00" + body
 
 
-class _Receiver:
-    def __init__(self, command: list[str]) -> None:
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        self.port = int(self.line())
-
-    def line(self) -> str:
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        if not line:
-            raise RuntimeError("the receiver ended")
-        return line
-
-    def took(self, began: int) -> Took:
-        times = [int(word) for word in self.line().split()]
-        return Took((times[0] - began) / 1e6, (times[-1] - began) / 1e6)
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-
-
-def _python(way: str) -> list[str]:
-    return [sys.executable, "-m", "benchmarks.bridge.receivers", way]
-
-
-class UdpBridge:
-    """The library on both sides."""
-
-    name = "UDP Bridge"
-
-    def __init__(self) -> None:
-        self._receiver = _Receiver(_python("udp_bridge"))
-        self._link = Link(("127.0.0.1", 0), ("127.0.0.1", self._receiver.port))
-        self._bodies: dict[int, bytes] = {}
-
-    def send(self, size: int) -> Took:
-        """See `Way`."""
-        body = self._bodies.setdefault(size, image_cdr(size))
-        began = time.monotonic_ns()
-        self._link.send(type_number("Image"), "/image", "camera", 0, body)
-        return self._receiver.took(began)
-
-    def close(self) -> None:
-        """See `Way`."""
-        self._link.close()
-        self._receiver.close()
-
-
 class CProgram:
-    """`rival.c`, compiled with -O2, on both sides."""
+    """`rival.c`, compiled with -O2, on both sides; its receiver publishes nothing."""
 
     name = "C program"
 
     def __init__(self, folder: Path) -> None:
         program = str(folder / "rival")
         subprocess.run(["cc", "-O2", "-o", program, str(HERE / "rival.c")], check=True)
-        self._receiver = _Receiver([program, "receive", str(RECEIVE_BUFFER)])
-        self._sender = subprocess.Popen(
-            [program, "send", str(RECEIVE_BUFFER), str(self._receiver.port)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        self._receiver = Program(program, "receive", str(RECEIVE_BUFFER))
+        port = str(self._receiver.number())
+        self._sender = Program(program, "send", str(RECEIVE_BUFFER), port)
 
-    def send(self, size: int) -> Took:
+    def send(self, size: int) -> float:
         """See `Way`."""
-        assert self._sender.stdin is not None
-        assert self._sender.stdout is not None
-        self._sender.stdin.write(f"{size}\n")
-        self._sender.stdin.flush()
-        return self._receiver.took(int(self._sender.stdout.readline()))
+        return self.stream(size, 1)
+
+    def stream(self, size: int, count: int) -> float:
+        """See `Streaming`."""
+        self._sender.say(f"{size} {count}")
+        began = self._sender.number()
+        return ([self._receiver.number() for _ in range(count)][-1] - began) / 1e6
 
     def close(self) -> None:
         """See `Way`."""
-        self._sender.kill()
-        self._sender.communicate()
+        self._sender.close()
         self._receiver.close()
 
 
@@ -152,18 +101,20 @@ class Tcp:
     name = "TCP"
 
     def __init__(self) -> None:
-        self._receiver = _Receiver(_python("tcp"))
-        self._socket = socket.create_connection(("127.0.0.1", self._receiver.port))
+        self._receiver = python(RECEIVERS, "tcp")
+        self._socket = socket.create_connection((LOCALHOST, self._receiver.number()))
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._bodies: dict[int, bytes] = {}
 
-    def send(self, size: int) -> Took:
+    def send(self, size: int) -> float:
         """See `Way`."""
-        body = self._bodies.setdefault(size, image_cdr(size))
+        if size not in self._bodies:
+            self._bodies[size] = image_cdr(size)
+        body = self._bodies[size]
         began = time.monotonic_ns()
         self._socket.sendall(struct.pack("<Q", len(body)))
         self._socket.sendall(body)
-        return self._receiver.took(began)
+        return (self._receiver.number() - began) / 1e6
 
     def close(self) -> None:
         """See `Way`."""
@@ -177,14 +128,16 @@ class RosSharp:
     name = "ROS# way"
 
     def __init__(self) -> None:
-        self._receiver = _Receiver(_python("ros_sharp"))
-        url = f"ws://127.0.0.1:{self._receiver.port}"
+        self._receiver = python(RECEIVERS, "ros_sharp")
+        url = f"ws://{LOCALHOST}:{self._receiver.number()}"
         self._connection = connect(url, max_size=None, compression=None)
         self._pictures: dict[int, bytes] = {}
 
-    def send(self, size: int) -> Took:
+    def send(self, size: int) -> float:
         """See `Way`."""
-        data = self._pictures.setdefault(size, picture(max(0, size - _IMAGE_HEAD_BYTES)))
+        if size not in self._pictures:
+            self._pictures[size] = picture(max(0, size - IMAGE_HEAD_BYTES))
+        data = self._pictures[size]
         began = time.monotonic_ns()
         header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "camera"}
         message = {
@@ -196,7 +149,7 @@ class RosSharp:
             "data": base64.b64encode(data).decode("ascii"),
         }
         self._connection.send(json.dumps({"op": "publish", "topic": "/image", "msg": message}))
-        return self._receiver.took(began)
+        return (self._receiver.number() - began) / 1e6
 
     def close(self) -> None:
         """See `Way`."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Sequence
 
@@ -19,11 +20,11 @@ from udp_bridge.header import BadMessage
 from udp_bridge.keys import BadKey, read_key
 from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
 from udp_bridge.seal import TO_ROS
-from udp_bridge.udp_socket import DatagramSocket, UdpSocket
+from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
 
 from .emulated import Emulated
 from .gateway import Gateway
-from .streams import repair_table
+from .streams import repair_table, waiting_table
 from .subscriptions import Address
 
 NAME = "gateway"
@@ -34,9 +35,9 @@ MESSAGES_KEPT = 4096
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""
 
-BLOCKS_WAITING = 1 << 18
-"""Bytes of a topic that may wait for the wire: blocks of a LiDAR's revolution, some of which one
-tick completes at once, do not supersede each other. What is larger, such as a revolution, does."""
+SWITCH_SECONDS = 5e-4
+"""After this long a thread that waits for the interpreter gets it. Python's own 5 ms are the age of
+a small message several times over."""
 
 FLUSH_SECONDS = 1.0
 """How long the link may take to send what waits before progress is told anyway."""
@@ -49,6 +50,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--peer", metavar="HOST:PORT", help="instead of the scenario's")
     parser.add_argument("--key-file", metavar="FILE", help="instead of the scenario's key")
     options = parser.parse_args(arguments)
+    sys.setswitchinterval(SWITCH_SECONDS)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join(bus, options.run, stop)
         bind = process.address(options.bind or scenario.gateway.bind)
@@ -75,7 +77,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                 on_message=gateway.on_message,
                 report=True,
                 repair=repair_table(gateway.streams.values()),
-                large_waiting=BLOCKS_WAITING,
+                large_waiting=waiting_table(gateway.streams.values()),
             )
         except BaseException as error:
             around.close()
@@ -126,7 +128,8 @@ def sockets(
     """Return what the link sends by, and the emulated link in it if there is one.
 
     Datagrams pass the guard first, so that strangers are refused before all else, and are opened
-    last, so that an emulated bit error meets the seal.
+    last, so that an emulated bit error meets the seal. One line on stderr tells of a receive buffer
+    that is too small.
 
     Raises
     ------
@@ -150,6 +153,8 @@ def sockets(
             f"cannot bind {bind[0]}:{bind[1]}: {(error.strerror or str(error)).lower()}; end "
             "the other process or change `gateway.bind`"
         ) from None
+    if hint := buffer_hint(bare.receive_buffer, DEFAULT_RECEIVE_BUFFER):
+        print(f"{NAME}: {hint}", file=sys.stderr, flush=True)
     around: DatagramSocket = PeersOnly(bare, peers)
     emulated = None
     if settings.link is not None:

@@ -11,10 +11,11 @@ from collections.abc import Iterable
 
 from groundlink.clock import NANOS
 from groundlink.messages import StreamReport
-from udp_bridge.accounts import Account
+from udp_bridge.accounts import Account, arrived
 from udp_bridge.control import NO_AGE, LinkReport, TopicReport
 from udp_bridge.types import MSG_TYPES
 
+TO_ROS = "to ROS"
 FROM_ROS = "from ROS"
 
 
@@ -54,58 +55,44 @@ class PeerReports:
         back = [row for row in arrivals if MSG_TYPES[row[1].msg_type].ros_type]
         return [
             *(self._sent(key, sent.get(key)) for key in keys),
-            *(self._came(topic, report) for topic, report in back),
+            *(_row(arrived(topic, report), FROM_ROS, tells_ages=True) for topic, report in back),
         ]
 
     def _sent(self, key: tuple[int, str], account: Account | None) -> StreamReport:
         msg_type, topic = key
-        ros_type = MSG_TYPES[msg_type].name
         declared = self._declared_hz.get(key)
         if account is None:
-            return StreamReport(topic, ros_type, declared, None, None, 0, 0)
-        report = account.report
+            return StreamReport(topic, MSG_TYPES[msg_type].name, declared, None, None, 0, 0)
         # What has no rate is not measured anew each time, so its stamp says nothing of its age.
-        tells_ages = self._stamps_follow_wall and declared is not None and report is not None
-        return StreamReport(
-            topic,
-            ros_type,
-            declared,
-            _rate_hz(report),
-            _seconds(report.age_p50_nanos) if report and tells_ages else None,
-            account.delivered,
-            account.missing + account.incomplete + account.late,
-            age_p99_seconds=_seconds(report.age_p99_nanos) if report and tells_ages else None,
-            sent=account.sent,
-            missing=account.missing,
-            incomplete=account.incomplete,
-            late=account.late,
-            dropped=account.dropped,
-            in_flight=account.in_flight,
-            repaired=account.repaired,
-            superseded=account.superseded,
-            delivered_bytes=account.delivered_bytes,
-        )
+        tells_ages = self._stamps_follow_wall and declared is not None
+        return _row(account, TO_ROS, declared, tells_ages=tells_ages)
 
-    def _came(self, topic: str, report: TopicReport) -> StreamReport:
-        return StreamReport(
-            topic,
-            MSG_TYPES[report.msg_type].name,
-            None,
-            _rate_hz(report),
-            _seconds(report.age_p50_nanos),
-            report.published,
-            report.missing + report.incomplete + report.late,
-            direction=FROM_ROS,
-            age_p99_seconds=_seconds(report.age_p99_nanos),
-            sent=report.numbers,
-            missing=report.missing,
-            incomplete=report.incomplete,
-            late=report.late,
-            dropped=report.dropped,
-            in_flight=report.pending,
-            repaired=report.repaired,
-            delivered_bytes=report.body_bytes,
-        )
+
+def _row(
+    account: Account, direction: str, declared_hz: float | None = None, *, tells_ages: bool
+) -> StreamReport:
+    report = account.report
+    aged = report if tells_ages else None
+    return StreamReport(
+        account.topic,
+        MSG_TYPES[account.msg_type].name,
+        declared_hz,
+        _rate_hz(report),
+        _seconds(aged.age_p50_nanos) if aged else None,
+        account.delivered,
+        account.missing + account.incomplete + account.late,
+        direction,
+        age_p99_seconds=_seconds(aged.age_p99_nanos) if aged else None,
+        sent=account.sent,
+        missing=account.missing,
+        incomplete=account.incomplete,
+        late=account.late,
+        dropped=account.dropped,
+        in_flight=account.in_flight,
+        repaired=account.repaired,
+        superseded=account.superseded,
+        delivered_bytes=account.delivered_bytes,
+    )
 
 
 def peer_counters(link: LinkReport | None) -> dict[str, int]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which types of the wire the streams of a run have, and how what is lost of them is made good.
+"""Which types of the wire the streams of a run have, and how each is treated on its way.
 
 Rule: derived from the run's streams and the wire's table of types alone. This is where the
 vocabulary of the bus meets the vocabulary of the wire.
@@ -24,6 +24,14 @@ _NUMBER_OF = {row.ros_type: number for number, row in MSG_TYPES.items() if row.r
 def wire_type(message: type[Message]) -> int:
     """Return the wire's number of the ROS type that a message of the bus becomes."""
     return _NUMBER_OF[ROS_FORMS[message].ros_type]
+
+
+def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
+    """Return the bytes of each stream in blocks that may wait, by wire type and topic.
+
+    A block may be held up as long as a whole revolution would be: no data get older by it.
+    """
+    return {(wire_type(s.message), s.topic): s.whole_bytes for s in streams if s.whole_bytes}
 
 
 def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:

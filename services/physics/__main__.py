@@ -71,18 +71,6 @@ class Physics:
         self._follows_wall = scenario.time.epoch == "wall"
         self._world_hash = world_hash(scenario)
         self._simulation = Simulation(scenario, solids(scenario))
-        # Building the world takes a while; sim time zero is when the first step is near.
-        self.epoch_nanos = time.time_ns() if self._follows_wall else 0
-        self.pace = (
-            RealTime(scenario.time.factor)
-            if scenario.time.mode == "realtime"
-            else AsFastAsOthers(
-                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks)
-                | dict.fromkeys(driver_names(scenario), DRIVER_WINDOW_TICKS),
-                scenario.time.window_ticks,
-                self.epoch_nanos,
-            )
-        )
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
         self._next_clock = 0
         self._history: deque[bytes] = deque(maxlen=HISTORY_TICKS)
@@ -107,6 +95,18 @@ class Physics:
         for key in self._command_keys:
             bus.subscribe(key, Command, self._commands)
         bus.subscribe(ACK.key_in(run), Ack, self._arrived_acks)
+        # Building the world and joining the bus take a while; sim time zero is when all is ready.
+        self.epoch_nanos = time.time_ns() if self._follows_wall else 0
+        self.pace = (
+            RealTime(scenario.time.factor)
+            if scenario.time.mode == "realtime"
+            else AsFastAsOthers(
+                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks)
+                | dict.fromkeys(driver_names(scenario), DRIVER_WINDOW_TICKS),
+                scenario.time.window_ticks,
+                self.epoch_nanos,
+            )
+        )
         bus.watch(HEALTH.key_in(run), self._on_liveliness)
         bus.serve(history_key(run), self._missed_by)
         bus.serve(scenario_key(run), lambda _: [msgspec.msgpack.encode(scenario)])
@@ -151,6 +151,8 @@ class Physics:
         """Publish the first state; where nobody has been told the epoch yet, it is now."""
         if self._follows_wall and isinstance(self.pace, RealTime):
             self.epoch_nanos = time.time_ns()
+        # Tick 0 is now: whatever comes before the first step must not make all stamps older.
+        self.pace.wait_seconds(0, time.monotonic())
         self.publish()
 
     def step(self) -> None:

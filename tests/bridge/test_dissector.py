@@ -15,7 +15,7 @@ import pytest
 from tests.udp_bridge.vectors import VECTORS
 from udp_bridge import MSG_TYPES, Header, Link, Message, Refused, control, parse
 from udp_bridge.around import Around
-from udp_bridge.control import Credit, LinkReport, Subscribe, TopicReport
+from udp_bridge.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.fec import RAPTORQ
 from udp_bridge.header import Buffer
 from udp_bridge.repair_wire import Offer, Request, Symbol, parse_resend, parse_symbol
@@ -141,6 +141,7 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
             "receive_buffer": 8 << 20,
         },
     ),
+    (CONTROL, CreditRequest().pack(), "credit_request", {}),
     (
         CONTROL,
         TopicReport(
@@ -324,7 +325,8 @@ def test_traffic_of_two_links(tmp_path: Path) -> None:
     assert (twist["topic"], twist["fragment_size"]) == ("/cmd_vel", "52")
     clouds = [fields for fields in others if fields["msg_type"] == "1"]
     assert [fields["part_number"] for fields in clouds] == ["0", "1", "2", "3"]
-    assert {fields["first_part"] for fields in clouds} == {"2"}
+    first = 1 + next(index for index, fields in enumerate(found) if fields["msg_type"] == "1")
+    assert {fields["first_part"] for fields in clouds} == {str(first)}
     credits = [fields for fields in others if "credit.part_number" in fields]
     assert credits[-1]["credit.part_number"] == "3"
     assert struct.calcsize("<BBBxII") == int(credits[-1]["fragment_size"])

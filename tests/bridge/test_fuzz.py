@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fuzz.reassembly import BATCH, recorded, run_batch
+from fuzz.runs import run_batch as run_batch_in_runs
 
 from .programs import missing
 
@@ -24,6 +25,13 @@ def test_random_and_mutated_datagrams(seed: int) -> None:
     assert twins.datagrams >= BATCH
     assert twins.refused > BATCH / 10
     assert twins.messages > BATCH / 100  # honest ones get through, or it would prove little
+
+
+def test_runs_of_parts_give_what_single_datagrams_give() -> None:
+    pair = run_batch_in_runs(seed=1)
+    assert pair.datagrams >= BATCH
+    assert pair.in_runs > BATCH / 10
+    assert pair.messages > BATCH / 100
 
 
 def test_guided_by_coverage() -> None:

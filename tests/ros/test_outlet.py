@@ -14,7 +14,14 @@ from udp_bridge import MSG_TYPES, Message
 from .waiting import wait_until
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge_ros2.outlet import MAX_TOPICS, Outlet
+from udp_bridge_ros2 import outlet as module
+from udp_bridge_ros2.outlet import (
+    MAX_TOPICS,
+    QUICK_BYTES,
+    QUICK_SECONDS,
+    SLOW_FOR_SECONDS,
+    Outlet,
+)
 
 SENDER = ("127.0.0.1", 1)
 
@@ -83,3 +90,106 @@ def test_topics_are_bounded() -> None:
     outlet.close()
     assert outlet.refused == 5
     assert outlet.topic_count == MAX_TOPICS
+
+
+class QuickNode(Node):
+    """A node whose publisher takes as long as it is told, by clocks that stand still otherwise."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.may_publish.set()
+        self.now_s = 1000.0
+        self.takes_s = 0.0
+        self.threads: list[str] = []
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def publish(self, body: bytes) -> None:
+        self.now_s += self.takes_s
+        self.threads.append(threading.current_thread().name)
+        super().publish(body)
+
+
+@pytest.fixture
+def node(monkeypatch: pytest.MonkeyPatch) -> QuickNode:
+    node = QuickNode()
+    monkeypatch.setattr(module, "time", node)
+    return node
+
+
+def test_small_messages_of_a_quick_topic_are_published_where_they_come(node: QuickNode) -> None:
+    outlet = Outlet(node)  # type: ignore[arg-type]
+    here = threading.current_thread().name
+
+    def publish(number: int, size: int = 1, msg_type: int = 2, topic: str = "/topic") -> str:
+        put(outlet, msg_type, topic, number, size)
+        wait_until(lambda: len(node.bodies) == number + 1, "the message")
+        wait_until(lambda: outlet.published == number + 1, "it is counted")
+        wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
+        return node.threads[-1]
+
+    assert publish(0) == "publish"  # which creates the publisher
+    assert publish(1) == here
+    assert publish(2, QUICK_BYTES - 4) == here
+    node.takes_s = 2 * QUICK_SECONDS
+    assert publish(3, QUICK_BYTES) == "publish"  # takes its time, which tells nothing of small ones
+    assert publish(4) == here
+    node.takes_s = 0.0
+    assert publish(5) == "publish"
+    node.now_s += 0.9 * SLOW_FOR_SECONDS
+    assert publish(6) == "publish"
+    node.now_s += 0.2 * SLOW_FOR_SECONDS
+    assert publish(7) == here
+    assert publish(8, msg_type=35, topic="/tf_static") == "publish"
+    assert publish(9, msg_type=35, topic="/tf_static") == "publish"  # it is latched
+    outlet.close()
+    assert [b[4] for b in node.bodies] == list(range(10))
+
+
+def test_nothing_overtakes_what_waits_or_is_being_published(node: QuickNode) -> None:
+    outlet = Outlet(node)  # type: ignore[arg-type]
+    put(outlet, 2, "/topic", 0)
+    wait_until(lambda: outlet.published == 1, "the first, which creates the publisher")
+    wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
+    node.may_publish.clear()
+    node.is_publishing.clear()
+    put(outlet, 2, "/topic", 1, QUICK_BYTES)
+    assert node.is_publishing.wait(10.0)
+    put(outlet, 2, "/topic", 2)  # while one is being published
+    put(outlet, 2, "/topic", 3)  # while one waits
+    node.may_publish.set()
+    wait_until(lambda: len(node.bodies) == 4, "all of them")
+    outlet.close()
+    assert [b[4] for b in node.bodies] == [0, 1, 2, 3]
+
+
+def test_nothing_overtakes_what_is_about_to_be_taken(node: QuickNode) -> None:
+    outlet = Outlet(node)  # type: ignore[arg-type]
+    put(outlet, 2, "/topic", 0)
+    wait_until(lambda: outlet.published == 1, "the first, which creates the publisher")
+    (channel,) = outlet._channels.values()
+    wait_until(lambda: not channel.is_publishing, "rest")
+    channel.waiting.append((Message(2, "/topic", "", 0, 0, body(1)), SENDER))
+    put(outlet, 2, "/topic", 2)
+    wait_until(lambda: len(node.bodies) == 2, "the one that waited")
+    outlet.close()
+    assert [b[4] for b in node.bodies] == [0, 1]
+    assert [message.body[4] for message, _ in channel.waiting] == [2]
+
+
+def test_what_ros_refuses_is_counted_where_it_comes(node: QuickNode) -> None:
+    fates: list[bool] = []
+    outlet = Outlet(node, lambda *fate: fates.append(fate[2]))  # type: ignore[arg-type]
+    put(outlet, 2, "/topic", 0)
+    wait_until(lambda: fates == [True], "the first, which creates the publisher")
+    wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
+
+    def fail(body: bytes) -> None:
+        raise RuntimeError("no")
+
+    node.publish = fail  # type: ignore[method-assign]
+    put(outlet, 2, "/topic", 1)
+    assert fates == [True, False]
+    outlet.close()
+    assert (outlet.published, outlet.refused, outlet.dropped) == (1, 1, 0)

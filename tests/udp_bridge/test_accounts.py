@@ -11,7 +11,7 @@ SECOND = 10**9
 
 def send(accounts: Accounts, count: int, stamp_nanos: int = 100) -> None:
     for number in range(count):
-        accounts.numbered(Message(2, "/imu", "imu", stamp_nanos + number, 0, b"body"))
+        accounts.numbered((2, "/imu"), stamp_nanos + number, len(b"body"))
 
 
 def report(

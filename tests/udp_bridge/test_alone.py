@@ -49,8 +49,8 @@ def test_only_the_shell_reads_clocks_or_opens_sockets(path: Path) -> None:
             imported |= {alias.name for alias in node.names}
     shell = {
         "link.py": {"threading", "time"},
+        "listening.py": {"time"},
         "udp_socket.py": {"socket"},
-        "mmsg.py": {"socket"},
         "runs.py": {"socket"},
         "departures.py": {"threading", "time"},
         "cli.py": {"threading", "time"},
@@ -68,11 +68,18 @@ def test_every_module_has_its_test() -> None:
         "fec_sending": "test_fec",
         "holdings": "test_reassembly",
         "ordering": "test_reassembly",
+        "verdicts": "test_reassembly",
+        "resend_budget": "test_resend",
+        "resend_offers": "test_resend",
+        "round_trip": "test_resend_asking",
         "counters": "test_reassembly",
         "reports": "test_control",
         "message": "test_fragments",
-        "mmsg": "test_runs",
-        "departures": "test_link",
+        "run_reassembly": "test_placing",
+        "listening": "test_link",
+        "peers": "test_receiving",
+        "telling": "test_receiving",
+        "waiting": "test_sending",
         "udp_socket": "test_link",
     }
     for module in MODULES:

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from udp_bridge import Link, Message
+from udp_bridge import Link, Message, fragments
 from udp_bridge.around import PeersOnly, Sealed
 from udp_bridge.fragments import LARGEST_DATAGRAM, MTU_DATAGRAM, DatagramSize
+from udp_bridge.runs import IS_BUILT
 from udp_bridge.seal import FROM_ROS, TO_ROS
 from udp_bridge.udp_socket import DatagramSocket, UdpSocket
 
@@ -132,6 +133,28 @@ def test_only_peers_are_heard(stack: ExitStack) -> None:
         friend.send(9, "/cmd_vel", "", 1, b"friend")
     wait_for(lambda: len(received) == 3)
     assert {message.body for message in received} == {b"friend"}
+
+
+def test_large_messages_of_peers_come_in_runs_past_strangers(stack: ExitStack) -> None:
+    tap = Tap()
+    guarded, received = end(stack, PeersOnly(tap, [("127.0.0.1", 0)]), report=False)
+    friend = stack.enter_context(Link(LOCAL, guarded.address))
+    stranger = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    stranger.bind(("127.0.0.2", 0))
+    body = bytes(range(256)) * 4000
+    parts = [raw + bytes(part) for raw, part in fragments(Message(1, "/points", "", 1, 0, body))]
+    for count in range(1, 11):
+        stranger.sendto(parts[0], guarded.address)
+        friend.send(1, "/points", "", count, body)
+        for part in parts[1:]:
+            stranger.sendto(part, guarded.address)
+        wait_for(lambda count=count: len(received) == count)  # type: ignore[misc]
+    wait_for(lambda: guarded.counters()["refused"] == {"stranger": 10 * len(parts)})
+    assert all(message.body == body for message in received)
+    counters = guarded.counters()
+    assert counters["duplicates"] == counters["incomplete"] == 0
+    if IS_BUILT:
+        assert len(tap.sent) < counters["sent_datagrams"]  # most credits went out beside runs
 
 
 def test_a_flood_of_strangers_takes_no_memory(stack: ExitStack) -> None:

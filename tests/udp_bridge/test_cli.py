@@ -146,7 +146,7 @@ def test_what_send_sends_listen_shows(listener: Listener, tmp_path: Path, datagr
     parts = {"mtu": 70, "loopback": 2, "9000": 12}[datagram]
     assert done.returncode == 0
     assert done.stderr == (
-        f"udp-bridge: sent PointCloud2 of 100000 bytes in {parts} datagrams to {to}\n"
+        f"udp-bridge: sent PointCloud2 of 100000 bytes in {parts} parts to {to}\n"
     )
     message = json.loads(listener.line())
     assert before - 1 < message.pop("time_sec") < time.time() + 1

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from udp_bridge import BadMessage, Refused, control
-from udp_bridge.control import NO_AGE, Credit, LinkReport, Subscribe, TopicReport
+from udp_bridge.control import NO_AGE, Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 
 BODIES: list[tuple[control.Control, str]] = [
     (
@@ -55,10 +55,13 @@ BODIES: list[tuple[control.Control, str]] = [
         "02 00 00 00 00 00 00 00  05  73 68 6f 72 74"
         "01 00 00 00 00 00 00 00  04  6c 69 6e 6b",
     ),
+    (CreditRequest(), "03 00 00 00"),
 ]
 
 
-@pytest.mark.parametrize(("value", "text"), BODIES, ids=["Credit", "TopicReport", "LinkReport"])
+@pytest.mark.parametrize(
+    ("value", "text"), BODIES, ids=["Credit", "TopicReport", "LinkReport", "CreditRequest"]
+)
 def test_control_bodies_to_the_byte(value: control.Control, text: str) -> None:
     body = bytes.fromhex(text)
     assert value.pack() == body
@@ -78,7 +81,7 @@ def test_reserved_bytes_are_ignored_when_received() -> None:
     ("body", "reason"),
     [
         (b"", "body_size"),
-        (b"\x03" + bytes(11), "body_value"),
+        (b"\x04" + bytes(11), "body_value"),
         (b"\xff", "body_value"),
         (b"\x00\x00" + bytes(10), "body_value"),
         (b"\x01\x1f" + bytes(126), "body_value"),

@@ -16,6 +16,7 @@ from udp_bridge.header import Refused
 from udp_bridge.reassembly import Reassembler
 from udp_bridge.repair import Fec
 from udp_bridge.sending import Outbox
+from udp_bridge.types import CONTROL
 
 from .simulated import MS, SECOND, Simulation, independent
 
@@ -37,7 +38,7 @@ def datagrams(message: Message, size: int | str = 300, share: float = 0.2) -> li
         datagram = box.take(now)
         if datagram is None:
             now += 50 * MS
-        else:
+        elif datagram.header[0] != CONTROL:  # which asks for a Credit
             out.append(datagram.header + bytes(datagram.part))
     return out
 

@@ -44,19 +44,19 @@ def test_one_datagram_may_always_go_when_none_is_in_flight() -> None:
     window = CreditWindow()
     window.acknowledged(key(0), 1000, 0)
     assert window.window_bytes == 500
-    assert window.may_send(SIZE, 0)
+    assert window.fits(SIZE)
     window.sent(key(1), SIZE, 0)
-    assert not window.may_send(20, 0)
+    assert not window.fits(20)
 
 
 def test_a_credit_frees_its_datagram_and_all_before_it() -> None:
     window = CreditWindow()
     window.acknowledged(key(0), 8 * COST, 0)
     for number in range(1, 5):
-        assert window.may_send(SIZE, 0)
+        assert window.fits(SIZE)
         window.sent(key(number), SIZE, 0)
     assert window.in_flight_bytes == 4 * COST
-    assert not window.may_send(SIZE, 0)
+    assert not window.fits(SIZE)
     window.acknowledged(key(3), 8 * COST, 0)
     assert window.in_flight_bytes == COST
     window.acknowledged(key(2), 8 * COST, 0)  # of one that is no longer in flight
@@ -69,55 +69,13 @@ def test_the_window_is_never_exceeded(steps: list[tuple[int, bool]]) -> None:
     window.acknowledged(key(0), 400_000, 0)
     oldest = 0
     for number, (size, is_acknowledged) in enumerate(steps):
-        if window.may_send(size, 0):
+        if window.fits(size):
             window.sent(key(number), size, 0)
         assert window.in_flight_bytes <= 200_000
         if is_acknowledged:
             oldest += 2
             window.acknowledged(key(min(oldest, number)), 400_000, 0)
         assert window.in_flight_bytes >= 0
-    assert window.stalls == 0
-
-
-def test_a_full_window_without_credit_is_taken_as_lost_after_50_ms() -> None:
-    window = CreditWindow()
-    window.acknowledged(key(0), 2 * COST, 0)
-    window.sent(key(1), SIZE, 10 * MS)
-    assert window.next_wake(SIZE, 10 * MS) == 60 * MS
-    assert not window.may_send(SIZE, 60 * MS - 1)
-    assert window.stalls == 0
-    assert window.may_send(SIZE, 60 * MS)
-    assert (window.stalls, window.in_flight_bytes) == (1, 0)
-    assert window.next_wake(SIZE, 60 * MS) == 60 * MS
-    window.sent(key(2), SIZE, 60 * MS)
-    assert not window.may_send(SIZE, 60 * MS)
-
-
-def test_a_credit_gives_a_full_window_more_time() -> None:
-    window = CreditWindow()
-    window.acknowledged(key(0), 4 * COST, 0)
-    window.sent(key(1), SIZE, 0)
-    window.sent(key(2), SIZE, 0)
-    window.acknowledged(key(7), 4 * COST, 49 * MS)
-    assert not window.may_send(SIZE, 51 * MS)
-    assert window.stalls == 0
-
-
-def test_after_a_stall_the_window_is_half_as_large_until_the_next_credit() -> None:
-    window = CreditWindow()
-    window.acknowledged(key(0), 16 * COST, 0)
-    for number in range(1, 9):
-        assert window.may_send(SIZE, 0)
-        window.sent(key(number), SIZE, 0)
-    for round_ms in (50, 100):
-        for number in range(4):
-            assert window.may_send(SIZE, round_ms * MS)
-            window.sent(key(round_ms + number), SIZE, round_ms * MS)
-        assert not window.may_send(SIZE, round_ms * MS)
-    assert window.stalls == 2
-    window.acknowledged(key(8), 16 * COST, 101 * MS)
-    assert window.window_bytes == 8 * COST
-    assert window.in_flight_bytes == 4 * COST
 
 
 def test_credits_that_never_come_do_not_make_the_window_grow() -> None:
@@ -151,16 +109,41 @@ def test_what_is_larger_than_the_bucket_goes_when_it_is_full() -> None:
     assert bucket.may_send(5000, 5 * MS)
 
 
-def test_a_new_peer_gets_one_window_and_then_the_bucket() -> None:
+def asks(pacer: Pacer, now: int) -> bool:
+    """Ask for a Credit if the pacer wants it; return whether it did."""
+    if not pacer.must_ask(SIZE, now):
+        return False
+    pacer.asked(DatagramKey(64, "", now, 0), 24, now)
+    return True
+
+
+def test_a_new_peer_is_asked_first_then_gets_one_window_and_then_the_bucket() -> None:
     pacer = Pacer(TokenBucket(1e6, COST))
-    assert pacer.may_send(SIZE, 0)
-    pacer.sent(key(1), SIZE, 0)
-    assert not pacer.may_send(SIZE, 0)
-    assert pacer.next_wake(SIZE, 0) == 50 * MS
-    assert pacer.may_send(SIZE, 50 * MS)
-    pacer.sent(key(2), SIZE, 50 * MS)
-    assert pacer.stalls == 1
-    assert pacer.next_wake(SIZE, 50 * MS) == pytest.approx(50 * MS + COST * 1000, abs=2)
+    assert pacer.next_wake(SIZE, 5) == 5
+    assert asks(pacer, 5)
+    assert not asks(pacer, 5)
+    assert pacer.may_send(SIZE, 5)
+    pacer.sent(key(1), SIZE, 5)
+    assert not pacer.may_send(SIZE, 5)
+    assert [now for now in range(5, 60 * MS, MS) if asks(pacer, now)] == [
+        10 * MS + 5,
+        20 * MS + 5,
+        30 * MS + 5,
+        40 * MS + 5,
+    ]
+    assert pacer.may_send(SIZE, 50 * MS + 5)
+    assert pacer.stalls == 4
+    pacer.sent(key(2), SIZE, 50 * MS + 5)
+    assert pacer.next_wake(SIZE, 60 * MS) == pytest.approx(50 * MS + COST * 1000, abs=10)
+    assert not asks(pacer, 2000 * MS)
+
+
+def test_a_new_peer_tells_how_large_its_buffer_is_before_anything_is_sent() -> None:
+    pacer = Pacer()
+    assert asks(pacer, 0)
+    pacer.acknowledged(DatagramKey(64, "", 0, 0), 16 * COST, 1)
+    assert pacer.granted(SIZE, 100, 1) == 8
+    assert (pacer.stalls, pacer.window.in_flight_bytes) == (0, 0)
 
 
 def test_a_new_peer_that_acknowledges_gets_its_own_window() -> None:
@@ -186,53 +169,74 @@ def test_a_default_receive_buffer_holds_what_a_new_peer_gets_at_once(size: int) 
     assert 0 < taken_bytes <= 212_992 // 2
 
 
-def test_a_credit_brings_the_window_back_at_any_time() -> None:
-    pacer = Pacer(TokenBucket(1.0, 1))
-    sent = send_what_may_go(pacer, 0, 2000)
-    assert len(sent) == 2  # what fits into a window, and one after the stall
-    pacer.acknowledged(sent[-1], 4 * COST, 2000 * MS)
-    assert len(send_what_may_go(pacer, 2001, 2010)) == 2
-
-
-def send_what_may_go(pacer: Pacer, start_ms: int, end_ms: int) -> list[DatagramKey]:
-    sent: list[DatagramKey] = []
-    for now_ms in range(start_ms, end_ms):
-        while pacer.may_send(SIZE, now_ms * MS):
-            sent.append(key(now_ms * 10 + len(sent) % 10))
-            pacer.sent(sent[-1], SIZE, now_ms * MS)
-    return sent
-
-
-def test_a_second_of_stalls_brings_the_bucket_back_and_a_credit_the_window() -> None:
+def full(buffer_datagrams: int) -> Pacer:
+    """Return a pacer whose peer's window was filled at time 0."""
     pacer = Pacer(TokenBucket(1e6, COST))
-    pacer.acknowledged(key(0), 4 * COST, 0)
-    assert len(send_what_may_go(pacer, 0, 1050)) == 2 + 20
-    assert pacer.stalls == 20
-    # The first stall was at 50 ms, so the one at 1050 is the last; a bucketful takes 67 ms.
-    sent = send_what_may_go(pacer, 1050, 2050)
-    assert 14 <= len(sent) <= 17
-    assert pacer.stalls == 21
-    pacer.acknowledged(sent[-1], 4 * COST, 2050 * MS)
-    assert len(send_what_may_go(pacer, 2051, 2091)) == 2
-    assert pacer.stalls == 21
+    pacer.acknowledged(key(0), buffer_datagrams * COST, 0)
+    number = 1
+    while pacer.may_send(SIZE, 0):
+        pacer.sent(key(number), SIZE, 0)
+        number += 1
+    return pacer
 
 
-def test_stalls_with_credits_between_them_do_not_bring_the_bucket_back() -> None:
-    pacer = Pacer(TokenBucket(1.0, 1))
-    pacer.acknowledged(key(0), 4 * COST, 0)
-    for start_ms in range(0, 3000, 200):
-        sent = send_what_may_go(pacer, start_ms, start_ms + 200)
-        assert len(sent) >= 4  # at least one after each of three stalls
-        pacer.acknowledged(sent[-1], 4 * COST, (start_ms + 200) * MS)
+def test_a_full_window_that_stands_still_is_asked_about_every_10_ms() -> None:
+    pacer = full(8)
+    assert pacer.next_wake(SIZE, 0) == 10 * MS
+    assert [now for now in range(0, 45 * MS, MS) if asks(pacer, now)] == [
+        number * 10 * MS for number in range(1, 5)
+    ]
+    assert not pacer.may_send(SIZE, 45 * MS)
+    assert pacer.stalls == 4
 
 
-def test_a_peer_that_does_not_get_to_read_is_not_buried() -> None:
-    window = CreditWindow()
-    window.acknowledged(key(0), 16 * COST, 0)
-    sent = 0
-    for now_ms in range(0, 1000, 10):
-        while window.may_send(SIZE, now_ms * MS):
-            sent += 1
-            window.sent(key(sent), SIZE, now_ms * MS)
-    assert sent == 8 + 4 + 4 + (window.stalls - 2)
-    assert window.stalls >= 15
+def test_a_credit_gives_a_full_window_more_time() -> None:
+    pacer = full(8)
+    pacer.acknowledged(key(1), 6 * COST, 9 * MS)
+    assert not pacer.may_send(SIZE, 11 * MS)
+    assert not asks(pacer, 11 * MS)
+    assert asks(pacer, 19 * MS)
+
+
+def test_the_credit_for_the_asking_frees_all_that_was_sent_before() -> None:
+    pacer = full(8)
+    assert asks(pacer, 10 * MS)
+    pacer.acknowledged(DatagramKey(64, "", 10 * MS, 0), 8 * COST, 11 * MS)
+    assert pacer.window.in_flight_bytes == 0
+    assert pacer.granted(SIZE, 100, 11 * MS) == 4
+
+
+def test_a_peer_that_does_not_get_to_read_is_sent_nothing() -> None:
+    pacer = full(8)
+    for now in range(0, 1010 * MS, MS):
+        asks(pacer, now)
+        assert not pacer.may_send(SIZE, now)
+    assert pacer.stalls == 100
+
+
+def test_a_second_of_asking_in_vain_brings_the_bucket_and_a_credit_the_window() -> None:
+    pacer = full(8)
+    sent: list[int] = []
+    for now in range(0, 2010 * MS, MS):
+        asks(pacer, now)
+        if pacer.may_send(SIZE, now):
+            sent.append(now)
+            pacer.sent(key(100 + len(sent)), SIZE, now)
+    assert sent[0] == 1010 * MS  # the first asking was at 10 ms
+    assert 14 <= len(sent) <= 17  # a bucketful takes 66 ms
+    pacer.acknowledged(key(100 + len(sent)), 8 * COST, 2010 * MS)
+    assert pacer.granted(SIZE, 100, 2010 * MS) == 4
+
+
+def test_stalls_with_credits_between_them_do_not_bring_the_bucket() -> None:
+    pacer = full(4)
+    number = 100
+    for now in range(0, 5000 * MS, MS):
+        asks(pacer, now)
+        if now % (900 * MS) == 899 * MS:
+            pacer.acknowledged(key(number), 4 * COST, now)
+            while pacer.may_send(SIZE, now):
+                number += 1
+                pacer.sent(key(number), SIZE, now)
+        else:
+            assert not pacer.may_send(SIZE, now)

@@ -8,6 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from udp_bridge import MSG_TYPES, BadMessage, Header, Refused, parse
+from udp_bridge.header import is_stamp, restamped
 
 HEADER = Header(9, 5, 0, 1, 2015627261, 565643791, "/cmd_vel", "base")
 NAMES = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=58)
@@ -26,6 +27,21 @@ def headers(draw: st.DrawFn) -> Header:
         topic=draw(NAMES.filter(lambda name: len(name.encode()) <= 117)),
         link=draw(NAMES.filter(lambda name: len(name.encode()) <= 117)),
     )
+
+
+@given(headers(), st.integers(0, 2**32 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 999))
+def test_number_and_stamp_can_be_changed_in_place(
+    header: Header, number: int, sec: int, nsec: int
+) -> None:
+    single = header._replace(part_number=0, parts_max=1)
+    other = single._replace(seq_number=number, time_sec=sec, time_nsec=nsec)
+    assert restamped(single.pack(), number, other.stamp_nanos) == other.pack()
+
+
+@pytest.mark.parametrize("edge_sec", [-(2**31), 2**31])
+def test_a_stamp_is_within_what_a_header_holds(edge_sec: int) -> None:
+    below, at = is_stamp(edge_sec * 10**9 - 1), is_stamp(edge_sec * 10**9)
+    assert (below, at) == (edge_sec > 0, edge_sec < 0)
 
 
 @given(headers(), st.binary(max_size=50))

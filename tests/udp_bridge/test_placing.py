@@ -10,52 +10,48 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import Message, fragments
-from udp_bridge.placing import Slots
+from udp_bridge.holdings import Limits
+from udp_bridge.placing import Credits, Place, Run
 from udp_bridge.receiving import Inbox
+from udp_bridge.repair_wire import Offer
 
 SENDERS = (("192.0.2.7", 5000), ("192.0.2.8", 5000))
 Datagram = tuple[bytes, tuple[str, int]]
 
 
-class FakeRun:
-    """Datagrams scattered into slots as a kernel would."""
+class Kernel:
+    """Puts datagrams where they are expected, as a socket would; never more than `most` at once."""
 
-    def __init__(self, slots: Slots, datagrams: list[Datagram]) -> None:
-        self.slots = slots
-        self.count = len(datagrams)
-        self._datagrams = datagrams
-        self._rest = []
-        for index, (raw, _) in enumerate(datagrams):
-            body = raw[slots.header_size :]
-            start = (slots.first + index) * slots.part_size
-            placed = body[: slots.part_size]
-            with memoryview(slots.block) as view:
-                view[start : start + len(placed)] = placed
-            self._rest.append(body[slots.part_size :])
+    def __init__(self, datagrams: list[Datagram]) -> None:
+        self.left = list(datagrams)
 
-    def size(self, index: int) -> int:
-        return len(self._datagrams[index][0])
-
-    def head(self, index: int) -> bytes:
-        return self._datagrams[index][0][: self.slots.header_size]
-
-    def sender(self, index: int) -> tuple[str, int]:
-        return self._datagrams[index][1]
-
-    def follows(self, index: int, heads: bytes, sizes: list[int]) -> bool:
-        rest = range(index, self.count)
-        near = range(max(0, index - 1), self.count)
-        return (
-            b"".join(self.head(i) for i in rest) == heads
-            and [self.size(i) for i in rest] == sizes
-            and len({self.sender(i) for i in near}) == 1
-        )
-
-    def copy(self, index: int) -> bytes:
-        start = (self.slots.first + index) * self.slots.part_size
-        size = max(0, self.size(index) - self.slots.header_size)
-        placed = bytes(self.slots.block[start : start + min(size, self.slots.part_size)])
-        return self.head(index) + placed + self._rest[index]
+    def receive(self, place: Place, credits: Credits, most: int) -> Run:
+        head, count, last_size = b"", 0, 0
+        uncredited = credits.uncredited_bytes
+        while self.left and count < most:
+            raw, sender = self.left[0]
+            own = raw[: len(place.head)]
+            if len(raw) <= len(own) or not place.takes(own, len(raw), sender):
+                break
+            del self.left[0]
+            body = raw[len(own) :]
+            start = place.first * place.part_size
+            with memoryview(place.block) as view:
+                view[start : start + len(body)] = body
+            head, count, last_size = head or own, count + 1, len(body)
+            uncredited += len(raw)
+            place = place._replace(
+                first=place.first + 1, parts_count=place.parts_count - 1, head=own, is_open=True
+            )
+        if (count and count >= most) or not self.left:
+            return Run(head, count, last_size, 0, uncredited, None, None)
+        raw, sender = self.left.pop(0)
+        if place.parts_count:  # it was received into a place that is not its own
+            start = place.first * place.part_size
+            with memoryview(place.block) as view:
+                spoilt = raw[len(place.head) :][: place.part_size]
+                view[start : start + len(spoilt)] = spoilt
+        return Run(head, count, last_size, 0, uncredited, raw, sender)
 
 
 def outcome(inbox: Inbox, messages: list[Any]) -> dict[str, Any]:
@@ -80,21 +76,15 @@ def by_itself(datagrams: list[Datagram]) -> dict[str, Any]:
 
 def in_runs(datagrams: list[Datagram], rng: random.Random) -> tuple[dict[str, Any], int]:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    kernel = Kernel(datagrams)
     messages: list[Any] = []
-    runs = index = 0
-    while index < len(datagrams):
-        slots = inbox.slots()
-        if slots is None:
-            raw, sender = datagrams[index]
-            message, _ = inbox.receive(memoryview(raw), sender, index, 0)
-            taken = [(message, None, sender)]
-            index += 1
-        else:
-            count = rng.randint(1, slots.slot_count)
-            run = FakeRun(slots, datagrams[index : index + count])
-            taken = inbox.receive_run(run, index)
-            index += run.count
-            runs += 1
+    runs = 0
+    while kernel.left:
+        now = len(datagrams) - len(kernel.left)
+        place, credits = inbox.expected()
+        run = kernel.receive(place, credits, rng.randint(1, 20))
+        taken = inbox.receive_run(place, run, now)
+        runs += run.parts_count > 1
         messages += [(message, sender) for message, _, sender in taken if message is not None]
     return outcome(inbox, messages), runs
 
@@ -129,12 +119,21 @@ def test_runs_give_what_single_datagrams_give(seed: int, chaos: float) -> None:
     assert found == by_itself(datagrams)
 
 
-def test_in_order_all_but_the_first_parts_are_placed_in_one_block() -> None:
-    message = Message(1, "/points", "lidar", 10**9, 0, random.Random(1).randbytes(9000))
-    datagrams = [(head + bytes(part), SENDERS[0]) for head, part in fragments(message, 300)]
-    found, runs = in_runs(datagrams, random.Random(1))
-    assert found["messages"] == [("/points", 0, message.body, SENDERS[0])]
-    assert runs < len(datagrams)
+def test_in_order_a_message_is_one_run() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    for seq in range(3):
+        body = random.Random(seq).randbytes(9000)
+        message = Message(1, "/points", "lidar", 10**9 + seq, seq, body)
+        kernel = Kernel([(h + bytes(part), SENDERS[0]) for h, part in fragments(message, 300)])
+        messages = []
+        turns = 0
+        while kernel.left:
+            place, credits = inbox.expected()
+            run = kernel.receive(place, credits, 255)
+            messages += [one for one, _, _ in inbox.receive_run(place, run, 0) if one is not None]
+            turns += 1
+        assert [bytes(one.body) for one in messages] == [body]
+        assert turns == (2 if seq == 0 else 1)  # of the first one the first part is unexpected
 
 
 def test_a_message_that_was_handed_over_is_never_written_to() -> None:
@@ -143,16 +142,103 @@ def test_a_message_that_was_handed_over_is_never_written_to() -> None:
     for seq in range(20):
         body = random.Random(seq).randbytes(5000)
         message = Message(1, "/points", "lidar", 10**9 + seq, seq, body)
-        datagrams = [(head + bytes(part), SENDERS[0]) for head, part in fragments(message, 300)]
-        while datagrams:
-            slots = inbox.slots()
-            if slots is None:
-                raw, sender = datagrams.pop(0)
-                inbox.receive(memoryview(raw), sender, 0, 0)
-                continue
-            run = FakeRun(slots, datagrams[: slots.slot_count])
-            del datagrams[: run.count]
-            kept += [(m, seq) for m, _, _ in inbox.receive_run(run, 0) if m is not None]
+        kernel = Kernel([(h + bytes(part), SENDERS[0]) for h, part in fragments(message, 300)])
+        while kernel.left:
+            place, credits = inbox.expected()
+            run = kernel.receive(place, credits, 255)
+            kept += [(m, seq) for m, _, _ in inbox.receive_run(place, run, 0) if m is not None]
     assert len(kept) == 20
     for received, seq in kept:
         assert received.body == random.Random(seq).randbytes(5000)
+
+
+def run_of(inbox: Inbox, datagrams: list[Datagram], now: int = 0) -> list[Any]:
+    kernel = Kernel(datagrams)
+    taken: list[Any] = []
+    while kernel.left:
+        place, credits = inbox.expected()
+        taken += inbox.receive_run(place, kernel.receive(place, credits, 255), now)
+    return taken
+
+
+def cut(seq: int, size: int = 5000, topic: str = "/points") -> list[Datagram]:
+    message = Message(1, topic, "lidar", 10**9 + seq, seq, random.Random(seq).randbytes(size))
+    return [(head + bytes(part), SENDERS[0]) for head, part in fragments(message, 300)]
+
+
+def test_parts_of_a_message_that_was_given_up_are_copies() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, cut(0)[:5])
+    inbox.reassembler.expire(3 * 10**9)
+    assert inbox.reassembler.counters.incomplete == 1
+    run_of(inbox, cut(0)[5:], 3 * 10**9)
+    assert inbox.reassembler.counters.duplicates == len(cut(0)) - 5
+    messages = [one for one, _, _ in run_of(inbox, cut(1), 3 * 10**9) if one is not None]
+    assert [message.seq_number for message in messages] == [1]
+
+
+def test_a_message_that_announces_too_much_is_given_up_in_a_run_too() -> None:
+    limits = Limits(memory_bytes=1 << 16, share=4)
+    outcomes = []
+    for take in (run_of, one_by_one):
+        inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None, limits=limits)
+        take(inbox, cut(0) + cut(1, 20_000) + cut(2))
+        outcomes.append((inbox.reassembler.counters.as_dict(), inbox.reassembler.memory_bytes))
+    assert outcomes[0] == outcomes[1]
+    assert outcomes[0][0]["incomplete"] == 1
+    assert outcomes[0][0]["duplicates"] > 10
+
+
+def one_by_one(inbox: Inbox, datagrams: list[Datagram]) -> None:
+    for raw, sender in datagrams:
+        inbox.receive(memoryview(raw), sender, 0, 0)
+
+
+def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, cut(0))
+    place, credits = inbox.expected()
+    run = Kernel(cut(1)).receive(place, credits, 255)
+    credited = run._replace(credits=2, uncredited_bytes=0)
+    ((message, answer, _),) = inbox.receive_run(place, credited, 0)
+    assert message is not None
+    assert answer is None
+    assert (inbox.credits_sent, inbox.credit_bytes_sent) == (2, 2 * (28 + 12))
+    assert inbox.expected()[1] == Credits(0, 1 << 16, credits.number + 2)
+
+
+def test_what_can_be_asked_for_is_not_waited_for() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, cut(0)[:3])
+    assert inbox.expected()[0].waits
+    offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
+    run_of(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
+    run_of(inbox, cut(0)[4:6])  # behind a gap, so judged by itself
+    assert not inbox.expected()[0].waits
+
+
+def test_a_run_that_contradicts_its_message_is_refused_and_not_followed() -> None:
+    raw, sender = cut(1)[2]
+    wrong = raw[:7] + bytes([raw[7] - 5]) + raw[8:]
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    for datagrams in (cut(0), [(wrong, sender)], cut(2), cut(1)[:7], cut(1)[7:]):
+        run_of(inbox, datagrams)
+    assert inbox.reassembler.counters.refused == {"parts_max": len(cut(1))}
+    assert not inbox.expected()[0].is_open
+
+
+def test_a_run_after_a_silence_shows_a_restarted_sender() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, cut(5))
+    taken = run_of(inbox, cut(3), 2 * 10**9)
+    assert [one.seq_number for one, _, _ in taken if one is not None] == [3]
+    assert inbox.reassembler.counters.late == 0
+
+
+def test_a_run_of_a_message_that_was_handed_over_is_copies() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    for seq in (0, 1, 1):
+        run_of(inbox, cut(seq))
+    counters = inbox.reassembler.counters
+    assert (counters.messages, counters.duplicates) == (2, len(cut(1)))
+    assert inbox.reassembler.memory_bytes == 0

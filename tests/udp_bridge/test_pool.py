@@ -19,6 +19,18 @@ def test_a_block_is_used_again_when_nobody_looks_into_it() -> None:
     assert is_free(block)
 
 
+def test_the_block_that_was_used_last_is_used_next() -> None:
+    pool = Pool()
+    views = [memoryview(pool.lease(100_000)) for _ in range(3)]
+    blocks = [view.obj for view in views]
+    for view in views:
+        view.release()
+    assert pool.lease(100_000) is blocks[2]
+    with memoryview(blocks[2]):
+        assert pool.lease(100_000) is blocks[1]
+    assert pool.lease(100_000) is blocks[1]
+
+
 def test_what_is_in_a_block_stays_when_it_is_asked_for() -> None:
     block = bytearray(b"abc")
     assert is_free(block)

@@ -10,7 +10,19 @@ from pathlib import Path
 import pytest
 
 import udp_bridge
-from udp_bridge import MSG_TYPES, Limits, control, fec_parts, flow, parse, resend, resend_asking
+from udp_bridge import (
+    MSG_TYPES,
+    Limits,
+    control,
+    fec_parts,
+    flow,
+    parse,
+    resend,
+    resend_asking,
+    resend_budget,
+    resend_offers,
+    round_trip,
+)
 from udp_bridge.control import Subscribe
 
 from .vectors import load
@@ -85,6 +97,7 @@ def reasons_in(path: Path) -> set[str]:
         ("**Kind 0, Credit**", 12),
         ("**Kind 1, TopicReport**", 128),
         ("**Kind 2, LinkReport**", 40),
+        ("**Kind 3, CreditRequest**", 4),
         ("**Kind 0, Offer**", 8),
         ("**Kind 1, Request**", 8),
     ],
@@ -105,6 +118,7 @@ def test_bodies_have_no_gaps_and_the_size_that_is_said(heading: str, size: int) 
         ("**Kind 0, Credit**", control.Credit),
         ("**Kind 1, TopicReport**", control.TopicReport),
         ("**Kind 2, LinkReport**", control.LinkReport),
+        ("**Kind 3, CreditRequest**", control.CreditRequest),
     ],
 )
 def test_fields_of_control_stand_in_their_order(heading: str, kind: type[control.Control]) -> None:
@@ -122,20 +136,26 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"{limits.time_limit_nanos // 10**9} s after its first part",
         f"bursts of {flow.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
         f"{flow.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
-        f"{flow.STALL_NANOS // 10**6} ms",
-        f"again after {resend.FIRST_STEP_NANOS // 10**6} ms",
-        f"every {resend.LONGEST_STEP_NANOS // 10**6} ms, until",
-        f"one part at most every {resend.SMALL_STEP_NANOS // 10**6} ms",
+        f"still for {flow.ASK_NANOS // 10**6} ms",
+        f"within {flow.ANSWER_NANOS // 10**6} ms of the first request",
+        f"later within {flow.GIVE_UP_NANOS // 10**9} s",
+        f"again after {resend_offers.FIRST_STEP_NANOS // 10**6} ms",
+        f"every {resend_offers.LONGEST_STEP_NANOS // 10**6} ms, until",
+        f"one part at most every {resend_offers.SMALL_STEP_NANOS // 10**6} ms",
         f"at most {resend.HISTORY_BYTES >> 20} MiB of bodies and {resend.HISTORY_MESSAGES}",
-        f"in any case {resend.GOODPUT_FLOOR_BYTES:,} bytes".replace(",", " "),
+        f"within any {resend_budget.WINDOW_S} s and for",
+        f"up to {resend_budget.BURST_BYTES:,}; and in".replace(",", " "),
+        f"in any case {resend_budget.LEAST_BYTES:,}.".replace(",", " "),
+        f"below {resend_asking.WANTS}, the messages from 0 on",
         f"again within {resend.DEBOUNCE_NANOS / 1e6} ms",
         f"the {resend_asking.WANTS} newest such messages",
         f"at most {resend_asking.TRIES} times",
-        f"asks {resend_asking.DEBOUNCE_NANOS // 10**6} ms later",
-        f"at least {resend_asking.SHORTEST_WAIT_NANOS // 10**6} ms more than measured",
-        f"{resend_asking.FIRST_WAIT_NANOS // 10**6} ms while none was",
-        f"then {resend_asking.BACK_OFF} times later each time, up to"
-        f" {resend_asking.LONGEST_BACK_OFF:.0f} times",
+        f"asks {round_trip.DEBOUNCE_NANOS // 10**6} ms later, or after"
+        f" {round_trip.DEBOUNCE_SHARE} of the round trip",
+        f"at least {round_trip.SHORTEST_WAIT_NANOS // 10**6} ms more than measured",
+        f"{round_trip.FIRST_WAIT_NANOS // 10**6} ms while none was",
+        f"then {round_trip.BACK_OFF} times later each time, up to"
+        f" {round_trip.LONGEST_BACK_OFF:.0f} times",
         f"up to {limits.open_per_offered_topic} open messages of such a topic",
         f"tries at most {fec_parts.ATTEMPTS} times",
     ):

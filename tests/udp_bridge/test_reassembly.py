@@ -317,6 +317,35 @@ def test_a_restart_gives_up_what_was_open_before_it() -> None:
     assert receiver.counts == {"messages": 3, "incomplete": 1}
 
 
+# Messages that come one behind the other, as nearly all do.
+
+
+def test_the_newest_stamp_and_time_are_those_of_the_last_one_in_a_row() -> None:
+    receiver = Receiver()
+    assert receiver.seqs(imu(5, 1000), imu(6, 1001), imu(7, 1002)) == [5, 6, 7]
+    assert receiver.seqs(imu(4, 1001.5)) == []  # newer than the first, older than the last
+    assert receiver.counts == {"messages": 3, "late": 1}
+
+
+def test_silence_is_counted_from_the_last_one_in_a_row() -> None:
+    receiver = Receiver()
+    for receiver.now_s, number in ((0.0, 5), (0.9, 6)):
+        assert receiver.seqs(imu(number)) == [number]
+    receiver.now_s = 1.5
+    assert receiver.seqs(imu(3)) == []
+    receiver.now_s = 1.95
+    assert receiver.seqs(imu(2)) == [2]
+
+
+def test_the_next_one_that_was_given_up_does_not_come_back_in_a_single_part() -> None:
+    receiver = Receiver()
+    assert receiver.seqs(imu(5)) == [5]
+    receiver.part(imu(6)._replace(parts_max=2), 0)
+    receiver.now_s = 2.5
+    assert receiver.seqs(imu(6)) == []
+    assert receiver.counts == {"messages": 1, "incomplete": 1, "duplicates": 1}
+
+
 def test_topics_types_and_senders_have_an_order_of_their_own() -> None:
     receiver = Receiver()
     receiver.seqs(imu(1000))
@@ -506,7 +535,7 @@ def test_control_of_several_parts_or_with_a_bad_body_is_refused() -> None:
     assert receiver.counts == {"refused": {"parts_max": 1, "body_value": 1, "body_size": 1}}
 
 
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 @given(st.data())
 def test_whatever_arrives_the_limits_hold(data: st.DataObject) -> None:
     receiver = Receiver(memory_bytes=8000, senders=3, topics=5, time_limit_nanos=10**9)

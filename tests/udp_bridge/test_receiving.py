@@ -3,8 +3,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from udp_bridge import Message, control, fragments, parse
-from udp_bridge.control import Credit, LinkReport, TopicReport
+from udp_bridge import Header, Message, control, fragments, parse
+from udp_bridge.control import Credit, CreditRequest, LinkReport, TopicReport
 from udp_bridge.flow import DatagramKey
 from udp_bridge.receiving import Inbox
 
@@ -49,6 +49,19 @@ def cloud(size: int, seq_number: int = 4) -> Message:
 
 def test_single_part_messages_get_no_credit() -> None:
     assert Bench().receive(cloud(100)) == []
+
+
+def test_a_request_for_a_credit_is_answered_and_handed_to_nobody() -> None:
+    bench = Bench()
+    head = Header(64, 17, 0, 1, 0, 0).pack()
+    request = memoryview(head + CreditRequest().pack())
+    message, answer = bench.inbox.receive(request, OTHER, 0, WALL)
+    assert message is None
+    assert answer is not None
+    assert answer[1] == OTHER
+    header, offset = parse(answer[0])
+    assert (header.msg_type, header.topic, header.stamp_nanos) == (64, "", 0)
+    assert control.parse(answer[0][offset:]) == Credit(64, 0, 17, 212_992)
 
 
 def test_a_finished_message_gets_a_credit_for_its_last_datagram() -> None:

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import pytest
+
 from udp_bridge import Header, Message, parse
+from udp_bridge.flow import UNKNOWN_BUFFER, DatagramKey
+from udp_bridge.fragments import DatagramSize
 from udp_bridge.repair import Resend
 from udp_bridge.repair_wire import Offer, Request, parse_resend
-from udp_bridge.resend import GOODPUT_FLOOR_BYTES, HISTORY_MESSAGES
+from udp_bridge.resend import HISTORY_MESSAGES
+from udp_bridge.resend_budget import BURST_BYTES, LEAST_BYTES, WINDOW_S, Budget
 from udp_bridge.sending import Datagram, Outbox
 
 MS = 1_000_000
@@ -18,8 +23,13 @@ def box(limit: int = 500 * MS) -> Outbox:
     outbox = Outbox(TO, "mtu", repair={(kind, "/p"): Resend(limit) for kind in (1, 2)})
     outbox.pacer.bucket.rate_bytes_per_s = 1e12
     outbox.pacer.bucket.burst_bytes = 10**9
-    outbox.pacer.window.window_bytes = 10**9
+    acknowledge(outbox, 2 * 10**9)
     return outbox
+
+
+def acknowledge(outbox: Outbox, receive_buffer: int) -> None:
+    """Give a Credit, so that none is asked for."""
+    outbox.pacer.acknowledged(DatagramKey(1, "", 0, 0), receive_buffer, 0)
 
 
 def taken(outbox: Outbox, now: int) -> list[tuple[Header, bytes]]:
@@ -119,31 +129,64 @@ def test_copies_of_a_request_are_answered_once() -> None:
     assert outbox.resender.resent == 2
 
 
-def test_a_second_resends_a_quarter_of_the_goodput_or_the_floor() -> None:
-    outbox = box(limit=5 * SECOND)
-    parts = 200
-    size = 1472
-    sent = put(outbox, 0, cloud(parts=parts))
-    numbers = tuple(range(len(sent)))
-    ask(outbox, sent[0][0], numbers, 0)
-    taken(outbox, 0)
-    floor = GOODPUT_FLOOR_BYTES // size
-    assert outbox.resender.resent == floor
-    assert outbox.resender.over_budget == len(sent) - floor
-    # What the receiver claims beyond what was sent counts for nothing.
-    put(outbox, 2 * SECOND, cloud(8, parts=parts))
-    put(outbox, 2 * SECOND, cloud(9, parts=parts))
-    ask(outbox, sent[0][0], numbers, 2 * SECOND, goodput=1 << 31)
-    taken(outbox, 2 * SECOND)
-    assert outbox.resender.resent - floor == 2 * parts * 1500 // 4 // size
-    # Within the same second there is no more, a second later there is.
-    before = outbox.resender.resent
-    ask(outbox, sent[0][0], numbers, 2 * SECOND + 999 * MS, goodput=1 << 31)
-    taken(outbox, 2 * SECOND + 999 * MS)
-    assert outbox.resender.resent == before
-    ask(outbox, sent[0][0], numbers, 3 * SECOND, goodput=0)
-    taken(outbox, 3 * SECOND)
-    assert outbox.resender.resent == before + floor
+def test_what_the_budget_does_not_hold_is_not_sent_again() -> None:
+    outbox = Outbox(TO, 65_000, repair={(1, "/p"): Resend(5 * SECOND)})
+    acknowledge(outbox, UNKNOWN_BUFFER)
+    outbox.pacer.window.window_bytes = 10**9
+    sent = put(outbox, 0, Message(1, "/p", "", 7, 0, bytes(1_500_000)))
+    ask(outbox, sent[0][0], tuple(range(20)), MS)
+    taken(outbox, MS)
+    assert outbox.resender.resent == BURST_BYTES // 65_000
+    assert outbox.resender.over_budget == 20 - outbox.resender.resent
+
+
+@pytest.mark.parametrize("datagram", ["mtu", "loopback"])
+def test_a_small_message_takes_its_own_size_of_the_budget(datagram: DatagramSize) -> None:
+    outbox = Outbox(TO, datagram, repair={(2, "/p"): Resend(5 * SECOND)})
+    acknowledge(outbox, UNKNOWN_BUFFER)
+    outbox.pacer.window.window_bytes = 10**9
+    for stamp in range(1000):
+        put(outbox, 0, Message(2, "/p", "", stamp, 0, bytes(100)))
+    for first in range(0, 1000, 50):
+        header = Header(2, first, 0, 1, 0, 0, "/p")
+        outbox.resender.asked(header, Request(2, 0, 50, 0), 0)
+        taken(outbox, 0)
+    assert (outbox.resender.resent, outbox.resender.over_budget) == (1000, 0)
+
+
+def spent(budget: Budget, goodput: int, now: int, size: int = 1000) -> int:
+    count = 0
+    while budget.spend(size, goodput, now):
+        count += size
+    return count
+
+
+def test_in_the_long_run_a_quarter_of_the_goodput_is_sent_again() -> None:
+    budget = Budget()
+    goodput, count = 3_000_000, 0
+    for tenth in range(400):
+        now = tenth * SECOND // 10
+        budget.left(400_000, now)
+        came = spent(budget, goodput, now)
+        count += came if tenth >= 200 else 0
+    assert count == pytest.approx(20 * goodput / WINDOW_S, rel=0.01)
+
+
+@pytest.mark.parametrize("left", [0, 500_000, 2_000_000])
+def test_a_burst_is_mended_whatever_arrives_but_not_more_than_left(left: int) -> None:
+    budget = Budget()
+    budget.left(left, 0)
+    most = max(LEAST_BYTES, min(left, BURST_BYTES))
+    assert spent(budget, 0, 1) == most // 1000 * 1000
+    assert spent(budget, 0, WINDOW_S * SECOND) == 0
+    budget.left(left, WINDOW_S * SECOND)
+    assert spent(budget, 0, WINDOW_S * SECOND + 1) == most // 1000 * 1000
+
+
+def test_a_claim_beyond_what_was_sent_counts_for_nothing() -> None:
+    budget = Budget()
+    budget.left(20_000_000, 0)
+    assert spent(budget, 1 << 31, 1) == 20_000_000 // WINDOW_S
 
 
 def test_history_is_bounded() -> None:

@@ -130,11 +130,30 @@ def test_waiting_follows_the_round_trip(bench: Bench) -> None:
     assert bench.due(10 * MS + 12 * MS) == [(101, (7,))]  # 4 ms and four times half of it
 
 
+def test_on_a_short_way_a_gap_is_asked_for_sooner(bench: Bench) -> None:
+    bench.saw(0, *range(7), seq=100)
+    bench.offered(0, 100)
+    assert bench.due(0) == [(100, (7,))]
+    bench.saw(MS // 5, 7, seq=100)  # a round trip of 0.2 ms
+    bench.saw(MS, 0, 2, seq=101)
+    assert bench.due(MS + MS // 20 - 1) == []
+    assert bench.due(MS + MS // 20) == [(101, (1,))]
+
+
+def test_parts_in_a_row_are_taken_together(bench: Bench) -> None:
+    bench.asking.saw(part(2, 100), is_whole=False, now_nanos=0, count=3)
+    assert bench.due(MS) == [(100, (0, 1))]
+    bench.offered(MS, 100)
+    assert bench.due(MS) == [(100, (5, 6, 7))]
+    bench.asking.saw(part(5, 100), is_whole=False, now_nanos=2 * MS, count=2)
+    assert bench.due(500 * MS) == [(100, (0, 1, 7))]
+
+
 def test_a_stale_message_is_not_asked_for_any_more(bench: Bench) -> None:
     bench.saw(0, 0, seq=100)
     bench.offered(500 * MS, 100)
-    assert bench.asking.is_wanted(100, 500 * MS)
-    assert not bench.asking.is_wanted(100, 500 * MS + 1)
+    assert bench.asking.is_wanted(part(1, 100), 500 * MS)
+    assert not bench.asking.is_wanted(part(1, 100), 500 * MS + 1)
     assert bench.due(500 * MS + 1) == []
 
 

@@ -9,16 +9,18 @@ from collections.abc import Iterator
 
 import pytest
 
-from udp_bridge import Message, mmsg, runs
+from udp_bridge import Message, parse, runs
+from udp_bridge.control import Credit
+from udp_bridge.control import parse as parse_control
 from udp_bridge.fragments import Parts, Split
-from udp_bridge.placing import Slots
-from udp_bridge.sending import Run
+from udp_bridge.placing import NOWHERE, Credits, Place, Run
+from udp_bridge.sending import Run as Leaving
 
 LOCAL = ("127.0.0.1", 0)
-HEADER = 32
 PART = 1000
+CREDITS = Credits(0, 1 << 20, 7)
 
-needs_many = pytest.mark.skipif(not mmsg.AVAILABLE, reason="no recvmmsg here")
+needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs.c was not built")
 RECEIVING = [pytest.param(runs.ManyAtOnce, marks=needs_many), runs.OneByOne]
 SENDING = [pytest.param(runs.SendingMany, marks=needs_many), runs.SendingOne]
 Pair = tuple[socket.socket, socket.socket]
@@ -32,28 +34,58 @@ def pair() -> Iterator[Pair]:
     ):
         for end in (one, two):
             end.bind(LOCAL)
-        two.settimeout(10.0)
+        two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, (10).to_bytes(8, "little") * 2)
         yield one, two
 
 
-def parts_of(size: int) -> Parts:
+def parts_of(size: int, seq_number: int = 0, topic: str = "/points") -> Parts:
     body = memoryview(random.Random(size).randbytes(size))
     count = -(-size // PART)
-    packed = Message(1, "/points", "lidar", 0, 0, b"").header(parts_max=count).pack()
-    return Parts(packed, body, Split(PART, count))
+    message = Message(1, topic, "lidar", 5 + seq_number, seq_number, b"")
+    return Parts(message.header(parts_max=count).pack(), body, Split(PART, count))
+
+
+def whole(parts: Parts) -> list[bytes]:
+    return [head + bytes(part) for head, part in Parts(parts.packed, parts.body, parts.cut)]
+
+
+def place(parts: Parts, sender: socket.socket, *, is_open: bool, waits: bool = True) -> Place:
+    count = parts.cut.parts_max
+    block = bytearray(count * PART)
+    name = sender.getsockname()
+    return Place(block, parts.packed, name, PART, 0, count, is_open, waits)
+
+
+def received(receiving: type, two: socket.socket, at: Place, count: int) -> tuple[bytes, list[Run]]:
+    """Receive `count` datagrams; return what lies in the block, and the runs."""
+    receiver, found, credits = receiving(), [], CREDITS
+    taken = 0
+    while taken < count:
+        run, _ = receiver.receive(two, at, credits)
+        assert run is not None
+        found.append(run)
+        taken += run.parts_count + (run.stray is not None)
+        at = at._replace(
+            first=at.first + run.parts_count, parts_count=at.parts_count - run.parts_count
+        )
+        if run.parts_count:
+            at = at._replace(is_open=True, head=run.head)
+        credits = Credits(run.uncredited_bytes, 1 << 20, credits.number + run.credits)
+    return bytes(at.block), found
 
 
 @pytest.mark.parametrize("sending", SENDING)
 def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
     one, two = pair
     sender = sending()
-    for size in (2500, 7001, 5000):
+    for size in (2500, 7001, 5000, 200_000):
         parts = parts_of(size)
-        expected = [head + bytes(part) for head, part in parts_of(size)]
+        expected = whole(parts)
         to = two.getsockname()
         middle = parts.cut.parts_max - 1
         for first, count in ((0, middle), (middle, parts.cut.parts_max - middle)):
-            assert sender.send(one, Run(parts, first, count), to, lambda _: False) == count
+            assert sender.send(one, Leaving(parts, first, count), to, lambda _: False) == count
         assert [two.recv(65536) for _ in expected] == expected
 
 
@@ -65,64 +97,192 @@ def test_a_datagram_that_can_not_be_sent_is_left_out(sending: type, pair: Pair) 
         complaints.append(number)
         return False
 
-    run = Run(parts_of(2500), 0, 3)
+    run = Leaving(parts_of(2500), 0, 3)
     assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
     assert len(complaints) == 3
 
 
+@pytest.mark.parametrize("sending", SENDING)
+def test_what_can_not_be_sent_is_tried_once_more_when_told_so(sending: type, pair: Pair) -> None:
+    complaints: list[int] = []
+
+    def complain(number: int) -> bool:
+        complaints.append(number)
+        return True
+
+    run = Leaving(parts_of(2500), 0, 3)
+    assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
+    assert len(complaints) == 6
+
+
 @pytest.mark.parametrize("receiving", RECEIVING)
-def test_datagrams_of_any_size_come_back_whole(receiving: type, pair: Pair) -> None:
+@pytest.mark.parametrize("is_anything_expected", [False, True])
+def test_datagrams_of_any_size_come_back_whole(
+    receiving: type, pair: Pair, is_anything_expected: bool
+) -> None:
     one, two = pair
-    receiver = receiving()
     rng = random.Random(1)
-    sent = [rng.randbytes(size) for size in (0, 10, HEADER, 500, HEADER + PART, 1500, 65507)]
+    sent = [rng.randbytes(size) for size in (0, 10, 32, 500, 32 + PART, 1500, 65507)]
     for raw in sent:
         one.sendto(raw, two.getsockname())
-    block = bytearray(16 * PART)
-    received: list[bytes] = []
-    while len(received) < len(sent):
-        slots = Slots(block, HEADER, PART, 16, len(received), 16 - len(received))
-        run = receiver.receive(two, slots)
-        assert run is not None
-        for index in range(run.count):
-            assert run.sender(index) == one.getsockname()
-            assert run.size(index) == len(run.copy(index))
-            received.append(run.copy(index))
-    assert received == sent
+    at = place(parts_of(16_000), one, is_open=False) if is_anything_expected else NOWHERE
+    _, found = received(receiving, two, at, len(sent))
+    assert [run.stray for run in found] == sent
+    assert {run.sender for run in found} == {one.getsockname()}
 
 
 @pytest.mark.parametrize("receiving", RECEIVING)
-def test_parts_land_in_their_places(receiving: type, pair: Pair) -> None:
+@pytest.mark.parametrize("is_open", [False, True])
+def test_parts_land_in_their_places(receiving: type, pair: Pair, is_open: bool) -> None:
     one, two = pair
-    receiver, parts = receiving(), parts_of(7001)
-    expected = list(parts_of(7001))
-    for head, part in expected:
-        one.sendmsg([head, part], [], 0, two.getsockname())
-    block = bytearray(8 * PART)
-    size = len(parts.packed)
-    taken = 0
-    while taken < 8:
-        run = receiver.receive(two, Slots(block, size, PART, 8, taken, 8 - taken))
-        assert run is not None
-        heads = b"".join(head for head, _ in expected[taken : taken + run.count])
-        sizes = [size + len(part) for _, part in expected[taken : taken + run.count]]
-        assert run.follows(0, heads, sizes)
-        assert not run.follows(0, heads[:-1] + b"x", sizes)
-        taken += run.count
-    assert bytes(block[:7001]) == parts.body
+    parts = parts_of(7001)
+    for raw in whole(parts):
+        one.sendto(raw, two.getsockname())
+    like = parts if is_open else parts_of(7001, seq_number=900)
+    block, found = received(receiving, two, place(like, one, is_open=is_open), 8)
+    assert block[:7001] == parts.body
+    assert [run.stray for run in found] == [None] * len(found)
+    assert found[0].head == parts.packed
+    assert found[-1].last_size == 1
+    assert len(found) == (1 if receiving is runs.ManyAtOnce else 8)
+
+
+def changed(raw: bytes, index: int, value: int) -> bytes:
+    return raw[:index] + bytes([value]) + raw[index + 1 :]
+
+
+FIRST, SECOND, *_, LAST = whole(parts_of(4500))
+WRONG = {
+    "type": changed(SECOND, 0, 2),
+    "header size": changed(SECOND, 1, 28),
+    "number of another message": changed(SECOND, 2, 9),
+    "part that is not next": changed(SECOND, 6, 2),
+    "count of parts": changed(SECOND, 7, 4),
+    "second": changed(SECOND, 8, 9),
+    "nanosecond": changed(SECOND, 12, 9),
+    "topic size": changed(SECOND, 16, 6),
+    "link size": changed(SECOND, 17, 4),
+    "topic": changed(SECOND, 19, ord("q")),
+    "link": changed(SECOND, 25, ord("q")),
+    "padding": changed(SECOND, 31, 1),
+    "copy of the one before": FIRST,
+    "last part": LAST,
+    "short part": SECOND[:-1],
+    "long part": SECOND + b"x",
+    "only a header": SECOND[:32],
+    "half a header": SECOND[:16],
+    "nothing": b"",
+}
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG.keys())
+def test_what_is_not_exactly_the_next_part_is_handed_over_whole(
+    receiving: type, pair: Pair, wrong: bytes
+) -> None:
+    one, two = pair
+    parts = parts_of(4500)
+    for raw in (FIRST, wrong, *whole(parts)[1:]):
+        one.sendto(raw, two.getsockname())
+    block, found = received(receiving, two, place(parts, one, is_open=False), 6)
+    assert [run.stray for run in found if run.stray is not None] == [wrong]
+    assert sum(run.parts_count for run in found) == 5
+    assert block[:4500] == parts.body
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+def test_a_part_from_elsewhere_is_handed_over_whole(receiving: type, pair: Pair) -> None:
+    one, two = pair
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(LOCAL)
+        for raw, sender in ((FIRST, one), (SECOND, other), (SECOND, one)):
+            sender.sendto(raw, two.getsockname())
+        at = place(parts_of(4500), one, is_open=False, waits=False)
+        _, found = received(receiving, two, at, 3)
+        strays = [(run.stray, run.sender) for run in found if run.stray is not None]
+        assert strays == [(SECOND, other.getsockname())]
+    assert sum(run.parts_count for run in found) == 2
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize("nsec", [10**9, -1])
+def test_a_time_that_is_none_begins_no_message(receiving: type, pair: Pair, nsec: int) -> None:
+    one, two = pair
+    wrong = FIRST[:12] + nsec.to_bytes(4, "little", signed=True) + FIRST[16:]
+    one.sendto(wrong, two.getsockname())
+    _, found = received(receiving, two, place(parts_of(4500), one, is_open=False), 1)
+    assert [run.stray for run in found] == [wrong]
+
+
+@needs_many
+def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair) -> None:
+    one, two = pair
+    one.sendto(FIRST, two.getsockname())
+    at = place(parts_of(4500), one, is_open=False, waits=False)
+    run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
+    assert run is not None
+    assert (run.parts_count, run.stray) == (1, None)
+
+
+@needs_many
+@pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
+def test_credits_are_those_that_python_would_send(pair: Pair, topic: str) -> None:
+    one, two = pair
+    one.settimeout(10.0)
+    parts = parts_of(20_500, 3, topic)
+    for raw in whole(parts):
+        one.sendto(raw, two.getsockname())
+    size = len(whole(parts)[0])
+    buffer = 8 * (10 * size - 1)  # one for every ten parts, and one at the end
+    at = place(parts, one, is_open=True)
+    run, _ = runs.ManyAtOnce().receive(two, at, Credits(0, buffer, 2**32 - 1))
+    assert run is not None
+    assert (run.parts_count, run.credits, run.uncredited_bytes) == (21, 3, 0)
+    for number, part in ((2**32 - 1, 9), (0, 19), (1, 20)):
+        _, offset = parse(raw := one.recv(1000))
+        told = Message(64, topic, "", 5 + 3, number, b"")
+        assert raw[:offset] == told.header().pack()
+        assert parse_control(raw[offset:]) == Credit(1, part, 3, buffer)
 
 
 @pytest.mark.parametrize("receiving", RECEIVING)
 def test_nothing_is_received_when_nothing_comes(receiving: type, pair: Pair) -> None:
     pair[1].setblocking(False)
-    assert receiving().receive(pair[1], Slots(bytearray(PART), HEADER, PART, 1, 0, 1)) is None
+    assert receiving().receive(pair[1], NOWHERE, CREDITS)[0] is None
 
 
 @needs_many
-def test_a_pinned_object_stays_where_it_is_until_it_is_let_go() -> None:
-    data = bytearray(b"abc")
-    pinned = mmsg.Pinned(data)
-    with pytest.raises(BufferError):
-        data.append(1)
-    del pinned
-    data.append(1)
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"first": 4},
+        {"first": -1},
+        {"parts_count": 255},
+        {"parts_count": -1},
+        {"part_size": 1001},
+        {"part_size": 2**62},
+        {"part_size": 0},
+        {"head": b""},
+        {"head": b"\xff" * 32},
+        {"head": bytes(256)},
+        {"sender": ("nowhere", 5)},
+        {"sender": ("127.0.0.1", 65536)},
+    ],
+    ids=str,
+)
+def test_a_place_that_is_none_is_an_error(pair: Pair, change: dict[str, object]) -> None:
+    at = place(parts_of(4500), pair[0], is_open=False)._replace(**change)  # type: ignore[arg-type]
+    pair[1].setblocking(False)
+    with pytest.raises(ValueError, match=r"block|address"):
+        runs.ManyAtOnce().receive(pair[1], at, CREDITS)
+
+
+@needs_many
+@pytest.mark.parametrize(("first", "count"), [(-1, 2), (3, 0), (3, 3), (0, 300)])
+def test_parts_that_are_none_are_an_error(pair: Pair, first: int, count: int) -> None:
+    run = Leaving(parts_of(4500), first, count)
+    if count <= 0:
+        assert runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False) == 0
+        return
+    with pytest.raises(ValueError, match="parts do not lie in the body"):
+        runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False)

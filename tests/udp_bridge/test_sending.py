@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.flow import DatagramKey
-from udp_bridge.sending import (
-    NUMBERED_TOPICS,
-    SMALL_WAITING_PER_TOPIC,
-    Numbering,
-    Outbox,
-    take_in_turn,
-)
+from udp_bridge.repair import Fec, Mode, Resend
+from udp_bridge.sending import EXPRESS_TOPICS, Datagram, Outbox, take_in_turn
+from udp_bridge.waiting import SMALL_WAITING_PER_TOPIC
 
 TO = ("192.0.2.1", 4000)
 PARTS = 5
@@ -45,31 +45,6 @@ def taken(box: Outbox, count: int = 10**9) -> list[tuple[Header, bytes]]:
         assert datagram.is_last == (header.part_number == header.parts_max - 1)
         out.append((header, bytes(datagram.part[:1])))
     return out
-
-
-def test_numbers_count_by_type_and_topic() -> None:
-    numbering = Numbering()
-    given = [
-        numbering.next(*key) for key in [(1, "/a"), (1, "/a"), (1, "/b"), (2, "/a"), (1, "/a")]
-    ]
-    assert given == [0, 1, 0, 0, 2]
-
-
-@pytest.mark.parametrize(("signed_peer", "modulus"), [(False, 2**32), (True, 2**31)])
-def test_numbers_wrap(signed_peer: bool, modulus: int) -> None:
-    numbering = Numbering(signed_peer=signed_peer)
-    numbering.next(1, "/a")
-    numbering._next[1, "/a"] = modulus - 1
-    assert [numbering.next(1, "/a"), numbering.next(1, "/a")] == [modulus - 1, 0]
-
-
-def test_numbers_of_more_topics_than_any_peer_knows_are_forgotten() -> None:
-    numbering = Numbering()
-    numbering.next(1, "/first")
-    for index in range(NUMBERED_TOPICS):
-        numbering.next(1, str(index))
-    assert numbering.next(1, "/first") == 0
-    assert numbering.next(1, str(NUMBERED_TOPICS - 1)) == 1
 
 
 def test_small_messages_go_at_once_and_in_order() -> None:
@@ -108,7 +83,7 @@ def test_of_large_messages_the_newest_waits_behind_the_one_on_its_way() -> None:
 
 def test_blocks_of_a_whole_wait_for_each_other_within_their_bytes() -> None:
     size = PARTS * 1452
-    box = Outbox(TO, "mtu", large_waiting=2 * size)
+    box = Outbox(TO, "mtu", large_waiting={(1, "/points"): 2 * size})
     box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
     for name in (b"a", b"b", b"c"):
         box.put(cloud(name))
@@ -195,3 +170,74 @@ def test_bodies_are_not_copied() -> None:
     box.put(message("/points", body, 1))  # type: ignore[arg-type]
     body[0:1] = b"z"
     assert taken(box, 1)[0][1] == b"z"
+
+
+IMU = (2, "/imu", "imu_link")
+"""Type, topic and link of a small message."""
+
+
+def express(box: Outbox, stamp_nanos: int, body: bytes) -> Datagram | None:
+    return box.express(*IMU, stamp_nanos, body)
+
+
+def known(**options: Any) -> Outbox:
+    """Return an outbox by which a small message has gone the long way."""
+    box = Outbox(TO, "mtu", **options)
+    box.put(message("/imu", b"first", link="imu_link"))
+    while box.take(0) is not None:
+        pass
+    return box
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), st.binary(max_size=80)),
+        max_size=6,
+    ),
+    st.booleans(),
+)
+def test_express_is_the_long_way_in_one_step(
+    messages: list[tuple[int, bytes]], signed_peer: bool
+) -> None:
+    short, long = known(signed_peer=signed_peer), known(signed_peer=signed_peer)
+    for stamp_nanos, body in messages:
+        at_once = express(short, stamp_nanos, body)
+        long.put(Message(*IMU, stamp_nanos, 0, body))
+        queued = long.take(0)
+        assert at_once is not None
+        assert queued is not None
+        assert at_once._replace(part=memoryview(bytes(at_once.part))) == queued
+    assert short.accounts.rows(0) == long.accounts.rows(0)
+
+
+def test_what_has_more_to_it_takes_the_long_way() -> None:
+    assert express(Outbox(TO, "mtu"), 1, b"x") is None  # nothing is known of its topic
+    box = known()
+    largest = 1472 - len(Header(2, 0, 0, 1, 0, 0, "/imu", "imu_link").pack())
+    assert express(box, 1, bytes(largest + 1)) is None
+    assert express(box, 2**31 * 10**9, b"x") is None
+    assert express(box, -(2**31) * 10**9 - 1, b"x") is None
+    assert box.express(2, "/imu", "other_link", 1, b"x") is None
+    box.put(message("/clock", b"t", 8))
+    assert express(box, 1, b"x") is None  # it would overtake one that waits
+    taken(box)
+    datagram = express(box, 1, bytes(largest))
+    assert datagram is not None
+    assert parse(datagram.header)[0].seq_number == 1  # none was used up above
+    with pytest.raises(BadMessage, match="bytes-like"):
+        box.express(*IMU, 1, "text")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mode", [Resend(10**9), Fec(0.2)])
+def test_what_is_repaired_takes_the_long_way(mode: Mode) -> None:
+    if isinstance(mode, Fec):
+        pytest.importorskip("raptorq")
+    assert express(known(repair={(2, "/imu"): mode}), 1, b"x") is None
+
+
+def test_headers_are_kept_of_a_bounded_number_of_topics() -> None:
+    box = Outbox(TO, "mtu")
+    for index in range(2 * EXPRESS_TOPICS + 1):
+        box.put(message(str(index), b"x"))
+        taken(box)
+        assert len(box._express) <= EXPRESS_TOPICS

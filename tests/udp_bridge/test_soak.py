@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.soak import soak
+from benchmarks.soak_memory import JUDGED_MINUTES, Sample, judged
 
 
-def test_sums_add_up_through_loss_and_restarts() -> None:
-    run, memory = soak(minutes=0.03, seed=3)
+def test_sums_add_up_through_loss_kills_and_restarts() -> None:
+    run = soak(minutes=0.03, seed=3)
     assert run.faults == []
+    assert run.kills == 2
     assert run.restarts >= 2
-    assert run.rests == 2
-    assert len(memory) >= 1
+    assert run.rests >= 2
+    assert {row.end for row in run.memory} == {"sender", "receiver"}
     counts = run.totals
     lost = sum(counts[name] for name in ("missing", "incomplete", "late", "dropped"))
     assert counts["sent"] == counts["delivered"] + lost
@@ -19,3 +23,20 @@ def test_sums_add_up_through_loss_and_restarts() -> None:
     # Both kinds of loss did happen.
     assert min(counts["missing"], counts["incomplete"]) > 0
     assert counts["repaired"] > 0
+
+
+@pytest.mark.parametrize(
+    ("kb_per_minute", "growing"), [(-500.0, []), (0.0, []), (200.0, ["receiver"])]
+)
+def test_memory_that_grows_behind_the_warm_up_is_a_fault(
+    kb_per_minute: float, growing: list[str]
+) -> None:
+    memory = []
+    for second in range(600):
+        warming = 1000.0 * min(second, 150)
+        memory.append(Sample("sender", second, warming))
+        memory.append(Sample("receiver", second, warming + kb_per_minute * second / 60))
+    lines, faults = judged(memory, JUDGED_MINUTES)
+    assert [fault.partition(":")[0] for fault in faults] == growing
+    assert f"receiver: {kb_per_minute:+.1f} kB a minute" in lines[0]
+    assert judged(memory, JUDGED_MINUTES / 2) == (lines, []), "too short to be judged"

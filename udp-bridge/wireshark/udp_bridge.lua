@@ -93,6 +93,7 @@ local CREDIT = layout("credit", {
     {4, 4, "seq_number", u32, "Acknowledged sequence number"},
     {8, 4, "receive_buffer", u32, "Receive buffer in bytes"},
 })
+local CREDIT_REQUEST = layout("credit_request", {size = 4})
 local TOPIC_REPORT = layout("topic_report", {
     size = 128,
     {1, 1, "msg_type", u8, "Reported type", base.DEC, TYPE_NAMES},
@@ -147,7 +148,7 @@ local SEAL = layout("sealed", {
     {20, 8, "counter", u64, "Counter"},
 })
 field("control.kind", u8, "Kind of control", base.DEC,
-    {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport"})
+    {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest"})
 field("resend.kind", u8, "Kind of resend", base.DEC, {[0] = "Offer", [1] = "Request"})
 field("link_report.reason", ProtoField.string, "Reason")
 field("link_report.reason_count", u64, "Datagrams refused for it")
@@ -281,6 +282,9 @@ end
 local function control_body(body)
     local kind, rows = body(0, 1):uint(), nil
     if kind == 0 then rows = CREDIT elseif kind == 1 then rows = TOPIC_REPORT end
+    if kind == 3 then
+        return CREDIT_REQUEST, body:len() ~= CREDIT_REQUEST.size and "body_size" or nil
+    end
     if kind == 2 then
         if body:len() < LINK_REPORT.size then return nil, "body_size" end
         local _, reason = reasons_of(body)

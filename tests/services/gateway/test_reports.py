@@ -73,6 +73,18 @@ def test_one_message_has_no_rate() -> None:
     assert row.measured_hz is None
 
 
+def test_what_comes_from_ros_adds_up_and_has_an_age() -> None:
+    counts = {"published": 90, "incomplete": 2, "late": 3, "dropped": 4, "pending": 1}
+    report = account(9, "/cmd_vel", numbers=120, repaired=5, body_bytes=8, **counts).report
+    assert report is not None
+    (row,) = reports(declared=False, follows=False).streams([], [("/cmd_vel", report)])
+    assert (row.topic, row.type, row.direction) == ("/cmd_vel", "Twist", "from ROS")
+    assert (row.declared_hz, row.measured_hz, row.age_seconds) == (None, 89.0, 0.003)
+    assert (row.missing, row.lost, row.in_flight, row.superseded) == (20, 25, 1, 0)
+    assert row.sent == row.messages + row.lost + row.dropped + row.in_flight == 120
+    assert (row.repaired, row.delivered_bytes) == (5, 8)
+
+
 def test_what_the_peers_socket_lost() -> None:
     assert peer_counters(None) == {}
     assert peer_counters(LinkReport(1, 2, 3, 4, 5, (("short", 3), ("link", 1)))) == {

@@ -11,7 +11,7 @@ from groundlink.ros_streams import outgoing
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Repair, RepairBy
-from services.gateway.streams import repair_table
+from services.gateway.streams import repair_table, waiting_table
 from udp_bridge.repair import Fec, Mode, Resend
 
 
@@ -31,6 +31,18 @@ def test_what_a_scenario_says_of_repair_reaches_the_link(said: Repair, mode: Mod
     changed = replace(scenario, vehicles=(replace(vehicle, sensors=sensors),))
     expected = {(1, "/points"): mode} if mode else {}
     assert repair_table(outgoing(changed, "run")) == expected
+
+
+@pytest.mark.parametrize("block_deg", [0.0, 15.0])
+def test_blocks_of_one_revolution_may_wait_and_nothing_else(block_deg: float) -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    (vehicle,) = scenario.vehicles
+    lidar = replace(vehicle.sensors[0], block_deg=block_deg)
+    changed = replace(scenario, vehicles=(replace(vehicle, sensors=(lidar, *vehicle.sensors[1:])),))
+    table = waiting_table(outgoing(changed, "run"))
+    points = 3600 * 16 * 22
+    assert list(table) == ([(1, "/points")] if block_deg else [])
+    assert all(points < most < 1.01 * points for most in table.values())
 
 
 @pytest.mark.parametrize("said", ["{fec: 0}", "{fec: 0.1, resend: 1}", "{}", "fec", "{rs: 1}"])

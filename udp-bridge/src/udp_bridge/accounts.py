@@ -52,6 +52,29 @@ class Account(NamedTuple):
     """The newest report, whose counts are of the receiver's life alone."""
 
 
+def arrived(topic: str, report: TopicReport) -> Account:
+    """Return the account of what came from a peer, of which this end knows all but what was sent.
+
+    `sent` are then the messages from the first to the last one that is known of.
+    """
+    return Account(
+        report.msg_type,
+        topic,
+        sent=report.numbers,
+        sent_bytes=0,
+        superseded=0,
+        delivered=report.published,
+        dropped=report.dropped,
+        incomplete=report.incomplete,
+        late=report.late,
+        missing=report.missing,
+        in_flight=report.pending,
+        repaired=report.repaired,
+        delivered_bytes=report.body_bytes,
+        report=report,
+    )
+
+
 _SUMMED = ("published", "dropped", "incomplete", "late", "repaired", "body_bytes")
 
 
@@ -127,16 +150,17 @@ class Accounts:
     def __init__(self) -> None:
         self._topics: OrderedDict[Tuple[int, str], _Sent] = OrderedDict()
 
-    def numbered(self, message: Message) -> None:
-        """Take note of a message that leaves."""
-        row = self._row(message)
+    def numbered(self, key: Tuple[int, str], stamp_nanos: int, size: int) -> None:
+        """Take note that a message of a msg_type and topic leaves, with a body of `size` bytes."""
+        row = self._row(key, stamp_nanos)
         row.sent += 1
-        row.sent_bytes += memoryview(message.body).nbytes
-        row.oldest_stamp_nanos = min(row.oldest_stamp_nanos, message.stamp_nanos)
+        row.sent_bytes += size
+        if stamp_nanos < row.oldest_stamp_nanos:
+            row.oldest_stamp_nanos = stamp_nanos
 
     def superseded(self, message: Message) -> None:
         """Take note of a message that is not sent, for a newer one came."""
-        self._row(message).superseded += 1
+        self._row((message.msg_type, message.topic), message.stamp_nanos).superseded += 1
 
     def reported(self, topic: str, report: TopicReport, told_nanos: int) -> None:
         """Take what the receiver reports; its wall clock said `told_nanos`."""
@@ -150,12 +174,11 @@ class Accounts:
             row.mark(now_nanos)
         return [row.sums(key) for key, row in self._topics.items()]
 
-    def _row(self, message: Message) -> _Sent:
-        key = (message.msg_type, message.topic)
+    def _row(self, key: Tuple[int, str], stamp_nanos: int) -> _Sent:
         row = self._topics.get(key)
         if row is None:
             if len(self._topics) >= TOPICS_KEPT:
                 self._topics.popitem(last=False)
-            row = self._topics[key] = _Sent(message.stamp_nanos)
+            row = self._topics[key] = _Sent(stamp_nanos)
         self._topics.move_to_end(key)
         return row

@@ -13,6 +13,7 @@ import time
 from typing import Iterable, Optional, Sequence, Tuple
 
 from .header import Buffer, Refused
+from .placing import Credits, Place, Run
 from .seal import OVERHEAD, Seal
 from .sending import Address
 from .udp_socket import DatagramSocket, UdpSocket
@@ -70,6 +71,9 @@ class PeersOnly(Around):
         self._peers = frozenset(peers)
         if hasattr(inner, "send_run"):  # what is sent passes as it is
             self.send_run = inner.send_run
+        if hasattr(inner, "receive_run"):
+            self._inner_run = inner.receive_run
+            self.receive_run = self._receive_run
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
         """Wait for a datagram; return its size and sender, or None when there was none.
@@ -81,10 +85,19 @@ class PeersOnly(Around):
         """
         received = self._inner.receive_into(buffer)
         if received is not None:
-            host, port = received[1]
-            if (host, port) not in self._peers and (host, 0) not in self._peers:
+            if not self._is_peer(received[1]):
                 raise Refused("stranger")
         return received
+
+    def _receive_run(self, place: Place, credits: Credits) -> Optional[Run]:
+        """Do as `UdpSocket.receive_run`; parts are expected of those alone who were let in."""
+        run: Optional[Run] = self._inner_run(place, credits)
+        if run is not None and run.sender is not None and not self._is_peer(run.sender):
+            run = run._replace(stray=None, sender=None, refused="stranger")
+        return run
+
+    def _is_peer(self, sender: Address) -> bool:
+        return sender in self._peers or (sender[0], 0) in self._peers
 
 
 def sealed_socket(

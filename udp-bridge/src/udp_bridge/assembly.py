@@ -122,13 +122,20 @@ class Assembly:
         """Body bytes of every part but the last; 0 while they are not known."""
         return self._part_size or 0
 
-    def gap(self, first: int, most: int) -> Tuple[int, int]:
-        """Return the first missing part from `first` on, or else from 0 on, and how many follow."""
+    def gap(self, first: int) -> Tuple[int, int]:
+        """Return the first missing part from `first` on, or else from 0 on, and how many miss."""
         number = self._arrived.find(0, first)
         if number < 0:
             number = self._arrived.find(0)
-        end = self._arrived.find(1, number, number + most)
-        return number, (end if end >= 0 else min(number + most, self.header.parts_max)) - number
+        end = self._arrived.find(1, number)
+        return number, (end if end >= 0 else self.header.parts_max) - number
+
+    def adopt(self, block: bytearray, part_size: int) -> bool:
+        """Take the offered block, where parts lie already; return whether `block` is it."""
+        if self._pool.take_offered(block, part_size * self.header.parts_max) is None:
+            return False
+        self._block, self._view, self._part_size = block, memoryview(block), part_size
+        return True
 
     def placed(self, first: int, count: int, last_size: int) -> None:
         """Take note of missing parts that lie in their places; the sender's word is checked."""

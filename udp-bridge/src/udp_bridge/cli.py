@@ -19,7 +19,7 @@ from typing import Any, Dict, List, NoReturn, Optional
 
 from .around import sealed_socket
 from .counters import Counters
-from .fragments import DatagramSize, check_datagram_size
+from .fragments import DatagramSize, check_datagram_size, plan
 from .header import NANOS
 from .keys import read_key
 from .link import Link
@@ -106,13 +106,16 @@ def _send(arguments: argparse.Namespace) -> int:
     sends = TO_ROS if MSG_TYPES[arguments.type].direction == "to ROS" else FROM_ROS
     around = _sealed(here, arguments, sends=sends)
     with Link(here, arguments.to, datagram=arguments.datagram, socket=around) as link:
-        link.send(arguments.type, arguments.topic, arguments.link, time.time_ns(), body)
+        stamp_nanos = time.time_ns()
+        link.send(arguments.type, arguments.topic, arguments.link, stamp_nanos, body)
         is_sent = link.flush(SEND_TIMEOUT_S)
         time.sleep(LINGER_S)
         counters = link.counters()
     name = MSG_TYPES[arguments.type].name
     host, port = arguments.to
-    what = f"{name} of {len(body)} bytes in {counters['sent_datagrams']} datagrams"
+    message = Message(arguments.type, arguments.topic, arguments.link, stamp_nanos, 0, body)
+    cut = plan(message, arguments.datagram, reserve=around.overhead if around is not None else 0)
+    what = f"{name} of {len(body)} bytes in {cut.parts_max} part{'s' * (cut.parts_max > 1)}"
     print(f"udp-bridge: sent {what} to {host}:{port}", file=sys.stderr)
     if counters["unreachable"]:
         print(f"udp-bridge: nobody listens at {host}:{port}", file=sys.stderr)

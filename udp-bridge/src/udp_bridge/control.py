@@ -16,10 +16,20 @@ from .header import BadMessage, Buffer, Refused
 from .reports import NO_AGE, LinkReport, TopicReport
 from .types import MSG_TYPES
 
-__all__ = ["NO_AGE", "Control", "Credit", "LinkReport", "Subscribe", "TopicReport", "parse"]
+__all__ = [
+    "NO_AGE",
+    "Control",
+    "Credit",
+    "CreditRequest",
+    "LinkReport",
+    "Subscribe",
+    "TopicReport",
+    "parse",
+]
 
 _SUBSCRIBE = Struct("<BBHf")
 _CREDIT = Struct("<BBBxII")
+_CREDIT_REQUEST = Struct("<B3x")
 
 
 class Subscribe(NamedTuple):
@@ -80,11 +90,26 @@ class Credit(NamedTuple):
         return cls(*fields)
 
 
-Control = Union[Credit, TopicReport, LinkReport]
-_KINDS: Dict[int, Union[Type[Credit], Type[TopicReport], Type[LinkReport]]] = {
+class CreditRequest(NamedTuple):
+    """Kind 3: the sender wants a Credit for this very datagram, at once."""
+
+    def pack(self) -> bytes:
+        """Return the 4 bytes of the body."""
+        return _CREDIT_REQUEST.pack(3)
+
+    @classmethod
+    def parse(cls, body: Buffer) -> CreditRequest:
+        """Return what the body says, or raise `Refused`."""
+        _unpack(_CREDIT_REQUEST, body)
+        return cls()
+
+
+Control = Union[Credit, TopicReport, LinkReport, CreditRequest]
+_KINDS: Dict[int, Type[Control]] = {
     0: Credit,
     1: TopicReport,
     2: LinkReport,
+    3: CreditRequest,
 }
 
 
@@ -102,7 +127,7 @@ def parse(body: Buffer) -> Control:
     if kind is None:
         raise Refused("body_value")
     control = kind.parse(body)
-    if not isinstance(control, LinkReport) and control.msg_type not in MSG_TYPES:
+    if isinstance(control, (Credit, TopicReport)) and control.msg_type not in MSG_TYPES:
         raise Refused("body_value")
     return control
 

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sending half of a link: who sends when, in the thread that brings a message or in ours.
 
-One thread at a time sends what waits in the outboxes; credits and requests come in here. What goes
-next, and how much of it, is decided in `sending` and `flow`.
+One thread at a time sends. Who finds another one sending leaves what he has to that one, and who
+has sent looks whether anything was left to him; our thread is woken only for what has to wait, as
+for a credit or an offer. Credits and requests come in here. What goes next, and how much of it, is
+decided in `sending` and `flow`.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from typing import Any, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 from .control import TopicReport
 from .flow import DatagramKey
@@ -19,10 +22,11 @@ from .repair import RepairTable
 from .repair_wire import Request
 from .sending import Address, Datagram, Outbox, take_in_turn
 from .udp_socket import DatagramSocket, resolve
+from .waiting import WaitingTable
 
 _AT_ONCE_BYTES = 1 << 21
 """What the thread that calls `send` sends itself; ours sends the rest."""
-_RUN_BYTES = 1 << 19
+_RUN_BYTES = 1 << 20
 """What is sent at once at most; small messages, which go first, wait for no more than that."""
 
 
@@ -36,14 +40,17 @@ class Departures:
         self._signed_peer = signed_peer
         self._repair = repair
         self._overhead = 0
-        self._large_waiting = 0
-        lock = threading.RLock()  # guards all of the sending side
-        self._wake = threading.Condition(lock)  # of the thread that sends
-        self._idle = threading.Condition(lock)  # of those who wait until all is sent
+        self._large_waiting: Optional[WaitingTable] = None
+        self._lock = threading.RLock()  # guards all of the sending side
+        self._wake = threading.Condition(self._lock)  # of the thread that sends
+        self._idle = threading.Condition(self._lock)  # of those who wait until all is sent
+        self._idle_waiters = 0
         self._routes: Dict[Address, Outbox] = {}  # by address as it was given
         self._outboxes: Dict[Address, Outbox] = {}  # by numeric address
         self._turn: List[Outbox] = []
         self._is_sending = False
+        self._is_relied_on = False  # somebody left something to the one who is sending
+        self._sleeps_until_nanos = 0.0  # our thread; 0 while it is awake
         self._is_closed = False
         self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
         self._send_run: Any = None
@@ -76,17 +83,24 @@ class Departures:
     def _credited(self, sender: Address, key: DatagramKey, receive_buffer: int) -> None:
         with self._wake:
             outbox = self._outboxes.get(sender)
-            if outbox is not None:
-                outbox.pacer.acknowledged(key, receive_buffer, time.monotonic_ns())
-                if not outbox.is_idle:
-                    self._wake.notify_all()
+            if outbox is None:
+                return
+            outbox.pacer.acknowledged(key, receive_buffer, time.monotonic_ns())
+            if outbox.is_idle:
+                return
+            if self._datagram != "loopback":
+                self._wake.notify_all()
+                return
+        # On one host to send is to copy, which takes less time than to wake our thread; over a
+        # wire it may wait, and what comes in meanwhile would, too.
+        self._send_at_once(_RUN_BYTES)
 
     def _requested(self, sender: Address, header: Header, request: Request) -> None:
         with self._wake:
             outbox = self._outboxes.get(sender)
             if outbox is not None:
                 outbox.resender.asked(header, request, time.monotonic_ns())
-                self._wake.notify_all()
+        self._send_at_once()
 
     def _reported(self, sender: Address, topic: str, report: TopicReport, told_nanos: int) -> None:
         with self._wake:
@@ -96,35 +110,48 @@ class Departures:
 
     def _answer(self, answer: bytes, to: Address) -> None:
         is_sent = self._socket.send([answer], to)
-        with self._wake:
+        with self._lock:
             self._count_sent(len(answer), int(is_sent), is_last=is_sent)
 
     def _send_loop(self) -> None:
         while True:
             with self._wake:
-                datagram = self._take()
-                while datagram is None and not self._is_closed:
-                    self._wake.wait(None if self._is_sending else self._wait_s())
+                while True:
+                    if self._is_closed:
+                        return
                     datagram = self._take()
-                if datagram is None or self._is_closed:
-                    return
+                    if datagram is not None:
+                        break
+                    self._sleep()
             self._send(datagram)
 
-    def _send_at_once(self) -> None:
+    def _sleep(self) -> None:
+        """Wait, in our thread, until something may go; the one who is sending sees to the rest."""
+        now_nanos = time.monotonic_ns()
+        self._sleeps_until_nanos = math.inf if self._is_sending else self._next_wake(now_nanos)
+        if self._idle_waiters:
+            self._idle.notify_all()  # what went stale while it waited needs no sending any more
+        wait_nanos = self._sleeps_until_nanos - now_nanos
+        self._wake.wait(None if wait_nanos == math.inf else max(0.0, wait_nanos) / NANOS)
+        self._sleeps_until_nanos = 0.0
+
+    def _send_at_once(self, most_bytes: int = _AT_ONCE_BYTES) -> None:
         """Send what may go now, in the thread that brought it: waking ours would take longer."""
-        left_bytes = _AT_ONCE_BYTES
+        left_bytes = most_bytes
         while left_bytes > 0:
-            with self._wake:
+            with self._lock:
                 datagram = None if self._is_closed else self._take()
                 if datagram is None:
                     break
             left_bytes -= self._send(datagram)
-        with self._wake:
-            if not self._is_sending and not self._is_idle():
-                self._wake.notify_all()
+        with self._lock:
+            if self._sleeps_until_nanos and not self._is_sending:
+                if self._next_wake(time.monotonic_ns()) < self._sleeps_until_nanos:
+                    self._wake.notify_all()
 
     def _take(self) -> Optional[Datagram]:
         """Return what to send now, unless another thread is sending; `_send` must follow."""
+        self._is_relied_on = self._is_sending
         if self._is_sending:
             return None
         datagram = take_in_turn(self._turn, time.monotonic_ns(), self._run_bytes)
@@ -132,31 +159,45 @@ class Departures:
         return datagram
 
     def _send(self, datagram: Datagram) -> int:
+        """Send what was taken; return its bytes."""
         run = datagram.run
-        count, size = 1, len(datagram.header) + datagram.part.nbytes
-        if run is not None:
-            sent = self._send_run(run, datagram.to)
-            count = run.parts_count
-            size = run.size if sent == count else sent * size
-        else:
-            sent = int(self._socket.send([datagram.header, datagram.part], datagram.to))
-        with self._wake:
-            self._is_sending = False
-            self._count_sent(size, sent, is_last=datagram.is_last and sent == count)
-            if self._is_idle():
-                self._idle.notify_all()
+        count, size, sent = 1, len(datagram.header) + datagram.part.nbytes, 0
+        has_failed = True
+        try:
+            if run is not None:
+                count = run.parts_count
+                sent = self._send_run(run, datagram.to)
+                size = run.size if sent == count else sent * size
+            else:
+                sent = int(self._socket.send((datagram.header, datagram.part), datagram.to))
+            has_failed = False
+        finally:
+            with self._lock:
+                self._is_sending = False
+                self._count_sent(size, sent, is_last=datagram.is_last and sent == count)
+                if self._idle_waiters:
+                    self._idle.notify_all()
+                if has_failed:
+                    self._wake.notify_all()  # what was left to this thread is now ours
         return size
 
-    def _wait_s(self) -> Optional[float]:
-        now_nanos = time.monotonic_ns()
+    def _next_wake(self, now_nanos: int) -> float:
+        """Return when something may go if nothing happens; infinity when nothing waits."""
         wakes = [outbox.next_wake(now_nanos) for outbox in self._turn]
-        waiting = [wake for wake in wakes if wake is not None]
-        return max(0, min(waiting) - now_nanos) / NANOS if waiting else None
+        return min((wake for wake in wakes if wake is not None), default=math.inf)
 
     def _is_idle(self) -> bool:
         if self._is_closed:
             return True
         return not self._is_sending and all(outbox.is_idle for outbox in self._turn)
+
+    def _wait_idle(self, is_idle: Callable[[], bool], timeout_s: float) -> bool:
+        with self._lock:
+            self._idle_waiters += 1
+            try:
+                return self._idle.wait_for(is_idle, timeout_s)
+            finally:
+                self._idle_waiters -= 1
 
     def _count_sent(self, size: int, datagrams: int, *, is_last: bool) -> None:
         if datagrams:

@@ -81,8 +81,11 @@ class Fates:
 
     def settle(self, seq_number: int, fate: str) -> bool:
         """Give a message its fate, `handed`, `incomplete` or `late`; return whether it counts."""
-        self.seen(seq_number)
-        bit = self._bit(seq_number)
+        if seq_number == self._highest and self.numbers:  # as nearly always
+            bit = 1
+        else:
+            self.seen(seq_number)
+            bit = self._bit(seq_number)
         if not bit & ~self._settled:
             return False
         self._settled |= bit

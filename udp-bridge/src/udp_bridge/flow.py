@@ -7,6 +7,7 @@ multi-part messages are asked about; single-part ones are few and small, and go 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Deque, NamedTuple, Optional, Tuple
 
@@ -17,16 +18,12 @@ ROUNDED_UP_TO = 16384
 WINDOW_SHARE = 2
 """The window is half of the receive buffer: the kernel gives room back late, and only three
 quarters of a buffer that is being read can be counted on."""
-STALLED_SHARE = 4
-"""After a stall and until the next credit it is a quarter: if the credit was merely slow, both
-together still fit; and an eighth would not be enough to make the peer give one."""
-STALLS_OF_A_SHARE = 2
-"""From then on a stall frees a single datagram: the peer may merely not get to read, and what is
-sent beyond its buffer is lost for certain."""
-STALL_NANOS = 50_000_000
-"""A full window without a credit for this long is taken as lost."""
+ASK_NANOS = 10_000_000
+"""How long a full window may stand still before a Credit is asked for, and then asked for again."""
+ANSWER_NANOS = 50_000_000
+"""A peer that has never given a Credit has this long to answer."""
 GIVE_UP_NANOS = NANOS
-"""After this long of stalls without a credit, the peer no longer gives any."""
+"""After this long of asking in vain, a peer that did no longer gives any."""
 UNKNOWN_BUFFER = 212992
 """What is assumed of a peer's receive buffer before it says: Linux's default."""
 TRACKED_DATAGRAMS = 4096
@@ -86,17 +83,14 @@ class CreditWindow:
     """Bounds what may lie in the peer's receive buffer: all sent after the newest credit."""
 
     def __init__(self) -> None:
-        self.stalls = 0
-        """How often a full window had to be taken as lost."""
         self.in_flight_bytes = 0
         """As the kernel of the receiver accounts them."""
         self._in_flight: Deque[_Flight] = deque()
         self._count = 0
-        self._stalls_in_row = 0
-        self._receive_buffer = UNKNOWN_BUFFER
         self.window_bytes = UNKNOWN_BUFFER // WINDOW_SHARE
         """What may be in flight, as the kernel of the receiver accounts it."""
-        self._moved_nanos = 0  # when something was last sent or acknowledged
+        self.moved_nanos = 0
+        """When something was last sent or acknowledged."""
 
     def sent(self, key: DatagramKey, size: int, now_nanos: int) -> None:
         """Take note that a datagram of `size` bytes went out."""
@@ -120,16 +114,14 @@ class CreditWindow:
             self._in_flight.append(_Flight(key, count, cost, last_cost))
         self.in_flight_bytes += (count - 1) * cost + last_cost
         self._count += count
-        self._moved_nanos = now_nanos
+        self.moved_nanos = now_nanos
         while self._count > TRACKED_DATAGRAMS:
             self._pop(1)
 
     def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
         """Take a credit; one for a datagram that is not in flight only tells the buffer's size."""
-        self._receive_buffer = receive_buffer
         self.window_bytes = receive_buffer // WINDOW_SHARE
-        self._stalls_in_row = 0
-        self._moved_nanos = now_nanos
+        self.moved_nanos = now_nanos
         before = 0
         for flight in self._in_flight:
             ahead = key.part_number - flight.first
@@ -138,25 +130,8 @@ class CreditWindow:
                 return
             before += flight.count
 
-    def may_send(self, size: int, now_nanos: int) -> bool:
-        """Tell whether a datagram of `size` bytes may go now; may find that there is a stall."""
-        if self._fits(size):
-            return True
-        if now_nanos - self._moved_nanos < STALL_NANOS:
-            return False
-        self.stalls += 1
-        self._stalls_in_row += 1
-        is_patient = self._stalls_in_row > STALLS_OF_A_SHARE
-        self.window_bytes = 0 if is_patient else self._receive_buffer // STALLED_SHARE
-        self._in_flight.clear()
-        self.in_flight_bytes = self._count = 0
-        return True
-
-    def next_wake(self, size: int, now_nanos: int) -> int:
-        """Return when to ask `may_send` again if no credit comes."""
-        return now_nanos if self._fits(size) else self._moved_nanos + STALL_NANOS
-
-    def _fits(self, size: int) -> bool:
+    def fits(self, size: int) -> bool:
+        """Tell whether a datagram of `size` bytes may go; one may always when none is in flight."""
         total = self.in_flight_bytes + kernel_bytes(size)
         return not self._in_flight or total <= self.window_bytes
 
@@ -220,21 +195,22 @@ class TokenBucket:
 class Pacer:
     """One peer's flow: the window while it acknowledges, the bucket while it does not.
 
-    A new peer is given one window, as large as a default receive buffer allows, and the time of
-    a stall to acknowledge it. One that did before has a second of stalls to do so again.
+    A new peer is asked for a Credit, which tells how large its buffer is, before anything else;
+    until then it gets one window, as large as a default receive buffer allows. Where a full window
+    stands still, a Credit was lost or the peer does not get to read: it is asked again, and sent
+    nothing, as what is sent beyond its buffer is lost for certain.
     """
 
     def __init__(self, bucket: Optional[TokenBucket] = None) -> None:
         self.window = CreditWindow()
         self.bucket = bucket if bucket is not None else TokenBucket()
+        self.stalls = 0
+        """How often a full window stood still, so that a Credit was asked for."""
         self._expects_credit = True
-        self._patience_nanos = 0
-        self._first_stall_nanos: Optional[int] = None
-
-    @property
-    def stalls(self) -> int:
-        """How often a full window had to be taken as lost."""
-        return self.window.stalls
+        self._patience_nanos = ANSWER_NANOS
+        self._is_known = False  # a Credit came, or was asked for
+        self._asked_nanos: Optional[int] = None  # since the newest Credit; first, and last
+        self._asked_last_nanos = 0
 
     def sent(self, key: DatagramKey, size: int, now_nanos: int) -> None:
         """Take note that a datagram went out."""
@@ -257,28 +233,52 @@ class Pacer:
             return max(1, min(most, self.window.room(size)))
         return max(1, min(most, self.bucket.room(kernel_bytes(size), now_nanos)))
 
-    def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
-        """Take a credit."""
-        self._expects_credit = True
-        self._patience_nanos = GIVE_UP_NANOS
-        self._first_stall_nanos = None
-        self.window.acknowledged(key, receive_buffer, now_nanos)
-
     def may_send(self, size: int, now_nanos: int) -> bool:
         """Tell whether a datagram of `size` bytes may go now."""
-        if not self._expects_credit:
-            return self.bucket.may_send(kernel_bytes(size), now_nanos)
-        stalls = self.window.stalls
-        allowed = self.window.may_send(size, now_nanos)
-        if self.window.stalls > stalls:
-            if self._first_stall_nanos is None:
-                self._first_stall_nanos = now_nanos
-            stalled_nanos = now_nanos - self._first_stall_nanos
-            self._expects_credit = stalled_nanos < self._patience_nanos
-        return allowed
+        if self._expects_credit:
+            return self.window.fits(size)
+        return self.bucket.may_send(kernel_bytes(size), now_nanos)
+
+    def must_ask(self, size: int, now_nanos: int) -> bool:
+        """Tell whether to ask for a Credit now, `asked` follows; may find that none will come."""
+        if not self._expects_credit or now_nanos < self._next_ask_nanos(size):
+            return False
+        since_nanos = self._asked_nanos
+        if since_nanos is not None and now_nanos - since_nanos >= self._patience_nanos:
+            self._expects_credit = False
+        return self._expects_credit
+
+    def asked(self, key: DatagramKey, size: int, now_nanos: int) -> None:
+        """Take note that a Credit was asked for, by a datagram that is acknowledged like others."""
+        self.stalls += self._is_known
+        self._is_known = True
+        self._asked_last_nanos = now_nanos
+        if self._asked_nanos is None:
+            self._asked_nanos = now_nanos
+        self.sent(key, size, now_nanos)
+
+    def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
+        """Take a credit."""
+        self._expects_credit = self._is_known = True
+        self._patience_nanos = GIVE_UP_NANOS
+        self._asked_nanos = None
+        self.window.acknowledged(key, receive_buffer, now_nanos)
 
     def next_wake(self, size: int, now_nanos: int) -> int:
-        """Return when to ask `may_send` again if nothing is heard."""
+        """Return when to ask `must_ask` and `may_send` again if nothing is heard."""
         if not self._expects_credit:
             return self.bucket.next_wake(kernel_bytes(size), now_nanos)
-        return self.window.next_wake(size, now_nanos)
+        if self.window.fits(size):
+            return now_nanos
+        return int(max(now_nanos, self._next_ask_nanos(size)))
+
+    def _next_ask_nanos(self, size: int) -> float:
+        """Return when a Credit is to be asked for if `size` bytes wait and nothing is heard."""
+        if not self._is_known:
+            return 0
+        if self.window.fits(size):
+            return math.inf
+        if self._asked_nanos is None:
+            return self.window.moved_nanos + ASK_NANOS
+        give_up_nanos = self._asked_nanos + self._patience_nanos
+        return min(self._asked_last_nanos + ASK_NANOS, give_up_nanos)

@@ -15,6 +15,9 @@ from .types import MSG_TYPES, SEALED
 # The paper declares every field signed; unsigned they are the same bytes up to 127, and a
 # message may have 255 parts instead of 127. Only time stays signed.
 _FIXED = Struct("<BBIBBiiBB")
+_NUMBER_TO_STAMP = Struct("<IBBii")
+_NUMBER_OFFSET = 2
+_STAMP_END = _NUMBER_OFFSET + _NUMBER_TO_STAMP.size
 FIXED_SIZE = _FIXED.size
 """Bytes of the fields before the names: 18."""
 SMALLEST_HEADER = 20
@@ -169,6 +172,26 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
     if msg_type not in MSG_TYPES:
         raise Refused("sealed" if msg_type == SEALED else "unknown_type")
     return Header(msg_type, seq_number, part_number, parts_max, sec, nsec, topic, link), header_size
+
+
+def is_stamp(stamp_nanos: int) -> bool:
+    """Tell whether a header can carry a stamp."""
+    return -(1 << 31) * NANOS <= stamp_nanos < (1 << 31) * NANOS
+
+
+def restamped(packed: bytes, seq_number: int, stamp_nanos: int) -> bytes:
+    """Return the header of another message of a single part, equal but for number and stamp.
+
+    Parameters
+    ----------
+    packed
+        The header of one.
+    seq_number, stamp_nanos
+        Within their ranges, which is not checked.
+    """
+    sec, nsec = divmod(stamp_nanos, NANOS)
+    anew = _NUMBER_TO_STAMP.pack(seq_number, 0, 1, sec, nsec)
+    return packed[:_NUMBER_OFFSET] + anew + packed[_STAMP_END:]
 
 
 def type_label(msg_type: int) -> str:

@@ -190,6 +190,11 @@ class Holdings:
                 return
             self.give_up(topic, key)
 
+    def forget_all(self) -> None:
+        """Forget all senders."""
+        for address in list(self._senders):
+            self._forget_sender(address)
+
     def _give_up_oldest(self, sender: Sender) -> None:
         self.give_up(*next(place for place in self._open if place[0].sender is sender))
 

@@ -7,36 +7,30 @@ counted. What is decided is decided in `sending` and `receiving`, which know no 
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from types import TracebackType
-from typing import Any, Callable, Dict, List, Optional, Tuple, Type
+from typing import Any, Dict, List, Optional, Tuple, Type
 
 from .accounts import Account
 from .control import TopicReport
 from .counters import Counters
 from .departures import Departures
 from .fragments import DatagramSize, TooLarge, check_datagram_size
-from .header import NANOS, BadMessage, Buffer, Refused
+from .header import BadMessage, Buffer
 from .holdings import Limits
+from .listening import Listening, OnMessage
 from .message import Message
-from .receiving import Answer, Inbox
+from .receiving import Inbox
 from .repair import RepairTable, check_table
 from .sending import Address
-from .types import MSG_TYPES
 from .udp_socket import DatagramSocket, UdpSocket
+from .waiting import WaitingTable
 
 DEFAULT_RECEIVE_BUFFER = 8 << 20
 """The most that an unprivileged Linux process commonly gets, as the kernel accounts it."""
 _WAIT_S = 0.1
 """How long the receiving thread sleeps at most; messages expire at this grain."""
-_REPORT_NANOS = NANOS
-_LAST_REPORTS = 3
-"""Nobody repeats the last word, and one copy in some may be lost."""
-_log = logging.getLogger(__name__)
-
-OnMessage = Callable[[Message, Address], None]
 
 
 class Link(Departures):
@@ -69,8 +63,8 @@ class Link(Departures):
         How lost datagrams of a topic are made good, by msg_type and topic; see `repair`. What is
         sent with `Resend` is kept until it is stale, so leave the body unchanged until then.
     large_waiting
-        Body bytes of a topic's messages of several parts that may wait, where those do not
-        supersede each other: blocks of a whole. Otherwise only the newest waits.
+        By msg_type and topic, the body bytes of messages of several parts that may wait, where
+        those do not supersede each other: blocks of a whole. Otherwise only the newest waits.
     socket
         What to send and receive by instead of a socket of the link's own: anything bound that is
         used as `UdpSocket` is. It becomes the link's, which closes it; `bind` and
@@ -97,16 +91,13 @@ class Link(Departures):
         confirmed: bool = False,
         limits: Optional[Limits] = None,
         repair: Optional[RepairTable] = None,
-        large_waiting: int = 0,
+        large_waiting: Optional[WaitingTable] = None,
         socket: Optional[DatagramSocket] = None,
     ) -> None:
         super().__init__(
             check_datagram_size(datagram), signed_peer=signed_peer, repair=check_table(repair)
         )
         self._peer = peer
-        self._on_message = on_message
-        self._report = report
-        self._confirmed = confirmed
         self._too_large = 0
         self._overhead = socket.overhead if socket is not None else 0
         self._large_waiting = large_waiting
@@ -123,9 +114,12 @@ class Link(Departures):
             on_request=self._requested,
             limits=limits,
         )
+        self._listening = Listening(
+            socket, self._inbox, on_message, self._answer, report=report, confirmed=confirmed
+        )
         self._threads = [
             threading.Thread(target=target, name=f"udp_bridge {name}", daemon=True)
-            for target, name in ((self._receive_loop, "receive"), (self._send_loop, "send"))
+            for target, name in ((self._listening.run, "receive"), (self._send_loop, "send"))
         ]
         for thread in self._threads:
             thread.start()
@@ -180,24 +174,30 @@ class Link(Departures):
         to = to if to is not None else self._peer
         if to is None:
             raise BadMessage("nowhere to send to: the link has no peer and no `to` was given")
-        message = Message(msg_type, topic, link, stamp_nanos, 0, body)
-        with self._wake:
+        with self._lock:
             if self._is_closed:
                 return
-            try:
-                self._outbox(to).put(message)
-            except TooLarge:
-                self._too_large += 1
-                raise
-            if not self._run_bytes:
-                self._wake.notify_all()
-        if self._run_bytes:
-            self._send_at_once()
+            outbox = self._routes.get(to) or self._outbox(to)
+            express = None
+            if not self._is_sending:
+                express = outbox.express(msg_type, topic, link, stamp_nanos, body)
+            if express is not None:
+                self._is_sending = True
+            else:
+                try:
+                    outbox.put(Message(msg_type, topic, link, stamp_nanos, 0, body))
+                except TooLarge:
+                    self._too_large += 1
+                    raise
+        if express is not None:
+            self._send(express)
+            if not self._is_relied_on:
+                return
+        self._send_at_once()
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all that was queued is sent; return whether it is."""
-        with self._wake:
-            return self._idle.wait_for(self._is_idle, timeout_s)
+        return self._wait_idle(self._is_idle, timeout_s)
 
     def counters(self) -> Dict[str, Any]:
         """Return what was sent, received and lost, by name; `refused` is a dict by reason."""
@@ -212,6 +212,9 @@ class Link(Departures):
                 "resent": sum(outbox.resender.resent for outbox in outboxes),
                 "resend_refused": sum(outbox.resender.over_budget for outbox in outboxes),
             }
+        counts["sent_messages"] += self._inbox.credits_sent
+        counts["sent_datagrams"] += self._inbox.credits_sent
+        counts["sent_bytes"] += self._inbox.credit_bytes_sent
         counts["received_datagrams"] = self._inbox.datagrams
         counts["received_bytes"] = self._inbox.bytes_received
         counts["repaired"] = self.received.repaired
@@ -248,17 +251,17 @@ class Link(Departures):
             if self._is_closed:
                 return
             self._is_closed = True
+            self._listening.end()
             self._wake.notify_all()
             self._idle.notify_all()
-            self._idle.wait_for(lambda: not self._is_sending, _WAIT_S)
+            self._wait_idle(lambda: not self._is_sending, _WAIT_S)
         self._socket.shut()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join()
-        self._inbox.reassembler.give_up_all()
-        for _ in range(_LAST_REPORTS):
-            self._report_if_due(time.monotonic_ns(), 0)
+        self._listening.tell_last()
         self._socket.close()
+        self._inbox.close()
 
     def __enter__(self) -> Link:
         return self
@@ -270,71 +273,3 @@ class Link(Departures):
         traceback: Optional[TracebackType],
     ) -> None:
         self.close()
-
-    def _receive_loop(self) -> None:
-        buffer = bytearray(1 << 16)
-        view = memoryview(buffer)
-        due_nanos = time.monotonic_ns() + _REPORT_NANOS
-        # What stands around a socket may lack this.
-        receive_run: Any = getattr(self._socket, "receive_run", None)
-        while not self._is_closed:
-            slots = self._inbox.slots() if receive_run is not None else None
-            if slots is not None:
-                run = receive_run(slots)
-                if self._is_closed:
-                    return  # a socket that is shut gives empty datagrams
-                now_nanos = time.monotonic_ns()
-                taken = self._inbox.receive_run(run, now_nanos) if run is not None else ()
-                for one in taken if not self._is_closed else ():
-                    self._hand_over(*one, now_nanos)
-                if run is None:
-                    self._inbox.reassembler.expire(now_nanos)
-                due_nanos = self._report_if_due(now_nanos, due_nanos)
-                continue
-            try:
-                received = self._socket.receive_into(buffer)
-            except Refused as refused:
-                self._inbox.refuse(refused.reason)
-                received = None
-            now_nanos = time.monotonic_ns()
-            if received is None:
-                self._inbox.reassembler.expire(now_nanos)
-            elif not self._is_closed:
-                self._receive(view[: received[0]], received[1], now_nanos)
-            due_nanos = self._report_if_due(now_nanos, due_nanos)
-
-    def _report_if_due(self, now_nanos: int, due_nanos: int) -> int:
-        """Tell senders what arrived, if it is time; return when it is next."""
-        if not self._report or now_nanos < due_nanos:
-            return due_nanos
-        self._inbox.kernel_drops = self._socket.kernel_drops
-        for answer, to in self._inbox.reports(now_nanos, time.time_ns()):
-            self._answer(answer, to)
-        return now_nanos + _REPORT_NANOS
-
-    def _receive(self, datagram: memoryview, sender: Address, now_nanos: int) -> None:
-        taken = self._inbox.receive(datagram, sender, now_nanos, time.time_ns())
-        self._hand_over(*taken, sender, now_nanos)
-
-    def _hand_over(
-        self,
-        message: Optional[Message],
-        credit: Optional[Answer],
-        sender: Address,
-        now_nanos: int,
-    ) -> None:
-        if credit is not None:
-            self._answer(*credit)
-        for request in self._inbox.requests(now_nanos):
-            self._answer(*request)
-        if message is None:
-            return
-        try:
-            if self._on_message is not None:
-                self._on_message(message, sender)
-        except Exception:
-            _log.exception("on_message failed for %s", message)
-            self._inbox.dropped(message, sender)
-            return
-        if not self._confirmed or MSG_TYPES[message.msg_type].ros_type is None:
-            self._inbox.published(message, sender, time.time_ns())

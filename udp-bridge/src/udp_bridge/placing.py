@@ -1,195 +1,168 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the next datagrams probably belong, so that they are received into their places.
+"""Where the next parts probably belong, so that they are received into their places.
 
-A guess costs nothing but a copy when it is wrong: a datagram that landed elsewhere is gathered
-and taken like any other. Only parts whose whole header, sender and size are those of an open
-message count as placed. No socket here, and no rule of receiving: those are in `reassembly`.
+A guess costs nothing but a copy when it is wrong. Only a datagram whose whole header, sender and
+size are those expected lies in its place; every other one is stray, and handed over whole. No
+socket here, and no rule of receiving: those are in `reassembly`.
 """
 
 from __future__ import annotations
 
-from typing import List, NamedTuple, Optional, Protocol, Tuple
+from struct import Struct
+from typing import NamedTuple, Optional
 
 from .assembly import Assembly
-from .header import PART_NUMBER_OFFSET, Header
+from .header import NANOS, PART_NUMBER_OFFSET, Header
 from .pool import Pool
 from .sending import Address
 
-MOST_AT_ONCE = 64
-"""Datagrams of a run at most."""
 _PARTS_MAX_OFFSET = 7
+_TIME_OFFSET = 8
+_TIME_END = 16
+_OWN = Struct("<2xI2xii")
+"""What a message has for itself in the header: seq_number, time_sec, time_nsec."""
 
 
-class Slots(NamedTuple):
-    """Where each of the next datagrams is to be put: header apart, body in its place."""
+class Place(NamedTuple):
+    """What is expected next, and where it is to be put."""
 
     block: bytearray
-    header_size: int
+    head: bytes
+    """Header of a part of the message, or of the one before it; the part number means nothing."""
+    sender: Address
     part_size: int
-    parts_max: int
     first: int
-    """Part number of the first slot; the next ones follow."""
-    slot_count: int
+    """The part that is expected next."""
+    parts_count: int
+    """Parts from there on that are missing in a row; 0 when nothing is expected."""
+    is_open: bool
+    """A part of the message was taken. Else seq_number and time are not known yet."""
+    waits: bool
+    """The rest may be waited for; else only what is there is taken."""
+
+    def takes(self, head: bytes, size: int, sender: Address) -> bool:
+        """Tell whether a datagram of `size` bytes that begins so is the part expected next."""
+        body_size = size - len(self.head)
+        return (
+            self.parts_count > 0
+            and (
+                body_size == self.part_size
+                or (0 < body_size < self.part_size and self.first + 1 == head[_PARTS_MAX_OFFSET])
+            )
+            and head[PART_NUMBER_OFFSET] == self.first
+            and head[_PARTS_MAX_OFFSET] == self.head[_PARTS_MAX_OFFSET]
+            and head[:2] == self.head[:2]
+            and head[_TIME_END:] == self.head[_TIME_END:]
+            and sender == self.sender
+            and (
+                head[2:PART_NUMBER_OFFSET] == self.head[2:PART_NUMBER_OFFSET]
+                and head[_TIME_OFFSET:_TIME_END] == self.head[_TIME_OFFSET:_TIME_END]
+                if self.is_open
+                else 0 <= _OWN.unpack_from(head)[2] < NANOS
+            )
+        )
 
 
-class Run(Protocol):
-    """Datagrams that were received into slots, in the order in which they came."""
+NOWHERE = Place(bytearray(), b"", ("0.0.0.0", 0), 0, 0, 0, False, False)
+"""Nothing is expected; whatever comes is stray."""
 
-    slots: Slots
-    count: int
 
-    def size(self, index: int) -> int:
-        """Return the bytes of a datagram."""
+class Credits(NamedTuple):
+    """What is needed to acknowledge parts as they come."""
 
-    def head(self, index: int) -> bytes:
-        """Return as much of a datagram as the slot's header takes."""
+    uncredited_bytes: int
+    receive_buffer: int
+    number: int
+    """seq_number of the next credit."""
 
-    def sender(self, index: int) -> Address:
-        """Return where a datagram came from."""
 
-    def follows(self, index: int, heads: bytes, sizes: List[int]) -> bool:
-        """Tell whether those from `index` on have these headers and sizes, and one sender.
+class Run(NamedTuple):
+    """Parts that lie in their places one behind the other, and what came behind them."""
 
-        The sender of the one before them, if there is one, is the same.
-        """
-
-    def copy(self, index: int) -> bytes:
-        """Return a whole datagram, put together."""
+    head: bytes
+    """Header of the first part."""
+    parts_count: int
+    last_size: int
+    """Body bytes of the last part; the others have the part size."""
+    credits: int
+    """Credits that were sent."""
+    uncredited_bytes: int
+    """Bytes of parts since the last one."""
+    stray: Optional[bytes]
+    """A whole datagram that is no such part; it came last."""
+    sender: Optional[Address]
+    """Where the stray one came from."""
+    refused: str = ""
+    """Why another one that came last must not be taken."""
 
 
 class Guess:
     """Follows the message that parts are coming of; guesses that the next one is like it."""
 
-    def __init__(self, pool: Pool, share_bytes: int) -> None:
+    def __init__(self, pool: Pool) -> None:
         self._pool = pool
-        self._share_bytes = share_bytes
-        self.header: Optional[Header] = None
-        """Of part 0 of the message that is followed."""
-        self.sender: Optional[Address] = None
-        self.assembly: Optional[Assembly] = None
-        self._head = b""
-        self._shape = (0, 0, 0)
+        self._header: Optional[Header] = None
+        self._assembly: Optional[Assembly] = None
         self._next = 0
+        self._next_message = NOWHERE
 
-    def slots(self) -> Optional[Slots]:
-        """Return where to put what comes next; None while no message of several parts came."""
-        header_size, part_size, parts_max = self._shape
-        if not part_size:
-            return None
-        most = self._share_bytes // (header_size + part_size)
-        most = min(max(2, most), MOST_AT_ONCE)
-        assembly = self.assembly
+    @property
+    def topic(self) -> str:
+        """Of the message that is followed."""
+        return self._header.topic if self._header is not None else ""
+
+    def place(self) -> Place:
+        """Return what is expected next."""
+        assembly, like = self._assembly, self._next_message
         if assembly is not None and not assembly.complete and assembly.block is not None:
-            first, count = assembly.gap(self._next, most)
-            return Slots(assembly.block, header_size, part_size, parts_max, first, count)
-        self.assembly = None
-        block = self._pool.offer(part_size * parts_max)
-        return Slots(block, header_size, part_size, parts_max, 0, min(most, parts_max))
+            first, count = assembly.gap(self._next)
+            block = assembly.block
+            return Place(
+                block, like.head, like.sender, like.part_size, first, count, True, like.waits
+            )
+        self._assembly = None
+        if not like.parts_count:
+            return NOWHERE
+        return like._replace(block=self._pool.offer(like.part_size * like.parts_count))
 
     def follow(
-        self, header: Header, head: bytes, sender: Address, assembly: Optional[Assembly]
+        self,
+        header: Header,
+        head: bytes,
+        sender: Address,
+        assembly: Optional[Assembly],
+        *,
+        waits: bool,
     ) -> None:
         """Take note of a datagram of several parts that was taken, and of its open message."""
         if assembly is None or not assembly.part_size:
             return
-        self.header, self._head, self.sender, self.assembly = header, head, sender, assembly
-        self._shape = (len(head), assembly.part_size, header.parts_max)
+        self._header, self._assembly = header, assembly
         self._next = header.part_number + 1
+        self._next_message = Place(
+            NOWHERE.block, head, sender, assembly.part_size, 0, header.parts_max, False, waits
+        )
 
-    def went_on(self, number: int) -> None:
-        """Take note that parts before `number` came."""
+    def went_on(self, run: Run, number: int, assembly: Optional[Assembly]) -> None:
+        """Take note that a run came, and of its message if it is still open."""
         self._next = number
+        # A message that the run contradicts, so that it was refused, must not be followed.
+        self._assembly = assembly if assembly is not None and self._fits(assembly) else None
+        self._next_message = self._next_message._replace(head=run.head)
 
-    def are_placed(self, run: Run, index: int) -> bool:
-        """Tell at once of all from `index` on what `is_placed` tells of one."""
-        assembly, slots = self.assembly, run.slots
+    def _fits(self, assembly: Assembly) -> bool:
+        assert self._header is not None
         return (
-            assembly is not None
-            and assembly.block is slots.block
-            and not assembly.complete
-            and assembly.lacks(slots.first + index, run.count - index)
-            and self._shape == (slots.header_size, slots.part_size, slots.parts_max)
-            and self._is_like(run, index, self._head)
-            and run.sender(index) == self.sender
+            assembly.part_size == self._next_message.part_size
+            and assembly.header.parts_max == self._header.parts_max
+            and assembly.header.link == self._header.link
         )
 
-    def _is_like(self, run: Run, index: int, head: bytes) -> bool:
-        slots = run.slots
-        first, end = slots.first + index, slots.first + run.count
-        heads = bytearray(head * (end - first))
-        heads[PART_NUMBER_OFFSET :: len(head)] = bytes(range(first, end))
-        sizes = [slots.header_size + slots.part_size] * (end - first)
-        if end == head[_PARTS_MAX_OFFSET]:
-            sizes[-1] = run.size(run.count - 1)
-            if not slots.header_size < sizes[-1] <= slots.header_size + slots.part_size:
-                return False
-        return run.follows(index, bytes(heads), sizes)
-
-    def all_begin(self, run: Run) -> bool:
-        """Tell whether all of a run lie in their places as parts of one new message."""
-        return self.assembly is None and self.begins(run, 0) and self._is_like(run, 0, run.head(0))
-
-    def is_placed(self, run: Run, index: int) -> bool:
-        """Tell whether a datagram is the part of the followed message that its slot is for."""
-        assembly, slots = self.assembly, run.slots
-        number = slots.first + index
-        if assembly is None or assembly.block is not slots.block or assembly.complete:
-            return False
-        head = run.head(index)
-        body = run.size(index) - slots.header_size
-        is_last = number == slots.parts_max - 1
-        return (
-            (body == slots.part_size or (is_last and 0 < body < slots.part_size))
-            and head[PART_NUMBER_OFFSET] == number
-            and head[:PART_NUMBER_OFFSET] == self._head[:PART_NUMBER_OFFSET]
-            and head[_PARTS_MAX_OFFSET:] == self._head[_PARTS_MAX_OFFSET:]
-            and not assembly.has(number)
-            and run.sender(index) == self.sender
+    def header_of(self, place: Place, run: Run) -> Header:
+        """Return the header of the first part of a run that came to a place."""
+        assert self._header is not None
+        number, sec, nsec = _OWN.unpack_from(run.head)
+        self._header = self._header._replace(
+            seq_number=number, part_number=place.first, time_sec=sec, time_nsec=nsec
         )
-
-    def begins(self, run: Run, index: int) -> bool:
-        """Tell whether a datagram may begin a message in the block that its slot is in."""
-        slots = run.slots
-        head = run.head(index)
-        number = slots.first + index
-        return (
-            self.assembly is None
-            and run.size(index) == slots.header_size + slots.part_size
-            and head[1] == slots.header_size
-            and head[PART_NUMBER_OFFSET] == number
-            and number + 1 < head[_PARTS_MAX_OFFSET] <= slots.parts_max
-        )
-
-
-def strays(guess: Guess, run: Run) -> List[Optional[bytes]]:
-    """Return a copy of each datagram of a run that does not surely lie in its place.
-
-    They are copied before anything else is done, because to place one may overwrite another.
-    """
-    if guess.are_placed(run, 0) or guess.all_begin(run):
-        return [None] * run.count
-    if guess.assembly is not None:
-        return [
-            None if guess.is_placed(run, index) else run.copy(index) for index in range(run.count)
-        ]
-    begun: Optional[Tuple[bytes, bytes, Address]] = None
-    copies: List[Optional[bytes]] = []
-    for index in range(run.count):
-        head = run.head(index)
-        likeness = (head[:PART_NUMBER_OFFSET], head[_PARTS_MAX_OFFSET:], run.sender(index))
-        is_whole = len(head) < run.size(index)
-        if is_whole and likeness == begun and head[PART_NUMBER_OFFSET] == run.slots.first + index:
-            copies.append(None)
-        elif begun is None and guess.begins(run, index):
-            begun = likeness
-            copies.append(None)
-        else:
-            copies.append(run.copy(index))
-    return copies
-
-
-def place_of(run: Run, index: int) -> memoryview:
-    """Return the part that a datagram of a run left in its slot."""
-    slots = run.slots
-    start = (slots.first + index) * slots.part_size
-    return memoryview(slots.block)[start : start + run.size(index) - slots.header_size]
+        return self._header

@@ -37,7 +37,8 @@ class Pool:
 
         It stays taken while there are views of it.
         """
-        for index, block in enumerate(self._blocks):
+        for index in range(len(self._blocks) - 1, -1, -1):  # the last one used is in the cache
+            block = self._blocks[index]
             if _fits(block, size) and is_free(block):
                 self._blocks.append(self._blocks.pop(index))
                 return block

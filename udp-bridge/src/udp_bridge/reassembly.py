@@ -3,7 +3,8 @@
 
 Whatever arrives, nothing is raised: a bad datagram is counted by reason and changes nothing
 else. Time is an argument, a sender is anything hashable, and no reference to a datagram's
-buffer is kept. Not here: bounds (`holdings`), sockets, credits, and who may send at all.
+buffer is kept. Not here: bounds (`holdings`), what becomes of a whole message (`verdicts`),
+sockets, credits, and who may send at all.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from .repair_wire import Offer, parse_resend, parse_symbol
 from .reports import TopicReport
 from .resend_asking import Asked, Asking
 from .types import CONTROL, REPAIR, RESEND
+from .verdicts import Verdicts, message_of
 
 
 class Reassembler:
@@ -37,6 +39,7 @@ class Reassembler:
         self.pool = Pool()
         """Where bodies lie."""
         self._holdings = Holdings(self.limits, self.counters)
+        self._verdicts = Verdicts(self._holdings, self.counters, keep_late=self.limits.keep_late)
         self._asked: List[Tuple[Hashable, str, Asked]] = []
 
     @property
@@ -77,68 +80,44 @@ class Reassembler:
         if header.parts_max > 1 and not len(part):
             raise Refused("part_size")
         if header.msg_type == CONTROL:
-            return self._accept_control(header, part)
+            self.accept_control(header, part)
+            return message_of(header, part)
         if header.msg_type == RESEND:
             return self._accept_resend(header, part, sender, now_nanos)
         if header.msg_type == REPAIR:
             return self._accept_symbol(header, part, sender, now_nanos)
-        self._check(header, len(part), sender, now_nanos)
+        if self._holdings.memory_bytes:  # otherwise nothing is open that it could contradict
+            self._check(header, len(part), sender, now_nanos)
         topic = self._holdings.topic(sender, (header.msg_type, header.topic))
-        self._notice_restart(topic, header, now_nanos)
+        is_plain = header.parts_max == 1 and topic.asking is None and not topic.open
+        if is_plain and topic.order.takes_next(header, now_nanos):
+            topic.link = header.link
+            topic.arrived.seen(header)
+            return self._verdicts.handed(topic, header, part)
+        self._verdicts.notice_restart(topic, header, now_nanos)
         if topic.order.is_finished(header):
             topic.count("duplicates")
             return None
         topic.link = header.link
         topic.arrived.seen(header)
         if header.parts_max == 1 and key_of(header) not in topic.open:
-            message = self._finish(topic, header, part, now_nanos)
+            message = self._verdicts.finish(topic, header, part, now_nanos)
         else:
             message = self._add(topic, header, part, now_nanos)
         if topic.asking is not None:
-            is_whole = topic.order.is_finished(header)
-            topic.asking.saw(header, is_whole=is_whole, now_nanos=now_nanos)
-            self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
+            self._saw(topic.asking, topic, header, sender, now_nanos)
         return message
 
-    def accept_placed(
-        self, header: Header, count: int, last_size: int, sender: Hashable, now_nanos: int
-    ) -> Optional[Message]:
-        """Take `count` parts that lie in their places, as `accept` would one after the other.
-
-        Parameters
-        ----------
-        header
-            Of the first of them; the others differ in part_number alone.
-        last_size
-            Body bytes of the last of them; the others have the part size.
-        """
-        # Nothing is given up here: the message that is being received must still be open.
-        topic = self._holdings.topic(sender, (header.msg_type, header.topic))
-        assembly = topic.open.get(key_of(header))
-        is_plain = assembly is not None and assembly.symbols is None and topic.asking is None
-        if is_plain and not topic.order.is_restart_by_silence(header, now_nanos):
-            assert assembly is not None
-            topic.arrived.seen(header)
-            assembly.placed(header.part_number, count, last_size)
-            if not assembly.complete:
-                return None
-            self._holdings.release(topic, key_of(header))
-            return self._finish(topic, header, assembly.body, now_nanos)
-        message = None
-        assert assembly is not None
-        assert assembly.block is not None
-        for number in range(header.part_number, header.part_number + count):
-            start = number * assembly.part_size
-            is_last = number == header.part_number + count - 1
-            end = start + (last_size if is_last else assembly.part_size)
-            part = memoryview(assembly.block)[start:end]
-            one = self.accept(header._replace(part_number=number), part, sender, now_nanos)
-            message = message or one
-        return message
-
-    def open_message(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
-        """Return what is in of a message that is open."""
-        return self._open(header, sender, now_nanos)
+    # Control says what is so at this moment and repeats itself; credits carry old stamps and
+    # reports a wall clock, so order has no meaning there, and a dropped one would only harm.
+    def accept_control(self, header: Header, part: memoryview) -> control.Control:
+        """Return what a Control message says, or raise `Refused`."""
+        if header.parts_max != 1:
+            raise Refused("parts_max")
+        told = control.parse(part)
+        # Asking for a Credit is no message of anybody's.
+        self.counters.messages += not isinstance(told, control.CreditRequest)
+        return told
 
     def asked(self) -> List[Tuple[Hashable, str, Asked]]:
         """Return what is to be asked since the last call: of which sender, the topic, the rest."""
@@ -152,6 +131,11 @@ class Reassembler:
     def give_up_all(self) -> None:
         """Count every open message as incomplete, as at the end of a recording."""
         self._holdings.give_up_since()
+
+    def close(self) -> None:
+        """Forget all senders and the buffers; what is open counts as incomplete."""
+        self._holdings.forget_all()
+        self.pool = Pool(0)
 
     def reports(self, sender: Hashable, wall_nanos: int) -> List[Tuple[str, str, TopicReport]]:
         """Return topic, the link last seen and the report of each topic of a sender."""
@@ -178,15 +162,6 @@ class Reassembler:
             return None
         return topic.open.get(key_of(header))
 
-    # Control says what is so at this moment and repeats itself; credits carry old stamps and
-    # reports a wall clock, so order has no meaning there, and a dropped one would only harm.
-    def _accept_control(self, header: Header, part: memoryview) -> Message:
-        if header.parts_max != 1:
-            raise Refused("parts_max")
-        control.parse(part)
-        self.counters.messages += 1
-        return _message(header, part)
-
     def _accept_resend(
         self, header: Header, part: memoryview, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
@@ -195,10 +170,11 @@ class Reassembler:
             raise Refused("parts_max")
         body = parse_resend(part)
         if not isinstance(body, Offer):
-            return _message(header, part)
+            return message_of(header, part)
         topic = self._holdings.topic(sender, (body.msg_type, header.topic))
         asking = self._holdings.ask(topic)
         if asking is not None:
+            self._verdicts.notice_new_life(topic, asking, header, now_nanos)
             is_finished = topic.order.is_finished(header)
             asking.offered(header, body, is_finished=is_finished, now_nanos=now_nanos)
             self._ask(asking, header, body.msg_type, sender, now_nanos)
@@ -220,7 +196,7 @@ class Reassembler:
                 raise Refused("link")
             fec_parts.check(known, symbol, data)
         topic = self._holdings.topic(sender, (source.msg_type, source.topic))
-        self._notice_restart(topic, source, now_nanos)
+        self._verdicts.notice_restart(topic, source, now_nanos)
         if topic.order.is_finished(source):
             return None
         key = key_of(source)
@@ -242,18 +218,23 @@ class Reassembler:
             return None
         self._holdings.release(topic, key)
         topic.arrived.fates.mended(header.seq_number)
-        message = self._finish(topic, header, assembly.body, now_nanos)
+        message = self._verdicts.finish(topic, header, assembly.body, now_nanos)
         if message is not None:
             topic.count("repaired")
         return message
 
-    def _notice_restart(self, topic: Topic, header: Header, now_nanos: int) -> None:
-        """Begin a topic anew when its sender was restarted, and did not send something again."""
-        if topic.asking is not None and topic.asking.is_wanted(header.seq_number, now_nanos):
-            return
-        if topic.order.is_restart_by_silence(header, now_nanos):
-            self._holdings.give_up_topic(topic)
-            topic.restart()
+    def _saw(
+        self,
+        asking: Asking,
+        topic: Topic,
+        header: Header,
+        sender: Hashable,
+        now_nanos: int,
+        count: int = 1,
+    ) -> None:
+        is_whole = topic.order.is_finished(header)
+        asking.saw(header, is_whole=is_whole, now_nanos=now_nanos, count=count)
+        self._ask(asking, header, header.msg_type, sender, now_nanos)
 
     def _ask(
         self, asking: Asking, header: Header, msg_type: int, sender: Hashable, now_nanos: int
@@ -276,49 +257,4 @@ class Reassembler:
         if not assembly.complete:
             return self._mended(topic, assembly, header, now_nanos)
         self._holdings.release(topic, key)
-        return self._finish(topic, header, assembly.body, now_nanos)
-
-    def _finish(
-        self, topic: Topic, header: Header, body: memoryview, now_nanos: int
-    ) -> Optional[Message]:
-        """Judge a whole message by the order of its topic; return it unless it is late."""
-        order = topic.order
-        asking = topic.asking
-        is_ahead = order.ahead_by(header.seq_number) > 0
-        is_wanted = asking is not None and asking.is_wanted(header.seq_number, now_nanos)
-        is_asked = asking is not None and asking.is_asked(header.seq_number)
-        # What is sent again is at most that stale; newer by more, it is of a restarted sender.
-        is_again = asking is not None and is_wanted and asking.spans(order.newer_by(header))
-        if not is_ahead and not is_again and order.is_newer(header):
-            self._holdings.give_up_topic(topic, before_nanos=header.stamp_nanos)
-            topic.restart()
-            topic.arrived.seen(header)
-            is_ahead = True
-        order.finish(header)
-        if is_ahead:
-            topic.count("missing", order.hand_over(header, now_nanos))
-        elif not self.limits.keep_late and not is_wanted:
-            topic.count("late")
-            topic.arrived.fates.settle(header.seq_number, "late")
-            return None
-        topic.count("messages")
-        if is_asked:
-            topic.count("repaired")
-            topic.arrived.fates.mended(header.seq_number)
-        message = _message(header, body)
-        topic.arrived.handed(message)
-        return message
-
-
-def _message(header: Header, body: memoryview) -> Message:
-    # A single part still lies in the caller's buffer; what was joined lies in one of its own.
-    kept = memoryview(bytes(body)) if header.parts_max == 1 else body
-    return Message(
-        header.msg_type,
-        header.topic,
-        header.link,
-        header.stamp_nanos,
-        header.seq_number,
-        kept,
-        header.parts_max,
-    )
+        return self._verdicts.finish(topic, header, assembly.body, now_nanos)

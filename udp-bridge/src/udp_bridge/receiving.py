@@ -7,58 +7,30 @@ multi-part messages without being asked for; reports only where they are wanted.
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
-from typing import Callable, Deque, List, Optional, Tuple, Union, cast
+from typing import Callable, List, Optional, Tuple, cast
 
-from . import control
-from .arrivals import Key, key_of
-from .control import Credit, LinkReport, TopicReport
+from .control import Credit, CreditRequest, LinkReport, TopicReport
 from .flow import DatagramKey
-from .header import NANOS, Header, Refused, parse
+from .header import FIXED_SIZE, Header, Refused, parse
 from .holdings import Limits
 from .message import Message
-from .placing import Guess, Run, Slots, place_of, strays
-from .reassembly import Reassembler
+from .peers import Peer, Peers
+from .placing import NOWHERE, Credits, Guess, Place, Run
 from .repair_wire import Request, parse_resend
-from .sending import Address, Numbering
+from .run_reassembly import RunReassembler
+from .sending import Address
+from .telling import Answer, Telling, Told, control_of
 from .types import CONTROL, REPAIR, RESEND
+from .verdicts import message_of
 
 CREDIT_SHARE = 8
 """A credit goes out at the latest when one part in this many of the receive buffer was taken."""
-HEARD_NANOS = 5 * NANOS
-"""A sender is reported to for this long after its last datagram."""
+_CREDIT_BODY = 12
 
-GOODPUT_GRAIN_NANOS = NANOS // 10
-"""Of the measure of what comes within a second."""
-
-Answer = Tuple[bytes, Address]
 Taken = Tuple[Optional[Message], Optional[Answer], Address]
 OnCredit = Callable[[Address, DatagramKey, int], None]
-_Told = Tuple[Address, int, str, Key, Optional[int]]
 OnRequest = Callable[[Address, Header, Request], None]
 OnReport = Callable[[Address, str, TopicReport, int], None]
-
-
-class _Peer:
-    """What is known of one sender."""
-
-    def __init__(self, now_nanos: int) -> None:
-        self.numbering = Numbering()
-        self.uncredited_bytes = 0
-        self.heard_nanos = now_nanos
-        self.goodput_bytes = 0
-        """All that came from it."""
-        self._marks = deque([(now_nanos, 0)])  # when, and what came until then
-
-    def goodput(self, now_nanos: int) -> int:
-        """Return the bytes that came within the last second, or in one on the average."""
-        if now_nanos - self._marks[-1][0] >= GOODPUT_GRAIN_NANOS:
-            self._marks.append((now_nanos, self.goodput_bytes))
-        while len(self._marks) > 1 and now_nanos - self._marks[1][0] >= NANOS:
-            self._marks.popleft()
-        since_nanos, until_then = self._marks[0]
-        came = self.goodput_bytes - until_then
-        return min(came * NANOS // max(NANOS, now_nanos - since_nanos), 0xFFFFFFFF)
 
 
 class Inbox:
@@ -75,21 +47,28 @@ class Inbox:
     ) -> None:
         self.receive_buffer = receive_buffer
         """Bytes of the socket's receive buffer, as the kernel accounts them."""
-        self.reassembler = Reassembler(limits)
+        self.reassembler = RunReassembler(limits)
         self.datagrams = 0
         self.bytes_received = 0
         self.kernel_drops = 0
         """Datagrams that the kernel dropped for want of buffer; the socket's owner sets it."""
         self.requests_sent = 0
         """Requests to send something again."""
+        self.credits_sent = self.credit_bytes_sent = 0
+        """Credits that went out beside runs, not as answers."""
         self._on_credit = on_credit
         self._on_report = on_report
         self._on_request = on_request
-        self._told_of: Deque[_Told] = deque()  # appended to by any thread, taken by ours
-        self.told: List[Tuple[Address, str, str, TopicReport]] = []
+        self._telling = Telling(self.reassembler)
+        self.published = self._telling.published
+        self.dropped = self._telling.dropped
+        self._peers = Peers(self.reassembler.limits.senders)
+        self._guess = Guess(self.reassembler.pool)
+
+    @property
+    def told(self) -> List[Told]:
         """Sender, topic, link and report: what `reports` told last."""
-        self._peers: OrderedDict[Address, _Peer] = OrderedDict()
-        self._guess = Guess(self.reassembler.pool, receive_buffer // CREDIT_SHARE)
+        return self._telling.told
 
     def receive(
         self, datagram: memoryview, sender: Address, now_nanos: int, wall_nanos: int
@@ -107,90 +86,19 @@ class Inbox:
         wall_nanos
             The wall clock, for the ages of messages.
         """
-        return self._receive(datagram, None, len(datagram), sender, now_nanos)
-
-    def slots(self) -> Optional[Slots]:
-        """Return where to put the next datagrams, if there is a place; for `receive_run`."""
-        return self._guess.slots()
-
-    def receive_run(self, run: Run, now_nanos: int) -> List[Taken]:
-        """Take datagrams that came in `slots`; return what `receive` returns, and the sender.
-
-        Parts that lie in their places are taken together, with one credit.
-        """
-        copies = strays(self._guess, run)
-        taken: List[Taken] = []
-        index = 0
-        while index < run.count:
-            end = index
-            if copies[index] is None and self._guess.are_placed(run, index):
-                end = run.count
-            while end < run.count and copies[end] is None and self._guess.is_placed(run, end):
-                end += 1
-            if end > index:
-                taken.append(self._receive_placed(run, index, end, now_nanos))
-                index = end
-                continue
-            sender = run.sender(index)
-            copy = copies[index]
-            if copy is None and self._guess.begins(run, index):
-                head, part = memoryview(run.head(index)), place_of(run, index)
-                one = self._receive(head, part, run.size(index), sender, now_nanos)
-            else:
-                whole = memoryview(copy if copy is not None else run.copy(index))
-                one = self._receive(whole, None, len(whole), sender, now_nanos)
-            taken.append((*one, sender))
-            index += 1
-        return taken
-
-    def _receive_placed(self, run: Run, first: int, end: int, now_nanos: int) -> Taken:
-        guess = self._guess
-        assert guess.header is not None
-        sender = run.sender(first)
-        number = run.slots.first + first
-        last = run.slots.first + end - 1
-        size = sum(run.size(index) for index in range(first, end))
-        last_size = run.size(end - 1) - run.slots.header_size
-        header = guess.header._replace(part_number=number)
-        guess.went_on(last + 1)
-        self._take_note()
-        self.datagrams += end - first
-        self.bytes_received += size
-        message = None
-        try:
-            message = self.reassembler.accept_placed(
-                header, end - first, last_size, sender, now_nanos
-            )
-        except Refused as refused:
-            self.reassembler.counters.refuse(refused.reason)
-        peer = self._peer(sender, now_nanos)
-        peer.goodput_bytes += size
-        header = header._replace(part_number=last)
-        return message, self._credit_if_due(header, message, size, sender, peer), sender
-
-    def _receive(
-        self,
-        datagram: memoryview,
-        part: Optional[memoryview],
-        size: int,
-        sender: Address,
-        now_nanos: int,
-    ) -> Tuple[Optional[Message], Optional[Answer]]:
-        """Take a datagram of `size` bytes, or its header and the `part` that lies elsewhere."""
-        self._take_note()
+        self._telling.take_note()
         self.datagrams += 1
+        size = len(datagram)
         self.bytes_received += size
         try:
             header, offset = parse(datagram)
-            if part is None:
-                part = datagram[offset:]
-            message = self.reassembler.accept(header, part, sender, now_nanos)
+            if header.msg_type == CONTROL:
+                return self._take_control(header, datagram[offset:], sender, now_nanos)
+            message = self.reassembler.accept(header, datagram[offset:], sender, now_nanos)
         except Refused as refused:
             self.reassembler.counters.refuse(refused.reason)
             return None, None
-        if header.msg_type == CONTROL:
-            return (None if message is None else self._take_control(message, sender)), None
-        peer = self._peer(sender, now_nanos)
+        peer = self._peers.heard(sender, now_nanos)
         peer.goodput_bytes += size
         if header.msg_type == RESEND:
             peer.goodput(now_nanos)
@@ -200,24 +108,80 @@ class Inbox:
         if header.parts_max == 1:
             return message, None
         if message is None and header.msg_type != REPAIR:
+            self._follow(header, datagram[:offset], sender, now_nanos)
+        peer.uncredited_bytes += size
+        return message, self._credit_if_due(header, message, sender, peer)
+
+    def expected(self) -> Tuple[Place, Credits]:
+        """Return where to put what comes next, and how to acknowledge it; for `receive_run`."""
+        place = self._guess.place()
+        if not place.parts_count:
+            return NOWHERE, Credits(0, self.receive_buffer, 0)
+        peer = self._peers.get(place.sender)
+        if peer is None:
+            return place, Credits(0, self.receive_buffer, 0)
+        number = peer.numbering.next(CONTROL, self._guess.topic, 0)
+        return place, Credits(peer.uncredited_bytes, self.receive_buffer, number)
+
+    def receive_run(self, place: Place, run: Run, now_nanos: int) -> List[Taken]:
+        """Take what came at a place; return what `receive` returns, and the sender.
+
+        Parts that lie in their places are taken together.
+        """
+        taken: List[Taken] = []
+        if run.parts_count:
+            taken.append(self._receive_placed(place, run, now_nanos))
+        if run.refused:
+            self.refuse(run.refused)
+        elif run.stray is not None:
+            assert run.sender is not None
+            one = self.receive(memoryview(run.stray), run.sender, now_nanos, 0)
+            taken.append((*one, run.sender))
+        return taken
+
+    def _receive_placed(self, place: Place, run: Run, now_nanos: int) -> Taken:
+        sender = place.sender
+        header = self._guess.header_of(place, run)
+        head_size = len(run.head)
+        end = place.first + run.parts_count
+        size = run.parts_count * head_size + (run.parts_count - 1) * place.part_size + run.last_size
+        self._telling.take_note()
+        self.datagrams += run.parts_count
+        self.bytes_received += size
+        message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
+        known = None
+        if message is None:
             known = self.reassembler.open_message(header, sender, now_nanos)
-            self._guess.follow(header, bytes(datagram[:offset]), sender, known)
-        return message, self._credit_if_due(header, message, size, sender, peer)
+        self._guess.went_on(run, end, known)
+        peer = self._peers.heard(sender, now_nanos)
+        peer.goodput_bytes += size
+        if run.credits:
+            peer.numbering.next(CONTROL, header.topic, run.credits)
+            self.credits_sent += run.credits
+            self.credit_bytes_sent += run.credits * _credit_size(header)
+        peer.uncredited_bytes = run.uncredited_bytes
+        if not run.uncredited_bytes:
+            return message, None, sender
+        last = header._replace(part_number=end - 1)
+        return message, self._credit_if_due(last, message, sender, peer), sender
+
+    def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:
+        known = self.reassembler.open_message(header, sender, now_nanos)
+        waits = not self.reassembler.asks_for(header, sender)
+        self._guess.follow(header, bytes(head), sender, known, waits=waits)
 
     def _credit_if_due(
-        self,
-        header: Header,
-        message: Optional[Message],
-        size: int,
-        sender: Address,
-        peer: _Peer,
+        self, header: Header, message: Optional[Message], sender: Address, peer: Peer
     ) -> Optional[Answer]:
-        peer.uncredited_bytes += size
         is_end = message is not None or header.part_number == header.parts_max - 1
         if not is_end and peer.uncredited_bytes <= self.receive_buffer // CREDIT_SHARE:
             return None
-        peer.uncredited_bytes = 0
         return self._credit(header, sender, peer)
+
+    def _credit(self, header: Header, sender: Address, peer: Peer) -> Answer:
+        peer.uncredited_bytes = 0
+        credit = Credit(header.msg_type, header.part_number, header.seq_number, self.receive_buffer)
+        return control_of(peer, header.topic, "", header.stamp_nanos, credit), sender
 
     def requests(self, now_nanos: int) -> List[Answer]:
         """Return what is missed and to be asked for now, as datagrams to send."""
@@ -238,84 +202,49 @@ class Inbox:
 
     def reports(self, now_nanos: int, wall_nanos: int) -> List[Answer]:
         """Return what to tell the senders that were heard lately about what arrived."""
-        self._take_note()
-        answers = []
-        told = []
-        for sender, peer in self._peers.items():
-            if now_nanos - peer.heard_nanos > HEARD_NANOS:
-                continue
-            for topic, link, report in self.reassembler.reports(sender, wall_nanos):
-                told.append((sender, topic, link, report))
-                answers.append((_control(peer, topic, link, wall_nanos, report), sender))
-            answers.append((_control(peer, "", "", wall_nanos, self._link_report()), sender))
-        self.told = told
-        return answers
-
-    def published(self, message: Message, sender: Address, wall_nanos: int) -> None:
-        """Take note, from any thread, that a message reached its user at this time."""
-        self._told_of.append((sender, message.msg_type, message.topic, key_of(message), wall_nanos))
-
-    def dropped(self, message: Message, sender: Address) -> None:
-        """Take note, from any thread, that a message will not reach its user."""
-        self._told_of.append((sender, message.msg_type, message.topic, key_of(message), None))
-
-    def _take_note(self) -> None:
-        while self._told_of:
-            sender, msg_type, topic, key, wall_nanos = self._told_of.popleft()
-            arrived = self.reassembler.arrived(sender, msg_type, topic)
-            if arrived is None:
-                continue
-            if wall_nanos is None:
-                arrived.drop(key)
-            else:
-                arrived.published(key, wall_nanos)
-
-    def _take_request(self, header: Header, message: Message, sender: Address) -> None:
-        request = parse_resend(message.body)
-        if isinstance(request, Request):
-            self._on_request(sender, header, request)
-
-    def _take_control(self, message: Message, sender: Address) -> Optional[Message]:
-        credit = control.parse(message.body)
-        if isinstance(credit, TopicReport):
-            self._on_report(sender, message.topic, credit, message.stamp_nanos)
-        if not isinstance(credit, Credit):
-            return message
-        key = DatagramKey(credit.msg_type, message.topic, credit.seq_number, credit.part_number)
-        self._on_credit(sender, key, credit.receive_buffer)
-        return None
-
-    def _peer(self, sender: Address, now_nanos: int) -> _Peer:
-        peer = self._peers.get(sender)
-        if peer is None:
-            if len(self._peers) >= self.reassembler.limits.senders:
-                self._peers.popitem(last=False)
-            peer = self._peers[sender] = _Peer(now_nanos)
-        self._peers.move_to_end(sender)
-        peer.heard_nanos = now_nanos
-        return peer
-
-    def _credit(self, header: Header, sender: Address, peer: _Peer) -> Answer:
-        credit = Credit(header.msg_type, header.part_number, header.seq_number, self.receive_buffer)
-        return _control(peer, header.topic, "", header.stamp_nanos, credit), sender
-
-    def _link_report(self) -> LinkReport:
-        return LinkReport.of(
+        link_report = LinkReport.of(
             self.receive_buffer,
             self.datagrams,
             self.bytes_received,
             self.kernel_drops,
             self.reassembler.counters.refused,
         )
+        return self._telling.reports(self._peers, link_report, now_nanos, wall_nanos)
+
+    def close(self) -> None:
+        """Let go of buffers, of what was known of senders and of whom to tell; the counters stay.
+
+        Who is told refers to us again: without this, both would wait for the garbage collector.
+        """
+        self._on_credit = self._on_report = self._on_request = _nobody
+        self.reassembler.close()
+        self._guess = Guess(self.reassembler.pool)
+
+    def _take_request(self, header: Header, message: Message, sender: Address) -> None:
+        request = parse_resend(message.body)
+        if isinstance(request, Request):
+            self._on_request(sender, header, request)
+
+    def _take_control(
+        self, header: Header, body: memoryview, sender: Address, now_nanos: int
+    ) -> Tuple[Optional[Message], Optional[Answer]]:
+        self.reassembler.expire(now_nanos)
+        told = self.reassembler.accept_control(header, body)
+        if isinstance(told, CreditRequest):
+            return None, self._credit(header, sender, self._peers.heard(sender, now_nanos))
+        if isinstance(told, Credit):
+            key = DatagramKey(told.msg_type, header.topic, told.seq_number, told.part_number)
+            self._on_credit(sender, key, told.receive_buffer)
+            return None, None
+        if isinstance(told, TopicReport):
+            self._on_report(sender, header.topic, told, header.stamp_nanos)
+        return message_of(header, body), None
 
 
-def _control(
-    peer: _Peer,
-    topic: str,
-    link: str,
-    stamp_nanos: int,
-    body: Union[Credit, TopicReport, LinkReport],
-) -> bytes:
-    number = peer.numbering.next(CONTROL, topic)
-    sec, nsec = divmod(stamp_nanos, NANOS)
-    return Header(CONTROL, number, 0, 1, sec, nsec, topic, link).pack() + body.pack()
+def _credit_size(header: Header) -> int:
+    size = FIXED_SIZE + len(header.topic.encode())
+    return size + -size % 4 + _CREDIT_BODY
+
+
+def _nobody(*_: object) -> None:
+    """Tell nobody."""

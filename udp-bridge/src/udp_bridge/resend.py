@@ -1,37 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sender keeps to send again, how much of that it may send, and what it offers.
+"""What a sender keeps to send again, and what of it is asked for: towards one destination.
 
-Towards one destination. History is bounded in time, by each topic's own limit, and in bytes;
-what goes out again is bounded by a share of what the receiver says arrives. No socket, no
-clock; which datagram goes first is `sending`'s.
+History is bounded in time, by each topic's own limit, and in bytes. How much may go out again is
+`resend_budget`'s, what is offered when `resend_offers`'s; which datagram goes first is
+`sending`'s. No socket, no clock.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
-from typing import Deque, Dict, Iterator, NamedTuple, Optional, Tuple
+from collections import OrderedDict
+from typing import Dict, Iterator, NamedTuple, Optional, Tuple
 
 from .fragments import Split, datagram_of, flat
-from .header import NANOS, PARTS_MAX, SEQ_NUMBERS, Header
+from .header import PARTS_MAX, SEQ_NUMBERS, Header
 from .message import Message
-from .repair_wire import Offer, Request
-from .types import RESEND
+from .repair_wire import Request
+from .resend_budget import Budget
+from .resend_offers import Offered, Offers
 
 HISTORY_BYTES = 64 << 20
 """Bodies that are kept; they are the caller's own, so nothing is copied."""
 HISTORY_MESSAGES = 4096
-GOODPUT_SHARE = 0.25
-"""Of what arrives, this much may be sent again: resends on a full link make it worse."""
-GOODPUT_FLOOR_BYTES = 131_072
-"""May be sent again within a second in any case, so that repair can begin: two of the largest."""
-WINDOW_NANOS = NANOS
-FIRST_STEP_NANOS = 1_000_000
-"""The offer of a message of several parts is repeated after this, then after twice as long..."""
-SMALL_STEP_NANOS = 5_000_000
-"""...that of a single-part message, of which there are many, after this. These are not offered
-more often than that either."""
-LONGEST_STEP_NANOS = 20_000_000
-"""Offers are repeated at least this often, until their message is stale."""
 DEBOUNCE_NANOS = 1_500_000
 """A part that went out again is not sent once more so soon: requests come in copies."""
 WAITING_MAX = 2 * PARTS_MAX
@@ -78,21 +67,16 @@ class Again(NamedTuple):
     sent: Sent
     part_number: int
 
+    @property
+    def size(self) -> int:
+        """Its bytes; a last part may be far smaller than the others."""
+        part_size = self.sent.cut.part_size
+        left = flat(self.sent.message.body).nbytes - self.part_number * part_size
+        return len(self.sent.packed) + min(part_size, left)
+
     def datagram(self) -> Tuple[bytes, memoryview]:
         """Return its header and the slice of the body."""
         return datagram_of(self.sent.packed, flat(self.sent.message.body), self.sent.cut, self[1])
-
-
-class _Offered:
-    """When a topic's newest message is offered next."""
-
-    __slots__ = ("due_nanos", "sent", "step_nanos", "told_nanos")
-
-    def __init__(self, sent: Sent, now_nanos: int) -> None:
-        self.sent = sent
-        self.due_nanos = now_nanos
-        self.told_nanos = now_nanos - SMALL_STEP_NANOS
-        self.step_nanos = FIRST_STEP_NANOS
 
 
 class Resender:
@@ -106,11 +90,8 @@ class Resender:
         self.history_bytes = 0
         self._history: OrderedDict[Key, Sent] = OrderedDict()  # by order of leaving
         self._waiting: OrderedDict[Tuple[Key, int], Again] = OrderedDict()
-        self._offers: OrderedDict[Tuple[int, str], _Offered] = OrderedDict()
-        self._spent: Deque[Tuple[int, int]] = deque()  # when, and how many bytes
-        self._spent_bytes = 0
-        self._left: Deque[Tuple[int, int]] = deque()  # the same of bodies that left
-        self._left_bytes = 0
+        self._budget = Budget()
+        self._offers = Offers()
 
     def leaves(
         self, message: Message, cut: Split, packed: bytes, limit_nanos: int, now_nanos: int
@@ -122,32 +103,19 @@ class Resender:
         self._history[sent.key] = sent
         size = flat(message.body).nbytes
         self.history_bytes += size
-        self._left.append((now_nanos, size))
-        self._left_bytes += size
+        self._budget.left(size, now_nanos)
         self._clean(now_nanos)
         return sent
 
     def is_out(self, sent: Sent, now_nanos: int) -> None:
         """Take note that the last part of a message went out: it is offered from now on."""
-        topic = sent.key[:2]
-        offered = self._offers.pop(topic, None)
-        is_small = sent.cut.parts_max == 1
-        if offered is None:
-            offered = _Offered(sent, now_nanos)
-        elif is_small and now_nanos - offered.told_nanos < SMALL_STEP_NANOS:
-            offered.due_nanos = offered.told_nanos + SMALL_STEP_NANOS
-        else:
-            offered.due_nanos = now_nanos
-        offered.sent = sent
-        offered.step_nanos = SMALL_STEP_NANOS if is_small else FIRST_STEP_NANOS
-        self._offers[topic] = offered
+        stale_nanos = sent.since_nanos + sent.limit_nanos
+        offered = Offered(sent.message, sent.cut.parts_max, sent.limit_nanos, stale_nanos)
+        self._offers.put(offered, now_nanos)
 
     def asked(self, header: Header, request: Request, now_nanos: int) -> None:
         """Queue what a receiver asks for, as far as it is kept and the budget allows."""
         self._clean(now_nanos)
-        # No more can have come than was sent, whatever the receiver says.
-        goodput = min(request.goodput, self._left_bytes)
-        budget = max(GOODPUT_FLOOR_BYTES, int(goodput * GOODPUT_SHARE))
         for again in self._kept(header, request):
             place = (again.sent.key, again.part_number)
             last_nanos = again.sent.again_nanos.get(again.part_number)
@@ -155,14 +123,13 @@ class Resender:
                 continue
             if place in self._waiting:
                 continue
-            size = len(again.sent.packed) + again.sent.cut.part_size
-            if self._spent_bytes + size > budget or len(self._waiting) >= WAITING_MAX:
+            if len(self._waiting) >= WAITING_MAX or not self._budget.spend(
+                again.size, request.goodput, now_nanos
+            ):
                 self.over_budget += 1
                 continue
             again.sent.again_nanos[again.part_number] = now_nanos
             self._waiting[place] = again
-            self._spent.append((now_nanos, size))
-            self._spent_bytes += size
 
     @property
     def is_idle(self) -> bool:
@@ -185,26 +152,12 @@ class Resender:
 
     def next_offer(self, now_nanos: int) -> Optional[bytes]:
         """Return an offer that is due, as a whole datagram."""
-        for topic, offered in self._offers.items():
-            if offered.due_nanos > now_nanos:
-                continue
-            sent = offered.sent
-            if now_nanos - sent.since_nanos > sent.limit_nanos:
-                del self._offers[topic]
-                return self.next_offer(now_nanos)
-            offered.told_nanos = now_nanos
-            offered.due_nanos = now_nanos + offered.step_nanos
-            offered.step_nanos = min(2 * offered.step_nanos, LONGEST_STEP_NANOS)
-            message = sent.message
-            limit_ms = -(-sent.limit_nanos // 1_000_000)
-            body = Offer(message.msg_type, sent.cut.parts_max, limit_ms).pack()
-            return message._replace(msg_type=RESEND, link="").header().pack() + body
-        return None
+        return self._offers.take(now_nanos)
 
     @property
     def next_offer_nanos(self) -> Optional[int]:
         """When an offer is due; None when there is none."""
-        return min((offered.due_nanos for offered in self._offers.values()), default=None)
+        return self._offers.next_nanos
 
     def _kept(self, header: Header, request: Request) -> Iterator[Again]:
         """Yield what is asked for and has been sent, of messages that are in the history."""
@@ -225,10 +178,6 @@ class Resender:
 
     def _clean(self, now_nanos: int) -> None:
         """Forget what is stale, and the oldest of what is too much."""
-        while self._spent and self._spent[0][0] <= now_nanos - WINDOW_NANOS:
-            self._spent_bytes -= self._spent.popleft()[1]
-        while self._left and self._left[0][0] <= now_nanos - WINDOW_NANOS:
-            self._left_bytes -= self._left.popleft()[1]
         while self._history:
             key, sent = next(iter(self._history.items()))
             is_stale = now_nanos - sent.since_nanos > sent.limit_nanos

@@ -3,7 +3,8 @@
 
 A topic is asked for only while its sender offers it, and only as long as a message is not older
 than the offer's limit. Nothing here waits: what arrives of a topic, offers among it, is when it
-is asked whether something is due. Parts and bodies are `assembly`'s.
+is asked whether something is due. How long to wait is `round_trip`'s, parts and bodies are
+`assembly`'s.
 """
 
 from __future__ import annotations
@@ -11,20 +12,10 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
-from .header import NANOS, SEQ_NUMBERS, Header
+from .header import SEQ_NUMBERS, Header
 from .repair_wire import WHOLE_MAX, Offer, Request
+from .round_trip import RoundTrip
 
-DEBOUNCE_NANOS = 1_000_000
-"""A gap is this old before it is asked for: datagrams may overtake each other, and one request
-serves several gaps. A message that is said to be sent altogether is not waited for."""
-FIRST_WAIT_NANOS = 50_000_000
-"""From a request to its repetition while no round trip was measured."""
-SHORTEST_WAIT_NANOS = 1_000_000
-"""What is added to a measured round trip at least."""
-LONGEST_WAIT_NANOS = NANOS // 2
-BACK_OFF = 1.5
-LONGEST_BACK_OFF = 3.0
-"""Each repetition waits this many times longer than the one before, up to so many round trips."""
 COPIES = 3
 """A repetition goes out twice, the third and later ones so often: requests are small, and loss in
 bursts would take one after the other. The sender takes copies for one."""
@@ -69,15 +60,28 @@ class Asking:
     def __init__(self) -> None:
         self._limit_nanos = 0
         self._newest: Optional[int] = None
+        self._newest_stamp_nanos = 0
+        self._is_reborn = False
         self._wants: OrderedDict[int, _Want] = OrderedDict()  # by seq_number, oldest first
         self._due_nanos: Optional[int] = None  # no part is due before
-        self._round_trip_nanos = 0.0
-        self._deviation_nanos = 0.0
+        self._round_trip = RoundTrip()
 
-    def is_wanted(self, seq_number: int, now_nanos: int) -> bool:
-        """Tell whether a message was missed and is not stale."""
-        want = self._wants.get(seq_number)
-        return want is not None and now_nanos - want.since_nanos <= self._limit_nanos
+    def is_wanted(self, header: Header, now_nanos: int) -> bool:
+        """Tell whether a message was missed, or came in part, and is not stale."""
+        want = self._wants.get(header.seq_number)
+        if want is None or now_nanos - want.since_nanos > self._limit_nanos:
+            return False
+        return not want.parts_max or want.time == (header.time_sec, header.time_nsec)
+
+    def is_of_new_life(self, header: Header) -> bool:
+        """Tell whether a message that is neither wanted nor known shows a restarted sender.
+
+        A sender that was not restarted has numbered later what is newer; and what it sends again
+        was missed here.
+        """
+        newest = self._newest
+        is_ahead = newest is None or _ahead(header.seq_number, newest) > 0
+        return not is_ahead and header.stamp_nanos > self._newest_stamp_nanos
 
     def spans(self, nanos: int) -> bool:
         """Tell whether a message may be sent again when this much time has passed."""
@@ -99,7 +103,7 @@ class Asking:
         self._limit_nanos = offer.limit_ms * 1_000_000
         newest = self._newest
         is_known = newest is not None and _ahead(header.seq_number, newest) <= 0
-        self._advance(header.seq_number, now_nanos)
+        self._advance(header, now_nanos)
         want = self._wants.get(header.seq_number)
         if want is None and not is_known and not is_finished:
             want = self._want(header.seq_number, now_nanos)
@@ -113,14 +117,17 @@ class Asking:
                 want.due[part] = (now_nanos, 0)
         self._due_nanos = now_nanos
 
-    def saw(self, header: Header, *, is_whole: bool, now_nanos: int) -> None:
-        """Take note of a part that came; `is_whole` when its message is complete now."""
-        seq_number = header.seq_number
-        self._advance(seq_number, now_nanos)
+    def saw(self, header: Header, *, is_whole: bool, now_nanos: int, count: int = 1) -> None:
+        """Take note of a part that came; `is_whole` when its message is complete now.
+
+        Or of so many parts in a row, of which the header is that of the first.
+        """
+        seq_number, first = header.seq_number, header.part_number
+        self._advance(header, now_nanos)
         want = self._wants.get(seq_number)
         if is_whole:
             if want is not None:
-                self._measure(want, header.part_number, now_nanos)
+                self._measure(want, first, now_nanos)
                 del self._wants[seq_number]
             return
         if want is None:
@@ -131,13 +138,19 @@ class Asking:
         whole = want.due.pop(_WHOLE, None)
         if whole is not None or seq_number != self._newest:
             # It was sent long since, and what was asked for as a whole is on its way.
-            wait = self._wait_nanos(whole[1]) if whole and whole[1] else DEBOUNCE_NANOS
+            wait = (
+                self._round_trip.wait_nanos(whole[1])
+                if whole and whole[1]
+                else self._round_trip.debounce_nanos
+            )
             tries = whole[1] if whole else 0
             self._is_sent_up_to(want, header.parts_max, now_nanos + wait, tries)
-        self._measure(want, header.part_number, now_nanos)
-        want.due.pop(header.part_number, None)
-        self._is_sent_up_to(want, header.part_number, now_nanos + DEBOUNCE_NANOS)
-        want.highest = max(want.highest, header.part_number)
+        self._measure(want, first, now_nanos)
+        if want.due:
+            for part in range(first, first + count):
+                want.due.pop(part, None)
+        self._is_sent_up_to(want, first, now_nanos + self._round_trip.debounce_nanos)
+        want.highest = max(want.highest, first + count - 1)
 
     def finished(self, seq_number: int) -> None:
         """Ask no more for a message that was given up."""
@@ -146,6 +159,7 @@ class Asking:
     def forget(self) -> None:
         """Begin anew, as with a sender that was restarted."""
         self._newest = None
+        self._is_reborn = True
         self._wants.clear()
         self._due_nanos = None
 
@@ -188,20 +202,23 @@ class Asking:
             if tries >= TRIES:
                 del want.due[part]
                 continue
-            want.due[part] = (now_nanos + self._wait_nanos(tries), tries + 1)
+            want.due[part] = (now_nanos + self._round_trip.wait_nanos(tries), tries + 1)
             want.asked_nanos = now_nanos
             want.is_asked = True
             yield part, tries
 
-    def _advance(self, seq_number: int, now_nanos: int) -> None:
+    def _advance(self, header: Header, now_nanos: int) -> None:
         """Find the gap before a number that is ahead; what is behind it was sent altogether."""
+        seq_number = header.seq_number
         if self._newest is None:
-            self._newest = seq_number
-            return
+            # Of a sender that began before our eyes the first messages are missed, too.
+            is_first_seen = not self._is_reborn or seq_number >= WANTS
+            self._newest = seq_number if is_first_seen else SEQ_NUMBERS - 1
+            self._newest_stamp_nanos = header.stamp_nanos
         ahead = _ahead(seq_number, self._newest)
         if ahead <= 0:
             return
-        later_nanos = now_nanos + DEBOUNCE_NANOS
+        later_nanos = now_nanos + self._round_trip.debounce_nanos
         last = self._wants.get(self._newest)
         if last is not None and last.parts_max:
             self._is_sent_up_to(last, last.parts_max, later_nanos)
@@ -210,6 +227,7 @@ class Asking:
             want.due[_WHOLE] = (later_nanos, 0)
             self._wake_at(later_nanos)
         self._newest = seq_number
+        self._newest_stamp_nanos = header.stamp_nanos
 
     def _want(self, seq_number: int, now_nanos: int) -> _Want:
         if len(self._wants) >= WANTS:
@@ -232,22 +250,8 @@ class Asking:
     def _measure(self, want: _Want, part: int, now_nanos: int) -> None:
         """Measure the round trip by a part that was asked for once (RFC 6298, 2)."""
         tries = want.due.get(part, want.due.get(_WHOLE, (0, 0)))[1]
-        if tries != 1:
-            return
-        measured = now_nanos - want.asked_nanos
-        if not self._round_trip_nanos:
-            self._round_trip_nanos, self._deviation_nanos = measured, measured / 2
-        else:
-            off = abs(measured - self._round_trip_nanos)
-            self._deviation_nanos += (off - self._deviation_nanos) / 4
-            self._round_trip_nanos += (measured - self._round_trip_nanos) / 8
-
-    def _wait_nanos(self, tries: int) -> int:
-        wait: float = FIRST_WAIT_NANOS
-        if self._round_trip_nanos:
-            margin = max(SHORTEST_WAIT_NANOS, 4 * self._deviation_nanos)
-            wait = self._round_trip_nanos + margin
-        return int(min(wait * min(BACK_OFF**tries, LONGEST_BACK_OFF), LONGEST_WAIT_NANOS))
+        if tries == 1:
+            self._round_trip.measured(now_nanos - want.asked_nanos)
 
 
 def _ahead(seq_number: int, other: int) -> int:

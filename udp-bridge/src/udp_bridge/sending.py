@@ -8,27 +8,27 @@ when it leaves, so that what was superseded here leaves no gap there.
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import deque
 from itertools import chain
 from typing import Deque, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from .accounts import Accounts
+from .control import CreditRequest
 from .fec_sending import symbols_of
 from .flow import DatagramKey, Pacer
 from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, parts_of, plan
-from .header import PART_NUMBER_OFFSET, SEQ_NUMBERS, SIGNED_SEQ_NUMBERS
+from .header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
 from .message import Message
+from .numbering import Numbering
 from .repair import Fec, RepairTable, Resend
 from .resend import Resender, Sent
+from .types import CONTROL
+from .waiting import LargeWaiting, SmallWaiting, WaitingTable
 
-SMALL_WAITING_PER_TOPIC = 512
-"""Single-part messages of a topic that wait; more than a second of a 400 Hz topic."""
-NUMBERED_TOPICS = 4096
-"""Topics whose numbers are remembered; one that is forgotten begins at 0 like a restart."""
+EXPRESS_TOPICS = 1024
+"""Topics, with their links, whose headers are kept."""
 
 Address = Tuple[str, int]
-_TopicKey = Tuple[int, str]
-_LargeKey = Tuple[int, str, str]
 
 
 class Run(NamedTuple):
@@ -59,23 +59,6 @@ class Datagram(NamedTuple):
     """It and those that are to go with it."""
 
 
-class Numbering:
-    """Gives each message the next seq_number of its type and topic."""
-
-    def __init__(self, *, signed_peer: bool = False) -> None:
-        self._modulus = SIGNED_SEQ_NUMBERS if signed_peer else SEQ_NUMBERS
-        self._next: OrderedDict[_TopicKey, int] = OrderedDict()
-
-    def next(self, msg_type: int, topic: str) -> int:
-        """Return the number of the next message, counted from 0."""
-        key = (msg_type, topic)
-        number = self._next.pop(key, 0)
-        self._next[key] = (number + 1) % self._modulus
-        if len(self._next) > NUMBERED_TOPICS:
-            self._next.popitem(last=False)
-        return number
-
-
 class Outbox:
     """All that waits for one destination."""
 
@@ -87,7 +70,7 @@ class Outbox:
         signed_peer: bool = False,
         repair: Optional[RepairTable] = None,
         reserve: int = 0,
-        large_waiting: int = 0,
+        large_waiting: Optional[WaitingTable] = None,
     ) -> None:
         self.to = to
         self.pacer = Pacer()
@@ -96,15 +79,13 @@ class Outbox:
         """Messages dropped here because newer ones of their topic came."""
         self._datagram_size = check_datagram_size(datagram_size)
         self._signed_peer = signed_peer
-        self._large_waiting = large_waiting  # body bytes of a topic; the newest waits anyhow
         self._reserve = reserve  # bytes of each datagram for what is put around it
         self._repair = repair if repair is not None else {}
         self.resender = Resender()
         self._numbering = Numbering(signed_peer=signed_peer)
-        self._small: OrderedDict[int, Message] = OrderedDict()  # by order of arrival
-        self._small_of: Dict[_TopicKey, Deque[int]] = {}
-        self._arrivals = 0
-        self._large: OrderedDict[_LargeKey, Deque[Message]] = OrderedDict()
+        self._small = SmallWaiting()
+        self._large = LargeWaiting(large_waiting if large_waiting is not None else {})
+        self._express: Dict[Tuple[int, str, str], Tuple[bytes, int]] = {}  # header, largest body
         self._current: Optional[Iterator[Tuple[bytes, memoryview]]] = None
         self._message: Optional[Message] = None  # the one on its way, with its number
         self._planned: Optional[Tuple[Message, Split]] = None  # the last one that was
@@ -121,16 +102,35 @@ class Outbox:
         BadMessage
             When it can't be sent to this destination (`TooLarge`: at no datagram size).
         """
-        cut = self._plan(message)
-        if cut.parts_max == 1:
-            self._put_small(message)
+        if self._plan(message).parts_max == 1:
+            oldest = self._small.put(message)
+            pushed_out = [oldest] if oldest is not None else []
         else:
-            key = (message.msg_type, message.topic, message.link)
-            waiting = self._large.setdefault(key, deque())
-            waiting.append(message)
-            while len(waiting) > 1 and _body_bytes(waiting) > self._large_waiting:
-                self.accounts.superseded(waiting.popleft())
-                self.superseded += 1
+            pushed_out = self._large.put(message)
+        for message in pushed_out:
+            self.accounts.superseded(message)
+            self.superseded += 1
+
+    def express(
+        self, msg_type: int, topic: str, link: str, stamp_nanos: int, body: Buffer
+    ) -> Optional[Datagram]:
+        """Return the datagram of a small message that meets nobody it would have to wait behind.
+
+        It is `put` and `take` in one, with the header of the last message of its topic and only
+        number and stamp anew. None means that the message has to take the long way, where it is
+        also judged: it may be the first of its topic, have parts or repair, or be wrong.
+        """
+        known = self._express.get((msg_type, topic, link))
+        if known is None or self._small or self._symbols:
+            return None
+        packed, largest = known
+        view = flat(body)
+        size = view.nbytes
+        if size > largest or not is_stamp(stamp_nanos):
+            return None
+        number = self._numbering.next(msg_type, topic)
+        self.accounts.numbered((msg_type, topic), stamp_nanos, size)
+        return Datagram(restamped(packed, number, stamp_nanos), view, self.to, is_last=True)
 
     def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
         """Return the datagram to send now, if one may go.
@@ -145,13 +145,17 @@ class Outbox:
         if offer is not None:
             return Datagram(offer, memoryview(b""), self.to, is_last=False)
         again = self.resender.next_again(now_nanos)
-        if again is not None:
-            part = again.datagram()
-            if not self._may_send(again.sent.message, part, now_nanos):
-                return None
-            self.resender.sent_again()
-            return Datagram(*part, self.to, is_last=False)
-        return self._take_large(now_nanos, most_bytes)
+        part = again.datagram() if again is not None else self._next_part(now_nanos)
+        if part is None:
+            return None
+        if self.pacer.must_ask(_size(part), now_nanos):
+            return self._ask(now_nanos)
+        if again is None:
+            return self._take_large(part, now_nanos, most_bytes)
+        if not self._may_send(again.sent.message, part, now_nanos):
+            return None
+        self.resender.sent_again()
+        return Datagram(*part, self.to, is_last=False)
 
     @property
     def is_idle(self) -> bool:
@@ -171,31 +175,26 @@ class Outbox:
         part_nanos = self.pacer.next_wake(_size(part), now_nanos)
         return part_nanos if offer_nanos is None else min(part_nanos, offer_nanos)
 
-    def _put_small(self, message: Message) -> None:
-        waiting = self._small_of.setdefault((message.msg_type, message.topic), deque())
-        if len(waiting) >= SMALL_WAITING_PER_TOPIC:
-            self.accounts.superseded(self._small.pop(waiting.popleft()))
-            self.superseded += 1
-        self._arrivals += 1
-        waiting.append(self._arrivals)
-        self._small[self._arrivals] = message
-
     def _take_small(self, now_nanos: int) -> Datagram:
-        _, message = self._small.popitem(last=False)
-        key = (message.msg_type, message.topic)
-        self._small_of[key].popleft()
-        if not self._small_of[key]:
-            del self._small_of[key]
+        message = self._small.pop()
         _, sent, current = self._fragments(message, now_nanos)
         header, part = next(current)
         self._symbols.extend(current)
         self._has_sent_part(sent, now_nanos)
         return Datagram(header, part, self.to, is_last=True)
 
-    def _take_large(self, now_nanos: int, most_bytes: int) -> Optional[Datagram]:
-        part = self._next_part(now_nanos)
-        if part is None:
-            return None
+    def _ask(self, now_nanos: int) -> Datagram:
+        """Return the datagram that asks the peer for a Credit."""
+        number = self._numbering.next(CONTROL, "")
+        header = Header(CONTROL, number, 0, 1, 0, 0).pack(signed_peer=self._signed_peer)
+        body = memoryview(CreditRequest().pack())
+        key = DatagramKey(CONTROL, "", number, 0)
+        self.pacer.asked(key, _size((header, body)), now_nanos)
+        return Datagram(header, body, self.to, is_last=False)
+
+    def _take_large(
+        self, part: Tuple[bytes, memoryview], now_nanos: int, most_bytes: int
+    ) -> Optional[Datagram]:
         assert self._message is not None
         assert self._current is not None
         parts = self._parts
@@ -250,10 +249,7 @@ class Outbox:
 
     def _next_part(self, now_nanos: int) -> Optional[Tuple[bytes, memoryview]]:
         if self._part is None and self._large:
-            key, waiting = self._large.popitem(last=False)
-            message = waiting.popleft()
-            if waiting:
-                self._large[key] = waiting  # behind other topics
+            message = self._large.pop()
             self._message, self._leaving, self._current = self._fragments(message, now_nanos)
             is_plain = isinstance(self._current, Parts)
             self._parts = self._current if is_plain else None  # type: ignore[assignment]
@@ -281,12 +277,18 @@ class Outbox:
         cut = self._plan(message)
         self._planned = None  # it would keep the body
         number = self._numbering.next(message.msg_type, message.topic)
-        self.accounts.numbered(message)
+        body = flat(message.body)
+        key = (message.msg_type, message.topic)
+        self.accounts.numbered(key, message.stamp_nanos, body.nbytes)
         message = message._replace(seq_number=number)
         header = message.header(parts_max=cut.parts_max)
         packed = header.pack(signed_peer=self._signed_peer)
-        parts = parts_of(packed, flat(message.body), cut)
-        mode = self._repair.get((message.msg_type, message.topic))
+        parts = parts_of(packed, body, cut)
+        mode = self._repair.get(key)
+        if mode is None and cut.parts_max == 1:
+            if len(self._express) >= EXPRESS_TOPICS:
+                self._express.clear()
+            self._express[(*key, message.link)] = packed, cut.part_size
         if isinstance(mode, Fec):
             return message, None, chain(parts, symbols_of(message, cut, mode))
         sent = None
@@ -303,10 +305,6 @@ def take_in_turn(outboxes: List[Outbox], now_nanos: int, most_bytes: int = 0) ->
             outboxes.append(outboxes.pop(index))
             return datagram
     return None
-
-
-def _body_bytes(messages: Deque[Message]) -> int:
-    return sum(memoryview(message.body).nbytes for message in messages)
 
 
 def _size(part: Tuple[bytes, memoryview]) -> int:

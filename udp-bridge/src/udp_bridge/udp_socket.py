@@ -13,9 +13,9 @@ import struct
 import sys
 from typing import Optional, Protocol, Sequence, Tuple, Union
 
-from . import mmsg, runs
+from . import runs
 from .header import Buffer
-from .placing import Run, Slots
+from .placing import Credits, Place, Run
 from .sending import Address
 from .sending import Run as Leaving
 
@@ -73,10 +73,10 @@ class UdpSocket:
         self.unreachable = 0
         """Datagrams that the peer's host or the network turned away."""
         self._runs: Union[runs.ManyAtOnce, runs.OneByOne] = (
-            runs.ManyAtOnce() if mmsg.AVAILABLE else runs.OneByOne()
+            runs.ManyAtOnce() if runs.IS_BUILT else runs.OneByOne()
         )
         self._sending: Union[runs.SendingMany, runs.SendingOne] = (
-            runs.SendingMany() if mmsg.AVAILABLE else runs.SendingOne()
+            runs.SendingMany() if runs.IS_BUILT else runs.SendingOne()
         )
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -104,13 +104,15 @@ class UdpSocket:
             return None
         return size, sender
 
-    def receive_run(self, slots: Slots) -> Optional[Run]:
-        """Wait for datagrams and put them into slots; return None when there was none."""
-        run = self._runs.receive(self._socket, slots)
-        if run is None:
+    def receive_run(self, place: Place, credits: Credits) -> Optional[Run]:
+        """Wait for what is expected, or for anything else; return None when nothing came.
+
+        Parts are put into their places, and may be acknowledged.
+        """
+        run, error = self._runs.receive(self._socket, place, credits)
+        self.kernel_drops = self._runs.drops or self.kernel_drops
+        if run is None or error not in (0, errno.EAGAIN):
             self._drain_errors()
-        elif self._runs.drops:
-            self.kernel_drops = self._runs.drops
         return run
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:

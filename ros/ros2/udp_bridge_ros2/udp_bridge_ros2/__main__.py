@@ -17,6 +17,9 @@ from .environment import apply_defaults
 from .leftovers import SHARED_MEMORY, remove_leftovers
 
 PROGRAM = "udp_bridge_ros2"
+SWITCH_SECONDS = 5e-4
+"""After this long a thread that waits for the interpreter gets it. Python's own 5 ms are the age of
+a small message several times over."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -24,6 +27,7 @@ def main(argv: list[str] | None = None) -> int:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
+    sys.setswitchinterval(SWITCH_SECONDS)
     apply_defaults(os.environ)
     remove_leftovers(SHARED_MEMORY, now_s=time.time())
     try:

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the bridge to ROS: a bounded queue for each topic, and the thread that publishes.
 
-Rule: the thread that receives only ever appends to a queue; whatever ROS makes slow (creating a
-publisher, a subscriber that stalls) costs messages of these queues, which are counted, and no
-datagrams. Bodies are published as the bytes that they are; nothing here decodes them.
+Rule: whatever ROS makes slow (creating a publisher, a large body, a subscriber that stalls) is done
+behind a queue; it costs messages of these queues, which are counted, and no datagrams. The thread
+that receives publishes itself only small messages of topics that have been quick so far and that
+nothing waits for: to wake another thread takes longer. Bodies are published as the bytes that they
+are; nothing here decodes them.
 """
 
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from . import topics
@@ -25,6 +29,12 @@ Address = tuple[str, int]
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph."""
+QUICK_BYTES = 4096
+"""Bodies up to this size may be published by the thread that receives..."""
+QUICK_SECONDS = 0.005
+"""...unless one of their topic has taken longer than this; then they wait in the queue..."""
+SLOW_FOR_SECONDS = 1.0
+"""...for this long, after which the topic is tried again."""
 OnFate = Callable[["Message", Address, bool], None]
 _ENCAPSULATION = b"\x00\x01"
 """How little-endian CDR begins; a body of anything else would break its subscribers."""
@@ -41,8 +51,29 @@ class _Channel:
         self.publisher: Any = None
         self.is_refused = False
         self.has_complained = False
+        self.is_publishing = False
+        self.slow_until_s = 0.0
         self.latest: dict[Address, bytes] = {}
         """Of a latched topic: what each sender had published last."""
+
+    def is_quick(self, message: Message) -> bool:
+        """Tell whether a message may be published at once, before any other of its topic."""
+        return (
+            self.publisher is not None
+            and not self.waiting
+            and not self.is_publishing
+            and not self.delivery.is_latched
+            and len(message.body) <= QUICK_BYTES
+            and time.monotonic() >= self.slow_until_s
+        )
+
+    def publish(self, body: bytes) -> None:
+        """Give a body to ROS; how long that takes of a small one decides where the next goes."""
+        began_s = time.monotonic()
+        self.publisher.publish(body)
+        ended_s = time.monotonic()
+        if len(body) <= QUICK_BYTES and ended_s - began_s > QUICK_SECONDS:
+            self.slow_until_s = ended_s + SLOW_FOR_SECONDS
 
     def is_full(self) -> bool:
         """Tell whether the oldest message that waits has to give way."""
@@ -64,20 +95,25 @@ class Outlet:
     """
 
     def __init__(self, node: Node, on_fate: OnFate = lambda *_: None) -> None:
-        self.published = 0
-        """Messages handed to ROS."""
+        self._published_here = self._published_behind = 0  # each is counted by one thread
         self.dropped = 0
         """Messages that a newer one of their topic pushed out before they were published."""
         self.refused = 0
         """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
         self._node = node
         self._on_fate = on_fate
+        self._lock = threading.Lock()  # guards channels and what waits in them
         self._channels: dict[tuple[int, str], _Channel] = {}
-        self._turn: deque[_Channel] = deque()
-        self._wake = threading.Condition()
+        # Of each message that waits, its channel; a queue of C wakes its reader soonest.
+        self._turn: SimpleQueue[_Channel | None] = SimpleQueue()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
         self._thread.start()
+
+    @property
+    def published(self) -> int:
+        """Messages handed to ROS."""
+        return self._published_here + self._published_behind
 
     @property
     def topic_count(self) -> int:
@@ -85,7 +121,7 @@ class Outlet:
         return sum(channel.publisher is not None for channel in list(self._channels.values()))
 
     def put(self, row: MessageType, message: Message, sender: Address) -> None:
-        """Hand over a message to publish; never blocks.
+        """Publish a message, or queue it for that; from one thread, which is hardly held up.
 
         Parameters
         ----------
@@ -97,7 +133,7 @@ class Outlet:
             Where it came from.
         """
         topic = message.topic or row.default_topic
-        with self._wake:
+        with self._lock:
             channel = self._channels.get((row.number, topic))
             if channel is None:
                 if len(self._channels) >= MAX_TOPICS:
@@ -107,53 +143,60 @@ class Outlet:
             if channel.is_refused or message.body[:2] != _ENCAPSULATION:
                 self._refuse(message, sender)
                 return
-            channel.waiting.append((message, sender))
-            if channel.is_full():
-                self._on_fate(*channel.waiting.popleft(), False)
-                self.dropped += 1
-            else:
-                self._turn.append(channel)
-            self._wake.notify()
+            if not channel.is_quick(message):
+                channel.waiting.append((message, sender))
+                if channel.is_full():
+                    self._on_fate(*channel.waiting.popleft(), False)
+                    self.dropped += 1
+                else:
+                    self._turn.put(channel)
+                return
+        if self._publish(channel, message, sender):
+            self._published_here += 1
 
     def publishes(self, topic: str) -> bool:
         """Tell whether messages of the bridge go out on this topic."""
-        with self._wake:
+        with self._lock:
             return any(channel.topic == topic for channel in self._channels.values())
 
     def close(self) -> None:
         """End the thread; what waits is not published."""
-        with self._wake:
-            self._is_closed = True
-            self._wake.notify()
+        self._is_closed = True
+        self._turn.put(None)
         self._thread.join()
 
     def _take(self) -> tuple[_Channel, Message, Address] | None:
-        with self._wake:
-            self._wake.wait_for(lambda: self._turn or self._is_closed)
-            if self._is_closed:
-                return None
-            channel = self._turn.popleft()
+        channel = self._turn.get()
+        if channel is None or self._is_closed:
+            return None
+        with self._lock:
+            channel.is_publishing = True
             return (channel, *channel.waiting.popleft())
 
     def _run(self) -> None:
         while (taken := self._take()) is not None:
-            channel, message, sender = taken
-            try:
-                self._publish(channel, message, sender)
-            except Exception as error:
-                self._refuse(message, sender)
-                channel.is_refused = channel.publisher is None
-                if not channel.has_complained:
-                    channel.has_complained = True
-                    reason = " ".join(str(error).split())
-                    self._node.get_logger().error(
-                        f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
-                    )
+            self._published_behind += self._publish(*taken)
+            taken[0].is_publishing = False
 
-    def _publish(self, channel: _Channel, message: Message, sender: Address) -> None:
+    def _publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
+        """Return whether a message was handed to ROS; it is not when ROS has it or refuses it."""
+        try:
+            return self._try_to_publish(channel, message, sender)
+        except Exception as error:
+            self._refuse(message, sender)
+            channel.is_refused = channel.publisher is None
+            if not channel.has_complained:
+                channel.has_complained = True
+                reason = " ".join(str(error).split())
+                self._node.get_logger().error(
+                    f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
+                )
+            return False
+
+    def _try_to_publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
         if channel.is_refused:
             self._refuse(message, sender)
-            return
+            return False
         if channel.publisher is None:
             channel.publisher = self._create_publisher(channel, message, sender)
         body = bytes(message.body)  # the one copy: rclpy takes nothing but bytes
@@ -161,13 +204,13 @@ class Outlet:
             # The sender repeats it for receivers that come late; DDS does that for ours.
             if channel.latest.get(sender) == body:
                 self._on_fate(message, sender, True)
-                return
+                return False
             if len(channel.latest) >= channel.delivery.depth:
                 channel.latest.clear()
             channel.latest[sender] = body
-        channel.publisher.publish(body)
-        self.published += 1
+        channel.publish(body)
         self._on_fate(message, sender, True)
+        return True
 
     def _refuse(self, message: Message, sender: Address) -> None:
         self.refused += 1

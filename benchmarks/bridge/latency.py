@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long single messages of 1 kB to 16 MB take until ROS's `publish` is called, by each way.
+
+They go in turn by each way, so that all share the machine's moods: compare within a line. The order
+changes, since each way leaves work behind (caches, memory to be freed) for the one that follows.
+"""
+
+from __future__ import annotations
+
+import random
+import statistics
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+from .claims import Claim, Part
+from .ours import FromTheBus, UdpBridge
+from .ways import CProgram, RosSharp, Tcp, Way
+
+SIZES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 10_000_000, 16_000_000)
+QUICK_SIZES = (1_000, 1_000_000, 10_000_000)
+LARGE = 1_000_000
+PAPER_SMALL, PAPER_LARGE = 2.0, 9.5
+"""How many times faster than ROS# the paper found its bridge."""
+GOAL = {10_000_000: 20.0}
+"""What is claimed beyond the paper's ratio."""
+_WARM_UP = 5
+
+
+def run(quick: bool, folder: Path) -> Part:
+    """Measure and print."""
+    rows, claims = [], []
+    with ExitStack() as stack:
+        ways: list[Way] = []
+        for make in (UdpBridge, FromTheBus, lambda: CProgram(folder), Tcp, RosSharp):
+            ways.append(stack.enter_context(closing(make())))
+        names = [way.name for way in ways]
+        print("\nUntil ROS's publish call (C program: until whole), medians in ms:")
+        print(" ".join([f"{'bytes':>9}", *(f"{n:>12}" for n in names), "  ROS#/ours  messages"]))
+        for size in QUICK_SIZES if quick else SIZES:
+            count = 8 if quick else max(21, min(100, 100_000_000 // size))
+            medians = [statistics.median(took) for took in measure(ways, size, count)]
+            ratio = medians[-1] / medians[0]
+            columns = " ".join(f"{median:12.3f}" for median in medians)
+            print(f"{size:9} {columns} {ratio:11.1f} {count:9}", flush=True)
+            rows.append(
+                {"bytes": size, "count": count, "ms": dict(zip(names, medians, strict=True))}
+            )
+            paper = PAPER_LARGE if size >= LARGE else PAPER_SMALL
+            what = f"{size} bytes, times faster than the ROS# way"
+            claims.append(Claim(what, ratio, GOAL.get(size, paper)))
+    return Part(rows, claims)
+
+
+def measure(ways: Sequence[Way], size: int, count: int) -> list[list[float]]:
+    """Send `count` messages by each way in turn; return what each took in ms, way by way."""
+    took: list[list[float]] = [[] for _ in ways]
+    orders = random.Random(size)
+    for _ in range(count + _WARM_UP):
+        for which in orders.sample(range(len(ways)), len(ways)):
+            took[which].append(ways[which].send(size))
+    return [row[_WARM_UP:] for row in took]

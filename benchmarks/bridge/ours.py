@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Our own ways: from the library's `send`, and from a sensor's publish on the bus.
+
+Both end at the ROS 2 node as it is shipped, or, where ROS is not what is measured, at the library.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack, closing
+from typing import NamedTuple
+
+import msgspec
+
+from groundlink.bus import Bus
+from groundlink.scenario import load
+from groundlink.scenario.schema import Scenario, Stream
+from groundlink.topics import HEALTH, STREAM_TOPICS, scenario_key
+from udp_bridge import Link, Message
+from udp_bridge.control import LinkReport, parse
+from udp_bridge.repair import Mode
+from udp_bridge.types import CONTROL
+
+from .lossy import lossy_socket
+from .processes import PATIENCE_S, Late, Silent, python
+from .receivers import IMAGE, TOPIC
+from .ways import HERE, IMAGE_HEAD_BYTES, LOCALHOST, RECEIVE_BUFFER, RECEIVERS, image_cdr
+
+PLAIN = {"UDP_BRIDGE_PLAIN": "1"}
+"""Environment in which the library asks for each datagram in Python."""
+_ROOM = HERE.parents[1] / "scenarios" / "indoor_lab.yaml"
+_VEHICLE, _CAMERA = "rover", "camera"
+_JOIN_S = 2.0
+_GIVEN_UP_S = 5.0
+"""A message that was not mended until then is not any more: the receiver gives up after 2 s."""
+
+
+class Fates(NamedTuple):
+    """What became of all that was sent, as the receiver reports it."""
+
+    sent: int
+    delivered: int
+    repaired: int
+    kernel_drops: int
+    """Datagrams for which the receive buffer had no room."""
+    stalls: int
+    """Times that the sender waited in vain for a word from the receiver."""
+    receive_buffer: int
+    """What the kernel granted to the receiver."""
+
+
+class UdpBridge:
+    """The library on this side and on the other side a receiver around it.
+
+    Parameters
+    ----------
+    receiver
+        `node`, the ROS 2 node, or `library`.
+    options
+        More words for the receiver.
+    environment
+        More variables for the receiver.
+    lost
+        Share of the datagrams that each end loses; of the two receivers `library` alone can.
+    repair
+        How lost ones are made good.
+    """
+
+    name = "UDP Bridge"
+
+    def __init__(
+        self,
+        receiver: str = "node",
+        *options: str,
+        environment: Mapping[str, str] | None = None,
+        lost: float = 0.0,
+        repair: Mode | None = None,
+    ) -> None:
+        words = [*options, f"--lost={lost}"]
+        self._receiver = python(RECEIVERS, receiver, *words, environment=environment)
+        self._link = Link(
+            (LOCALHOST, 0),
+            (LOCALHOST, self._receiver.number()),
+            on_message=self._on_message,
+            repair={(IMAGE, TOPIC): repair} if repair is not None else None,
+            socket=lossy_socket(lost, receive_buffer=RECEIVE_BUFFER) if lost else None,
+        )
+        self._patience_s = _GIVEN_UP_S if lost else PATIENCE_S
+        self._report: LinkReport | None = None
+        self._bodies: dict[int, bytes] = {}
+
+    def send(self, size: int) -> float:
+        """See `Way`; `Late` is raised when the message was lost for good."""
+        return self.stream(size, 1)
+
+    def stream(self, size: int, count: int) -> float:
+        """See `Streaming`; each message goes when the one before has left."""
+        if size not in self._bodies:
+            self._bodies[size] = image_cdr(size)
+        body = self._bodies[size]
+        began = time.monotonic_ns()
+        for index in range(count):
+            if index:
+                self._link.flush(PATIENCE_S)
+            self._link.send(IMAGE, TOPIC, "camera", time.time_ns(), body)
+        try:
+            times = [self._receiver.number(self._patience_s) for _ in range(count)]
+        except Late:
+            told = (self._link.accounts(), self._link.counters(), self._report)
+            raise Late(f"a message has not arrived; {told}") from None
+        return (times[-1] - began) / 1e6
+
+    def fates(self) -> Fates:
+        """Wait until the receiver has told of everything, which it does once a second."""
+        self._report = None  # one that was on its way may not know of all
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            for row in self._link.accounts():
+                if row.topic == TOPIC and self._report is not None and not row.in_flight:
+                    drops, room = self._report.kernel_drops, self._report.receive_buffer
+                    stalls = self._link.counters()["stalls"]
+                    return Fates(row.sent, row.delivered, row.repaired, drops, stalls, room)
+            time.sleep(0.05)
+        raise Silent("the receiver does not report")
+
+    def close(self) -> None:
+        """See `Way`."""
+        self._link.close()
+        self._receiver.close()
+
+    def _on_message(self, message: Message, _: object) -> None:
+        if message.msg_type == CONTROL and isinstance(report := parse(message.body), LinkReport):
+            self._report = report
+
+
+class FromTheBus:
+    """A sensor's process, Zenoh with its router, the gateway's process, the node's process."""
+
+    name = "from the bus"
+
+    def __init__(self) -> None:
+        run = f"benchmark_{os.getpid()}"
+        with socket.create_server((LOCALHOST, 0)) as free:
+            endpoint = f"tcp/{LOCALHOST}:{free.getsockname()[1]}"
+        scenario = msgspec.msgpack.encode(_with_camera(load(_ROOM)))
+        key = STREAM_TOPICS["image"].key_in(run, vehicle=_VEHICLE, sensor=_CAMERA)
+        with ExitStack() as stack:
+            self._receiver = stack.enter_context(closing(python(RECEIVERS, "node")))
+            peer = f"--peer={LOCALHOST}:{self._receiver.number()}"
+            bus = stack.enter_context(Bus(listen=endpoint))
+            bus.serve(scenario_key(run), lambda _: [scenario])
+            joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0"]
+            stack.enter_context(closing(python("services.gateway", *joined, peer)))
+            end = time.monotonic() + PATIENCE_S
+            while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
+                if time.monotonic() > end:
+                    raise Silent("the gateway does not join the bus")
+            sensor = python("benchmarks.bridge.sensor", endpoint, key)
+            self._sensor = stack.enter_context(closing(sensor))
+            self._reach()
+            self._all = stack.pop_all()
+
+    def send(self, size: int, patience_s: float = PATIENCE_S) -> float:
+        """See `Way`."""
+        self._sensor.say(str(max(0, size - IMAGE_HEAD_BYTES)))
+        began = self._sensor.number()
+        return (self._receiver.number(patience_s) - began) / 1e6
+
+    def close(self) -> None:
+        """See `Way`."""
+        self._all.close()
+
+    def _reach(self) -> None:
+        """Send until something arrives: on the bus nobody is told who listens already."""
+        for _ in range(10):
+            try:
+                self.send(1000, _JOIN_S)
+            except Late:
+                continue
+            return
+        raise Silent("nothing of the bus reaches the node")
+
+
+def _with_camera(scenario: Scenario) -> Scenario:
+    """Return a scenario with one vehicle, which has a camera and nothing else."""
+    camera = Stream(name=_CAMERA, kind="image", topic=TOPIC, rate_hz=10.0)
+    (vehicle,) = scenario.vehicles
+    vehicle = msgspec.structs.replace(vehicle, name=_VEHICLE, sensors=(), streams=(camera,))
+    return msgspec.structs.replace(scenario, vehicles=(vehicle,))

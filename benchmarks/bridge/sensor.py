@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process that puts images on the bus as a camera would: `... sensor ENDPOINT KEY`.
+
+It reads sizes from standard input and prints for each when its publish on the bus began, in
+nanoseconds of the host's monotonic clock.
+"""
+
+from __future__ import annotations
+
+import random
+import sys
+import time
+
+from groundlink.bus import Bus
+from groundlink.imagery import Image
+from groundlink.topics import STREAM_TOPICS
+
+
+def main(endpoint: str, key: str) -> None:
+    """Publish until the input ends."""
+    pixels: dict[int, memoryview] = {}
+    with Bus(connect=endpoint) as bus:
+        publish = bus.publisher(key, STREAM_TOPICS["image"].delivery)
+        for line in sys.stdin:
+            size = int(line)
+            if size not in pixels:
+                pixels[size] = memoryview(random.Random(size).randbytes(size))
+            data = pixels[size]
+            image = Image(time.time_ns(), "camera", 1, size, "mono8", size, data)
+            began = time.monotonic_ns()
+            publish(image)
+            print(began, flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many bytes a second pass when one message follows the other, beside the C program.
+
+Both send as fast as their window lets them, both receivers keep one message while the next one
+comes, and neither publishes anything. Rounds of the two take turns, and which one begins does, too.
+"""
+
+from __future__ import annotations
+
+import statistics
+from contextlib import closing
+from pathlib import Path
+
+from .claims import Claim, Part
+from .ours import UdpBridge
+from .ways import CProgram, Streaming
+
+SIZES = (1_000_000, 16_000_000)
+ROUND_BYTES = 400_000_000
+LEAST_SHARE = 0.85
+
+
+def run(quick: bool, folder: Path) -> Part:
+    """Measure and print."""
+    rounds = 5 if quick else 25
+    rows, claims = [], []
+    with closing(UdpBridge("library")) as ours, closing(CProgram(folder)) as program:
+        print("\nOne message after the other, medians in MB/s, each way in turn:")
+        print(
+            f"{'bytes':>9} {ours.name:>12} {program.name:>12}  ours/C  messages each, all arrived"
+        )
+        delivered = 0
+        for size in SIZES:
+            count = ROUND_BYTES // (4 if quick else 1) // size
+            rates = measure((ours, program), size, count, rounds)
+            share = statistics.median(a / b for a, b in zip(*rates, strict=True))
+            medians = [statistics.median(row) for row in rates]
+            fates = ours.fates()
+            sent, delivered = fates.delivered - delivered, fates.delivered
+            columns = " ".join(f"{median:12.0f}" for median in medians)
+            print(f"{size:9} {columns} {share:7.2f}  {rounds} x {count}", flush=True)
+            rows.append({"bytes": size, "sent": (rounds + 1) * count, "delivered": sent})
+            claims.append(Claim(f"{size} bytes, of the C program's throughput", share, LEAST_SHARE))
+        print(f"{'':9} all in all {fates.delivered} of {fates.sent} delivered, as reported")
+    return Part(rows, claims)
+
+
+def measure(
+    ways: tuple[Streaming, Streaming], size: int, count: int, rounds: int
+) -> tuple[list[float], list[float]]:
+    """Return the MB/s of each round of `count` messages, way by way; one round warms up."""
+    rates: tuple[list[float], list[float]] = [], []
+    for index in range(rounds + 1):
+        for which in (0, 1) if index % 2 else (1, 0):
+            took_ms = ways[which].stream(size, count)
+            rates[which].append(size * count / took_ms / 1e3)
+    return rates[0][1:], rates[1][1:]

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The process around the simulation: when its time begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from groundlink.clock import NANOS
+from groundlink.messages import Message, encode
+from groundlink.scenario import load
+from services.physics import __main__ as process
+
+SCENARIO = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
+
+
+class Clocks:
+    """Clocks of a machine that stand still until something takes time."""
+
+    nanos = 7_000_000_000
+
+    def time_ns(self) -> int:
+        return 10**18 + self.nanos
+
+    def monotonic(self) -> float:
+        return self.nanos / NANOS
+
+
+class SlowBus:
+    """A bus on which every declaration takes 10 ms, and nobody listens."""
+
+    def __init__(self, clocks: Clocks) -> None:
+        self._clocks = clocks
+
+    def publisher(self, *_: Any) -> Callable[[Message], bytes]:
+        self._declare()
+        return encode
+
+    def _declare(self, *_: Any) -> None:
+        self._clocks.nanos += 10_000_000
+
+    subscribe = watch = serve = _declare
+
+
+def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clocks = Clocks()
+    monkeypatch.setattr(process, "time", clocks)
+    bus: Any = SlowBus(clocks)
+    physics = process.Physics(load(str(SCENARIO)), "run", bus)
+    clocks.nanos += 40_000_000  # until all are there that are waited for
+    physics.begin()
+    clocks.nanos += 20_000_000
+    physics.close()
+    wait_nanos = round(physics.pace.wait_seconds(400, clocks.monotonic()) * NANOS)
+    assert clocks.time_ns() + wait_nanos - physics.epoch_nanos == pytest.approx(NANOS, abs=10)
+    assert clocks.time_ns() > physics.epoch_nanos

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs of datagrams from and to a socket in one call each, without the interpreter.
+//
+// A Python thread that asks for each datagram gets the interpreter each time, up to 5 ms late where
+// another thread computes. So parts of a message that are exactly those expected are received here
+// one after the other, each into its place, and acknowledged; all else is handed back at once,
+// whole and in order, and `receiving` judges it by every rule. Nothing is kept between two calls.
+#define PY_SSIZE_T_CLEAN
+#ifndef _GNU_SOURCE
+#define _GNU_SOURCE
+#endif
+#include <Python.h>
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+#include <time.h>
+
+enum {
+    SEQ_NUMBER = 2, PART_NUMBER = 6, PARTS_MAX = 7, TIME = 8, TIME_NSEC = 12, TOPIC_SIZE = 16,
+    NAMES = 18, HEADER_MIN = 20, HEADER_ROOM = 256, MOST_PARTS = 255,
+    CONTROL = 64, CREDIT_SIZE = 12, CREDIT_SHARE = 8, BATCH = 64, NANOS = 1000000000,
+    LONGEST_NANOS = 20000000 // of a run, behind its first datagram; then Python looks around
+};
+
+static uint32_t u32(const unsigned char *at)
+{
+    return at[0] | at[1] << 8 | at[2] << 16 | (uint32_t)at[3] << 24;
+}
+
+static void put_u32(unsigned char *at, uint32_t value)
+{
+    for (int i = 0; i < 4; i++) at[i] = value >> 8 * i & 255;
+}
+
+static int64_t now_nanos(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
+}
+
+// An address as `(host, port)`; false, with an exception, where it is none.
+static int to_address(const char *host, int port, struct sockaddr_in *address)
+{
+    memset(address, 0, sizeof *address);
+    address->sin_family = AF_INET;
+    address->sin_port = htons((uint16_t)port);
+    if (inet_pton(AF_INET, host, &address->sin_addr) == 1 && 0 <= port && port <= 65535) return 1;
+    PyErr_SetString(PyExc_ValueError, "no numeric IPv4 address with a port");
+    return 0;
+}
+
+// send(fd, (host, port), header of part 0, body, part size, first, count) -> sent, errno or 0
+//
+// Sends parts in their order until all are out or the kernel does not take one.
+static PyObject *send_parts(PyObject *self, PyObject *args)
+{
+    static const char *misfit = "the parts do not lie in the body";
+    int fd, port, first, count;
+    const char *host;
+    Py_ssize_t size;
+    Py_buffer packed, body;
+    struct sockaddr_in to;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "i(si)y*y*nii", &fd, &host, &port, &packed, &body, &size, &first,
+                          &count))
+        return NULL;
+    int is_fit = packed.len >= HEADER_MIN && packed.len < HEADER_ROOM && size > 0 && first >= 0 &&
+                 count > 0 && first + (int64_t)count <= MOST_PARTS &&
+                 size <= PY_SSIZE_T_MAX / HEADER_ROOM &&
+                 (first + count - 1) * size < body.len + (body.len == 0);
+    if (!is_fit) PyErr_SetString(PyExc_ValueError, misfit);
+    if (!is_fit || !to_address(host, port, &to)) {
+        PyBuffer_Release(&packed);
+        PyBuffer_Release(&body);
+        return NULL;
+    }
+    unsigned char heads[BATCH][HEADER_ROOM];
+    struct iovec io[BATCH][2];
+    struct mmsghdr rows[BATCH];
+    int sent = 0, error = 0;
+    Py_BEGIN_ALLOW_THREADS;
+    while (sent < count && !error) {
+        int most = count - sent < BATCH ? count - sent : BATCH;
+        memset(rows, 0, sizeof *rows * most);
+        for (int i = 0; i < most; i++) {
+            Py_ssize_t start = (first + sent + i) * size, left = body.len - start;
+            memcpy(heads[i], packed.buf, packed.len);
+            heads[i][PART_NUMBER] = (unsigned char)(first + sent + i);
+            io[i][0] = (struct iovec){heads[i], packed.len};
+            io[i][1] = (struct iovec){(char *)body.buf + start, left < size ? left : size};
+            rows[i].msg_hdr = (struct msghdr){.msg_name = &to, .msg_namelen = sizeof to,
+                                              .msg_iov = io[i], .msg_iovlen = 2};
+        }
+        int taken = sendmmsg(fd, rows, most, 0);
+        if (taken > 0) sent += taken;
+        else if (taken == 0 || errno != EINTR) error = taken ? errno : EAGAIN;
+    }
+    Py_END_ALLOW_THREADS;
+    PyBuffer_Release(&packed);
+    PyBuffer_Release(&body);
+    return Py_BuildValue("ii", sent, error);
+}
+
+// What is expected next, and what came of it.
+struct run {
+    Py_buffer rest, block, head; // rest: for what has no other place; head: as it is expected
+    unsigned char came[HEADER_ROOM]; // the header of the first part; behind it only stray ones
+    struct sockaddr_in sender, from; // of the parts; of the last datagram
+    Py_ssize_t part_size, last_size; // last_size: body bytes of the last part that came
+    int fd, first, count;            // parts that may come in a row, and where they begin
+    int is_open;                     // a part of the message was taken before: all must be alike
+    int taken, credits, error;
+    unsigned int control_number, receive_buffer;
+    unsigned long long uncredited;
+    long long drops; // that the kernel told of; -1 where it did not
+};
+
+// Receive one datagram: header apart, body into the place of the next part. Return its size.
+static Py_ssize_t receive_one(struct run *run, unsigned char *head, int flags)
+{
+    int is_placed = run->taken < run->count;
+    struct iovec io[3] = {
+        {head, is_placed ? run->head.len : 0},
+        {(char *)run->block.buf + (run->first + run->taken) * run->part_size,
+         is_placed ? run->part_size : 0},
+        {run->rest.buf, run->rest.len},
+    };
+    _Alignas(struct cmsghdr) char control[64];
+    struct msghdr message = {.msg_name = &run->from, .msg_namelen = sizeof run->from,
+                             .msg_iov = io, .msg_iovlen = 3,
+                             .msg_control = control, .msg_controllen = sizeof control};
+    Py_ssize_t size = recvmsg(run->fd, &message, flags);
+    run->error = size < 0 ? errno : 0;
+    if (size == 0 && message.msg_namelen == 0) { // so does the kernel tell that it was shut
+        run->error = ESHUTDOWN;
+        return -1;
+    }
+    struct cmsghdr *told = size < 0 ? NULL : CMSG_FIRSTHDR(&message); // nothing else is asked for
+    if (told && told->cmsg_level == SOL_SOCKET && told->cmsg_type == SO_RXQ_OVFL) {
+        uint32_t drops;
+        memcpy(&drops, CMSG_DATA(told), sizeof drops);
+        run->drops = drops;
+    }
+    return size;
+}
+
+// Whether a datagram is the next part. Of a message of which nothing was taken before, seq_number
+// and time are its own; `receiving` has seen all else of the header in another message.
+static int is_expected(const struct run *run, const unsigned char *head, Py_ssize_t size)
+{
+    int number = run->first + run->taken, header_size = (int)run->head.len;
+    Py_ssize_t body = size - header_size;
+    if (run->taken >= run->count || body <= 0 || body > run->part_size) return 0;
+    if (run->from.sin_addr.s_addr != run->sender.sin_addr.s_addr ||
+        run->from.sin_port != run->sender.sin_port)
+        return 0;
+    int is_begun = run->is_open || run->taken;
+    const unsigned char *wanted = run->taken ? run->came : run->head.buf;
+    return head[PART_NUMBER] == number && head[PARTS_MAX] == wanted[PARTS_MAX] &&
+           (body == run->part_size || number == wanted[PARTS_MAX] - 1) &&
+           !memcmp(head, wanted, SEQ_NUMBER) &&
+           !memcmp(head + TOPIC_SIZE, wanted + TOPIC_SIZE, header_size - TOPIC_SIZE) &&
+           (is_begun ? !memcmp(head + SEQ_NUMBER, wanted + SEQ_NUMBER, 4) &&
+                           !memcmp(head + TIME, wanted + TIME, 8)
+                     : u32(head + TIME_NSEC) < NANOS);
+}
+
+// Acknowledge a part, as `receiving` would; return whether it went out.
+static int send_credit(struct run *run, const unsigned char *head)
+{
+    unsigned char credit[HEADER_ROOM + CREDIT_SIZE] = {CONTROL};
+    int topic_size = head[TOPIC_SIZE], size = (NAMES + topic_size + 3) & ~3;
+    credit[1] = (unsigned char)size;
+    put_u32(credit + SEQ_NUMBER, run->control_number + run->credits);
+    credit[PARTS_MAX] = 1;
+    memcpy(credit + TIME, head + TIME, 8);
+    credit[TOPIC_SIZE] = head[TOPIC_SIZE];
+    memcpy(credit + NAMES, head + NAMES, topic_size);
+    unsigned char *body = credit + size;
+    body[1] = head[0];
+    body[2] = head[PART_NUMBER];
+    memcpy(body + 4, head + SEQ_NUMBER, 4);
+    put_u32(body + 8, run->receive_buffer);
+    size_t length = body + CREDIT_SIZE - credit;
+    return sendto(run->fd, credit, length, 0, (struct sockaddr *)&run->sender,
+                  sizeof run->sender) == (ssize_t)length;
+}
+
+// Receive until something comes that is not expected. Return its size; -1 where nothing did.
+static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flowing, int waits)
+{
+    PyThreadState *thread = NULL;
+    int64_t until_nanos = 0;
+    Py_ssize_t size = -1;
+    // What lies there is taken without giving the interpreter away, for that may cost milliseconds.
+    if (is_flowing) size = receive_one(run, head, MSG_DONTWAIT);
+    if (size < 0 && (!is_flowing || run->error == EAGAIN)) {
+        thread = PyEval_SaveThread();
+        size = receive_one(run, head, 0);
+    }
+    while (size >= 0 && is_expected(run, head, size)) {
+        if (!thread) thread = PyEval_SaveThread();
+        if (!run->taken) memcpy(run->came, head, run->head.len);
+        run->taken++;
+        run->last_size = size - run->head.len;
+        run->uncredited += size;
+        if (head[PART_NUMBER] == head[PARTS_MAX] - 1 ||
+            run->uncredited > run->receive_buffer / CREDIT_SHARE) {
+            if (!send_credit(run, head)) { // then it is still due
+                size = -1;
+                break;
+            }
+            run->uncredited = 0;
+            run->credits++;
+        }
+        size = -1;
+        if (run->taken == run->count) break;
+        if (!until_nanos) until_nanos = now_nanos() + LONGEST_NANOS;
+        else if (now_nanos() > until_nanos) break;
+        size = receive_one(run, head, waits ? 0 : MSG_DONTWAIT);
+    }
+    if (thread) PyEval_RestoreThread(thread);
+    return size;
+}
+
+// A datagram that lies in three places.
+static PyObject *joined(const struct run *run, const unsigned char *head, Py_ssize_t size)
+{
+    int is_placed = run->taken < run->count;
+    Py_ssize_t room[3] = {is_placed ? run->head.len : 0, is_placed ? run->part_size : 0, size};
+    const void *from[3] = {
+        head, (char *)run->block.buf + (run->first + run->taken) * run->part_size, run->rest.buf};
+    PyObject *whole = PyBytes_FromStringAndSize(NULL, size);
+    for (Py_ssize_t at = 0, i = 0; whole && i < 3; i++) {
+        Py_ssize_t some = size - at < room[i] ? size - at : room[i];
+        memcpy(PyBytes_AS_STRING(whole) + at, from[i], some);
+        at += some;
+    }
+    return whole;
+}
+
+// receive(fd, rest, block, header, (host, port), part size, first, count, is open, waits,
+// uncredited, receive buffer, control number, is flowing) -> None, or
+// header, taken, last size, credits, uncredited, stray datagram or None, its sender, errno, drops
+static PyObject *receive(PyObject *self, PyObject *args)
+{
+    struct run run = {.drops = -1};
+    int port, waits, is_flowing;
+    const char *host;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niippKIIp", &run.fd, &run.rest, &run.block, &run.head,
+                          &host, &port, &run.part_size, &run.first, &run.count, &run.is_open,
+                          &waits, &run.uncredited, &run.receive_buffer, &run.control_number,
+                          &is_flowing))
+        return NULL;
+    PyObject *found = NULL, *stray = NULL, *sender = NULL;
+    unsigned char head[HEADER_ROOM];
+    if (run.rest.len < 65536 || run.head.len >= HEADER_ROOM || run.part_size < 0 || run.first < 0 ||
+        run.count < 0 || run.first + (int64_t)run.count > MOST_PARTS ||
+        run.part_size > run.block.len || (run.first + run.count) * run.part_size > run.block.len ||
+        (run.count && (run.head.len < HEADER_MIN || !run.part_size ||
+                       NAMES + ((unsigned char *)run.head.buf)[TOPIC_SIZE] > run.head.len ||
+                       ((unsigned char *)run.head.buf)[PARTS_MAX] < 2))) {
+        PyErr_SetString(PyExc_ValueError, "the parts do not lie in the block");
+        goto end;
+    }
+    if (!to_address(host, port, &run.sender)) goto end;
+    Py_ssize_t size = receive_parts(&run, head, is_flowing, waits);
+    if (size < 0 && !run.taken) {
+        Py_INCREF(Py_None);
+        found = Py_None;
+        goto end;
+    }
+    if (size >= 0) {
+        char name[INET_ADDRSTRLEN] = "";
+        inet_ntop(AF_INET, &run.from.sin_addr, name, sizeof name);
+        stray = joined(&run, head, size);
+        sender = Py_BuildValue("si", name, ntohs(run.from.sin_port));
+        if (!stray || !sender) goto end;
+    }
+    found = Py_BuildValue("y#iniKOOiL", run.came, run.taken ? run.head.len : 0, run.taken,
+                          run.last_size, run.credits, run.uncredited, stray ? stray : Py_None,
+                          sender ? sender : Py_None, run.error, run.drops);
+end:
+    Py_XDECREF(stray);
+    Py_XDECREF(sender);
+    PyBuffer_Release(&run.rest);
+    PyBuffer_Release(&run.block);
+    PyBuffer_Release(&run.head);
+    return found;
+}
+
+static PyMethodDef methods[] = {
+    {"send", send_parts, METH_VARARGS, "Send parts of a message."},
+    {"receive", receive, METH_VARARGS, "Receive parts of a message, and what is none."},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "_runs", "See runs.py.", 0, methods, NULL, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit__runs(void)
+{
+    return PyModule_Create(&module);
+}

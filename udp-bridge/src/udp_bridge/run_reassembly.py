@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of parts that were received into their places, taken together by the rules of `reassembly`.
+
+What comes out is what would come out part by part, and where anything is special about a message,
+that is what is done. Whether a datagram belongs to a run is judged in `placing`.
+"""
+
+from __future__ import annotations
+
+from typing import Hashable, Optional
+
+from .assembly import Assembly
+from .header import Header, Refused
+from .holdings import Topic
+from .message import Message
+from .ordering import key_of
+from .placing import Place, Run
+from .reassembly import Reassembler
+
+
+class RunReassembler(Reassembler):
+    """A reassembler that takes runs, too."""
+
+    def accept_run(
+        self, header: Header, place: Place, run: Run, sender: Hashable, now_nanos: int
+    ) -> Optional[Message]:
+        """Take parts that lie in their places, as `accept` would one after the other.
+
+        Nothing is raised: what is refused is counted. `header` is that of the first part.
+        """
+        self.expire(now_nanos)
+        topic = self._holdings.find(sender, (header.msg_type, header.topic))
+        assembly = None
+        if topic is not None:
+            if topic.asking is not None:
+                self._verdicts.notice_restart(topic, header, now_nanos)
+            assembly = self._placed_at(topic, header, place, now_nanos)
+        if topic is None or assembly is None:
+            return self._accept_each(header, place, run, sender, now_nanos)
+        self._holdings.topic(sender, (header.msg_type, header.topic))  # it was heard
+        topic.link = header.link
+        topic.arrived.seen(header)
+        key = key_of(header)
+        assembly.placed(header.part_number, run.parts_count, run.last_size)
+        if key not in topic.open:
+            self._holdings.hold(topic, key, assembly)
+            if key not in topic.open:  # it announced too much
+                topic.count("duplicates", run.parts_count - 1)
+                return None
+        message = None
+        if assembly.complete:
+            self._holdings.release(topic, key)
+            message = self._verdicts.finish(topic, header, assembly.body, now_nanos)
+        if topic.asking is not None:
+            self._saw(topic.asking, topic, header, sender, now_nanos, run.parts_count)
+        return message
+
+    def _placed_at(
+        self, topic: Topic, header: Header, place: Place, now_nanos: int
+    ) -> Optional[Assembly]:
+        """Return the message that lies at a place, if nothing is special about it."""
+        if topic.order.is_restart_by_silence(header, now_nanos):
+            return None
+        assembly = topic.open.get(key_of(header))
+        if assembly is not None:
+            is_there = assembly.block is place.block and assembly.symbols is None
+            return assembly if is_there else None
+        if place.is_open or topic.order.is_finished(header):
+            return None
+        assembly = Assembly(header, now_nanos, self.pool)
+        return assembly if assembly.adopt(place.block, place.part_size) else None
+
+    def _accept_each(
+        self, header: Header, place: Place, run: Run, sender: Hashable, now_nanos: int
+    ) -> Optional[Message]:
+        message = None
+        for number in range(header.part_number, header.part_number + run.parts_count):
+            start = number * place.part_size
+            is_last = number == header.part_number + run.parts_count - 1
+            end = start + (run.last_size if is_last else place.part_size)
+            part = memoryview(place.block)[start:end]
+            try:
+                one = self.accept(header._replace(part_number=number), part, sender, now_nanos)
+            except Refused as refused:
+                self.counters.refuse(refused.reason)
+                continue
+            message = message or one
+        return message
+
+    def open_message(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
+        """Return what is in of a message that is open."""
+        return self._open(header, sender, now_nanos)
+
+    def asks_for(self, header: Header, sender: Hashable) -> bool:
+        """Tell whether what is lost of a message's topic can be asked for."""
+        topic = self._holdings.find(sender, (header.msg_type, header.topic))
+        return topic is not None and topic.asking is not None

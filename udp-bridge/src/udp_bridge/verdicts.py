@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a whole message, and whether its sender was restarted: order and repair together.
+
+A number that is not ahead is late, sent again, or of a sender's new life, and which of them must be
+told by numbers, stamps and what was asked for. Parts and bounds are not looked at here.
+"""
+
+from __future__ import annotations
+
+from typing import Optional
+
+from .counters import Counters
+from .header import Header
+from .holdings import Holdings, Topic
+from .message import Message
+from .ordering import key_of
+from .resend_asking import Asking
+
+
+class Verdicts:
+    """The judge of one receiver.
+
+    Parameters
+    ----------
+    keep_late
+        Hand over messages that come behind newer ones, too.
+    """
+
+    def __init__(self, holdings: Holdings, totals: Counters, *, keep_late: bool) -> None:
+        self._holdings = holdings
+        self._totals = totals
+        self._keep_late = keep_late
+
+    def notice_restart(self, topic: Topic, header: Header, now_nanos: int) -> None:
+        """Begin a topic anew when its sender was restarted, and did not send something again."""
+        asking = topic.asking
+        if asking is not None:
+            if asking.is_wanted(header, now_nanos):
+                return
+            self.notice_new_life(topic, asking, header, now_nanos)
+        if topic.order.is_restart_by_silence(header, now_nanos):
+            self._holdings.give_up_topic(topic)
+            topic.restart()
+
+    def notice_new_life(self, topic: Topic, asking: Asking, header: Header, now_nanos: int) -> None:
+        """Begin an offered topic anew at the first that is heard of a sender's new life."""
+        is_known = topic.order.is_finished(header) or key_of(header) in topic.open
+        if is_known or asking.is_wanted(header, now_nanos) or not asking.is_of_new_life(header):
+            return
+        self._holdings.give_up_topic(topic, before_nanos=header.stamp_nanos)
+        topic.restart()
+
+    def finish(
+        self, topic: Topic, header: Header, body: memoryview, now_nanos: int
+    ) -> Optional[Message]:
+        """Judge a whole message by the order of its topic; return it unless it is late."""
+        order = topic.order
+        asking = topic.asking
+        is_ahead = order.ahead_by(header.seq_number) > 0
+        is_wanted = asking is not None and asking.is_wanted(header, now_nanos)
+        is_asked = asking is not None and asking.is_asked(header.seq_number)
+        # What is sent again is at most that stale; newer by more, it is of a restarted sender.
+        is_again = asking is not None and is_wanted and asking.spans(order.newer_by(header))
+        if not is_ahead and not is_again and order.is_newer(header):
+            self._holdings.give_up_topic(topic, before_nanos=header.stamp_nanos)
+            topic.restart()
+            topic.arrived.seen(header)
+            is_ahead = True
+        order.finish(header)
+        if is_ahead:
+            self._totals.missing += order.hand_over(header, now_nanos)
+        elif not self._keep_late and not is_wanted:
+            topic.count("late")
+            topic.arrived.fates.settle(header.seq_number, "late")
+            return None
+        if is_asked:
+            topic.count("repaired")
+            topic.arrived.fates.mended(header.seq_number)
+        return self.handed(topic, header, body)
+
+    def handed(self, topic: Topic, header: Header, body: memoryview) -> Message:
+        """Count a message as handed over, and return it."""
+        self._totals.messages += 1
+        message = message_of(header, body)
+        topic.arrived.handed(message)
+        return message
+
+
+def message_of(header: Header, body: memoryview) -> Message:
+    """Return the message of a header and its whole body."""
+    # A single part still lies in the caller's buffer; what was joined lies in one of its own.
+    kept = memoryview(bytes(body)) if header.parts_max == 1 else body
+    return Message(
+        header.msg_type,
+        header.topic,
+        header.link,
+        header.stamp_nanos,
+        header.seq_number,
+        kept,
+        header.parts_max,
+    )
