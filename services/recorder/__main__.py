@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from groundlink import process
@@ -96,8 +96,8 @@ def _record(
 ) -> None:
     """Write file after file: one for each life of physics."""
 
-    def new() -> Recorder:
-        return Recorder(scenario, run, files.begin, duration_nanos=duration_nanos)
+    def new(early: Iterable[tuple[str, Message]] = ()) -> Recorder:
+        return Recorder(scenario, run, files.begin, duration_nanos=duration_nanos, early=early)
 
     recorder = new()
     inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
@@ -126,7 +126,7 @@ def _record(
                     continue
                 if recorder.is_another_life(message):
                     _finish(recorder, files)
-                    recorder = new()
+                    recorder = new(recorder.early)
                 recorder.take(key, message)
                 if isinstance(message, Clock):
                     acknowledge(Ack(message.epoch_nanos, message.tick, message.tick))

@@ -8,7 +8,8 @@ dropped, as a restarted sensor repeats itself. A new life of physics needs a new
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 
 from groundlink.clock import NANOS, exact
@@ -34,8 +35,12 @@ from groundlink.topics import GROUND_TRUTH, STREAM_TOPICS
 DIAGNOSTICS_NANOS = NANOS
 """Of sim time, from one array to the next."""
 
-EARLY_MESSAGES = 100
-"""That may come before the first clock; older ones are dropped."""
+EARLY_MESSAGES = 1024
+"""That may wait for their clock; older ones are dropped."""
+
+AHEAD_NANOS = NANOS // 2
+"""What is this much ahead of the newest clock waits for its own: the bus keeps no order between
+streams, and it may be of a new life of physics whose first clock is still to come."""
 
 PATIENCE_NANOS = 5 * NANOS
 """Sim time after the recording's end for which a sensor that lags, or is not there, is awaited."""
@@ -52,6 +57,8 @@ class Recorder:
         called with the epoch at the first clock; returns the file to write.
     duration_nanos
         sim time after which the recording is complete; None for no end.
+    early
+        what came before the first clock, as an earlier recorder's `early`.
     """
 
     def __init__(
@@ -61,6 +68,7 @@ class Recorder:
         begin: Callable[[int], RosFile],
         *,
         duration_nanos: int | None = None,
+        early: Iterable[tuple[str, Message]] = (),
     ) -> None:
         self._scenario = scenario
         self._begin = begin
@@ -84,7 +92,9 @@ class Recorder:
         self._health: dict[str, Health] = {}
         self._file: RosFile | None = None
         self._topics: dict[str, Topic] = {}
-        self._early: list[tuple[str, Message]] = []
+        self.early = deque(early, maxlen=EARLY_MESSAGES)
+        """What waits for its clock."""
+
         self._reached: dict[str, int] = {}
         """By stream: the stamp of the newest message."""
 
@@ -116,14 +126,22 @@ class Recorder:
         """
         if isinstance(message, Clock):
             self._heard_clock(message)
-        elif self._file is None:
-            # A recording begins with a clock, which other messages of its tick may outrun.
-            self._early = [*self._early, (key, message)][-EARLY_MESSAGES:]
-            return
-        self._take(key, message)
-        for early in self._early:
-            self._take(*early)
-        self._early = []
+            self._take(key, message)
+            waiting = [*self.early]
+            self.early.clear()
+            for early in waiting:
+                self.take(*early)
+        elif self._file is None or self._outruns_clock(key, message):
+            self.early.append((key, message))
+        else:
+            self._take(key, message)
+
+    def _outruns_clock(self, key: str, message: Message) -> bool:
+        if key not in self._outgoing:
+            return False
+        assert self.clock is not None
+        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+        return stamp > self.clock.stamp_nanos + AHEAD_NANOS
 
     def _take(self, key: str, message: Message) -> None:
         if key in self._incoming:

@@ -235,6 +235,7 @@ def test_another_life_of_physics_is_known_by_its_clock(rig: Rig) -> None:
 
 def test_facts_of_topics_are_in_the_file_at_every_commit(rig: Rig) -> None:
     rig.clock(0)
+    rig.clock(200)
     for tick in range(401):
         rig.imu(tick)
     rig.recorder.commit()
@@ -242,3 +243,21 @@ def test_facts_of_topics_are_in_the_file_at_every_commit(rig: Rig) -> None:
         imu = recording.topics["/imu"]
     assert (imu.messages, imu.declared_hz) == (401, 400.0)
     assert imu.measured_hz == pytest.approx(400.0)
+
+
+def test_what_outruns_the_clock_of_a_new_life_goes_to_that_life(lab: Scenario, rig: Rig) -> None:
+    rig.clock(0)
+    rig.imu(0)
+    rig.imu(100)
+    rig.imu(1000)  # of a life whose clock has not come yet
+    rig.clock(100)
+    assert [tick for tick, _ in rig.written()["/imu"]] == [0, 100]
+    assert [message.stamp_nanos for _, message in rig.recorder.early] == [  # type: ignore[attr-defined]
+        EPOCH + 1000 * TICK_NANOS
+    ]
+    successor = Recorder(
+        lab, RUN, lambda epoch: RosFile(rig.path.with_stem("next")), early=rig.recorder.early
+    )
+    epoch = EPOCH + 990 * TICK_NANOS
+    successor.take(CLOCK, Clock(epoch, epoch, 0))
+    assert successor.counts["messages"] == 3  # /clock, /tf_static and the one that was early
