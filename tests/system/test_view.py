@@ -228,4 +228,4 @@ def test_a_file_holds_what_was_seen(running: Running, tmp_path: Path) -> None:
     _ends_at_once(viewer)
     with eyes(str(file), tmp_path) as seen:
         wait_for(lambda: seen.newest_seconds() > 0 and not seen.state().loading, 30, "it opens")
-        assert _cloud_share(_world(seen)) > 2e-3, "the cloud is drawn"
+        wait_for(lambda: _cloud_share(_world(seen)) > 2e-3, 30, "the cloud is drawn")
