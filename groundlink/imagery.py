@@ -129,7 +129,7 @@ class Range(Message, frozen=True):
     min_range_m: float
     max_range_m: float
     range_m: float
-    """-inf for nearer than the least, +inf for nothing met (REP 117)."""
+    """-inf nearer than the least, +inf for nothing met, NaN for a failed measurement (REP 117)."""
 
     variance_m2: float
     """0 where it is unknown."""

@@ -13,10 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from .imagery import Range
 from .messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
+from .navigation import NavSatFix, Odometry
 from .ros_messages import to_cdr
 from .scenario.schema import Gateway, Vehicle
-from .scenario.sensors import Encoders, Lidar, Sensor
+from .scenario.sensors import Encoders, Gnss, Lidar, Sensor, WheelOdometry
+from .scenario.sensors import Range as RangeSpec
 
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
 """Azimuths that are offered to a LiDAR whose messages are too large."""
@@ -96,5 +99,13 @@ def _largest(vehicle: Vehicle, sensor: Sensor) -> Message:
     if isinstance(sensor, Encoders):
         names = tuple(wheel.name for wheel in vehicle.model.wheels)
         return WheelEncoders(0, frame, names, (0,) * len(names))
+    if isinstance(sensor, Gnss):
+        return NavSatFix(0, frame, 0, 0, 0.0, 0.0, 0.0, packed(np.zeros(9)), 0)
+    if isinstance(sensor, RangeSpec):
+        return Range(0, frame, sensor.radiation, 0.0, 0.0, 0.0, 0.0, 0.0)
     still = (0.0, 0.0, 0.0)
+    if isinstance(sensor, WheelOdometry):
+        base, unsure = vehicle.frame_prefix + vehicle.model.base_frame, packed(np.zeros(36))
+        level = (0.0, 0.0, 0.0, 1.0)
+        return Odometry(0, frame, base, still, level, still, still, unsure, unsure)
     return Imu(0, frame, (0.0, 0.0, 0.0, 1.0), still, still, 0.0, 0.0, 0.0)

@@ -168,6 +168,9 @@ class Ack(Message, frozen=True):
     settled_tick: int
     """The tick up to which nothing more will come from it: where a successor may resume."""
 
+    memory: bytes = b""
+    """What a successor cannot know from the states since then, in the process's own words."""
+
 
 class StreamReport(msgspec.Struct, frozen=True):
     """What became of one topic between the gateway and the ROS side.

@@ -139,6 +139,8 @@ class NavSatFix(Message, frozen=True):
     """Sum of 1 GPS, 2 GLONASS, 4 BeiDou, 8 Galileo."""
 
     latitude_deg: float
+    """As the two below, NaN where there is no fix."""
+
     longitude_deg: float
     altitude_m: float
     """Above the ellipsoid."""

@@ -134,7 +134,7 @@ def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None
     for vehicle in scenario.vehicles:
         base = vehicle.model.base_frame
         for sensor in vehicle.sensors:
-            if sensor.frame != base:
+            if sensor.mounted and sensor.frame != base:
                 roll, pitch, yaw = sensor.mount.rpy_radians()
                 child = vehicle.frame_prefix + sensor.frame
                 transforms[child] = Transform(

@@ -15,8 +15,9 @@ from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
 from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
 from .scenario.schema import Scenario, Vehicle
-from .scenario.sensors import Encoders, Lidar, Sensor, SensorSpec
+from .scenario.sensors import Encoders, Gnss, Lidar, Sensor, SensorSpec, WheelOdometry
 from .scenario.sensors import Imu as ImuSpec
+from .scenario.sensors import Range as RangeSpec
 from .vitals import VITALS_HZ, Vitals
 
 ROOT = "groundlink"
@@ -102,6 +103,30 @@ ENCODERS = Topic(
     rate="rate_hz",
     delivery=Delivery.ALL,
 )
+GNSS = Topic(
+    name="gnss",
+    key="{vehicle}/{sensor}",
+    message=NavSatFix,
+    publisher="sensors.gnss",
+    rate="rate_hz",
+    delivery=Delivery.ALL,
+)
+RANGE = Topic(
+    name="range",
+    key="{vehicle}/{sensor}",
+    message=Range,
+    publisher="sensors.range",
+    rate="rate_hz",
+    delivery=Delivery.ALL,
+)
+WHEEL_ODOMETRY = Topic(
+    name="wheel_odometry",
+    key="{vehicle}/{sensor}",
+    message=Odometry,
+    publisher="sensors.wheel_odometry",
+    rate="rate_hz",
+    delivery=Delivery.ALL,
+)
 ACK = Topic(
     name="ack",
     key="ack/{process}",
@@ -155,7 +180,14 @@ FROM_ROS = {
 }
 """By field of the scenario's `from_ros`."""
 
-SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {Lidar: POINTS, ImuSpec: IMU, Encoders: ENCODERS}
+SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
+    Lidar: POINTS,
+    ImuSpec: IMU,
+    Encoders: ENCODERS,
+    WheelOdometry: WHEEL_ODOMETRY,
+    Gnss: GNSS,
+    RangeSpec: RANGE,
+}
 """The stream of each kind of sensor."""
 
 
@@ -176,7 +208,6 @@ _EXTRAS: dict[str, type[Message]] = {
     "compressed_image": CompressedImage,
     "camera_info": CameraInfo,
     "laser_scan": LaserScan,
-    "range": Range,
     "nav_sat_fix": NavSatFix,
     "pose": PoseStamped,
     "odometry": Odometry,

@@ -22,6 +22,7 @@ from .document import DataPath, Document, ScenarioError, read
 from .fields import field_names, kinds
 from .route import FIGURES, Route, Waypoints
 from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
+from .sensors import Encoders, Gnss, Sensor, WheelOdometry
 from .vehicle import VehicleModel
 
 SHIPPED = Path(__file__).resolve().parents[2] / "scenarios"
@@ -205,6 +206,14 @@ def _check(scenario: Scenario, document: Document) -> None:
                 _free(document, (*here, section, s, "name"), spec.name, RESERVED_SENSOR_NAMES)
             _unique(document, (*here, section), [spec.name for spec in specs], taken)
             taken += [spec.name for spec in specs]
+        for s, sensor in enumerate(vehicle.sensors):
+            if isinstance(sensor, Gnss) and scenario.world.datum is None:
+                raise ScenarioError(
+                    f"{document.mark((*here, 'sensors', s))}: `{sensor.name}` receives satellites, "
+                    f"but `world.datum` is missing: add `datum: {{latitude_deg: ..., "
+                    f"longitude_deg: ..., altitude_m: ...}}` of the world's origin"
+                )
+            _check_wheels(sensor, vehicle, document, (*here, "sensors", s))
         if vehicle.route is not None:
             _check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
     time = scenario.time
@@ -230,6 +239,26 @@ def _check(scenario: Scenario, document: Document) -> None:
         solids(scenario)
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
+
+
+def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
+    """Refuse encoders of wheels that there are not, and odometry of encoders that there are not."""
+    if isinstance(sensor, Encoders):
+        wheels = [wheel.name for wheel in vehicle.model.wheels]
+        for i, name in enumerate(sensor.reversed_wheels):
+            if name not in wheels:
+                mark = document.mark((*path, "reversed_wheels", i))
+                raise ScenarioError(
+                    f"{mark}: `reversed_wheels`: no wheel `{name}`; {nearest(name, wheels)}"
+                )
+    if isinstance(sensor, WheelOdometry):
+        encoders = [s.name for s in vehicle.sensors if isinstance(s, Encoders)]
+        if sensor.encoders not in encoders:
+            mark = document.mark((*path, "encoders"))
+            hint = nearest(sensor.encoders, encoders) if encoders else "add one"
+            raise ScenarioError(
+                f"{mark}: `encoders`: no sensor `{sensor.encoders}` of kind `encoders`; {hint}"
+            )
 
 
 def _check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:

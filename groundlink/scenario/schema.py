@@ -36,10 +36,25 @@ Peer = Annotated[str, Meta(pattern=r"^[^\s:]+(:[0-9]{1,5})?$")]
 """HOST:PORT, or HOST for all of its ports."""
 
 
+class Datum(Spec, frozen=True):
+    """Where on the Earth (WGS 84) a world's origin is; its axes are east, north and up there."""
+
+    latitude_deg: Annotated[float, Meta(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
+    altitude_m: float = 0.0
+    """Above the ellipsoid."""
+
+    geoid_m: float = 0.0
+    """Height of the geoid, by which maps and NMEA count altitude, above the ellipsoid."""
+
+
 class World(Spec, frozen=True, kw_only=True):
     """What stands around the vehicles."""
 
     name: Name
+    datum: Datum | None = None
+    """None: nowhere on the Earth, so satellites cannot be received."""
+
     materials: dict[str, Material]
     room: Room | None = None
     furniture: tuple[Furniture, ...] = ()
@@ -66,6 +81,7 @@ class Stream(Spec, frozen=True, kw_only=True):
         "camera_info",
         "compressed_image",
         "encoders",
+        "gnss",
         "image",
         "imu",
         "joint_state",
@@ -77,6 +93,7 @@ class Stream(Spec, frozen=True, kw_only=True):
         "pose",
         "range",
         "transforms",
+        "wheel_odometry",
     ]
     topic: RosTopic
     rate_hz: Rate

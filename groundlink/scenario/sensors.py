@@ -8,14 +8,15 @@ Rule: one class a kind; the tag is the kind, and the kind is the name of the pro
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
 from groundlink.clock import exact
-from groundlink.world.solids import Fraction01, Positive, Spec, Vector3
+from groundlink.world.solids import Fraction01, NonNegative, Positive, Spec, Vector3
 
-NonNegative = Annotated[float, Meta(ge=0)]
+from .inertial import GyroscopeNoise, InertialNoise
+
 Rate = Annotated[float, Meta(gt=0, le=400)]
 RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
 
@@ -66,6 +67,9 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """Send to the gateway's peer unasked; if not, only to those who subscribe."""
 
     repair: Repair = "none"
+    mounted: ClassVar[bool] = True
+    """Whether `frame` is a place on the vehicle, for the static transforms."""
+
     datasheet: str = ""
     """Title of the data sheet that the fields were taken from, with its source."""
 
@@ -119,16 +123,6 @@ class Lidar(SensorSpec, frozen=True, tag="lidar", kw_only=True):
         return int(360 / exact(self.block_deg)) if self.block_deg else 1
 
 
-class InertialNoise(Spec, frozen=True):
-    """Errors of a triad of axes."""
-
-    noise_density: NonNegative = 0.0
-    """Per root hertz, of a unit of the quantity; white sigma is this times sqrt(rate)."""
-
-    turn_on_bias: NonNegative = 0.0
-    """1 sigma of the constant offset drawn for a run, in the quantity's unit."""
-
-
 class Imu(SensorSpec, frozen=True, tag="imu"):
     """Accelerometer, gyroscope and orientation filter in one housing."""
 
@@ -136,10 +130,12 @@ class Imu(SensorSpec, frozen=True, tag="imu"):
     accelerometer: InertialNoise = InertialNoise()
     """In m/s^2."""
 
-    gyroscope: InertialNoise = InertialNoise()
+    gyroscope: GyroscopeNoise = GyroscopeNoise()
     """In rad/s."""
 
     orientation_stddev_deg: NonNegative = 0.0
+    noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
+    """How normal numbers are made: by the polar method, as in the paper, or by numpy's ziggurat."""
 
 
 class Encoders(SensorSpec, frozen=True, tag="encoders"):
@@ -147,7 +143,177 @@ class Encoders(SensorSpec, frozen=True, tag="encoders"):
 
     rate_hz: Rate = 50.0
     ticks_per_revolution: Annotated[int, Meta(gt=0)] = 4096
-    """Counts for one turn of the wheel: x4 decoding and gearing included."""
+    """Periods of the encoder in one turn of the shaft that it sits on; 6 for Hall sensors, whose
+    shaft turns by a pair of poles. With the next three fields at 1: counts for one turn of the
+    wheel, x4 decoding and gearing included."""
+
+    quadrature: Literal[1, 2, 4] = 1
+    """Edges that are counted in a period."""
+
+    pole_pairs: Annotated[int, Meta(gt=0)] = 1
+    """Of a motor whose Hall sensors are counted."""
+
+    gear_ratio: Positive = 1.0
+    """Turns of the encoder's shaft for one of the wheel."""
+
+    reversed_wheels: tuple[str, ...] = ()
+    """Wheels whose counter counts down when they roll forward: motors mounted mirror-wise."""
+
+    start_ticks: Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)] = 0
+    """What every counter says when physics starts; beyond 64 bits counters wrap."""
+
+    missed_ticks: Fraction01 = 0.0
+    """Probability that an edge goes by uncounted."""
+
+    resets_s: tuple[NonNegative, ...] = ()
+    """Sim times after which the counters begin at zero again, in order."""
+
+    def __post_init__(self) -> None:
+        if list(self.resets_s) != sorted(self.resets_s):
+            raise ValueError("`resets_s` is out of order; expected each time after the one before")
+
+    @property
+    def ticks_per_wheel_revolution(self) -> float:
+        """Counts for one turn of the wheel, if none is missed."""
+        return self.ticks_per_revolution * self.quadrature * self.pole_pairs * self.gear_ratio
 
 
-Sensor = Lidar | Imu | Encoders
+class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True):
+    """Where the motor controller believes to be, by the counters of its wheels alone."""
+
+    mounted: ClassVar[bool] = False
+
+    encoders: str
+    """The vehicle's sensor of kind `encoders` whose counters it reads."""
+
+    rate_hz: Rate = 50.0
+    track_multiplier: Positive | None = None
+    """Effective over geometric track, as the controller is told; none: that of the drive."""
+
+    wheel_radius_m: Positive | None = None
+    """As the controller is told; none: that of the vehicle's model."""
+
+    travel_stddev: NonNegative = 0.02
+    """By which each side's travel is believed to be wrong after a metre, in metres; it grows with
+    the root of the way."""
+
+    turn_stddev: NonNegative = 0.15
+    """By which the heading is believed to be wrong, beyond that, after a turn of a radian, in
+    radians; it grows with the root of the angle."""
+
+
+class PositionNoise(Spec, frozen=True):
+    """Errors of a satellite receiver along an axis, with the whole sky in view."""
+
+    white_stddev_m: NonNegative = 0.0
+    """1 sigma of what is new in each fix."""
+
+    drift_stddev_m: NonNegative = 0.0
+    """1 sigma of what wanders slowly (a Gauss-Markov process), as the atmosphere's share does."""
+
+
+Polygon = Annotated[tuple[tuple[float, float], ...], Meta(min_length=3)]
+"""Corners x, y in the world, in metres; the last is joined to the first."""
+
+Azimuth = Annotated[float, Meta(ge=0, lt=360)]
+Elevation = Annotated[float, Meta(gt=0, le=90)]
+
+
+class Gnss(SensorSpec, frozen=True, tag="gnss"):
+    """A receiver of satellite navigation; its mount is where the antenna's phase centre is."""
+
+    rate_hz: Annotated[float, Meta(gt=0, le=20)] = 5.0
+    solution: Literal["single_point", "sbas", "rtk_float", "rtk_fix"] = "single_point"
+    """What the receiver says of its fixes: NavSatFix.status, the quality in GGA."""
+
+    horizontal: PositionNoise = PositionNoise()
+    """Of east and of north, each."""
+
+    vertical: PositionNoise = PositionNoise()
+    drift_time_s: Annotated[float, Meta(ge=1)] = 60.0
+    """After which the drift has forgotten all but 1/e of itself."""
+
+    velocity_stddev_mps: NonNegative = 0.0
+    """White, of each axis; velocities are in the NMEA sentences."""
+
+    startup_s: NonNegative = 0.0
+    """Sim time until the first fix; messages without a fix come before."""
+
+    latency_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    """From the instant of measurement, the stamp, to the message."""
+
+    outages: tuple[Polygon, ...] = ()
+    """Where there is no fix."""
+
+    sky_view: bool = False
+    """Solids and vehicles hide satellites from the antenna."""
+
+    satellites_needed: Annotated[int, Meta(ge=4)] = 4
+    """With fewer in view there is no fix."""
+
+    satellites_deg: Annotated[tuple[tuple[Azimuth, Elevation], ...], Meta(min_length=4)] = (
+        (15.0, 72.0),
+        (48.0, 25.0),
+        (82.0, 47.0),
+        (121.0, 14.0),
+        (155.0, 58.0),
+        (190.0, 31.0),
+        (228.0, 64.0),
+        (263.0, 18.0),
+        (301.0, 43.0),
+        (338.0, 22.0),
+    )
+    """Azimuth, clockwise from north, and elevation of each; they stand still. The default is made
+    up."""
+
+
+class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
+    """A device that measures one distance: by ultrasound, or by infrared light in either way."""
+
+    rate_hz: Rate = 20.0
+    radiation: Literal["ultrasound", "infrared"]
+    field_of_view_deg: Annotated[float, Meta(gt=0, le=120)]
+    """Full angle of the cone about x in which things are met."""
+
+    rays: Annotated[int, Meta(ge=1, le=4096)] = 128
+    """That fill the cone; 1 is the axis alone."""
+
+    echo: Literal["nearest", "mean"] = "nearest"
+    """What a device reports of all it meets: sound the first echo, light the mean over its spot."""
+
+    max_incidence_deg: Annotated[float, Meta(gt=0, le=90)] = 90.0
+    """Surfaces that are met at a larger angle from their normal send nothing back."""
+
+    min_range_m: NonNegative = 0.0
+    max_range_m: Positive
+    full_range_reflectivity: Fraction01 = 0.0
+    """Of a surface that is seen up to the largest range; one of a quarter of it, up to half as far.
+    0 for no influence."""
+
+    range_stddev_m: NonNegative = 0.0
+    """White noise of one measurement, 1 sigma."""
+
+    range_stddev_share: NonNegative = 0.0
+    """White noise that grows with the distance, as a share of it."""
+
+    range_stddev_per_m: NonNegative = 0.0
+    """White noise that grows with the distance squared, as triangulation has it: metres at 1 m."""
+
+    turn_on_bias_m: NonNegative = 0.0
+    """1 sigma of the constant offset drawn for a run."""
+
+    range_resolution_m: NonNegative = 0.0
+    """Ranges are rounded to multiples of it; 0 for none."""
+
+    dropout: Fraction01 = 0.0
+    """Share of measurements that fail, which the device tells (NaN)."""
+
+    def __post_init__(self) -> None:
+        if self.min_range_m >= self.max_range_m:
+            raise ValueError(
+                f"`min_range_m` is {self.min_range_m:g}; expected less than `max_range_m`, "
+                f"{self.max_range_m:g}"
+            )
+
+
+Sensor = Lidar | Imu | Encoders | Gnss | Range | WheelOdometry

@@ -11,9 +11,9 @@ from typing import Annotated
 
 from msgspec import Meta, field
 
-from groundlink.world.solids import Fraction01, Positive, Size3, Solid, Spec, Vector3
+from groundlink.world.solids import Fraction01, NonNegative, Positive, Size3, Solid, Spec, Vector3
 
-from .sensors import Mount, NonNegative
+from .sensors import Mount
 
 
 class Chassis(Spec, frozen=True):

@@ -14,6 +14,7 @@ from msgspec import Meta, Struct
 from groundlink.frames import IDENTITY_QUATERNION
 
 Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
 Fraction01 = Annotated[float, Meta(ge=0, le=1)]
 Vector3 = tuple[float, float, float]
 Size3 = tuple[Positive, Positive, Positive]

@@ -8,7 +8,7 @@ without a gap since its construction or its last `restart`.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from groundlink.messages import Message, State
 
@@ -24,3 +24,14 @@ class SensorModel(Protocol):
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first."""
+
+
+@runtime_checkable
+class RememberingModel(SensorModel, Protocol):
+    """A sensor with a past that states do not tell: a counter that has missed ticks."""
+
+    def memory(self) -> bytes:
+        """Return what a successor has to know that sees the state of `settled_tick` first."""
+
+    def remember(self, memory: bytes) -> None:
+        """Go on from a predecessor's memory; from an empty one, begin anew."""

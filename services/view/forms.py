@@ -71,7 +71,8 @@ def wheel_encoders(canvas: Canvas, seen: Seen, path: str, message: WheelEncoders
     per_tick = {}
     if isinstance(spec, Encoders):
         for wheel in seen.spec.model.wheels:
-            per_tick[wheel.name] = 2 * math.pi * wheel.radius_m / spec.ticks_per_revolution
+            tread = 2 * math.pi * wheel.radius_m / spec.ticks_per_wheel_revolution
+            per_tick[wheel.name] = -tread if wheel.name in spec.reversed_wheels else tread
     speeds = [
         (now - then) * per_tick.get(name, 1.0) / seconds
         for name, now, then in zip(message.names, message.ticks, before.ticks, strict=False)

@@ -7,6 +7,7 @@ which a CameraInfo ties to the optical frame: with one, the picture also hangs i
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
@@ -129,7 +130,9 @@ def laser_scan(canvas: Canvas, seen: Seen, path: str, message: LaserScan) -> Non
 
 
 def range_reading(canvas: Canvas, seen: Seen, path: str, message: Range) -> None:
-    """Draw a distance as an arrow along the beam, and plot it."""
+    """Draw a distance as an arrow along the beam, and plot it; a failed measurement is neither."""
+    if math.isnan(message.range_m):
+        return
     canvas.in_frame(path, message.frame)
     reach = min(max(message.range_m, message.min_range_m), message.max_range_m)
     near = 1 - reach / max(message.max_range_m, 1e-9)

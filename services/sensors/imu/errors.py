@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with an IMU's readings: white noise, the bias of this run, a tilted orientation.
+"""What is wrong with an IMU: white noise, biases that stay and that wander, axes that lean.
 
-Rule: an error depends on the scenario's seed, the sensor's name and the number of the sample, never
-on the samples before it, so that a restart goes on as if nothing had happened. Drift that walks is
-not modelled.
+Rule: an error depends on the scenario's seed, the sensor's name and the tick, never on when the
+process was started, so that a restart goes on as if nothing had happened. Temperature and
+vibration have no effect, and errors of scale do not depend on the size of what is measured.
 """
 
 from __future__ import annotations
@@ -13,54 +13,96 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import Schedule
-from groundlink.scenario.sensors import Imu, InertialNoise
-from services.sensors.noise import PolarNormal
+from groundlink.clock import TICK_RATE_HZ, Schedule
+from groundlink.messages import Vector3
+from groundlink.scenario.inertial import InertialNoise
+from groundlink.scenario.sensors import Imu
+from services.sensors.noise import NORMALS
 from services.sensors.streams import RandomStreams
+from services.sensors.walks import BLOCK_TICKS, Walks
+
+from .lowpass import Six
 
 BLOCK_SAMPLES = 128
-"""Samples whose errors are drawn together, from one stream: spreads the cost of its set-up."""
+"""Samples whose orientation errors are drawn together."""
 
-
-def white_stddev(noise: InertialNoise, rate_hz: float) -> float:
-    """Return sigma of one sample: density times sqrt(rate), in the quantity's unit.
-
-    The discrete form of continuous white noise, as the IMU noise model of Kalibr has it.
-    """
-    return noise.noise_density * math.sqrt(rate_hz)
+PEAK_OF_GAUSS_MARKOV = 0.61736
+"""Highest Allan deviation of a Gauss-Markov process of sigma 1, at 1.89 time constants (IEEE Std
+952-1997, C.1.4: of its variance, 2 T/t (1 - T/(2t) (3 - 4 exp(-t/T) + exp(-2t/T))))."""
 
 
 class ImuErrors:
-    """The errors of one IMU, as rows of nine numbers a sample.
-
-    A row is what to add to the specific force (m/s^2) and to the angular rate (rad/s), and by which
-    rotation vector (rad) the orientation is off, all along the sensor's axes x, y, z.
-    """
+    """The errors of one IMU: of its axes for each tick, of its orientation for each sample."""
 
     def __init__(self, spec: Imu, streams: RandomStreams) -> None:
         self._streams = streams
+        self._normals = NORMALS[spec.noise_source]
         self._schedule = Schedule.at(spec.rate_hz)
-        self._stddevs = np.repeat(
-            [
-                white_stddev(spec.accelerometer, spec.rate_hz),
-                white_stddev(spec.gyroscope, spec.rate_hz),
-                math.radians(spec.orientation_stddev_deg),
-            ],
-            3,
+        self._orientation_stddev = math.radians(spec.orientation_stddev_deg)
+        triads = (spec.accelerometer, spec.gyroscope)
+        self._white = _six([t.noise_density * math.sqrt(TICK_RATE_HZ) for t in triads])
+        self._constant = _six([t.turn_on_bias for t in triads]) * self._of_the_run("turn_on_bias")
+        wandering = _six([t.bias_instability / PEAK_OF_GAUSS_MARKOV for t in triads])
+        self._walks = Walks(
+            streams,
+            "bias",
+            stddevs=np.concatenate([wandering, _six([t.random_walk for t in triads])]),
+            time_constants_s=[*_six([t.bias_time_constant_s for t in triads]), *[math.inf] * 6],
+            noise_source=spec.noise_source,
         )
-        bias_stddevs = [spec.accelerometer.turn_on_bias, spec.gyroscope.turn_on_bias, 0.0]
-        turn_on = PolarNormal(streams.at("turn_on_bias", 0)).draw(9)
-        self._biases: NDArray[np.float64] = np.repeat(bias_stddevs, 3) * turn_on
-        self._block = -1
-        self._rows: list[list[float]] = []
+        self._force_axes = self._axes(spec.accelerometer, "accelerometer")
+        self._rate_axes = self._axes(spec.gyroscope, "gyroscope")
+        by_force = self._of_the_run("g_sensitivity", 9).reshape(3, 3)
+        self._rate_by_force = (spec.gyroscope.g_sensitivity * by_force).tolist()
+        self._block = self._orientation_block = -1
+        self._rows: list[Six] = []
+        self._turns: list[Vector3] = []
 
-    def of_sample(self, index: int) -> list[float]:
-        """Return the errors of sample `index`, nine floats."""
-        block, row = divmod(index, BLOCK_SAMPLES)
+    def measured(self, force: Vector3, rate: Vector3, tick: int) -> Six:
+        """Return what the axes make of a tick's specific force (m/s^2) and angular rate (rad/s)."""
+        block, row = divmod(tick, BLOCK_TICKS)
         if block != self._block:
+            self._rows, self._block = self.added(block).tolist(), block
+        added = self._rows[row]
+        fx, fy, fz = force
+        rx, ry, rz = rate
+        felt = [xx * fx + xy * fy + xz * fz for xx, xy, xz in self._force_axes]
+        felt += [
+            xx * rx + xy * ry + xz * rz + gx * fx + gy * fy + gz * fz
+            for (xx, xy, xz), (gx, gy, gz) in zip(self._rate_axes, self._rate_by_force, strict=True)
+        ]
+        return [value + error for value, error in zip(felt, added, strict=True)]
+
+    def added(self, block: int) -> NDArray[np.float64]:
+        """Return what is added to force and rate in the 128 ticks from 128 block on, (128, 6)."""
+        generator = self._streams.at("white", block * BLOCK_TICKS)
+        white = self._normals(generator).draw(BLOCK_TICKS * 6).reshape(-1, 6) * self._white
+        bias = self._walks.block(block)
+        return white + bias[:, :6] + bias[:, 6:] + self._constant
+
+    def turn(self, index: int) -> Vector3:
+        """Return by which rotation vector (rad, sensor's axes) sample `index` is off."""
+        block, row = divmod(index, BLOCK_SAMPLES)
+        if block != self._orientation_block:
             # Samples are at least a tick apart, so no two blocks begin at the same tick.
-            generator = self._streams.at("white", self._schedule.tick(block * BLOCK_SAMPLES))
-            normal = PolarNormal(generator).draw(BLOCK_SAMPLES * 9).reshape(-1, 9)
-            self._rows = (normal * self._stddevs + self._biases).tolist()
-            self._block = block
-        return self._rows[row]
+            tick = self._schedule.tick(block * BLOCK_SAMPLES)
+            normal = self._normals(self._streams.at("orientation", tick)).draw(BLOCK_SAMPLES * 3)
+            turns = normal.reshape(-1, 3) * self._orientation_stddev
+            self._turns = [(x, y, z) for x, y, z in turns.tolist()]
+            self._orientation_block = block
+        return self._turns[row]
+
+    def _of_the_run(self, purpose: str, count: int = 6) -> NDArray[np.float64]:
+        return self._normals(self._streams.at(purpose, 0)).draw(count)
+
+    def _axes(self, noise: InertialNoise, triad: str) -> list[Six]:
+        """Return the rows of the matrix from true values to what the three axes feel."""
+        drawn = self._of_the_run(f"{triad}_axes", 9).reshape(3, 3)
+        sigma = np.full((3, 3), math.radians(noise.misalignment_deg))
+        np.fill_diagonal(sigma, noise.scale_factor)
+        rows: list[Six] = (np.eye(3) + drawn * sigma).tolist()
+        return rows
+
+
+def _six(of_triads: list[float]) -> NDArray[np.float64]:
+    return np.repeat(np.asarray(of_triads, np.float64), 3)

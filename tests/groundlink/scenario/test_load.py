@@ -85,6 +85,24 @@ MISTAKES = [
     ("{kind: imu,", "{", 14, ["kind", "missing"]),
     ("topic: /imu", "topik: /imu", 14, ["unknown key", "`topic`?"]),
     (", topic: /imu", "", 14, ["`vehicles[0].sensors[1].topic`", "missing"]),
+    (
+        "{kind: imu, name: imu, ",
+        "{kind: wheel_odometry, encoders: wheels, name: imu, ",
+        14,
+        ["`encoders`: no sensor `wheels` of kind `encoders`; add one"],
+    ),
+    (
+        "{kind: imu, name: imu, topic: /imu, frame: imu_link, rate_hz: 100}",
+        "{kind: encoders, name: imu, topic: /imu, frame: x, reversed_wheels: [front_left]}",
+        14,
+        ["`reversed_wheels`: no wheel `front_left`; did you mean `front_left_wheel`?"],
+    ),
+    (
+        "rate_hz: 100}",
+        "gyroscope: {bandwidth_hz: 2}}",
+        14,
+        ["`bandwidth_hz` is below 5"],
+    ),
     ("mount: mast", "mount: most", 13, ["no mount `most`", "did you mean `mast`?"]),
     ("name: imu,", "name: lidar,", 14, ["`lidar` is taken"]),
     ("topic: /imu", "topic: /points", 1, ["share the topic `/points`"]),
@@ -98,6 +116,20 @@ MISTAKES = [
         "mode: fast\n  clock_rate_hz: 4\n  window_ticks: 99",
         18,
         ["99 is less than a period of the clock"],
+    ),
+    (
+        "{kind: imu, name: imu, topic: /imu, frame: imu_link, rate_hz: 100}",
+        "{kind: gnss, name: gnss, topic: /fix, frame: gnss_link}",
+        14,
+        ["`gnss` receives satellites, but `world.datum` is missing", "latitude_deg"],
+    ),
+    ("{kind: imu,", "{kind: gnss,", 14, ["rate_hz", "<= 20"]),
+    ("{kind: imu,", "{kind: range, max_range_m: 2, radiation: sound,", 14, ["radiation", "sound"]),
+    (
+        "{kind: imu,",
+        "{kind: range, radiation: infrared, field_of_view_deg: 5, min_range_m: 2, max_range_m: 1,",
+        14,
+        ["`min_range_m` is 2; expected less than `max_range_m`, 1"],
     ),
     ("rover.yaml", "rover.yaml\n    route: {kind: spiral}", 7, ["unknown kind `spiral`"]),
     ("rover.yaml", "rover.yaml\n    route: {kind: circel}", 7, ["did you mean `circle`?"]),
@@ -185,6 +217,15 @@ def test_the_shipped_scenarios_are_valid(name: str, drives: bool) -> None:
     scenario = load(SHIPPED / f"{name}.yaml")
     assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders"]
     assert (scenario.vehicles[0].route is not None) is drives
+
+
+def test_the_yard_is_valid_and_is_somewhere_on_the_earth() -> None:
+    scenario = load(SHIPPED / "yard.yaml")
+    assert scenario.sensor_names()[:4] == [
+        f"rover/{name}" for name in ("gnss", "gnss_cheap", "sonar", "tof")
+    ]
+    assert scenario.world.datum is not None
+    assert scenario.world.datum.latitude_deg == 52.254
 
 
 def test_a_route_of_its_own_is_a_file_or_a_figure(tmp_path: Path) -> None:

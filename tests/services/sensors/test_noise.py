@@ -6,14 +6,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from services.sensors.noise import PolarNormal
+from services.sensors.noise import NORMALS, PolarNormal
 
 COUNT = 400_000
 
 
-@pytest.fixture(scope="module")
-def drawn() -> NDArray[np.float64]:
-    return PolarNormal(np.random.default_rng(7)).draw(COUNT)
+@pytest.fixture(scope="module", params=NORMALS)
+def drawn(request: pytest.FixtureRequest) -> NDArray[np.float64]:
+    return NORMALS[request.param](np.random.default_rng(7)).draw(COUNT)
 
 
 def test_kolmogorov_smirnov_accepts_it(drawn: NDArray[np.float64]) -> None:
@@ -46,12 +46,13 @@ def test_neighbours_are_independent(drawn: NDArray[np.float64]) -> None:
             assert abs(np.corrcoef(a, b)[0, 1]) < 5 / np.sqrt(COUNT)
 
 
+@pytest.mark.parametrize("name", NORMALS)
 @pytest.mark.parametrize("chunks", [[1] * 50, [0, 3, 0, 999, 1], [100_000, 7], [7, 100_000]])
-def test_numbers_do_not_depend_on_how_they_are_drawn(chunks: list[int]) -> None:
-    source = PolarNormal(np.random.default_rng(11))
+def test_numbers_do_not_depend_on_how_they_are_drawn(name: str, chunks: list[int]) -> None:
+    source = NORMALS[name](np.random.default_rng(11))
     parts = [source.draw(count) for count in chunks]
     assert [len(part) for part in parts] == chunks
-    whole = PolarNormal(np.random.default_rng(11)).draw(sum(chunks))
+    whole = NORMALS[name](np.random.default_rng(11)).draw(sum(chunks))
     assert np.concatenate(parts).tobytes() == whole.tobytes()
 
 

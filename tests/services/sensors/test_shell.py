@@ -40,9 +40,27 @@ class EveryFortyTicks:
         return self._settled
 
 
-class Bench:
+class Counts(EveryFortyTicks):
+    """Remembers how many states it has seen since physics began."""
+
     def __init__(self) -> None:
-        self.model = EveryFortyTicks()
+        super().__init__()
+        self.seen = 0
+
+    def readings(self, state: State) -> Iterable[Message]:
+        self.seen += 1
+        return super().readings(state)
+
+    def memory(self) -> bytes:
+        return str(self.seen).encode()
+
+    def remember(self, memory: bytes) -> None:
+        self.seen = int(memory or b"0")
+
+
+class Bench:
+    def __init__(self, model: EveryFortyTicks | None = None) -> None:
+        self.model = model or EveryFortyTicks()
         self.published: list[Message] = []
         self.acks: list[Ack] = []
         self.sensor = SensorProcess(
@@ -117,3 +135,27 @@ def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
 def test_another_world_is_refused(bench: Bench) -> None:
     with pytest.raises(UserError, match="the world differs: physics has cdcdcdcdcdcd"):
         bench.sensor.take(State("run", 0, 0, 0, "cd" * 32, {}))
+
+
+def test_what_a_model_remembers_goes_with_its_progress() -> None:
+    bench = Bench(Counts())
+    bench.take(range(101))
+    assert [ack.memory for ack in bench.acks] == [b"1", b"51", b"101"]
+
+
+def test_a_successor_is_told_what_its_predecessor_remembered() -> None:
+    model = Counts()
+    bench = Bench(model)
+    bench.sensor.resume(Ack(0, 50, 40, b"51"))
+    bench.take(range(30, 60))
+    assert model.seen == 51 + 20  # From the settled tick on: earlier states are for others.
+    assert bench.acks[:1] == [Ack(0, 50, 40, b"51")]  # And tells it on, should it end at once.
+
+
+def test_a_gap_is_remembered_over_but_no_new_life_of_physics() -> None:
+    model = Counts()
+    bench = Bench(model)
+    bench.take([*range(100), *range(110, 120)], epoch=1)
+    assert model.seen == 110
+    bench.take(range(10), epoch=2)
+    assert model.seen == 10

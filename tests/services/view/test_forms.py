@@ -146,6 +146,17 @@ def test_each_message_is_drawn(kind: type[Message]) -> None:
         assert any(isinstance(what, drawn) for what in recording.logged[path])
 
 
+def test_a_failed_distance_and_a_lost_fix_are_not_drawn() -> None:
+    it, recording = picture()
+    nan = float("nan")
+    show(it, "rover/x", imagery.Range(STAMP, "front", "ultrasound", 0.5, 0.1, 4.0, nan, 0.0))
+    show(it, "rover/y", navigation.NavSatFix(STAMP, "gnss", -1, 1, nan, nan, nan, EYE9, 0))
+    it.canvas.plots.flush()
+    assert it.canvas.not_drawn == 0
+    assert not {"rover/x", "rover/y"} & recording.logged.keys()
+    assert not any(path.startswith(("rover/x", "rover/y")) for path in recording.columns)
+
+
 def test_a_jpeg_goes_as_it_is() -> None:
     it, recording = picture()
     show(it, "rover/x", CASES[imagery.CompressedImage][0])

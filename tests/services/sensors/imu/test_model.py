@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from groundlink import messages
 from groundlink.messages import BadMessage, State, encode
 from groundlink.scenario import sensors
-from groundlink.scenario.sensors import InertialNoise, Mount
+from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
+from groundlink.scenario.sensors import Mount
 from services.sensors.imu.model import ImuModel
 from services.sensors.model import SensorModel
 from tests.services.sensors.states import EPOCH_NANOS, scenario, states
@@ -24,7 +25,7 @@ GRAVITY = 9.80665
 
 NOISY: dict[str, Any] = {
     "accelerometer": InertialNoise(noise_density=1.5e-3, turn_on_bias=0.02),
-    "gyroscope": InertialNoise(noise_density=2e-4, turn_on_bias=0.003),
+    "gyroscope": GyroscopeNoise(noise_density=2e-4, turn_on_bias=0.003),
     "orientation_stddev_deg": 0.25,
 }
 
@@ -269,7 +270,7 @@ def test_white_noise_has_the_sigma_of_its_density_and_rate() -> None:
     rate_hz, count = 100.0, 5000
     spec: dict[str, Any] = {
         "accelerometer": InertialNoise(noise_density=1.5e-3),
-        "gyroscope": InertialNoise(noise_density=2e-4),
+        "gyroscope": GyroscopeNoise(noise_density=2e-4),
         "orientation_stddev_deg": 0.25,
     }
     taken = samples(imu(rate_hz=rate_hz, **spec), states(np.zeros((4 * (count + 1), 3))))
@@ -293,7 +294,7 @@ def test_white_noise_has_the_sigma_of_its_density_and_rate() -> None:
 def test_the_turn_on_bias_is_one_draw_a_run() -> None:
     spec: dict[str, Any] = {
         "accelerometer": InertialNoise(turn_on_bias=0.2),
-        "gyroscope": InertialNoise(turn_on_bias=0.01),
+        "gyroscope": GyroscopeNoise(turn_on_bias=0.01),
     }
     biases = []
     for seed in range(300):
@@ -307,7 +308,7 @@ def test_the_turn_on_bias_is_one_draw_a_run() -> None:
 
 
 def test_a_bias_changes_only_what_it_belongs_to() -> None:
-    spec: dict[str, Any] = {"gyroscope": InertialNoise(turn_on_bias=0.01)}
+    spec: dict[str, Any] = {"gyroscope": GyroscopeNoise(turn_on_bias=0.01)}
     taken = samples(imu(**spec), states(np.zeros((4, 3))))
     assert forces(taken).tolist() == [[0.0, 0.0, GRAVITY]] * 2
     assert rates(taken).all()

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is wrong with a receiver's fixes: white noise, a slow drift, and noise of velocity.
+
+Rule: an error depends on the seed, the sensor's name and the number of the fix, never on when the
+process was started. Every fix draws, whether it is lost or not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from groundlink.clock import Schedule
+from groundlink.messages import Vector3
+from groundlink.scenario.sensors import Gnss
+from services.sensors.noise import PolarNormal
+from services.sensors.streams import RandomStreams
+from services.sensors.walks import BLOCK_TICKS, Walks
+
+
+class FixErrors(NamedTuple):
+    """Of one fix, along east, north and up; under the open sky."""
+
+    position_m: Vector3
+    velocity_mps: Vector3
+
+
+class GnssErrors:
+    """The errors of one receiver."""
+
+    def __init__(self, spec: Gnss, streams: RandomStreams) -> None:
+        self._streams = streams
+        self._schedule = Schedule.at(spec.rate_hz)
+        axes = (spec.horizontal, spec.horizontal, spec.vertical)
+        self._white = [axis.white_stddev_m for axis in axes]
+        self._velocity = spec.velocity_stddev_mps
+        self._drift = Walks(
+            streams,
+            "drift",
+            stddevs=[axis.drift_stddev_m for axis in axes],
+            time_constants_s=[spec.drift_time_s] * 3,
+            noise_source="marsaglia",
+        )
+        self.variances_m2 = [axis.white_stddev_m**2 + axis.drift_stddev_m**2 for axis in axes]
+
+    def of_fix(self, index: int) -> FixErrors:
+        """Return the errors of fix `index`."""
+        tick = self._schedule.tick(index)
+        normal = PolarNormal(self._streams.at("white", tick)).draw(6).tolist()
+        block, row = divmod(tick, BLOCK_TICKS)
+        drift = self._drift.block(block)[row].tolist()
+        east, north, up = (
+            sigma * number + slow
+            for sigma, number, slow in zip(self._white, normal[:3], drift, strict=True)
+        )
+        ve, vn, vu = (self._velocity * number for number in normal[3:])
+        return FixErrors((east, north, up), (ve, vn, vu))

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A satellite receiver: the paper's 3.3.5, with drift, a start, outages and a delay.
+
+Rule: fix i is measured at event i of the rate's schedule, where the antenna is at that instant, and
+comes as much later as the receiver takes; its stamp is the instant of measurement. The antenna's
+place in the world becomes one in Earth-centred axes, the errors are added there, and the sum is
+turned into latitude, longitude and altitude. The errors are drawn along east, north and up of the
+world's origin, since a receiver is worse upwards; where both are set alike, that is the paper's
+error of equal size along the Earth's axes. What of the sky is hidden makes them larger by the
+dilution of precision, and takes the fix away when too little is left.
+
+Where there is no fix, at the start or in an outage, the receiver says so at its rate: status -1 and
+NaN. A fix comes back at once, with the quality it had; detours of signals (multipath), false fixes
+and the time to fix ambiguities anew are not modelled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from groundlink.clock import NANOS, TICK_NANOS, Schedule, exact
+from groundlink.errors import UserError
+from groundlink.frames import Floats, matrix_from_quaternion
+from groundlink.messages import BadMessage, State, Vector3, floats, packed
+from groundlink.navigation import NavSatFix
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Gnss
+from services.sensors.streams import RandomStreams
+
+from . import nmea
+from .errors import GnssErrors
+from .geodesy import Geodetic, TangentPlane, geodetic_from_ecef
+from .reception import Reception
+
+GPS = 1
+"""sensor_msgs/NavSatStatus.SERVICE_GPS."""
+
+FIXES_REMEMBERED = 256
+"""Of which the sentences can still be told, where fixes are held up on their way: 12 s at 20 Hz."""
+
+DIAGONAL_KNOWN = 2
+"""sensor_msgs/NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN."""
+
+
+class _Kind(NamedTuple):
+    """How a receiver names a kind of solution."""
+
+    status: int
+    """sensor_msgs/NavSatStatus."""
+
+    quality: int
+    mode: str
+    """GGA, and RMC with VTG: see `nmea.Epoch`."""
+
+    minute_decimals: int
+
+
+KINDS = {
+    "single_point": _Kind(0, 1, "A", 5),
+    "sbas": _Kind(1, 2, "D", 5),
+    "rtk_float": _Kind(2, 5, "F", 7),
+    "rtk_fix": _Kind(2, 4, "R", 7),
+}
+"""By `solution` of the scenario."""
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A fix that is under way to those who wait for it."""
+
+    tick: int
+    """By whose state it was measured."""
+
+    due_tick: int
+    fix: NavSatFix
+    epoch: nmea.Epoch
+
+
+class GnssModel:
+    """One receiver of one vehicle (a `SensorModel`).
+
+    Raises
+    ------
+    UserError
+        when the world has no datum, or the satellites give no position.
+    EngineUnavailableError, KernelsMissingError
+        with `sky_view`, when Embree or the compiled loops are not installed here.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:
+        datum = scenario.world.datum
+        if datum is None:
+            raise UserError(f"`{spec.name}` receives satellites: add `datum` to the world")
+        self._vehicle = vehicle.name
+        self._frame = vehicle.frame_prefix + spec.frame
+        self._antenna_in_base = np.array(spec.mount.xyz_m)
+        self._geoid_m = datum.geoid_m
+        self._plane = TangentPlane(
+            Geodetic.of_degrees(datum.latitude_deg, datum.longitude_deg, datum.altitude_m)
+        )
+        self._kind = KINDS[spec.solution]
+        self._schedule = Schedule.at(spec.rate_hz)
+        self._latency_nanos = int(exact(spec.latency_s) * NANOS)
+        self._errors = GnssErrors(spec, RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}"))
+        self._reception = Reception(scenario, vehicle, spec)
+        self._told: dict[int, nmea.Epoch] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget earlier states, and fixes that have not come out yet."""
+        self._reception.restart()
+        self._tick = -1
+        self._index: int | None = None
+        self._due_tick = 0
+        self._pose: Floats = np.zeros(7)
+        self._waiting: deque[_Measured] = deque()
+
+    def settled_tick(self) -> int:
+        """Return the tick whose state a successor must see first, to go on with the next fix."""
+        if self._waiting:
+            return max(0, self._waiting[0].tick - 1)
+        return self._tick
+
+    def readings(self, state: State) -> list[NavSatFix]:
+        """Take the state of the next tick and return the fixes that are out by it.
+
+        Raises
+        ------
+        BadMessage
+            when the state lacks the vehicle, or with `sky_view` any; the model is then restarted.
+        """
+        try:
+            pose, velocity = self._base(state)
+            self._reception.take(state)
+        except BadMessage:
+            self.restart()
+            raise
+        if self._index is None:
+            self._index = self._schedule.first_at_or_after(state.tick)
+            self._due_tick = self._schedule.tick(self._index)
+        last, self._pose = self._pose, pose
+        self._tick = state.tick
+        if state.tick >= self._due_tick:
+            self._waiting.append(self._measure(state, self._index, last, velocity))
+            self._index += 1
+            self._due_tick = self._schedule.tick(self._index)
+        out = []
+        while self._waiting and self._waiting[0].due_tick <= state.tick:
+            out.append(self._waiting.popleft())
+            self._told[out[-1].fix.stamp_nanos] = out[-1].epoch
+            if len(self._told) > FIXES_REMEMBERED:
+                del self._told[next(iter(self._told))]
+        return [one.fix for one in out]
+
+    def datagrams(self, fix: NavSatFix) -> list[bytes]:
+        """Return the NMEA sentences of a fix that `readings` returned, as it is now.
+
+        Time, position and whether there is one are those of `fix`, so that both forms agree when
+        something has been done to it; the rest is that of the fix of this stamp, or of the newest.
+        """
+        newest = next(reversed(self._told.values()))
+        epoch = self._told.get(fix.stamp_nanos, newest)._replace(stamp_nanos=fix.stamp_nanos)
+        if fix.status < 0 or not epoch.fixed:
+            return nmea.sentences(nmea.Epoch(fix.stamp_nanos, 0, "N"))
+        return nmea.sentences(
+            epoch._replace(
+                latitude_deg=fix.latitude_deg,
+                longitude_deg=fix.longitude_deg,
+                altitude_m=fix.altitude_m,
+            )
+        )
+
+    def _base(self, state: State) -> tuple[Floats, Floats]:
+        """Return the base's pose, shape (7,), and velocity, shape (6,)."""
+        vehicle = state.vehicles.get(self._vehicle)
+        if vehicle is None or not len(vehicle.link_poses):
+            name = self._vehicle
+            raise BadMessage(f"state of tick {state.tick}: no link poses of `{name}`")
+        velocity = floats(vehicle.base_velocity)
+        if len(velocity) != 6:
+            raise BadMessage(f"state of tick {state.tick}: no velocity of `{self._vehicle}`")
+        return vehicle.poses()[0], velocity
+
+    def _measure(self, state: State, index: int, last: Floats, velocity: Floats) -> _Measured:
+        """Return fix `index`, whose instant is after the last tick and not after this one.
+
+        Parameters
+        ----------
+        last : shape (7,)
+            The base's pose at the last tick.
+        velocity : shape (6,)
+            The base's at this one.
+        """
+        instant_nanos = self._schedule.nanos(index)
+        # Zero where the instant is the tick's; only then may there be no last state.
+        back = (instant_nanos - state.tick * TICK_NANOS) / TICK_NANOS
+        lever = matrix_from_quaternion(self._pose[3:]) @ self._antenna_in_base
+        antenna = self._pose[:3] + lever
+        if back:
+            before = last[:3] + matrix_from_quaternion(last[3:]) @ self._antenna_in_base
+            antenna = antenna + back * (antenna - before)
+        moving = velocity[:3] + np.cross(velocity[3:], lever)
+        stamp_nanos = state.epoch_nanos + instant_nanos
+        due_tick = -(-(instant_nanos + self._latency_nanos) // TICK_NANOS)
+        error = self._errors.of_fix(index)
+        view = self._reception.view(instant_nanos, antenna)
+        if view is None:
+            return _Measured(state.tick, due_tick, *self._lost(stamp_nanos))
+        best_enu = self._reception.open_sky.dilution_enu
+        worse = [now / best for now, best in zip(view.dilution_enu, best_enu, strict=True)]
+        east, north, up = (
+            off * factor for off, factor in zip(error.position_m, worse, strict=True)
+        )
+        x, y, z = self._plane.ecef(_vector(antenna))
+        dx, dy, dz = self._plane.turned((east, north, up))
+        place = geodetic_from_ecef((x + dx, y + dy, z + dz))
+        variances = [
+            variance * factor**2
+            for variance, factor in zip(self._errors.variances_m2, worse, strict=True)
+        ]
+        fix = NavSatFix(
+            stamp_nanos=stamp_nanos,
+            frame=self._frame,
+            status=self._kind.status,
+            service=GPS,
+            latitude_deg=math.degrees(place.latitude_rad),
+            longitude_deg=math.degrees(place.longitude_rad),
+            altitude_m=place.altitude_m,
+            position_covariance_m2=packed(np.diag(variances)),
+            covariance_type=DIAGONAL_KNOWN,
+        )
+        epoch = nmea.Epoch(
+            *(stamp_nanos, self._kind.quality, self._kind.mode, self._kind.minute_decimals),
+            geoid_m=self._geoid_m,
+            east_mps=float(moving[0]) + error.velocity_mps[0],
+            north_mps=float(moving[1]) + error.velocity_mps[1],
+            satellites=view.satellites,
+            horizontal_dilution=view.horizontal_dilution,
+        )
+        return _Measured(state.tick, due_tick, fix, epoch)
+
+    def _lost(self, stamp_nanos: int) -> tuple[NavSatFix, nmea.Epoch]:
+        """Return what a receiver without a fix tells."""
+        fix = NavSatFix(
+            stamp_nanos=stamp_nanos,
+            frame=self._frame,
+            status=-1,
+            service=GPS,
+            latitude_deg=math.nan,
+            longitude_deg=math.nan,
+            altitude_m=math.nan,
+            position_covariance_m2=packed(np.zeros(9)),
+            covariance_type=0,
+        )
+        return fix, nmea.Epoch(stamp_nanos, 0, "N")
+
+
+def _vector(xyz: Floats) -> Vector3:
+    x, y, z = xyz.tolist()
+    return x, y, z

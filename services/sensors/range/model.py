@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A range finder: one distance out of a cone, by ultrasound or infrared light.
+
+Rule: measurement i is taken at event i of the rate's schedule, all of the cone at once. What is
+met, how it is slanted and how bright it is come from rays that fill the cone evenly. Of those that
+come back, sound gives the nearest, since the first echo counts; light through a lens gives the mean
+over its spot. A smooth wall throws sound away like a mirror: what is met at more than
+`max_incidence_deg` from its normal sends nothing back, so a slanted wall is heard only by the part
+of the cone that meets it squarely, if any does, and missed otherwise. Echoes of echoes, speed of
+sound and sunlight are not modelled; nor is what real devices read below their least range.
+
+Values follow REP 117: -inf nearer than the least range, +inf for nothing met or farther than the
+largest, NaN for a measurement that the device itself calls failed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from groundlink.clock import Schedule
+from groundlink.frames import Floats
+from groundlink.imagery import Range
+from groundlink.messages import BadMessage, State
+from groundlink.scenario import sensors
+from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.noise import PolarNormal
+from services.sensors.rays.probe import Probe
+from services.sensors.streams import RandomStreams
+
+GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+"""Between neighbours of a sunflower's head; it never repeats a direction (Vogel 1979)."""
+
+
+def cone(field_of_view_rad: float, rays: int) -> Floats:
+    """Return unit vectors that fill a cone about x evenly in solid angle, shape (3, rays).
+
+    The first is the axis, the last is on the rim.
+    """
+    numbers = np.arange(rays)
+    share = numbers / max(1, rays - 1)
+    cosine = 1 - (1 - math.cos(field_of_view_rad / 2)) * share
+    sine = np.sqrt(1 - cosine**2)
+    around = GOLDEN_ANGLE * numbers
+    return np.stack([cosine, sine * np.cos(around), sine * np.sin(around)])
+
+
+class RangeModel:
+    """One range finder of one vehicle (a `SensorModel`).
+
+    Raises
+    ------
+    EngineUnavailableError, KernelsMissingError
+        when Embree or the compiled loops are not installed here; both are `UserError`s.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Range) -> None:
+        self._spec = spec
+        self._frame = vehicle.frame_prefix + spec.frame
+        self._schedule = Schedule.at(spec.rate_hz)
+        self._probe = Probe(scenario, vehicle, spec.mount)
+        self._field_of_view_rad = math.radians(spec.field_of_view_deg)
+        self._cone = cone(self._field_of_view_rad, spec.rays)
+        self._least_cosine = math.cos(math.radians(spec.max_incidence_deg))
+        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        turn_on = PolarNormal(self._streams.at("turn_on_bias", 0)).draw(1)
+        self._bias_m = spec.turn_on_bias_m * float(turn_on[0])
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget earlier states: time jumped or states were lost."""
+        self._probe.restart()
+        self._tick = -1
+        self._index: int | None = None
+        self._due_tick = 0
+
+    def settled_tick(self) -> int:
+        """Return the tick up to which every reading has been yielded; -1 before the first."""
+        return self._tick
+
+    def readings(self, state: State) -> list[Range]:
+        """Return the distance that is due by the next tick's state, if there is one.
+
+        Raises
+        ------
+        BadMessage
+            when the state lacks a vehicle or a link of the scenario; the model is then restarted.
+        """
+        try:
+            self._probe.take(state)
+        except BadMessage:
+            self.restart()
+            raise
+        if self._index is None:
+            self._index = self._schedule.first_at_or_after(state.tick)
+            self._due_tick = self._schedule.tick(self._index)
+        self._tick = state.tick
+        if state.tick < self._due_tick:
+            return []
+        nanos, tick = self._schedule.nanos(self._index), self._due_tick
+        self._index += 1
+        self._due_tick = self._schedule.tick(self._index)
+        range_m = self._reported(self._met(nanos), tick)
+        spec = self._spec
+        return [
+            Range(
+                stamp_nanos=state.epoch_nanos + nanos,
+                frame=self._frame,
+                radiation=spec.radiation,
+                field_of_view_rad=self._field_of_view_rad,
+                min_range_m=spec.min_range_m,
+                max_range_m=spec.max_range_m,
+                range_m=range_m,
+                variance_m2=self._variance(range_m) if math.isfinite(range_m) else 0.0,
+            )
+        ]
+
+    def _met(self, nanos: int) -> float:
+        """Return the distance without errors; infinite where nothing comes back."""
+        spec = self._spec
+        place = self._probe.place(nanos)
+        directions = place.world_from_sensor @ self._cone
+        hits = self._probe.cast(nanos, place.origin_in_world, directions, spec.max_range_m)
+        # Bodies have no inside: a surface is met from either side.
+        cosine = np.abs(np.sum(hits.normal_in_world * directions, axis=0))
+        back = (hits.label >= 0) & (cosine >= self._least_cosine)
+        if spec.full_range_reflectivity:
+            # A diffuse surface's light comes back by rho cos / r^2, and is seen down to a limit.
+            brightness = self._probe.replica.reflectivity[hits.label] * cosine
+            reach = np.minimum(1.0, np.sqrt(brightness / spec.full_range_reflectivity))
+            back &= hits.range_m <= spec.max_range_m * reach
+        ranges = hits.range_m[back].astype(np.float64)
+        if not len(ranges):
+            return math.inf
+        return float(ranges.min() if spec.echo == "nearest" else ranges.mean())
+
+    def _reported(self, range_m: float, tick: int) -> float:
+        """Return what the device says of a distance: noise, bias, rounding, limits, failure."""
+        spec = self._spec
+        white = float(PolarNormal(self._streams.at("range", tick)).draw(1)[0])
+        failed = self._streams.at("dropout", tick).random() < spec.dropout
+        if failed:
+            return math.nan
+        if math.isinf(range_m):
+            return math.inf
+        range_m += math.sqrt(self._variance(range_m)) * white + self._bias_m
+        if spec.range_resolution_m:
+            range_m = round(range_m / spec.range_resolution_m) * spec.range_resolution_m
+        if range_m < spec.min_range_m:
+            return -math.inf
+        return range_m if range_m <= spec.max_range_m else math.inf
+
+    def _variance(self, range_m: float) -> float:
+        """Return the variance of the white noise at a distance; its causes are independent."""
+        spec = self._spec
+        return (
+            spec.range_stddev_m**2
+            + (spec.range_stddev_share * range_m) ** 2
+            + (spec.range_stddev_per_m * range_m**2) ** 2
+        )

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A few rays at one instant, for sensors that look rarely and not far around.
+
+Rule: where the sensor is and what its rays meet are those of the asked instant, between the last
+two states. Sweeps, whose rays have instants of their own, are the LiDAR's business.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from groundlink.clock import TICK_NANOS
+from groundlink.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
+from groundlink.messages import State
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Mount
+
+from .replica import Replica
+from .scene import Hits
+
+
+class Place(NamedTuple):
+    """Where a sensor is at an instant."""
+
+    origin_in_world: Floats
+    """Shape (3,), metres."""
+
+    world_from_sensor: Floats
+    """Rotation matrix, shape (3, 3)."""
+
+
+class Probe:
+    """The world around one sensor on a mount.
+
+    Attributes
+    ----------
+    replica : Replica
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, mount: Mount) -> None:
+        self.replica = Replica(scenario, vehicle, mount.xyz_m)
+        self._sensor_in_base = np.array(mount.xyz_m)
+        self._base_from_sensor = matrix_from_quaternion(quaternion_from_rpy(*mount.rpy_radians()))
+        self._tick = 0
+
+    def restart(self) -> None:
+        """Forget all states."""
+        self.replica.restart()
+
+    def take(self, state: State) -> None:
+        """Remember where everything is at the next tick.
+
+        Raises
+        ------
+        BadMessage
+            when a vehicle or a link is missing.
+        """
+        self.replica.take(state)
+        self.replica.forget(state.tick - 1)
+        self._tick = state.tick
+
+    def _share(self, nanos: int) -> float:
+        """Return where an instant is between the last two states, 0..1."""
+        return 1.0 + (nanos - self._tick * TICK_NANOS) / TICK_NANOS
+
+    def place(self, nanos: int) -> Place:
+        """Return where the sensor is at a sim time not before the last state but one."""
+        poses = self.replica.motion(self._tick - 1, self._tick)[:, self.replica.base]
+        share = np.array(self._share(nanos))
+        world_from_base = matrix_from_quaternion(nlerp(poses[0, 3:], poses[1, 3:], share))
+        base = poses[0, :3] + share * (poses[1, :3] - poses[0, :3])
+        return Place(
+            base + world_from_base @ self._sensor_in_base,
+            world_from_base @ self._base_from_sensor,
+        )
+
+    def cast(
+        self,
+        nanos: int,
+        origin_in_world: Floats,
+        directions_in_world: Floats,
+        max_range_m: float,
+    ) -> Hits:
+        """Return what rays from one point meet at a sim time.
+
+        Parameters
+        ----------
+        nanos
+            As for `place`.
+        origin_in_world : shape (3,)
+        directions_in_world : shape (3, rays)
+            Unit vectors.
+        max_range_m
+            What is farther is not met.
+        """
+        scene = self.replica.scene
+        scene.move(self.replica.motion(self._tick - 1, self._tick))
+        rays = directions_in_world.shape[1]
+        origins = np.repeat(origin_in_world[:, None], rays, axis=1)
+        return scene.cast(
+            origins.astype(np.float32),
+            directions_in_world.astype(np.float32),
+            np.full(rays, self._share(nanos), np.float32),
+            max_range_m,
+        )

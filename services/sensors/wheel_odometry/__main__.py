@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.sensors.wheel_odometry --name VEHICLE/SENSOR``."""
+
+from groundlink.scenario.sensors import WheelOdometry
+from services.sensors.shell import run
+
+from .model import WheelOdometryModel
+
+if __name__ == "__main__":
+    run(WheelOdometry, WheelOdometryModel)

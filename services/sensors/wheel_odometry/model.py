@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Odometry as the motor controller computes it: from the counters of its wheels, never the truth.
+
+Rule: what leaves `WheelCounters` is all that is used, and it is what the `encoders` sensor of that
+name counts, with its missed ticks and resets. Where the pose began, at the first reading, is the
+origin of its frame (REP 105's odom, in which base_link is reported). The vehicle is believed to
+move in a plane, so z, roll and pitch are zero with a variance that says unknown, and so is what
+moves sideways. A step that no wheel can have made, as when counters are reset, counts as no motion.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from groundlink import messages
+from groundlink.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.errors import UserError
+from groundlink.navigation import Odometry
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Encoders, WheelOdometry
+from services.sensors.counters import WheelCounters, wrapped
+
+from .reckoning import Floats, Reckoned, Reckoning
+
+UNKNOWN = 1e6
+"""Variance of what wheels do not tell, m^2 or rad^2 (and by second squared)."""
+
+POSSIBLE = 2.0
+"""Times what the wheels can turn at most; a larger step is none."""
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    """What the states do not tell."""
+
+    counters: bytes
+    nanos: int = -1
+    """Sim time of the last reading; -1 for none."""
+
+    ticks: tuple[int, ...] = ()
+    """The counters at that time."""
+
+    pose: Reckoned = msgspec.field(default_factory=Reckoned)
+
+
+class WheelOdometryModel:
+    """The odometry of one vehicle (a `RememberingModel`)."""
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: WheelOdometry) -> None:
+        encoders = next((s for s in vehicle.sensors if s.name == spec.encoders), None)
+        wheels = vehicle.model.wheels
+        lefts = [wheel.center_m[1] > 0 for wheel in wheels]
+        if not isinstance(encoders, Encoders) or len(set(lefts)) != 2:
+            raise UserError(
+                f"`{vehicle.name}/{spec.name}` needs `encoders` that names a sensor of kind "
+                f"`encoders`, and wheels on both sides"
+            )
+        drive = vehicle.model.drive
+        self._frame = vehicle.frame_prefix + spec.frame
+        self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
+        self._schedule = Schedule.at(spec.rate_hz)
+        self._counters = WheelCounters(scenario, vehicle, encoders)
+        per_radian = encoders.ticks_per_wheel_revolution / (2 * math.pi)
+        self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian
+        # Rows left and right: a side's travel is the mean of its wheels'.
+        travels = np.zeros((2, len(wheels)))
+        for i, (wheel, left) in enumerate(zip(wheels, lefts, strict=True)):
+            radius = spec.wheel_radius_m or wheel.radius_m
+            sign = -1 if wheel.name in encoders.reversed_wheels else 1
+            travels[0 if left else 1, i] = sign * radius / per_radian / lefts.count(left)
+        self._travels = travels
+        # A difference of two counts is wrong by the rounding of both, 1/12 of a tick squared each.
+        self._rounding = np.diag((travels**2).sum(axis=1) / 6)
+        outward = [wheel.center_m[1] for wheel in wheels]
+        track = np.mean(outward, where=lefts) - np.mean(outward, where=np.logical_not(lefts))
+        self._reckoning = Reckoning(
+            track_m=float(track) * (spec.track_multiplier or drive.track_multiplier),
+            travel_stddev=spec.travel_stddev,
+            turn_stddev=spec.turn_stddev,
+        )
+        self.remember(b"")
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget earlier states: time jumped or states were lost."""
+        self._tick = -1
+        self._index: int | None = None
+        self._counters.restart()
+
+    def memory(self) -> bytes:
+        """Return what a successor has to know that sees the state of `settled_tick` first."""
+        memory = _Memory(self._counters.memory(), self._nanos, self._ticks, self._reckoning.pose)
+        return msgspec.msgpack.encode(memory)
+
+    def remember(self, memory: bytes) -> None:
+        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        past = msgspec.msgpack.decode(memory, type=_Memory) if memory else _Memory(b"")
+        self._counters.remember(past.counters)
+        self._nanos, self._ticks = past.nanos, past.ticks
+        self._reckoning.pose = past.pose
+
+    def settled_tick(self) -> int:
+        """Return the tick up to which every reading has been yielded; -1 before the first."""
+        return self._tick
+
+    def readings(self, state: messages.State) -> list[Odometry]:
+        """Return the reading that is due by the next tick's state, if there is one.
+
+        Raises
+        ------
+        BadMessage
+            when the state lacks a wheel of the vehicle.
+        """
+        self._counters.advance(state)
+        if self._index is None:
+            self._index = self._schedule.first_at_or_after(state.tick)
+            self._due_tick = self._schedule.tick(self._index)
+        self._tick = state.tick
+        if state.tick < self._due_tick:
+            return []
+        nanos = self._schedule.nanos(self._index)
+        self._index += 1
+        self._due_tick = self._schedule.tick(self._index)
+        ticks = self._counters.ticks(nanos - state.tick * TICK_NANOS)
+        return [self._odometry(state.epoch_nanos, nanos, ticks)]
+
+    def _odometry(self, epoch_nanos: int, nanos: int, ticks: tuple[int, ...]) -> Odometry:
+        """Go on to a reading of the counters."""
+        speed, turn_rate, spread = 0.0, 0.0, np.zeros((2, 2))
+        if 0 <= self._nanos < nanos:
+            seconds = (nanos - self._nanos) / NANOS
+            steps = [wrapped(now - before) for now, before in zip(ticks, self._ticks, strict=True)]
+            if max(map(abs, steps)) > self._most_per_second * seconds + 1:
+                steps = [0] * len(steps)
+            left, right = (self._travels @ np.array(steps, np.float64)).tolist()
+            way, turn, spread = self._reckoning.step(left, right)
+            from_sides = self._reckoning.from_sides
+            spread = (spread + from_sides @ self._rounding @ from_sides.T) / seconds**2
+            speed, turn_rate = way / seconds, turn / seconds
+        self._nanos, self._ticks = nanos, ticks
+        pose = self._reckoning.pose
+        return Odometry(
+            stamp_nanos=epoch_nanos + nanos,
+            frame=self._frame,
+            child_frame=self._child_frame,
+            position_m=(pose.x_m, pose.y_m, 0.0),
+            orientation=(0.0, 0.0, math.sin(pose.yaw_rad / 2), math.cos(pose.yaw_rad / 2)),
+            linear_mps=(speed, 0.0, 0.0),
+            angular_radps=(0.0, 0.0, turn_rate),
+            pose_covariance=_in_space(np.array(pose.covariance), (0, 1, 5)),
+            twist_covariance=_in_space(spread, (0, 5)),
+        )
+
+
+def _in_space(covariance: Floats, rows: tuple[int, ...]) -> memoryview:
+    """Return a covariance as 6 x 6, with what it does not cover as unknown."""
+    whole = UNKNOWN * np.eye(6)
+    whole[np.ix_(rows, rows)] = covariance
+    return messages.packed(whole)

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+from groundlink.navigation import Odometry
+from groundlink.ros_streams import outgoing, static_transforms
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+
+
+def test_odometry_goes_out_and_its_frame_is_no_place_on_the_vehicle() -> None:
+    yard = load(SHIPPED / "yard.yaml")
+    odom = [s for s in outgoing(yard, "run") if s.topic == "/odom"]
+    assert [(s.message, s.declared_hz, s.push) for s in odom] == [(Odometry, 50.0, True)]
+    placed = static_transforms(yard, 0)
+    assert placed is not None
+    assert "odom" not in {transform.child for transform in placed.transforms}
+    assert "imu_link" in {transform.child for transform in placed.transforms}

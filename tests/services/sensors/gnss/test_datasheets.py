@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+import yaml
+
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import Gnss
+from services.sensors.gnss.errors import GnssErrors
+from services.sensors.streams import RandomStreams
+
+SHEETS = {sheet.stem: sheet for sheet in (SHIPPED / "sensors").glob("gnss_*.yaml")}
+
+HORIZONTAL_M = {
+    "gnss_single_point": 2.5 / 1.1774,
+    "gnss_sbas": 0.7,
+    "gnss_rtk_float": 0.2,
+    "gnss_rtk_fix": 0.01 / 1.1774,
+}
+"""Of each axis: circular errors probable are 1.1774 of it."""
+
+
+def read(name: str) -> Gnss:
+    sheet: dict[str, Any] = yaml.safe_load(SHEETS[name].read_text())
+    place = {"name": "gnss", "topic": "/fix", "frame": "gnss_link"}
+    assert not place.keys() & sheet.keys()
+    return msgspec.convert(sheet | place, Gnss)
+
+
+def test_every_kind_of_solution_has_a_sheet() -> None:
+    assert {f"gnss_{read(name).solution}" for name in SHEETS} == set(SHEETS) == set(HORIZONTAL_M)
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_sheets_have_a_source_and_their_class_of_accuracy(name: str) -> None:
+    spec = read(name)
+    assert spec.datasheet
+    noise = spec.horizontal
+    sigma = math.hypot(noise.white_stddev_m, noise.drift_stddev_m)
+    assert sigma == pytest.approx(HORIZONTAL_M[name], rel=0.02)
+    assert sigma < math.hypot(spec.vertical.white_stddev_m, spec.vertical.drift_stddev_m)
+
+
+@pytest.mark.parametrize(("name", "cep_m"), [("gnss_single_point", 2.5), ("gnss_rtk_fix", 0.01)])
+def test_half_of_all_fixes_are_within_the_circular_error_probable(name: str, cep_m: float) -> None:
+    """One fix of each of many runs, so that the drift is drawn anew."""
+    spec = read(name)
+    off = np.array([
+        GnssErrors(spec, RandomStreams(seed, "rover/gnss")).of_fix(0).position_m
+        for seed in range(2000)
+    ])  # fmt: skip
+    within = np.hypot(off[:, 0], off[:, 1]) < cep_m
+    assert np.mean(within) == pytest.approx(0.5, abs=0.04)

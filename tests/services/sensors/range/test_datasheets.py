@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import pytest
+import yaml
+from msgspec.structs import replace
+
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import Mount, Range
+from services.sensors.range.model import RangeModel
+from tests.services.sensors.yards import box, resting, yard
+
+RADIATION = {
+    "hc_sr04": "ultrasound",
+    "srf08": "ultrasound",
+    "gp2y0a21yk": "infrared",
+    "vl53l1x": "infrared",
+}
+
+
+def read(name: str, **changed: Any) -> Range:
+    sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
+    place = {"name": "sonar", "topic": "/sonar", "frame": "sonar_link"}
+    assert not place.keys() & sheet.keys()
+    return replace(msgspec.convert(sheet | place, Range), **changed)
+
+
+@pytest.mark.parametrize(("name", "radiation"), RADIATION.items())
+def test_every_sheet_fits_and_measures_a_wall(name: str, radiation: str) -> None:
+    spec = read(name, mount=Mount((1.0, 0.0, 0.5)))
+    assert spec.datasheet
+    assert spec.radiation == radiation
+    distance_m = 0.7
+    made = yard(box("wall", (1, 40, 40), (1.5 + distance_m, 0, 0.5)))
+    (reading,) = RangeModel(made, made.vehicles[0], spec).readings(resting(1)[0])
+    # Over its cone, the mean to a wall is a little more than the nearest.
+    sigma = math.sqrt(reading.variance_m2) + spec.turn_on_bias_m + spec.range_resolution_m
+    assert abs(reading.range_m - distance_m) < 4 * sigma + 0.02 * distance_m
+
+
+def test_the_vl53l1x_sees_grey_about_as_far_as_its_sheet_says() -> None:
+    spec = read("vl53l1x")
+    assert spec.max_range_m * math.sqrt(0.17 / spec.full_range_reflectivity) == pytest.approx(
+        1.7, rel=0.1
+    )
