@@ -100,7 +100,8 @@ def test_both_ways_are_delayed_and_nothing_is_lost(stack: ExitStack) -> None:
     ends.ros.send(9, "/cmd_vel", "", 1, b"twist", to=ends.gateway.address)
     wait_for(lambda: ends.at_gateway)
     assert time.monotonic_ns() - began >= 20 * MS
-    assert ends.counts("to_ros")["delivered"] == ends.counts("to_ros")["datagrams"] == 16
+    # 16 parts, and requests for a Credit as long as none comes.
+    assert ends.counts("to_ros")["delivered"] == ends.counts("to_ros")["datagrams"] > 16
 
 
 def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> None:

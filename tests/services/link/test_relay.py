@@ -78,7 +78,8 @@ def test_large_messages_pass_and_credits_come_back(stack: ExitStack) -> None:
     wait_for(lambda: received)
     assert received[0][0].body == body
     wait_for(lambda: between.back.counts["delivered"] > 0)
-    assert between.forward.counts["datagrams"] == between.forward.counts["delivered"] == 32
+    # 32 parts, and requests for a Credit as long as none comes.
+    assert between.forward.counts["datagrams"] == between.forward.counts["delivered"] > 32
     assert between.kernel_drops == between.unsent == 0
 
 
