@@ -129,6 +129,8 @@ class Inbox:
         Parts that lie in their places are taken together.
         """
         taken: List[Taken] = []
+        if run.parked:
+            self._count_parked(run, now_nanos)
         if run.parts_count:
             taken.append(self._receive_placed(place, run, now_nanos))
         if run.refused:
@@ -138,6 +140,13 @@ class Inbox:
             one = self.receive(memoryview(run.stray), run.sender, now_nanos, 0)
             taken.append((*one, run.sender))
         return taken
+
+    def _count_parked(self, run: Run, now_nanos: int) -> None:
+        """Count credits that went to the sender without us, as `_take_control` does with others."""
+        self.reassembler.expire(now_nanos)
+        self.datagrams += run.parked
+        self.bytes_received += run.parked_bytes
+        self.reassembler.counters.messages += run.parked
 
     def _receive_placed(self, place: Place, run: Run, now_nanos: int) -> Taken:
         sender = place.sender
