@@ -60,6 +60,7 @@ class Inbox:
         self._on_report = on_report
         self._on_request = on_request
         self._telling = Telling(self.reassembler)
+        self.take_note = self._telling.take_note
         self.published = self._telling.published
         self.dropped = self._telling.dropped
         self._peers = Peers(self.reassembler.limits.senders)
@@ -86,7 +87,6 @@ class Inbox:
         wall_nanos
             The wall clock, for the ages of messages.
         """
-        self._telling.take_note()
         self.datagrams += 1
         size = len(datagram)
         self.bytes_received += size
@@ -154,7 +154,6 @@ class Inbox:
         head_size = len(run.head)
         end = place.first + run.parts_count
         size = run.parts_count * head_size + (run.parts_count - 1) * place.part_size + run.last_size
-        self._telling.take_note()
         self.datagrams += run.parts_count
         self.bytes_received += size
         message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
