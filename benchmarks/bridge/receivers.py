@@ -116,27 +116,44 @@ def tcp(_: argparse.Namespace) -> None:
 
 
 def ros_sharp(_: argparse.Namespace) -> None:
-    """Receive as rosbridge does: JSON in a WebSocket, binary as base64, a message to be filled."""
-    from sensor_msgs.msg import Image
+    """Receive as rosbridge does: calls in JSON by a WebSocket, of types that clients name."""
     from websockets.sync.server import ServerConnection, serve
 
+    from udp_bridge_ros2 import topics
+
     publisher = own_publisher("ros_sharp")
+    classes: dict[str, type[Any]] = {}
+
+    def advertise(call: dict[str, Any]) -> None:
+        classes[call["topic"]] = topics.message_class(call["type"])
+
+    def publish(call: dict[str, Any]) -> None:
+        message = classes[call["topic"]]()
+        fill(message, call["msg"])
+        publisher.publish(message)
+
+    operations = {"advertise": advertise, "publish": publish}
 
     def handle(connection: ServerConnection) -> None:
         for text in connection:
-            fields = json.loads(text)["msg"]
-            message = Image()
-            message.header.frame_id = fields["header"]["frame_id"]
-            message.header.stamp.sec = fields["header"]["stamp"]["sec"]
-            message.header.stamp.nanosec = fields["header"]["stamp"]["nanosec"]
-            message.height, message.width = fields["height"], fields["width"]
-            message.encoding, message.step = fields["encoding"], fields["step"]
-            message.data = array.array("B", base64.b64decode(fields["data"]))
-            publisher.publish(message)
+            call = json.loads(text)
+            operations[call["op"]](call)
 
     with serve(handle, "127.0.0.1", 0, max_size=None, compression=None) as server:
         print(server.socket.getsockname()[1], flush=True)
         server.serve_forever()
+
+
+def fill(message: Any, fields: dict[str, Any]) -> None:
+    """Fill a message of any type from JSON, in which sequences of bytes are base64."""
+    types = message.get_fields_and_field_types()
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        elif types[name] == "sequence<uint8>":
+            setattr(message, name, array.array("B", base64.b64decode(value)))
+        else:
+            setattr(message, name, value)
 
 
 def compute() -> None:

@@ -131,6 +131,7 @@ class RosSharp:
         self._receiver = python(RECEIVERS, "ros_sharp")
         url = f"ws://{LOCALHOST}:{self._receiver.number()}"
         self._connection = connect(url, max_size=None, compression=None)
+        self._call("advertise", type="sensor_msgs/msg/Image")
         self._pictures: dict[int, bytes] = {}
 
     def send(self, size: int) -> float:
@@ -148,8 +149,11 @@ class RosSharp:
             "step": len(data),
             "data": base64.b64encode(data).decode("ascii"),
         }
-        self._connection.send(json.dumps({"op": "publish", "topic": "/image", "msg": message}))
+        self._call("publish", msg=message)
         return (self._receiver.number() - began) / 1e6
+
+    def _call(self, operation: str, **more: object) -> None:
+        self._connection.send(json.dumps({"op": operation, "topic": "/image", **more}))
 
     def close(self) -> None:
         """See `Way`."""

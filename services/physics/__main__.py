@@ -107,11 +107,12 @@ class Physics:
                 self.epoch_nanos,
             )
         )
+        self._ack_prefix = ACK.key_in(run, process="")
+        self._health_prefix = HEALTH.key_in(run, process="")
+        # Who is there already is told of at once, on another thread: what it needs stands above.
         bus.watch(HEALTH.key_in(run), self._on_liveliness)
         bus.serve(history_key(run), self._missed_by)
         bus.serve(scenario_key(run), lambda _: [msgspec.msgpack.encode(scenario)])
-        self._ack_prefix = ACK.key_in(run, process="")
-        self._health_prefix = HEALTH.key_in(run, process="")
 
     @property
     def tick(self) -> int:

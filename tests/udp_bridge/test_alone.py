@@ -79,6 +79,7 @@ def test_every_module_has_its_test() -> None:
         "listening": "test_link",
         "peers": "test_receiving",
         "telling": "test_receiving",
+        "known_headers": "test_sending",
         "waiting": "test_sending",
         "udp_socket": "test_link",
     }

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 import pytest
 
 from udp_bridge import Link, parse
+from udp_bridge.flow import DatagramKey
 from udp_bridge.fragments import datagram_of
 from udp_bridge.header import Buffer, Header
 from udp_bridge.repair import Resend
@@ -88,6 +89,52 @@ def make_thread_look(link: Link) -> None:
         link._sleeps_until_nanos = 0.0
         link._wake.notify_all()
     wait_for(lambda: link._sleeps_until_nanos > 0, "the thread sleeps")
+
+
+class KeepingWire(Wire):
+    """Has a Credit for all that was sent, which comes when it may be kept no longer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_awaited = False
+
+    def park_credits(self, to: Address, like: bytes) -> list[tuple[int, int, int]]:
+        return []
+
+    def parked_credits(self, is_awaited: bool) -> list[tuple[int, int, int]]:
+        came_last = is_awaited and not self.is_awaited
+        self.is_awaited = is_awaited
+        newest = self.headers[-1]
+        return [(newest.seq_number, newest.part_number, self.receive_buffer)] if came_last else []
+
+
+def test_a_credit_that_is_kept_while_the_sender_gives_up_is_found() -> None:
+    wire = KeepingWire()
+    with Link(("", 0), TO, socket=wire) as link:
+        for number in range(3):
+            link.send(33, "/image", "", 10**18 + number, bytes(12_000_000))
+            wait_for(link._is_idle, "all parts leave")
+        parts = [(h.seq_number, h.part_number) for h in wire.headers if h.msg_type == 33]
+        assert parts == [(number, part) for number in range(3) for part in range(184)]
+        assert link.counters()["stalls"] == 0
+
+
+class PlainWire(Wire):
+    """Takes datagrams one by one alone, as sealed sockets do."""
+
+    send_run = None  # type: ignore[assignment]
+
+
+def test_all_parts_of_messages_that_are_alike_leave_one_by_one() -> None:
+    wire = PlainWire()
+    with Link(("", 0), TO, socket=wire) as link:
+        link._outbox(TO).pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+        for number in range(3):
+            link.send(33, "/image", "", 10**18 + number, bytes(300_000))
+            assert link.flush(PATIENCE_S)
+            assert {h.part_number for h in wire.headers[-5:]} == set(range(5))
+        assert len(wire.headers) == 15
+        assert set(wire.threads) == {threading.current_thread().name}
 
 
 def test_small_messages_go_in_the_thread_that_brings_them(wire: Wire) -> None:

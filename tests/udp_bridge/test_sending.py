@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.flow import DatagramKey
+from udp_bridge.known_headers import EXPRESS_TOPICS
 from udp_bridge.repair import Fec, Mode, Resend
-from udp_bridge.sending import EXPRESS_TOPICS, Datagram, Outbox, take_in_turn
+from udp_bridge.sending import Datagram, Outbox, take_in_turn
 from udp_bridge.waiting import SMALL_WAITING_PER_TOPIC
 
 TO = ("192.0.2.1", 4000)
@@ -235,9 +236,75 @@ def test_what_is_repaired_takes_the_long_way(mode: Mode) -> None:
     assert express(known(repair={(2, "/imu"): mode}), 1, b"x") is None
 
 
+def cloud_of(size: int, stamp_nanos: int = 5, topic: str = "/image") -> Message:
+    return Message(33, topic, "camera", stamp_nanos, 0, bytes(size))
+
+
+def known_run(size: int, **options: Any) -> Outbox:
+    """Return an outbox by which a large message has gone the long way, and that got a Credit."""
+    box = Outbox(TO, "loopback", **options)
+    box.pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+    box.put(cloud_of(size))
+    while box.take(0, 1 << 20) is not None:
+        pass
+    return box
+
+
+@given(
+    st.integers(65_281, 1_200_000),
+    st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), max_size=4),
+    st.sampled_from((1, 200_000, 1 << 20)),
+    st.booleans(),
+)
+def test_an_express_run_is_the_long_way_in_one_step(
+    size: int, stamps: list[int], most_bytes: int, signed_peer: bool
+) -> None:
+    short, long = (known_run(size, signed_peer=signed_peer) for _ in range(2))
+    for stamp_nanos in stamps:
+        at_once = short.express_run(cloud_of(size, stamp_nanos), 0, most_bytes)
+        long.put(cloud_of(size, stamp_nanos))
+        while (queued := long.take(0, most_bytes)) is not None:
+            assert at_once is not None
+            assert (*at_once[:4], at_once.run and at_once.run[1:]) == (
+                *queued[:4],
+                queued.run and queued.run[1:],
+            )
+            if queued.run is not None and at_once.run is not None:
+                assert at_once.run.parts.packed == queued.run.parts.packed
+            at_once = short.take(0, most_bytes)
+        assert at_once is None
+    assert short.accounts.rows(0) == long.accounts.rows(0)
+    assert short.pacer.window.in_flight_bytes == long.pacer.window.in_flight_bytes
+
+
+def test_a_large_message_with_more_to_it_takes_the_long_way() -> None:
+    most, fits = 1 << 20, cloud_of(700_000)
+    fresh = Outbox(TO, "loopback")
+    assert fresh.express_run(fits, 0, most) is None  # nothing is known of its topic
+    box = known_run(700_000)
+    for other in (
+        cloud_of(700_001),
+        cloud_of(700_000, 2**31 * 10**9),
+        cloud_of(700_000, topic="/other"),
+        fits._replace(link="elsewhere"),
+    ):
+        assert box.express_run(other, 0, most) is None
+    box.put(message("/clock", b"t", 8))
+    assert box.express_run(fits, 0, most) is None  # it would overtake one that waits
+    taken(box)
+    sent = 0
+    while box.express_run(fits, 0, most) is not None:
+        sent += 1
+    assert sent == 5  # four and a part of the fifth fill half of the peer's buffer, with the first
+    assert not box.is_idle
+    assert (
+        known_run(700_000, repair={(33, "/image"): Resend(10**9)}).express_run(fits, 0, 1) is None
+    )
+
+
 def test_headers_are_kept_of_a_bounded_number_of_topics() -> None:
     box = Outbox(TO, "mtu")
     for index in range(2 * EXPRESS_TOPICS + 1):
         box.put(message(str(index), b"x"))
         taken(box)
-        assert len(box._express) <= EXPRESS_TOPICS
+        assert len(box._known.small) + len(box._known.large) <= EXPRESS_TOPICS

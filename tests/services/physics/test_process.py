@@ -59,3 +59,17 @@ def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
     wait_nanos = round(physics.pace.wait_seconds(400, clocks.monotonic()) * NANOS)
     assert clocks.time_ns() + wait_nanos - physics.epoch_nanos == pytest.approx(NANOS, abs=10)
     assert clocks.time_ns() > physics.epoch_nanos
+
+
+class PresentBus(SlowBus):
+    """A bus that tells who is there as soon as it is asked to watch."""
+
+    def watch(self, key: str, on_change: Callable[[str, bool], None]) -> None:
+        on_change(key.replace("**", "recorder"), True)
+
+
+def test_who_is_there_already_is_not_waited_for() -> None:
+    bus: Any = PresentBus(Clocks())
+    physics = process.Physics(load(str(SCENARIO)), "run", bus, others=["recorder"])
+    physics.close()
+    assert physics.missing() == []

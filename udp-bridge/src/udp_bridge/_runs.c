@@ -4,7 +4,9 @@
 // A Python thread that asks for each datagram gets the interpreter each time, up to 5 ms late where
 // another thread computes. So parts of a message that are exactly those expected are received here
 // one after the other, each into its place, and acknowledged; all else is handed back at once,
-// whole and in order, and `receiving` judges it by every rule. Nothing is kept between two calls.
+// whole and in order, and `receiving` judges it by every rule. Nothing is kept between two calls,
+// but for credits: while a sender finds room for more, those for what it sends are kept here until
+// it looks (`parking.py`), and wake nobody.
 #define PY_SSIZE_T_CLEAN
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
@@ -13,6 +15,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
+#include <pthread.h>
 #include <stdint.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -22,7 +25,7 @@
 enum {
     SEQ_NUMBER = 2, PART_NUMBER = 6, PARTS_MAX = 7, TIME = 8, TIME_NSEC = 12, TOPIC_SIZE = 16,
     NAMES = 18, HEADER_MIN = 20, HEADER_ROOM = 256, MOST_PARTS = 255,
-    CONTROL = 64, CREDIT_SIZE = 12, CREDIT_SHARE = 8, BATCH = 64, NANOS = 1000000000,
+    CONTROL = 64, CREDIT_SIZE = 12, CREDIT_SHARE = 8, BATCH = 64, NANOS = 1000000000, PARKED = 64,
     LONGEST_NANOS = 20000000 // of a run, behind its first datagram; then Python looks around
 };
 
@@ -106,15 +109,102 @@ static PyObject *send_parts(PyObject *self, PyObject *args)
     return Py_BuildValue("ii", sent, error);
 }
 
+// Credits of one peer for one topic that wait for the sender. All zero it takes none.
+struct parking {
+    struct sockaddr_in from;
+    unsigned char like[HEADER_ROOM + CREDIT_SIZE]; // a credit as it looks but for its numbers
+    int like_size, is_awaited, count;              // is_awaited: the sender has to be woken
+    struct parked {
+        uint32_t seq_number, part_number, receive_buffer;
+    } rows[PARKED];
+};
+
+static pthread_mutex_t parking_lock = PTHREAD_MUTEX_INITIALIZER; // whoever holds it takes no other
+
+static struct parking *parking_in(const Py_buffer *memory)
+{
+    if (memory->len >= (Py_ssize_t)sizeof(struct parking)) return memory->buf;
+    PyErr_SetString(PyExc_ValueError, "too little memory for credits");
+    return NULL;
+}
+
+static PyObject *listed(const struct parked *rows, int count)
+{
+    PyObject *all = PyList_New(count);
+    for (int i = 0; all && i < count; i++) {
+        PyObject *row = Py_BuildValue("III", rows[i].seq_number, rows[i].part_number,
+                                      rows[i].receive_buffer);
+        if (row) PyList_SET_ITEM(all, i, row);
+        else Py_CLEAR(all);
+    }
+    return all;
+}
+
+// park(memory, (host, port), like) -> [(seq_number, part_number, receive_buffer), ...]
+//
+// Keeps credits of this peer that look like this one from now on; returns what was kept before.
+static PyObject *park(PyObject *self, PyObject *args)
+{
+    int port, count = 0;
+    const char *host;
+    Py_buffer memory, like;
+    struct sockaddr_in from;
+    struct parked rows[PARKED];
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*(si)y*", &memory, &host, &port, &like)) return NULL;
+    struct parking *parking = parking_in(&memory);
+    int is_fit = like.len >= HEADER_MIN + CREDIT_SIZE && like.len <= (int)sizeof parking->like &&
+                 like.len == ((unsigned char *)like.buf)[1] + CREDIT_SIZE;
+    if (parking && !is_fit) PyErr_SetString(PyExc_ValueError, "no credit looks like this");
+    int is_set = parking && is_fit && to_address(host, port, &from);
+    if (is_set) {
+        pthread_mutex_lock(&parking_lock);
+        count = parking->count;
+        memcpy(rows, parking->rows, count * sizeof *rows);
+        parking->count = 0;
+        parking->from = from;
+        memcpy(parking->like, like.buf, like.len);
+        parking->like_size = (int)like.len;
+        pthread_mutex_unlock(&parking_lock);
+    }
+    PyBuffer_Release(&memory);
+    PyBuffer_Release(&like);
+    return is_set ? listed(rows, count) : NULL;
+}
+
+// parked(memory, is awaited) -> [(seq_number, part_number, receive_buffer), ...]
+//
+// Takes what was kept. While a credit is awaited none is kept, so that it wakes the sender.
+static PyObject *take_parked(PyObject *self, PyObject *args)
+{
+    int is_awaited, count = 0;
+    Py_buffer memory;
+    struct parked rows[PARKED];
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*p", &memory, &is_awaited)) return NULL;
+    struct parking *parking = parking_in(&memory);
+    if (parking) {
+        pthread_mutex_lock(&parking_lock);
+        parking->is_awaited = is_awaited;
+        count = parking->count;
+        memcpy(rows, parking->rows, count * sizeof *rows);
+        parking->count = 0;
+        pthread_mutex_unlock(&parking_lock);
+    }
+    PyBuffer_Release(&memory);
+    return parking ? listed(rows, count) : NULL;
+}
+
 // What is expected next, and what came of it.
 struct run {
-    Py_buffer rest, block, head; // rest: for what has no other place; head: as it is expected
+    Py_buffer rest, block, head, parking; // rest: for what has no other place; head: as it is expected
     unsigned char came[HEADER_ROOM]; // the header of the first part; behind it only stray ones
     struct sockaddr_in sender, from; // of the parts; of the last datagram
     Py_ssize_t part_size, last_size; // last_size: body bytes of the last part that came
     int fd, first, count;            // parts that may come in a row, and where they begin
     int is_open;                     // a part of the message was taken before: all must be alike
-    int taken, credits, error;
+    int taken, credits, error, parked;
+    unsigned long long parked_bytes;
     unsigned int control_number, receive_buffer;
     unsigned long long uncredited;
     long long drops; // that the kernel told of; -1 where it did not
@@ -191,6 +281,63 @@ static int send_credit(struct run *run, const unsigned char *head)
                   sizeof run->sender) == (ssize_t)length;
 }
 
+// Copy a datagram that lies in three places.
+static void gather(const struct run *run, const unsigned char *head, Py_ssize_t size, char *to)
+{
+    int is_placed = run->taken < run->count;
+    Py_ssize_t room[3] = {is_placed ? run->head.len : 0, is_placed ? run->part_size : 0, size};
+    const void *from[3] = {
+        head, (char *)run->block.buf + (run->first + run->taken) * run->part_size, run->rest.buf};
+    for (Py_ssize_t at = 0, i = 0; i < 3; i++) {
+        Py_ssize_t some = size - at < room[i] ? size - at : room[i];
+        memcpy(to + at, from[i], some);
+        at += some;
+    }
+}
+
+// Keep a datagram for the sender, if it is a credit that can wait; return whether it was kept.
+static int keep_credit(struct run *run, const unsigned char *head, Py_ssize_t size)
+{
+    struct parking *parking = run->parking.buf;
+    unsigned char credit[HEADER_ROOM + CREDIT_SIZE];
+    int is_kept = 0;
+    if (size > (Py_ssize_t)sizeof credit) return 0;
+    gather(run, head, size, (char *)credit);
+    const unsigned char *body = credit + size - CREDIT_SIZE;
+    pthread_mutex_lock(&parking_lock);
+    const unsigned char *like = parking->like;
+    if (size == parking->like_size && !parking->is_awaited && parking->count < PARKED &&
+        run->from.sin_addr.s_addr == parking->from.sin_addr.s_addr &&
+        run->from.sin_port == parking->from.sin_port && !memcmp(credit, like, SEQ_NUMBER) &&
+        !memcmp(credit + PART_NUMBER, like + PART_NUMBER, TIME - PART_NUMBER) &&
+        u32(credit + TIME_NSEC) < NANOS &&
+        !memcmp(credit + TOPIC_SIZE, like + TOPIC_SIZE, size - CREDIT_SIZE - TOPIC_SIZE) &&
+        !memcmp(body, like + size - CREDIT_SIZE, 2)) {
+        parking->rows[parking->count++] = (struct parked){u32(body + 4), body[2], u32(body + 8)};
+        is_kept = 1;
+    }
+    pthread_mutex_unlock(&parking_lock);
+    run->parked += is_kept;
+    run->parked_bytes += is_kept ? size : 0;
+    return is_kept;
+}
+
+// Take note of the next part, and acknowledge it if that is due; return whether that went well.
+static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size)
+{
+    if (!run->taken) memcpy(run->came, head, run->head.len);
+    run->taken++;
+    run->last_size = size - run->head.len;
+    run->uncredited += size;
+    if (head[PART_NUMBER] != head[PARTS_MAX] - 1 &&
+        run->uncredited <= run->receive_buffer / CREDIT_SHARE)
+        return 1;
+    if (!send_credit(run, head)) return 0; // then it is still due
+    run->uncredited = 0;
+    run->credits++;
+    return 1;
+}
+
 // Receive until something comes that is not expected. Return its size; -1 where nothing did.
 static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flowing, int waits)
 {
@@ -203,60 +350,35 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
         thread = PyEval_SaveThread();
         size = receive_one(run, head, 0);
     }
-    while (size >= 0 && is_expected(run, head, size)) {
+    while (size >= 0) {
+        int is_part = is_expected(run, head, size);
+        if (!is_part && !keep_credit(run, head, size)) break;
         if (!thread) thread = PyEval_SaveThread();
-        if (!run->taken) memcpy(run->came, head, run->head.len);
-        run->taken++;
-        run->last_size = size - run->head.len;
-        run->uncredited += size;
-        if (head[PART_NUMBER] == head[PARTS_MAX] - 1 ||
-            run->uncredited > run->receive_buffer / CREDIT_SHARE) {
-            if (!send_credit(run, head)) { // then it is still due
-                size = -1;
-                break;
-            }
-            run->uncredited = 0;
-            run->credits++;
-        }
+        int is_over = is_part && (!take_part(run, head, size) || run->taken == run->count);
         size = -1;
-        if (run->taken == run->count) break;
+        if (is_over) break;
         if (!until_nanos) until_nanos = now_nanos() + LONGEST_NANOS;
         else if (now_nanos() > until_nanos) break;
-        size = receive_one(run, head, waits ? 0 : MSG_DONTWAIT);
+        size = receive_one(run, head, waits || !run->taken ? 0 : MSG_DONTWAIT);
     }
     if (thread) PyEval_RestoreThread(thread);
     return size;
 }
 
-// A datagram that lies in three places.
-static PyObject *joined(const struct run *run, const unsigned char *head, Py_ssize_t size)
-{
-    int is_placed = run->taken < run->count;
-    Py_ssize_t room[3] = {is_placed ? run->head.len : 0, is_placed ? run->part_size : 0, size};
-    const void *from[3] = {
-        head, (char *)run->block.buf + (run->first + run->taken) * run->part_size, run->rest.buf};
-    PyObject *whole = PyBytes_FromStringAndSize(NULL, size);
-    for (Py_ssize_t at = 0, i = 0; whole && i < 3; i++) {
-        Py_ssize_t some = size - at < room[i] ? size - at : room[i];
-        memcpy(PyBytes_AS_STRING(whole) + at, from[i], some);
-        at += some;
-    }
-    return whole;
-}
-
 // receive(fd, rest, block, header, (host, port), part size, first, count, is open, waits,
-// uncredited, receive buffer, control number, is flowing) -> None, or
-// header, taken, last size, credits, uncredited, stray datagram or None, its sender, errno, drops
+// uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
+// header, taken, last size, credits, uncredited, stray datagram or None, its sender, errno, drops,
+// credits kept, their bytes
 static PyObject *receive(PyObject *self, PyObject *args)
 {
     struct run run = {.drops = -1};
     int port, waits, is_flowing;
     const char *host;
     (void)self;
-    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niippKIIp", &run.fd, &run.rest, &run.block, &run.head,
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niippKIIpw*", &run.fd, &run.rest, &run.block, &run.head,
                           &host, &port, &run.part_size, &run.first, &run.count, &run.is_open,
                           &waits, &run.uncredited, &run.receive_buffer, &run.control_number,
-                          &is_flowing))
+                          &is_flowing, &run.parking))
         return NULL;
     PyObject *found = NULL, *stray = NULL, *sender = NULL;
     unsigned char head[HEADER_ROOM];
@@ -269,9 +391,9 @@ static PyObject *receive(PyObject *self, PyObject *args)
         PyErr_SetString(PyExc_ValueError, "the parts do not lie in the block");
         goto end;
     }
-    if (!to_address(host, port, &run.sender)) goto end;
+    if (!parking_in(&run.parking) || !to_address(host, port, &run.sender)) goto end;
     Py_ssize_t size = receive_parts(&run, head, is_flowing, waits);
-    if (size < 0 && !run.taken) {
+    if (size < 0 && !run.taken && !run.parked) {
         Py_INCREF(Py_None);
         found = Py_None;
         goto end;
@@ -279,25 +401,30 @@ static PyObject *receive(PyObject *self, PyObject *args)
     if (size >= 0) {
         char name[INET_ADDRSTRLEN] = "";
         inet_ntop(AF_INET, &run.from.sin_addr, name, sizeof name);
-        stray = joined(&run, head, size);
+        stray = PyBytes_FromStringAndSize(NULL, size);
+        if (stray) gather(&run, head, size, PyBytes_AS_STRING(stray));
         sender = Py_BuildValue("si", name, ntohs(run.from.sin_port));
         if (!stray || !sender) goto end;
     }
-    found = Py_BuildValue("y#iniKOOiL", run.came, run.taken ? run.head.len : 0, run.taken,
+    found = Py_BuildValue("y#iniKOOiLiK", run.came, run.taken ? run.head.len : 0, run.taken,
                           run.last_size, run.credits, run.uncredited, stray ? stray : Py_None,
-                          sender ? sender : Py_None, run.error, run.drops);
+                          sender ? sender : Py_None, run.error, run.drops,
+                          run.parked, run.parked_bytes);
 end:
     Py_XDECREF(stray);
     Py_XDECREF(sender);
     PyBuffer_Release(&run.rest);
     PyBuffer_Release(&run.block);
     PyBuffer_Release(&run.head);
+    PyBuffer_Release(&run.parking);
     return found;
 }
 
 static PyMethodDef methods[] = {
     {"send", send_parts, METH_VARARGS, "Send parts of a message."},
     {"receive", receive, METH_VARARGS, "Receive parts of a message, and what is none."},
+    {"park", park, METH_VARARGS, "Keep credits that look like one."},
+    {"parked", take_parked, METH_VARARGS, "Take the credits that were kept."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -307,5 +434,8 @@ static struct PyModuleDef module = {
 
 PyMODINIT_FUNC PyInit__runs(void)
 {
-    return PyModule_Create(&module);
+    PyObject *made = PyModule_Create(&module);
+    if (made && PyModule_AddIntConstant(made, "PARKING_BYTES", sizeof(struct parking)))
+        Py_CLEAR(made);
+    return made;
 }

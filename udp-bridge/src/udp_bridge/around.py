@@ -10,9 +10,10 @@ from __future__ import annotations
 import os
 import threading
 import time
-from typing import Iterable, Optional, Sequence, Tuple
+from typing import Iterable, List, Optional, Sequence, Tuple
 
 from .header import Buffer, Refused
+from .parking import Kept
 from .placing import Credits, Place, Run
 from .seal import OVERHEAD, Seal
 from .sending import Address
@@ -74,6 +75,11 @@ class PeersOnly(Around):
         if hasattr(inner, "receive_run"):
             self._inner_run = inner.receive_run
             self.receive_run = self._receive_run
+        if hasattr(inner, "park_credits"):
+            self._inner_park = inner.park_credits
+            self.park_credits = self._park_credits
+        if hasattr(inner, "parked_credits"):
+            self.parked_credits = inner.parked_credits
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
         """Wait for a datagram; return its size and sender, or None when there was none.
@@ -95,6 +101,13 @@ class PeersOnly(Around):
         if run is not None and run.sender is not None and not self._is_peer(run.sender):
             run = run._replace(stray=None, sender=None, refused="stranger")
         return run
+
+    def _park_credits(self, to: Address, like: bytes) -> List[Kept]:
+        """Do as `UdpSocket.park_credits`, but let those of others be refused."""
+        kept: List[Kept] = []
+        if self._is_peer(to):
+            kept = self._inner_park(to, like)
+        return kept
 
     def _is_peer(self, sender: Address) -> bool:
         return sender in self._peers or (sender[0], 0) in self._peers

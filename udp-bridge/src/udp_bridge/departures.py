@@ -12,12 +12,14 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional, Union
 
 from .control import TopicReport
 from .flow import DatagramKey
 from .fragments import DatagramSize
 from .header import NANOS, Header
+from .message import Message
+from .parking import NoParking, Parking
 from .repair import RepairTable
 from .repair_wire import Request
 from .sending import Address, Datagram, Outbox, take_in_turn
@@ -55,11 +57,14 @@ class Departures:
         self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
         self._send_run: Any = None
         self._run_bytes = 0
+        self._parking: Union[Parking, NoParking] = NoParking()
 
     def _departs_by(self, socket: DatagramSocket) -> None:
         # What stands around a socket may lack this; then each datagram goes by itself.
         self._send_run = getattr(socket, "send_run", None)
         self._run_bytes = _RUN_BYTES if self._send_run is not None else 0
+        if hasattr(socket, "park_credits"):
+            self._parking = Parking(socket)
 
     def _outbox(self, to: Address) -> Outbox:
         outbox = self._routes.get(to)
@@ -85,7 +90,9 @@ class Departures:
             outbox = self._outboxes.get(sender)
             if outbox is None:
                 return
-            outbox.pacer.acknowledged(key, receive_buffer, time.monotonic_ns())
+            now_nanos = time.monotonic_ns()
+            self._parking.collect(now_nanos, waits=True)  # they came before this one
+            outbox.pacer.acknowledged(key, receive_buffer, now_nanos)
             if outbox.is_idle:
                 return
             if self._datagram != "loopback":
@@ -145,8 +152,13 @@ class Departures:
                     break
             left_bytes -= self._send(datagram)
         with self._lock:
-            if self._sleeps_until_nanos and not self._is_sending:
-                if self._next_wake(time.monotonic_ns()) < self._sleeps_until_nanos:
+            if self._is_sending:
+                self._is_relied_on = True
+            elif self._sleeps_until_nanos:
+                now_nanos = time.monotonic_ns()
+                if left_bytes <= 0:
+                    self._parking.collect(now_nanos, waits=True)  # nobody sends any more
+                if self._next_wake(now_nanos) < self._sleeps_until_nanos:
                     self._wake.notify_all()
 
     def _take(self) -> Optional[Datagram]:
@@ -154,7 +166,13 @@ class Departures:
         self._is_relied_on = self._is_sending
         if self._is_sending:
             return None
-        datagram = take_in_turn(self._turn, time.monotonic_ns(), self._run_bytes)
+        now_nanos = time.monotonic_ns()
+        self._parking.collect(now_nanos, waits=False)
+        datagram = take_in_turn(self._turn, now_nanos, self._run_bytes)
+        if datagram is None and self._parking.collect(now_nanos, waits=True):
+            datagram = take_in_turn(self._turn, now_nanos, self._run_bytes)
+        if datagram is not None and datagram.run is not None:
+            self._parking.follow(self._turn[-1], now_nanos)
         self._is_sending = datagram is not None
         return datagram
 
@@ -175,11 +193,30 @@ class Departures:
             with self._lock:
                 self._is_sending = False
                 self._count_sent(size, sent, is_last=datagram.is_last and sent == count)
-                if self._idle_waiters:
+                if self._idle_waiters and self._is_idle():
                     self._idle.notify_all()
                 if has_failed:
                     self._wake.notify_all()  # what was left to this thread is now ours
         return size
+
+    def _express_run(self, outbox: Outbox, message: Message) -> Optional[Datagram]:
+        """Return the first parts of a large message if it may go by express."""
+        if not self._is_idle():
+            return None
+        now_nanos = time.monotonic_ns()
+        self._parking.collect(now_nanos, waits=False)
+        datagram = outbox.express_run(message, now_nanos, self._run_bytes)
+        if datagram is not None and datagram.run is not None:
+            self._parking.follow(outbox, now_nanos)
+        return datagram
+
+    def _is_left_over_by(self, express: Datagram) -> bool:
+        """Send what goes by express; tell whether something waits behind it."""
+        self._send(express)
+        if express.run is None and express.is_last:  # a small one, which changes nothing else
+            return self._is_relied_on
+        with self._lock:
+            return not self._is_idle()
 
     def _next_wake(self, now_nanos: int) -> float:
         """Return when something may go if nothing happens; infinity when nothing waits."""
@@ -189,10 +226,17 @@ class Departures:
     def _is_idle(self) -> bool:
         if self._is_closed:
             return True
-        return not self._is_sending and all(outbox.is_idle for outbox in self._turn)
+        if self._is_sending:
+            return False
+        for outbox in self._turn:
+            if not outbox.is_idle:
+                return False
+        return True
 
     def _wait_idle(self, is_idle: Callable[[], bool], timeout_s: float) -> bool:
         with self._lock:
+            if is_idle():
+                return True
             self._idle_waiters += 1
             try:
                 return self._idle.wait_for(is_idle, timeout_s)

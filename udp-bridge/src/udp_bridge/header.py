@@ -27,6 +27,7 @@ NAMES_MAX = LARGEST_HEADER - FIXED_SIZE
 """Bytes that topic and link may take together: 234."""
 PARTS_MAX = 255
 PART_NUMBER_OFFSET = 6
+_PARTS_MAX_OFFSET = 7
 SEQ_NUMBERS = 1 << 32
 NANOS = 1_000_000_000
 
@@ -180,17 +181,17 @@ def is_stamp(stamp_nanos: int) -> bool:
 
 
 def restamped(packed: bytes, seq_number: int, stamp_nanos: int) -> bytes:
-    """Return the header of another message of a single part, equal but for number and stamp.
+    """Return the header of part 0 of another message, equal but for number and stamp.
 
     Parameters
     ----------
     packed
-        The header of one.
+        The header of part 0 of one.
     seq_number, stamp_nanos
         Within their ranges, which is not checked.
     """
     sec, nsec = divmod(stamp_nanos, NANOS)
-    anew = _NUMBER_TO_STAMP.pack(seq_number, 0, 1, sec, nsec)
+    anew = _NUMBER_TO_STAMP.pack(seq_number, 0, packed[_PARTS_MAX_OFFSET], sec, nsec)
     return packed[:_NUMBER_OFFSET] + anew + packed[_STAMP_END:]
 
 

@@ -181,19 +181,20 @@ class Link(Departures):
             express = None
             if not self._is_sending:
                 express = outbox.express(msg_type, topic, link, stamp_nanos, body)
+            if express is None:
+                message = Message(msg_type, topic, link, stamp_nanos, 0, body)
+                if not self._is_sending:
+                    express = self._express_run(outbox, message)
             if express is not None:
                 self._is_sending = True
             else:
                 try:
-                    outbox.put(Message(msg_type, topic, link, stamp_nanos, 0, body))
+                    outbox.put(message)
                 except TooLarge:
                     self._too_large += 1
                     raise
-        if express is not None:
-            self._send(express)
-            if not self._is_relied_on:
-                return
-        self._send_at_once()
+        if express is None or self._is_left_over_by(express):
+            self._send_at_once()
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all that was queued is sent; return whether it is."""

@@ -69,6 +69,7 @@ class Listening:
         due_nanos = time.monotonic_ns() + _REPORT_NANOS
         while not self._is_ended:
             now_nanos = turn(buffer, receive_run)
+            self._inbox.take_note()  # behind the messages, which should not wait for it
             if self._report and now_nanos >= due_nanos:
                 self._tell(now_nanos)
                 due_nanos = now_nanos + _REPORT_NANOS

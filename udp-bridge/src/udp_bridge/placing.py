@@ -94,6 +94,9 @@ class Run(NamedTuple):
     """Where the stray one came from."""
     refused: str = ""
     """Why another one that came last must not be taken."""
+    parked: int = 0
+    """Credits that were kept for the sender, and their bytes; see `parking`."""
+    parked_bytes: int = 0
 
 
 class Guess:

@@ -60,6 +60,7 @@ class Inbox:
         self._on_report = on_report
         self._on_request = on_request
         self._telling = Telling(self.reassembler)
+        self.take_note = self._telling.take_note
         self.published = self._telling.published
         self.dropped = self._telling.dropped
         self._peers = Peers(self.reassembler.limits.senders)
@@ -86,7 +87,6 @@ class Inbox:
         wall_nanos
             The wall clock, for the ages of messages.
         """
-        self._telling.take_note()
         self.datagrams += 1
         size = len(datagram)
         self.bytes_received += size
@@ -129,6 +129,8 @@ class Inbox:
         Parts that lie in their places are taken together.
         """
         taken: List[Taken] = []
+        if run.parked:
+            self._count_parked(run, now_nanos)
         if run.parts_count:
             taken.append(self._receive_placed(place, run, now_nanos))
         if run.refused:
@@ -139,13 +141,19 @@ class Inbox:
             taken.append((*one, run.sender))
         return taken
 
+    def _count_parked(self, run: Run, now_nanos: int) -> None:
+        """Count credits that went to the sender without us, as `_take_control` does with others."""
+        self.reassembler.expire(now_nanos)
+        self.datagrams += run.parked
+        self.bytes_received += run.parked_bytes
+        self.reassembler.counters.messages += run.parked
+
     def _receive_placed(self, place: Place, run: Run, now_nanos: int) -> Taken:
         sender = place.sender
         header = self._guess.header_of(place, run)
         head_size = len(run.head)
         end = place.first + run.parts_count
         size = run.parts_count * head_size + (run.parts_count - 1) * place.part_size + run.last_size
-        self._telling.take_note()
         self.datagrams += run.parts_count
         self.bytes_received += size
         message = self.reassembler.accept_run(header, place, run, sender, now_nanos)

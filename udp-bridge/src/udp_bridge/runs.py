@@ -14,6 +14,7 @@ import struct
 from typing import Any, Callable, List, Optional, Tuple, Union
 
 from .fragments import datagram_of
+from .parking import Kept
 from .placing import Credits, Place, Run
 from .sending import Address
 from .sending import Run as Leaving
@@ -44,6 +45,17 @@ class ManyAtOnce:
         """Datagrams that the kernel dropped for want of buffer, as far as it told."""
         self._rest = bytearray(_REST_ROOM)
         self._is_flowing = False
+        self._parking = bytearray(_many.PARKING_BYTES)
+
+    def park(self, to: Address, like: bytes) -> List[Kept]:
+        """As `UdpSocket.park_credits`."""
+        kept: List[Kept] = _many.park(self._parking, to, like)
+        return kept
+
+    def parked(self, is_awaited: bool) -> List[Kept]:
+        """As `UdpSocket.parked_credits`."""
+        kept: List[Kept] = _many.parked(self._parking, is_awaited)
+        return kept
 
     def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
         """Return what came, at least one datagram; None when there was none."""
@@ -61,13 +73,15 @@ class ManyAtOnce:
             waits,
             *credits,
             self._is_flowing,
+            self._parking,
         )
         self._is_flowing = found is not None
         if found is None:
             return None, -1
         if found[8] >= 0:
             self.drops = found[8]
-        return Run(*found[:7]), found[7]
+        run = Run(*found[:7])
+        return run._replace(parked=found[9], parked_bytes=found[10]), found[7]
 
 
 class OneByOne:

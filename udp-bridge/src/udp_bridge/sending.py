@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import chain
-from typing import Deque, Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Deque, Iterator, List, NamedTuple, Optional, Tuple
 
 from .accounts import Accounts
 from .control import CreditRequest
@@ -18,15 +18,13 @@ from .fec_sending import symbols_of
 from .flow import DatagramKey, Pacer
 from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, parts_of, plan
 from .header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
+from .known_headers import KnownHeaders
 from .message import Message
 from .numbering import Numbering
 from .repair import Fec, RepairTable, Resend
 from .resend import Resender, Sent
 from .types import CONTROL
 from .waiting import LargeWaiting, SmallWaiting, WaitingTable
-
-EXPRESS_TOPICS = 1024
-"""Topics, with their links, whose headers are kept."""
 
 Address = Tuple[str, int]
 
@@ -85,7 +83,7 @@ class Outbox:
         self._numbering = Numbering(signed_peer=signed_peer)
         self._small = SmallWaiting()
         self._large = LargeWaiting(large_waiting if large_waiting is not None else {})
-        self._express: Dict[Tuple[int, str, str], Tuple[bytes, int]] = {}  # header, largest body
+        self._known = KnownHeaders()
         self._current: Optional[Iterator[Tuple[bytes, memoryview]]] = None
         self._message: Optional[Message] = None  # the one on its way, with its number
         self._planned: Optional[Tuple[Message, Split]] = None  # the last one that was
@@ -120,7 +118,7 @@ class Outbox:
         number and stamp anew. None means that the message has to take the long way, where it is
         also judged: it may be the first of its topic, have parts or repair, or be wrong.
         """
-        known = self._express.get((msg_type, topic, link))
+        known = self._known.small.get((msg_type, topic, link))
         if known is None or self._small or self._symbols:
             return None
         packed, largest = known
@@ -131,6 +129,29 @@ class Outbox:
         number = self._numbering.next(msg_type, topic)
         self.accounts.numbered((msg_type, topic), stamp_nanos, size)
         return Datagram(restamped(packed, number, stamp_nanos), view, self.to, is_last=True)
+
+    def express_run(self, message: Message, now_nanos: int, most_bytes: int) -> Optional[Datagram]:
+        """Return the first parts of a message that is cut like the last one of its topic.
+
+        It is `put` and `take` in one, as `express` is for small ones; None means the long way. What
+        remains of the message is for `take`.
+        """
+        alike = self._known.large.get((message.msg_type, message.topic, message.link))
+        if alike is None or not self.is_idle or not is_stamp(message.stamp_nanos):
+            return None
+        body, cut = flat(message.body), alike.cut
+        size = len(alike.packed) + cut.part_size
+        if body.nbytes != alike.body_size or self.resender.next_offer_nanos is not None:
+            return None
+        if self.pacer.must_ask(size, now_nanos) or not self.pacer.may_send(size, now_nanos):
+            return None
+        number = self._number(message, body)
+        self._message = message._replace(seq_number=number)
+        self._leaving = None
+        packed = restamped(alike.packed, number, message.stamp_nanos)
+        self._current = self._parts = Parts(packed, body, cut)
+        self._part = next(self._current)
+        return self._take_large(self._part, now_nanos, most_bytes)
 
     def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
         """Return the datagram to send now, if one may go.
@@ -156,6 +177,12 @@ class Outbox:
             return None
         self.resender.sent_again()
         return Datagram(*part, self.to, is_last=False)
+
+    @property
+    def large_topic(self) -> Tuple[int, str]:
+        """msg_type and topic of the large message that began to leave last."""
+        assert self._message is not None
+        return self._message.msg_type, self._message.topic
 
     @property
     def is_idle(self) -> bool:
@@ -217,11 +244,10 @@ class Outbox:
         count = self.pacer.granted(size, most, now_nanos)
         if not count:
             return None
+        message = self._message
+        key = DatagramKey(message.msg_type, message.topic, message.seq_number, first)
         run = Run(parts, first, count)
         last_size = run.size - (count - 1) * size
-        key = DatagramKey(
-            self._message.msg_type, self._message.topic, self._message.seq_number, first
-        )
         self.pacer.sent_run(key, count, size, last_size, now_nanos)
         for _ in range(count if self._leaving is not None else 0):
             self._has_sent_part(self._leaving, now_nanos)
@@ -276,25 +302,26 @@ class Outbox:
         """Give a message its number; return it, its place in the history, and its datagrams."""
         cut = self._plan(message)
         self._planned = None  # it would keep the body
-        number = self._numbering.next(message.msg_type, message.topic)
         body = flat(message.body)
-        key = (message.msg_type, message.topic)
-        self.accounts.numbered(key, message.stamp_nanos, body.nbytes)
+        number = self._number(message, body)
         message = message._replace(seq_number=number)
         header = message.header(parts_max=cut.parts_max)
         packed = header.pack(signed_peer=self._signed_peer)
         parts = parts_of(packed, body, cut)
-        mode = self._repair.get(key)
-        if mode is None and cut.parts_max == 1:
-            if len(self._express) >= EXPRESS_TOPICS:
-                self._express.clear()
-            self._express[(*key, message.link)] = packed, cut.part_size
+        mode = self._repair.get((message.msg_type, message.topic))
+        if mode is None:
+            self._known.remember(message, packed, body.nbytes, cut)
         if isinstance(mode, Fec):
             return message, None, chain(parts, symbols_of(message, cut, mode))
         sent = None
         if isinstance(mode, Resend):
             sent = self.resender.leaves(message, cut, packed, mode.limit_nanos, now_nanos)
         return message, sent, parts
+
+    def _number(self, message: Message, body: memoryview) -> int:
+        key = (message.msg_type, message.topic)
+        self.accounts.numbered(key, message.stamp_nanos, body.nbytes)
+        return self._numbering.next(*key)
 
 
 def take_in_turn(outboxes: List[Outbox], now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:

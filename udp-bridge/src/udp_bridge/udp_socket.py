@@ -72,9 +72,13 @@ class UdpSocket:
         """Datagrams that the kernel dropped because the receive buffer was full."""
         self.unreachable = 0
         """Datagrams that the peer's host or the network turned away."""
-        self._runs: Union[runs.ManyAtOnce, runs.OneByOne] = (
-            runs.ManyAtOnce() if runs.IS_BUILT else runs.OneByOne()
-        )
+        self._runs: Union[runs.ManyAtOnce, runs.OneByOne] = runs.OneByOne()
+        if runs.IS_BUILT:
+            self._runs = runs.ManyAtOnce()
+            self.park_credits = self._runs.park
+            """Keep credits of a peer that look like one from now on; return what was kept."""
+            self.parked_credits = self._runs.parked
+            """Return the credits that were kept; while one is awaited, none is."""
         self._sending: Union[runs.SendingMany, runs.SendingOne] = (
             runs.SendingMany() if runs.IS_BUILT else runs.SendingOne()
         )

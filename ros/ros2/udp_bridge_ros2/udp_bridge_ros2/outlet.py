@@ -29,7 +29,7 @@ Address = tuple[str, int]
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph."""
-QUICK_BYTES = 4096
+QUICK_BYTES = 1 << 16
 """Bodies up to this size may be published by the thread that receives..."""
 QUICK_SECONDS = 0.005
 """...unless one of their topic has taken longer than this; then they wait in the queue..."""
