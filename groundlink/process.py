@@ -15,20 +15,24 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import NoReturn, Protocol
 
 import msgspec
 
 from .bus import DEFAULT_ENDPOINT, Bus
 from .errors import UserError
-from .messages import Health, StreamReport
+from .inbox import Inbox
+from .messages import Ack, Health, State, StreamReport, decode
 from .scenario import Scenario
-from .topics import HEALTH, ROOT, scenario_key
+from .topics import HEALTH, ROOT, STATE, history_key, scenario_key
 
 JOIN_SECONDS = 10.0
 """How long a process waits for physics to serve the run's scenario."""
 
 HEALTH_PERIOD_SECONDS = 1.0
+
+STATES_KEPT = 4096
+"""States that may wait for a busy process: ten seconds of sim time."""
 
 
 def parser(process: str, description: str) -> argparse.ArgumentParser:
@@ -100,6 +104,50 @@ def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Sc
             )
         stop.wait(0.2)
     raise SystemExit(0)
+
+
+class StateTaker(Protocol):
+    """What a process that follows a run's states does with them."""
+
+    tick: int
+
+    def resume(self, ack: Ack) -> None:
+        """Go on where a predecessor stopped."""
+
+    def take(self, state: State) -> None:
+        """Take one state, in order."""
+
+
+def follow_states(
+    bus: Bus,
+    run_name: str,
+    process: str,
+    taker: StateTaker,
+    counters: Callable[[], dict[str, int]],
+    ended: Callable[[], bool],
+) -> None:
+    """Give a run's states to `taker` until it has ended: those that it missed, then all that come.
+
+    Parameters
+    ----------
+    counters
+        what the process counts, `refused` among it, to which messages are added that were none.
+    """
+    states: Inbox[State] = Inbox(depth=STATES_KEPT)
+    bus.subscribe(STATE.key_in(run_name), State, states)
+    missed = list(bus.ask(history_key(run_name), process, seconds=2.0).values())
+    if missed:
+        taker.resume(decode(missed[0], Ack))
+        for payload in missed[1:]:
+            taker.take(decode(payload, State))
+    heartbeat = Heartbeat(bus, run_name, process)
+    while not ended():
+        if arrived := states.get(seconds=0.1):
+            taker.take(arrived[1])
+        if heartbeat.due():
+            counts = counters()
+            counts["refused"] += states.refused
+            heartbeat.beat(taker.tick, counts)
 
 
 class Heartbeat:

@@ -11,19 +11,14 @@ from math import radians
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, State, decode
 from groundlink.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scenario.load import load_route, nearest
 from groundlink.scenario.schema import Vehicle
-from groundlink.topics import ACK, COMMAND, HEALTH, STATE, driver_name, history_key
+from groundlink.topics import ACK, COMMAND, HEALTH, driver_name
 
 from .model import Follower
 from .shell import DriverProcess, MakeFollower
-
-STATES_KEPT = 4096
-"""States that may wait: ten seconds of sim time."""
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -56,24 +51,18 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             acknowledge=bus.publisher(ACK.key_in(run, process=options.name), ACK.delivery),
             say=say,
         )
-        states: Inbox[State] = Inbox(depth=STATES_KEPT)
-        bus.subscribe(STATE.key_in(run), State, states)
-        missed = list(bus.ask(history_key(run), options.name, seconds=2.0).values())
-        if missed:
-            driver.resume(decode(missed[0], Ack))
-            for payload in missed[1:]:
-                driver.take(decode(payload, State))
-        heartbeat = process.Heartbeat(bus, run, options.name)
-        while not stop.is_set() and not (options.once and finished.is_set()):
-            if arrived := states.get(seconds=0.1):
-                driver.take(arrived[1])
-            if heartbeat.due():
-                counters = {
-                    "commands": driver.commands,
-                    "missed_ticks": driver.missed_ticks,
-                    "refused": states.refused + driver.refused,
-                }
-                heartbeat.beat(driver.tick, counters)
+
+        def counters() -> dict[str, int]:
+            return {
+                "commands": driver.commands,
+                "missed_ticks": driver.missed_ticks,
+                "refused": driver.refused,
+            }
+
+        def ended() -> bool:
+            return stop.is_set() or (options.once and finished.is_set())
+
+        process.follow_states(bus, run, options.name, driver, counters, ended)
 
 
 def _find(scenario: Scenario, name: str) -> Vehicle:

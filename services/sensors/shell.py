@@ -14,20 +14,16 @@ from typing import Any, TypeVar
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, BadMessage, Message, State, decode
+from groundlink.messages import Ack, BadMessage, Message, State
 from groundlink.scenario import Scenario
 from groundlink.scenario.load import nearest
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor
-from groundlink.topics import ACK, SENSOR_TOPICS, STATE, history_key
+from groundlink.topics import ACK, SENSOR_TOPICS
 from groundlink.world.build import world_hash
 
 from .model import RememberingModel, SensorModel
 from .native import NativeLink
-
-STATES_KEPT = 4096
-"""States that may wait for a busy sensor: ten seconds of sim time."""
 
 ACKS_PER_WINDOW = 8
 """How often progress is told while physics gets as far ahead as it may."""
@@ -172,26 +168,18 @@ def _main(
             publish=send,
             acknowledge=bus.publisher(ACK.key_in(run_name, process=options.name), ACK.delivery),
         )
-        states: Inbox[State] = Inbox(depth=STATES_KEPT)
-        bus.subscribe(STATE.key_in(run_name), State, states)
-        missed = list(bus.ask(history_key(run_name), options.name, seconds=2.0).values())
-        if missed:
-            sensor.resume(decode(missed[0], Ack))
-            for payload in missed[1:]:
-                sensor.take(decode(payload, State))
-        heartbeat = process.Heartbeat(bus, run_name, options.name)
-        while not stop.is_set():
-            if arrived := states.get(seconds=0.1):
-                sensor.take(arrived[1])
-            if heartbeat.due():
-                counters = {
-                    "readings": sensor.readings,
-                    "missed_ticks": sensor.missed_ticks,
-                    "refused": states.refused + sensor.refused,
-                }
-                if link is not None:
-                    counters |= {"native": link.sent, "native_unsent": link.unsent}
-                heartbeat.beat(sensor.tick, counters)
+
+        def counters() -> dict[str, int]:
+            counts = {
+                "readings": sensor.readings,
+                "missed_ticks": sensor.missed_ticks,
+                "refused": sensor.refused,
+            }
+            if link is not None:
+                counts |= {"native": link.sent, "native_unsent": link.unsent}
+            return counts
+
+        process.follow_states(bus, run_name, options.name, sensor, counters, stop.is_set)
         if link is not None:
             link.close()
 

@@ -12,6 +12,7 @@ from groundlink.clock import TICK_NANOS, Schedule
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.counters import WheelCounters
+from services.sensors.due import Due
 
 
 class EncodersModel:
@@ -19,14 +20,13 @@ class EncodersModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Encoders) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
-        self._schedule = Schedule.at(spec.rate_hz)
+        self._due = Due(Schedule.at(spec.rate_hz))
         self._counters = WheelCounters(scenario, vehicle, spec)
         self.restart()
 
     def restart(self) -> None:
         """Forget earlier states: time jumped or states were lost."""
-        self._tick = -1
-        self._index: int | None = None
+        self._due.restart()
         self._counters.restart()
 
     def memory(self) -> bytes:
@@ -42,7 +42,7 @@ class EncodersModel:
 
         A successor that sees its state first goes on with the next reading.
         """
-        return self._tick
+        return self._due.tick
 
     def readings(self, state: messages.State) -> list[messages.WheelEncoders]:
         """Return the reading that is due by the next tick's state, if there is one.
@@ -53,20 +53,14 @@ class EncodersModel:
             when the state lacks a wheel of the vehicle.
         """
         self._counters.advance(state)
-        if self._index is None:
-            self._index = self._schedule.first_at_or_after(state.tick)
-            self._due_tick = self._schedule.tick(self._index)
-        self._tick = state.tick
-        if state.tick < self._due_tick:
+        event = self._due.by(state.tick)
+        if event is None:
             return []
-        instant_nanos = self._schedule.nanos(self._index)
-        self._index += 1
-        self._due_tick = self._schedule.tick(self._index)
         return [
             messages.WheelEncoders(
-                stamp_nanos=state.epoch_nanos + instant_nanos,
+                stamp_nanos=state.epoch_nanos + event.nanos,
                 frame=self._frame,
                 names=self._counters.names,
-                ticks=self._counters.ticks(instant_nanos - state.tick * TICK_NANOS),
+                ticks=self._counters.ticks(event.nanos - state.tick * TICK_NANOS),
             )
         ]

@@ -30,6 +30,7 @@ from groundlink.messages import BadMessage, State, Vector3, floats, packed
 from groundlink.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
+from services.sensors.due import Due, Event
 from services.sensors.streams import RandomStreams
 
 from . import nmea
@@ -104,7 +105,7 @@ class GnssModel:
             Geodetic.of_degrees(datum.latitude_deg, datum.longitude_deg, datum.altitude_m)
         )
         self._kind = KINDS[spec.solution]
-        self._schedule = Schedule.at(spec.rate_hz)
+        self._due = Due(Schedule.at(spec.rate_hz))
         self._latency_nanos = int(exact(spec.latency_s) * NANOS)
         self._errors = GnssErrors(spec, RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}"))
         self._reception = Reception(scenario, vehicle, spec)
@@ -114,9 +115,7 @@ class GnssModel:
     def restart(self) -> None:
         """Forget earlier states, and fixes that have not come out yet."""
         self._reception.restart()
-        self._tick = -1
-        self._index: int | None = None
-        self._due_tick = 0
+        self._due.restart()
         self._pose: Floats = np.zeros(7)
         self._waiting: deque[_Measured] = deque()
 
@@ -124,7 +123,7 @@ class GnssModel:
         """Return the tick whose state a successor must see first, to go on with the next fix."""
         if self._waiting:
             return max(0, self._waiting[0].tick - 1)
-        return self._tick
+        return self._due.tick
 
     def readings(self, state: State) -> list[NavSatFix]:
         """Take the state of the next tick and return the fixes that are out by it.
@@ -140,15 +139,9 @@ class GnssModel:
         except BadMessage:
             self.restart()
             raise
-        if self._index is None:
-            self._index = self._schedule.first_at_or_after(state.tick)
-            self._due_tick = self._schedule.tick(self._index)
         last, self._pose = self._pose, pose
-        self._tick = state.tick
-        if state.tick >= self._due_tick:
-            self._waiting.append(self._measure(state, self._index, last, velocity))
-            self._index += 1
-            self._due_tick = self._schedule.tick(self._index)
+        if event := self._due.by(state.tick):
+            self._waiting.append(self._measure(state, event, last, velocity))
         out = []
         while self._waiting and self._waiting[0].due_tick <= state.tick:
             out.append(self._waiting.popleft())
@@ -186,8 +179,8 @@ class GnssModel:
             raise BadMessage(f"state of tick {state.tick}: no velocity of `{self._vehicle}`")
         return vehicle.poses()[0], velocity
 
-    def _measure(self, state: State, index: int, last: Floats, velocity: Floats) -> _Measured:
-        """Return fix `index`, whose instant is after the last tick and not after this one.
+    def _measure(self, state: State, event: Event, last: Floats, velocity: Floats) -> _Measured:
+        """Return the fix of an event, whose instant is after the last tick and not after this one.
 
         Parameters
         ----------
@@ -196,19 +189,18 @@ class GnssModel:
         velocity : shape (6,)
             The base's at this one.
         """
-        instant_nanos = self._schedule.nanos(index)
         # Zero where the instant is the tick's; only then may there be no last state.
-        back = (instant_nanos - state.tick * TICK_NANOS) / TICK_NANOS
+        back = (event.nanos - state.tick * TICK_NANOS) / TICK_NANOS
         lever = matrix_from_quaternion(self._pose[3:]) @ self._antenna_in_base
         antenna = self._pose[:3] + lever
         if back:
             before = last[:3] + matrix_from_quaternion(last[3:]) @ self._antenna_in_base
             antenna = antenna + back * (antenna - before)
         moving = velocity[:3] + np.cross(velocity[3:], lever)
-        stamp_nanos = state.epoch_nanos + instant_nanos
-        due_tick = -(-(instant_nanos + self._latency_nanos) // TICK_NANOS)
-        error = self._errors.of_fix(index)
-        view = self._reception.view(instant_nanos, antenna)
+        stamp_nanos = state.epoch_nanos + event.nanos
+        due_tick = -(-(event.nanos + self._latency_nanos) // TICK_NANOS)
+        error = self._errors.of_fix(event.number)
+        view = self._reception.view(event.nanos, antenna)
         if view is None:
             return _Measured(state.tick, due_tick, *self._lost(stamp_nanos))
         best_enu = self._reception.open_sky.dilution_enu

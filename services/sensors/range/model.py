@@ -25,6 +25,7 @@ from groundlink.imagery import Range
 from groundlink.messages import BadMessage, State
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.due import Due
 from services.sensors.noise import PolarNormal
 from services.sensors.rays.probe import Probe
 from services.sensors.streams import RandomStreams
@@ -58,7 +59,7 @@ class RangeModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Range) -> None:
         self._spec = spec
         self._frame = vehicle.frame_prefix + spec.frame
-        self._schedule = Schedule.at(spec.rate_hz)
+        self._due = Due(Schedule.at(spec.rate_hz))
         self._probe = Probe(scenario, vehicle, spec.mount)
         self._field_of_view_rad = math.radians(spec.field_of_view_deg)
         self._cone = cone(self._field_of_view_rad, spec.rays)
@@ -71,13 +72,11 @@ class RangeModel:
     def restart(self) -> None:
         """Forget earlier states: time jumped or states were lost."""
         self._probe.restart()
-        self._tick = -1
-        self._index: int | None = None
-        self._due_tick = 0
+        self._due.restart()
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first."""
-        return self._tick
+        return self._due.tick
 
     def readings(self, state: State) -> list[Range]:
         """Return the distance that is due by the next tick's state, if there is one.
@@ -92,20 +91,14 @@ class RangeModel:
         except BadMessage:
             self.restart()
             raise
-        if self._index is None:
-            self._index = self._schedule.first_at_or_after(state.tick)
-            self._due_tick = self._schedule.tick(self._index)
-        self._tick = state.tick
-        if state.tick < self._due_tick:
+        event = self._due.by(state.tick)
+        if event is None:
             return []
-        nanos, tick = self._schedule.nanos(self._index), self._due_tick
-        self._index += 1
-        self._due_tick = self._schedule.tick(self._index)
-        range_m = self._reported(self._met(nanos), tick)
+        range_m = self._reported(self._met(event.nanos), event.tick)
         spec = self._spec
         return [
             Range(
-                stamp_nanos=state.epoch_nanos + nanos,
+                stamp_nanos=state.epoch_nanos + event.nanos,
                 frame=self._frame,
                 radiation=spec.radiation,
                 field_of_view_rad=self._field_of_view_rad,

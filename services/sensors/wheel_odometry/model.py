@@ -22,6 +22,7 @@ from groundlink.navigation import Odometry
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 from services.sensors.counters import WheelCounters, wrapped
+from services.sensors.due import Due
 
 from .reckoning import Floats, Reckoned, Reckoning
 
@@ -60,7 +61,7 @@ class WheelOdometryModel:
         drive = vehicle.model.drive
         self._frame = vehicle.frame_prefix + spec.frame
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
-        self._schedule = Schedule.at(spec.rate_hz)
+        self._due = Due(Schedule.at(spec.rate_hz))
         self._counters = WheelCounters(scenario, vehicle, encoders)
         per_radian = encoders.ticks_per_wheel_revolution / (2 * math.pi)
         self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian
@@ -85,8 +86,7 @@ class WheelOdometryModel:
 
     def restart(self) -> None:
         """Forget earlier states: time jumped or states were lost."""
-        self._tick = -1
-        self._index: int | None = None
+        self._due.restart()
         self._counters.restart()
 
     def memory(self) -> bytes:
@@ -103,7 +103,7 @@ class WheelOdometryModel:
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first."""
-        return self._tick
+        return self._due.tick
 
     def readings(self, state: messages.State) -> list[Odometry]:
         """Return the reading that is due by the next tick's state, if there is one.
@@ -114,17 +114,11 @@ class WheelOdometryModel:
             when the state lacks a wheel of the vehicle.
         """
         self._counters.advance(state)
-        if self._index is None:
-            self._index = self._schedule.first_at_or_after(state.tick)
-            self._due_tick = self._schedule.tick(self._index)
-        self._tick = state.tick
-        if state.tick < self._due_tick:
+        event = self._due.by(state.tick)
+        if event is None:
             return []
-        nanos = self._schedule.nanos(self._index)
-        self._index += 1
-        self._due_tick = self._schedule.tick(self._index)
-        ticks = self._counters.ticks(nanos - state.tick * TICK_NANOS)
-        return [self._odometry(state.epoch_nanos, nanos, ticks)]
+        ticks = self._counters.ticks(event.nanos - state.tick * TICK_NANOS)
+        return [self._odometry(state.epoch_nanos, event.nanos, ticks)]
 
     def _odometry(self, epoch_nanos: int, nanos: int, ticks: tuple[int, ...]) -> Odometry:
         """Go on to a reading of the counters."""

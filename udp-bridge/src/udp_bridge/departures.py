@@ -210,8 +210,8 @@ class Departures:
             self._parking.follow(outbox, now_nanos)
         return datagram
 
-    def _is_left_over_by(self, express: Datagram) -> bool:
-        """Send what goes by express; tell whether something waits behind it."""
+    def _send_express(self, express: Datagram) -> bool:
+        """Send what goes by express; return whether something waits behind it."""
         self._send(express)
         if express.run is None and express.is_last:  # a small one, which changes nothing else
             return self._is_relied_on

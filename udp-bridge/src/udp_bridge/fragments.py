@@ -148,7 +148,7 @@ def fragments(
     """
     cut = plan(message, datagram_size, signed_peer=signed_peer)
     packed = message.header(parts_max=cut.parts_max).pack(signed_peer=signed_peer)
-    return parts_of(packed, flat(message.body), cut)
+    return Parts(packed, flat(message.body), cut)
 
 
 def datagram_of(
@@ -208,8 +208,3 @@ class Parts:
             raise StopIteration
         self.upcoming += 1
         return datagram_of(self.packed, self.body, self.cut, self.upcoming - 1)
-
-
-def parts_of(packed: bytes, body: memoryview, cut: Split) -> Parts:
-    """Return the parts of a message, header and slice; `packed` is the header of part 0."""
-    return Parts(packed, body, cut)

@@ -193,7 +193,7 @@ class Link(Departures):
                 except TooLarge:
                     self._too_large += 1
                     raise
-        if express is None or self._is_left_over_by(express):
+        if express is None or self._send_express(express):
             self._send_at_once()
 
     def flush(self, timeout_s: float) -> bool:

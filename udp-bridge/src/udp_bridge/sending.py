@@ -16,7 +16,7 @@ from .accounts import Accounts
 from .control import CreditRequest
 from .fec_sending import symbols_of
 from .flow import DatagramKey, Pacer
-from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, parts_of, plan
+from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, plan
 from .header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
 from .known_headers import KnownHeaders
 from .message import Message
@@ -307,7 +307,7 @@ class Outbox:
         message = message._replace(seq_number=number)
         header = message.header(parts_max=cut.parts_max)
         packed = header.pack(signed_peer=self._signed_peer)
-        parts = parts_of(packed, body, cut)
+        parts = Parts(packed, body, cut)
         mode = self._repair.get((message.msg_type, message.topic))
         if mode is None:
             self._known.remember(message, packed, body.nbytes, cut)
