@@ -137,6 +137,22 @@ def test_all_parts_of_messages_that_are_alike_leave_one_by_one() -> None:
         assert set(wire.threads) == {threading.current_thread().name}
 
 
+def test_a_large_message_does_not_overtake_the_rest_of_another_one(wire: Wire) -> None:
+    with Link(("", 0), TO, socket=wire) as link:
+        pacer = link._outbox(TO).pacer
+        pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+        for number in range(2):
+            link.send(33, "/image", "", 10**18 + number, bytes(46 * 65280))
+        newest = wire.headers[-1]
+        assert (newest.seq_number, newest.part_number) == (1, 16)  # the rest does not fit
+        with link._lock:
+            pacer.acknowledged(DatagramKey(33, "/image", 1, 16), 8 << 20, time.monotonic_ns())
+            link.send(33, "/image", "", 10**18 + 2, bytes(46 * 65280))
+        parts = [(h.seq_number, h.part_number) for h in wire.headers if h.msg_type == 33]
+        assert parts[:92] == [(number, part) for number in range(2) for part in range(46)]
+        assert parts[92] == (2, 0)
+
+
 def test_small_messages_go_in_the_thread_that_brings_them(wire: Wire) -> None:
     with Link(("", 0), TO, socket=wire) as link:
         for number in range(5):

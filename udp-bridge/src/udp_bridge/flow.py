@@ -122,10 +122,10 @@ class CreditWindow:
         """Take a credit; one for a datagram that is not in flight only tells the buffer's size."""
         self.window_bytes = receive_buffer // WINDOW_SHARE
         self.moved_nanos = now_nanos
-        before = 0
+        before, message = 0, key[:3]
         for flight in self._in_flight:
             ahead = key.part_number - flight.first
-            if flight.message == key[:3] and 0 <= ahead < flight.count:
+            if flight.message == message and 0 <= ahead < flight.count:
                 self._pop(before + ahead + 1)
                 return
             before += flight.count
@@ -136,8 +136,9 @@ class CreditWindow:
         return not self._in_flight or total <= self.window_bytes
 
     def room(self, size: int) -> int:
-        """Return how many datagrams of `size` bytes fit now."""
-        return max(0, self.window_bytes - self.in_flight_bytes) // kernel_bytes(size)
+        """Return how many datagrams of `size` bytes fit now, as `fits` has it."""
+        room = (self.window_bytes - self.in_flight_bytes) // kernel_bytes(size)
+        return max(room, 0 if self._in_flight else 1)
 
     def _pop(self, count: int) -> None:
         self._count -= count
@@ -226,11 +227,14 @@ class Pacer:
             self.bucket.sent(cost, now_nanos)
 
     def granted(self, size: int, most: int, now_nanos: int) -> int:
-        """Return how many datagrams of `size` bytes, at most `most`, may go now."""
+        """Return how many datagrams of `size` bytes, at most `most`, may go now.
+
+        None may before a new peer was asked for a Credit.
+        """
+        if self._expects_credit:
+            return min(most, self.window.room(size)) if self._is_known else 0
         if not self.may_send(size, now_nanos):
             return 0
-        if self._expects_credit:
-            return max(1, min(most, self.window.room(size)))
         return max(1, min(most, self.bucket.room(kernel_bytes(size), now_nanos)))
 
     def may_send(self, size: int, now_nanos: int) -> bool:

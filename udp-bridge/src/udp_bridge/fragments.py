@@ -200,11 +200,16 @@ class Parts:
         self.upcoming = 0
         """Number of the next part; may be set, to leave some out."""
 
+    @property
+    def parts_left(self) -> int:
+        """How many are yet to come."""
+        return self.cut.parts_max - self.upcoming
+
     def __iter__(self) -> Parts:
         return self
 
     def __next__(self) -> Tuple[bytes, memoryview]:
-        if self.upcoming >= self.cut.parts_max:
+        if not self.parts_left:
             raise StopIteration
         self.upcoming += 1
         return datagram_of(self.packed, self.body, self.cut, self.upcoming - 1)

@@ -104,10 +104,13 @@ class Guess:
 
     def __init__(self, pool: Pool) -> None:
         self._pool = pool
-        self._header: Optional[Header] = None
-        self._assembly: Optional[Assembly] = None
+        self._header: Optional[Header] = None  # of a part of the message that came last
+        self._head = b""  # the same, packed
+        self._sender = NOWHERE.sender
+        self._part_size = self._parts_max = 0
+        self._waits = False
+        self._assembly: Optional[Assembly] = None  # that message, while it is open
         self._next = 0
-        self._next_message = NOWHERE
 
     @property
     def topic(self) -> str:
@@ -116,17 +119,19 @@ class Guess:
 
     def place(self) -> Place:
         """Return what is expected next."""
-        assembly, like = self._assembly, self._next_message
+        assembly = self._assembly
         if assembly is not None and not assembly.complete and assembly.block is not None:
             first, count = assembly.gap(self._next)
-            block = assembly.block
-            return Place(
-                block, like.head, like.sender, like.part_size, first, count, True, like.waits
-            )
-        self._assembly = None
-        if not like.parts_count:
+            block, is_open = assembly.block, True
+        elif self._parts_max:
+            first, count, is_open = 0, self._parts_max, False
+            self._assembly = None
+            block = self._pool.offer(self._part_size * count)
+        else:
             return NOWHERE
-        return like._replace(block=self._pool.offer(like.part_size * like.parts_count))
+        return Place(
+            block, self._head, self._sender, self._part_size, first, count, is_open, self._waits
+        )
 
     def follow(
         self,
@@ -140,32 +145,32 @@ class Guess:
         """Take note of a datagram of several parts that was taken, and of its open message."""
         if assembly is None or not assembly.part_size:
             return
-        self._header, self._assembly = header, assembly
-        self._next = header.part_number + 1
-        self._next_message = Place(
-            NOWHERE.block, head, sender, assembly.part_size, 0, header.parts_max, False, waits
-        )
+        self._header, self._head, self._sender = header, head, sender
+        self._part_size, self._parts_max = assembly.part_size, header.parts_max
+        self._assembly, self._next = assembly, header.part_number + 1
+        self._waits = waits
 
     def went_on(self, run: Run, number: int, assembly: Optional[Assembly]) -> None:
         """Take note that a run came, and of its message if it is still open."""
         self._next = number
         # A message that the run contradicts, so that it was refused, must not be followed.
         self._assembly = assembly if assembly is not None and self._fits(assembly) else None
-        self._next_message = self._next_message._replace(head=run.head)
+        self._head = run.head
 
     def _fits(self, assembly: Assembly) -> bool:
         assert self._header is not None
         return (
-            assembly.part_size == self._next_message.part_size
-            and assembly.header.parts_max == self._header.parts_max
+            assembly.part_size == self._part_size
+            and assembly.header.parts_max == self._parts_max
             and assembly.header.link == self._header.link
         )
 
     def header_of(self, place: Place, run: Run) -> Header:
         """Return the header of the first part of a run that came to a place."""
-        assert self._header is not None
+        like = self._header
+        assert like is not None
         number, sec, nsec = _OWN.unpack_from(run.head)
-        self._header = self._header._replace(
-            seq_number=number, part_number=place.first, time_sec=sec, time_nsec=nsec
+        self._header = Header(
+            like.msg_type, number, place.first, like.parts_max, sec, nsec, like.topic, like.link
         )
         return self._header

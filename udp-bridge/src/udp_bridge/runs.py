@@ -78,10 +78,10 @@ class ManyAtOnce:
         self._is_flowing = found is not None
         if found is None:
             return None, -1
-        if found[8] >= 0:
-            self.drops = found[8]
-        run = Run(*found[:7])
-        return run._replace(parked=found[9], parked_bytes=found[10]), found[7]
+        *run, error, drops, parked, parked_bytes = found
+        if drops >= 0:
+            self.drops = drops
+        return Run._make((*run, "", parked, parked_bytes)), error
 
 
 class OneByOne:

@@ -38,11 +38,16 @@ class Run(NamedTuple):
     parts_count: int
 
     @property
+    def datagram_size(self) -> int:
+        """Bytes of a datagram, which the message's last one may lack some of."""
+        return len(self.parts.packed) + self.parts.cut.part_size
+
+    @property
     def size(self) -> int:
         """Bytes of all datagrams."""
         end = (self.first + self.parts_count) * self.parts.cut.part_size
-        body_size = min(end, self.parts.body.nbytes) - self.first * self.parts.cut.part_size
-        return body_size + self.parts_count * len(self.parts.packed)
+        missing = max(0, end - self.parts.body.nbytes)
+        return self.parts_count * self.datagram_size - missing
 
 
 class Datagram(NamedTuple):
@@ -126,32 +131,41 @@ class Outbox:
         size = view.nbytes
         if size > largest or not is_stamp(stamp_nanos):
             return None
-        number = self._numbering.next(msg_type, topic)
-        self.accounts.numbered((msg_type, topic), stamp_nanos, size)
+        number = self._number((msg_type, topic), stamp_nanos, size)
         return Datagram(restamped(packed, number, stamp_nanos), view, self.to, is_last=True)
 
-    def express_run(self, message: Message, now_nanos: int, most_bytes: int) -> Optional[Datagram]:
+    def express_run(
+        self,
+        msg_type: int,
+        topic: str,
+        link: str,
+        stamp_nanos: int,
+        body: Buffer,
+        now_nanos: int,
+        most_bytes: int,
+    ) -> Optional[Datagram]:
         """Return the first parts of a message that is cut like the last one of its topic.
 
-        It is `put` and `take` in one, as `express` is for small ones; None means the long way. What
-        remains of the message is for `take`.
+        It is `put` and `take` in one, as `express` is for small ones, for a caller who knows that
+        nothing waits; None means the long way. What remains of the message is for `take`.
         """
-        alike = self._known.large.get((message.msg_type, message.topic, message.link))
-        if alike is None or not self.is_idle or not is_stamp(message.stamp_nanos):
+        alike = self._known.large.get((msg_type, topic, link))
+        if alike is None or not is_stamp(stamp_nanos):
             return None
-        body, cut = flat(message.body), alike.cut
+        view, cut = flat(body), alike.cut
         size = len(alike.packed) + cut.part_size
-        if body.nbytes != alike.body_size or self.resender.next_offer_nanos is not None:
+        if view.nbytes != alike.body_size or self.resender.next_offer_nanos is not None:
             return None
-        if self.pacer.must_ask(size, now_nanos) or not self.pacer.may_send(size, now_nanos):
+        most = min(most_bytes // size, cut.parts_max)
+        count = self.pacer.granted(size, most, now_nanos) if most else 0
+        if not count:
             return None
-        number = self._number(message, body)
-        self._message = message._replace(seq_number=number)
+        number = self._number((msg_type, topic), stamp_nanos, view.nbytes)
+        self._message = Message(msg_type, topic, link, stamp_nanos, number, body)
         self._leaving = None
-        packed = restamped(alike.packed, number, message.stamp_nanos)
-        self._current = self._parts = Parts(packed, body, cut)
-        self._part = next(self._current)
-        return self._take_large(self._part, now_nanos, most_bytes)
+        self._parts = Parts(restamped(alike.packed, number, stamp_nanos), view, cut)
+        self._current = self._parts
+        return self._leave(self._parts, 0, count, now_nanos)
 
     def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
         """Return the datagram to send now, if one may go.
@@ -225,37 +239,32 @@ class Outbox:
         assert self._message is not None
         assert self._current is not None
         parts = self._parts
-        number = part[0][PART_NUMBER_OFFSET]
-        if most_bytes > _size(part) and parts is not None and parts.upcoming == number + 1:
-            return self._take_run(parts, number, most_bytes // _size(part), now_nanos)
+        first = part[0][PART_NUMBER_OFFSET]
+        most = most_bytes // _size(part)
+        if most and parts is not None and parts.upcoming == first + 1:
+            count = self.pacer.granted(_size(part), min(most, parts.parts_left + 1), now_nanos)
+            return self._leave(parts, first, count, now_nanos) if count else None
         if not self._may_send(self._message, part, now_nanos):
             return None
         self._has_sent_part(self._leaving, now_nanos)
         self._part = next(self._current, None)
         return Datagram(*part, self.to, is_last=self._part is None)
 
-    def _take_run(self, parts: Parts, first: int, most: int, now_nanos: int) -> Optional[Datagram]:
-        """Return as many parts from `first` on as may go now."""
+    def _leave(self, parts: Parts, first: int, count: int, now_nanos: int) -> Datagram:
+        """Return that many parts of the current message, from `first` on, which go now."""
         assert self._message is not None
-        assert self._current is not None
-        assert self._part is not None
-        most = min(most, parts.cut.parts_max - first)
-        datagram, size = self._part, _size(self._part)
-        count = self.pacer.granted(size, most, now_nanos)
-        if not count:
-            return None
-        message = self._message
-        key = DatagramKey(message.msg_type, message.topic, message.seq_number, first)
+        message, cut = self._message, parts.cut
         run = Run(parts, first, count)
-        last_size = run.size - (count - 1) * size
-        self.pacer.sent_run(key, count, size, last_size, now_nanos)
+        size = len(parts.packed) + cut.part_size
+        key = DatagramKey(message.msg_type, message.topic, message.seq_number, first)
+        self.pacer.sent_run(key, count, size, run.size - (count - 1) * size, now_nanos)
         for _ in range(count if self._leaving is not None else 0):
             self._has_sent_part(self._leaving, now_nanos)
         parts.upcoming = first + count
-        if parts.upcoming == parts.cut.parts_max:
+        if parts.upcoming == cut.parts_max:
             self._parts = None
-        self._part = next(self._current, None)
-        return Datagram(*datagram, self.to, is_last=self._part is None, run=run)
+        self._part = next(parts, None)
+        return Datagram(parts.packed, parts.body, self.to, is_last=self._part is None, run=run)
 
     def _may_send(self, message: Message, part: Tuple[bytes, memoryview], now_nanos: int) -> bool:
         """Tell whether a datagram of a message may go now, and take note that it does."""
@@ -303,12 +312,13 @@ class Outbox:
         cut = self._plan(message)
         self._planned = None  # it would keep the body
         body = flat(message.body)
-        number = self._number(message, body)
+        key = (message.msg_type, message.topic)
+        number = self._number(key, message.stamp_nanos, body.nbytes)
         message = message._replace(seq_number=number)
         header = message.header(parts_max=cut.parts_max)
         packed = header.pack(signed_peer=self._signed_peer)
         parts = Parts(packed, body, cut)
-        mode = self._repair.get((message.msg_type, message.topic))
+        mode = self._repair.get(key)
         if mode is None:
             self._known.remember(message, packed, body.nbytes, cut)
         if isinstance(mode, Fec):
@@ -318,9 +328,8 @@ class Outbox:
             sent = self.resender.leaves(message, cut, packed, mode.limit_nanos, now_nanos)
         return message, sent, parts
 
-    def _number(self, message: Message, body: memoryview) -> int:
-        key = (message.msg_type, message.topic)
-        self.accounts.numbered(key, message.stamp_nanos, body.nbytes)
+    def _number(self, key: Tuple[int, str], stamp_nanos: int, size: int) -> int:
+        self.accounts.numbered(key, stamp_nanos, size)
         return self._numbering.next(*key)
 
 
