@@ -8,10 +8,38 @@ import sys
 from collections.abc import Sequence
 
 from . import __version__
-from .cli import check, convert, drive, link, record, replay, report, top, topics, up, view
+from .cli import (
+    check,
+    convert,
+    drive,
+    fault,
+    link,
+    record,
+    replay,
+    report,
+    sensors,
+    top,
+    topics,
+    up,
+    view,
+)
 from .errors import UserError
 
-COMMANDS = (up, record, replay, convert, report, top, drive, check, topics, link, view)
+COMMANDS = (
+    up,
+    record,
+    replay,
+    convert,
+    report,
+    top,
+    drive,
+    fault,
+    check,
+    sensors,
+    topics,
+    link,
+    view,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from .messages import Message, exactly, whole
+from .messages import Message, Reading, exactly, whole
 
 Uint32 = Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
@@ -84,7 +84,7 @@ class CameraInfo(Message, frozen=True):
         exactly(self.projection, 12 * 8, "projection")
 
 
-class LaserScan(Message, frozen=True):
+class LaserScan(Reading, frozen=True):
     """One sweep of a planar laser scanner (sensor_msgs/LaserScan)."""
 
     stamp_nanos: int
@@ -95,6 +95,8 @@ class LaserScan(Message, frozen=True):
 
     angle_min_rad: float
     angle_increment_rad: float
+    """Negative where the head turns clockwise: rays are in the order of time."""
+
     time_increment_s: float
     """From one ray to the next."""
 
@@ -104,7 +106,7 @@ class LaserScan(Message, frozen=True):
     min_range_m: float
     max_range_m: float
     ranges_m: memoryview
-    """float32, one a ray; infinite where nothing was met."""
+    """float32, one a ray; -inf nearer than the least, +inf where nothing came back (REP 117)."""
 
     intensities: memoryview
     """float32, one a ray, or none at all."""
@@ -115,7 +117,7 @@ class LaserScan(Message, frozen=True):
             exactly(self.intensities, len(self.ranges_m), "intensities")
 
 
-class Range(Message, frozen=True):
+class Range(Reading, frozen=True):
     """One distance of an ultrasonic or infrared range finder (sensor_msgs/Range)."""
 
     stamp_nanos: int

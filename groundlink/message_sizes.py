@@ -13,12 +13,21 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from .imagery import Range
+from .ground_truth import TRUE_POINT, TruePoints
+from .imagery import LaserScan, Range
 from .messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
 from .navigation import NavSatFix, Odometry
 from .ros_messages import to_cdr
 from .scenario.schema import Gateway, Vehicle
-from .scenario.sensors import Encoders, Gnss, Lidar, Sensor, WheelOdometry
+from .scenario.sensors import (
+    Encoders,
+    Gnss,
+    Lidar,
+    Lidar2d,
+    RotatingLidar,
+    Sensor,
+    WheelOdometry,
+)
 from .scenario.sensors import Range as RangeSpec
 
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
@@ -44,21 +53,26 @@ class NeverFits(ValueError):
     """A message that fits at no datagram size; the text says how much would."""
 
 
-def body_bytes(vehicle: Vehicle, sensor: Sensor) -> int:
-    """Return the bytes of a sensor's largest message in CDR."""
-    return len(to_cdr(_largest(vehicle, sensor)))
+def body_bytes(vehicle: Vehicle, sensor: Sensor, *, truth: bool = False) -> int:
+    """Return the bytes of a sensor's largest message in CDR, or of the truth behind it."""
+    message = _largest(vehicle, sensor)
+    if truth and isinstance(message, PointCloud):
+        points = packed(np.empty(len(message.records()), TRUE_POINT))
+        message = TruePoints(0, message.frame, points)
+    return len(to_cdr(message))
 
 
-def cut(vehicle: Vehicle, sensor: Sensor, gateway: Gateway) -> Cut:
-    """Return how a sensor's largest message is sent.
+def cut(vehicle: Vehicle, sensor: Sensor, gateway: Gateway, *, truth: bool = False) -> Cut:
+    """Return how a sensor's largest message is sent, or the truth behind it.
 
     Raises
     ------
     NeverFits
         when it is not, at any datagram size.
     """
-    size = body_bytes(vehicle, sensor)
-    names = len(sensor.topic.encode()) + len((vehicle.frame_prefix + sensor.frame).encode())
+    size = body_bytes(vehicle, sensor, truth=truth)
+    topic = (sensor.truth_topic if truth else None) or sensor.topic
+    names = len(topic.encode()) + len((vehicle.frame_prefix + sensor.frame).encode())
     header = -(-(18 + names) // 4) * 4
     most = 127 if gateway.signed_peer else 255
     grown = [*range(_MTU, _LARGEST, _IP_FRAGMENT), _LARGEST]
@@ -74,16 +88,15 @@ def cut(vehicle: Vehicle, sensor: Sensor, gateway: Gateway) -> Cut:
     )
 
 
-def fitting_block_deg(vehicle: Vehicle, sensor: Lidar, gateway: Gateway) -> float | None:
+def fitting_block_deg(vehicle: Vehicle, sensor: Lidar | Lidar2d, gateway: Gateway) -> float | None:
     """Return the largest `block_deg` whose messages fit the scenario's datagrams, if any does."""
     for block_deg in BLOCKS_DEG:
-        if 360 / block_deg > sensor.firings_per_revolution:
-            break
-        in_blocks = replace(sensor, block_deg=float(block_deg))
         try:
-            if cut(vehicle, in_blocks, gateway).fits:
+            in_blocks = replace(sensor, block_deg=float(block_deg))
+            truths = {False, sensor.truth_topic is not None}
+            if all(cut(vehicle, in_blocks, gateway, truth=truth).fits for truth in truths):
                 return block_deg
-        except NeverFits:
+        except ValueError:  # never fits, or is no part of the field of view
             continue
     return None
 
@@ -91,10 +104,15 @@ def fitting_block_deg(vehicle: Vehicle, sensor: Lidar, gateway: Gateway) -> floa
 def _largest(vehicle: Vehicle, sensor: Sensor) -> Message:
     """Return a message of a sensor that is as large as they get."""
     frame = vehicle.frame_prefix + sensor.frame
-    if isinstance(sensor, Lidar):
+    if isinstance(sensor, RotatingLidar):
         # Where firings are no multiple of the blocks, some blocks have one more.
-        firings = -(-sensor.firings_per_revolution // sensor.blocks_per_revolution)
-        points = np.empty(firings * len(sensor.elevations_deg), POINT)
+        firings = -(-sensor.firings_in_view // sensor.blocks_per_revolution)
+    if isinstance(sensor, Lidar2d):
+        rays = packed(np.empty(firings, np.float32))
+        return LaserScan(0, frame, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rays, rays)
+    if isinstance(sensor, Lidar):
+        most = firings * len(sensor.elevations_deg) * sensor.returns_per_ray
+        points = np.empty(most, POINT)
         return PointCloud(0, frame, packed(points.view(np.uint8)))
     if isinstance(sensor, Encoders):
         names = tuple(wheel.name for wheel in vehicle.model.wheels)

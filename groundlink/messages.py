@@ -39,6 +39,25 @@ class Message(msgspec.Struct, frozen=True):
     """A message of the bus."""
 
 
+class Reading(Message, frozen=True, kw_only=True, omit_defaults=True):
+    """What a sensor has measured, stamped by the sensor's own clock."""
+
+    clock_error_nanos: int = 0
+    """By how much that clock is off on purpose; the stamp less this is the instant of measurement.
+    """
+
+
+def all_messages() -> set[type[Message]]:
+    """Return every type of message that was imported."""
+    return {*Message.__subclasses__(), *Reading.__subclasses__()} - {Reading}
+
+
+def measured_nanos(message: Message) -> int:
+    """Return the instant of a message on the run's time line, whatever a sensor's clock says."""
+    stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+    return stamp - message.clock_error_nanos if isinstance(message, Reading) else stamp
+
+
 def whole(array: memoryview, record_bytes: int, field: str) -> None:
     """Refuse a bin that does not hold a whole number of records."""
     if len(array) % record_bytes:
@@ -114,7 +133,7 @@ class Command(Message, frozen=True):
     angular_radps: Vector3
 
 
-class Imu(Message, frozen=True):
+class Imu(Reading, frozen=True):
     """One sample of an inertial measurement unit, in the sensor's frame (REP 145)."""
 
     stamp_nanos: int
@@ -131,7 +150,7 @@ class Imu(Message, frozen=True):
     linear_acceleration_variance: float
 
 
-class PointCloud(Message, frozen=True):
+class PointCloud(Reading, frozen=True):
     """The returns of one LiDAR revolution, or of one block of it."""
 
     stamp_nanos: int
@@ -149,7 +168,7 @@ class PointCloud(Message, frozen=True):
         return np.frombuffer(self.points, POINT)
 
 
-class WheelEncoders(Message, frozen=True):
+class WheelEncoders(Reading, frozen=True):
     """The 64-bit counters of a vehicle's wheels."""
 
     stamp_nanos: int

@@ -13,7 +13,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from .imagery import Uint32
-from .messages import Message, Quaternion, Vector3, exactly
+from .messages import Message, Quaternion, Reading, Vector3, exactly
 
 COVARIANCE_6X6_BYTES = 36 * 8
 
@@ -27,7 +27,7 @@ class PoseStamped(Message, frozen=True):
     orientation: Quaternion
 
 
-class Odometry(Message, frozen=True):
+class Odometry(Reading, frozen=True):
     """Where a body is and how it moves (nav_msgs/Odometry)."""
 
     stamp_nanos: int
@@ -125,7 +125,7 @@ class JointState(Message, frozen=True):
                 exactly(array, len(self.names) * 8, field)
 
 
-class NavSatFix(Message, frozen=True):
+class NavSatFix(Reading, frozen=True):
     """A position by satellites (sensor_msgs/NavSatFix), WGS 84."""
 
     stamp_nanos: int

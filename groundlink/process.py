@@ -109,7 +109,9 @@ def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Sc
 class StateTaker(Protocol):
     """What a process that follows a run's states does with them."""
 
-    tick: int
+    @property
+    def tick(self) -> int:
+        """The last one taken; -1 for none yet."""
 
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped."""

@@ -17,13 +17,23 @@ from typing import Any
 import numpy as np
 from rosbags.serde import SerdeError
 
-from . import imagery, navigation, ros_imagery, ros_navigation, ros_vitals
+from . import (
+    imagery,
+    navigation,
+    ros_faults,
+    ros_ground_truth,
+    ros_imagery,
+    ros_navigation,
+    ros_vitals,
+)
+from .faults import Faults
+from .ground_truth import TRUE_POINT, Bodies, TruePoints
 from .messages import POINT, BadMessage, Clock, Command, Imu, Message, PointCloud, WheelEncoders
 from .ros_types import STORE, TYPES, header, quaternion, time, vector
 from .vitals import Vitals
 
-_POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4}
-"""sensor_msgs/PointField's FLOAT32 and UINT16."""
+_POINT_FIELD_TYPES = {"<f4": 7, "<u2": 4, "<u4": 6}
+"""sensor_msgs/PointField's FLOAT32, UINT16 and UINT32."""
 
 
 @lru_cache(maxsize=256)
@@ -33,12 +43,15 @@ def _diagonal(variance: float) -> np.ndarray[Any, Any]:
     return covariance
 
 
-_POINT_FIELDS = [
-    TYPES["sensor_msgs/msg/PointField"](
-        name=name, offset=offset, datatype=_POINT_FIELD_TYPES[POINT[name].str], count=1
-    )
-    for name, (_, offset, *_) in (POINT.fields or {}).items()
-]
+_POINT_FIELDS = {
+    record: [
+        TYPES["sensor_msgs/msg/PointField"](
+            name=name, offset=offset, datatype=_POINT_FIELD_TYPES[record[name].str], count=1
+        )
+        for name, (_, offset, *_) in (record.fields or {}).items()
+    ]
+    for record in (POINT, TRUE_POINT)
+}
 
 
 def _clock(message: Clock) -> dict[str, Any]:
@@ -64,15 +77,16 @@ def _imu(message: Imu) -> dict[str, Any]:
     }
 
 
-def _point_cloud(message: PointCloud) -> dict[str, Any]:
+def _point_cloud(message: PointCloud | TruePoints) -> dict[str, Any]:
     data = np.frombuffer(message.points, np.uint8)
+    record = message.records().dtype
     return {
         "header": header(message.stamp_nanos, message.frame),
         "height": 1,
-        "width": data.size // POINT.itemsize,
-        "fields": _POINT_FIELDS,
+        "width": data.size // record.itemsize,
+        "fields": _POINT_FIELDS[record],
         "is_bigendian": False,
-        "point_step": POINT.itemsize,
+        "point_step": record.itemsize,
         "row_step": data.size,
         "data": data,
         "is_dense": True,
@@ -100,6 +114,7 @@ ROS_FORMS: dict[type[Message], RosForm] = {
     Command: RosForm("geometry_msgs/msg/Twist", _twist),
     Imu: RosForm("sensor_msgs/msg/Imu", _imu),
     PointCloud: RosForm("sensor_msgs/msg/PointCloud2", _point_cloud),
+    TruePoints: RosForm("sensor_msgs/msg/PointCloud2", _point_cloud),
     WheelEncoders: RosForm("groundlink_msgs/msg/WheelEncoders", _wheel_encoders),
     imagery.Image: RosForm("sensor_msgs/msg/Image", ros_imagery.image),
     imagery.CompressedImage: RosForm(
@@ -114,11 +129,13 @@ ROS_FORMS: dict[type[Message], RosForm] = {
     navigation.Transforms: RosForm("tf2_msgs/msg/TFMessage", ros_navigation.transforms),
     navigation.JointState: RosForm("sensor_msgs/msg/JointState", ros_navigation.joint_state),
     navigation.NavSatFix: RosForm("sensor_msgs/msg/NavSatFix", ros_navigation.nav_sat_fix),
+    Bodies: RosForm("tf2_msgs/msg/TFMessage", ros_ground_truth.bodies),
 }
 """Every message of the bus that ROS sees."""
 
 RECORDED_FORMS = ROS_FORMS | {
-    Vitals: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_vitals.vitals)
+    Vitals: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_vitals.vitals),
+    Faults: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_faults.faults),
 }
 """Those, and what only a recording holds."""
 

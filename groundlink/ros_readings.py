@@ -16,7 +16,11 @@ from rosbags.serde import SerdeError
 
 from . import imagery, navigation
 from .clock import TICK_NANOS
+from .faults import Faults
+from .ground_truth import Bodies, TruePoints
 from .messages import BadMessage, Clock, Command, Imu, M, Message, PointCloud, WheelEncoders, packed
+from .ros_faults import from_faults
+from .ros_ground_truth import from_bodies
 from .ros_messages import RECORDED_FORMS
 from .ros_types import STORE, nanos, xyz, xyzw
 from .ros_vitals import from_vitals
@@ -76,6 +80,10 @@ def _imu(ros: Any, moment: Moment) -> Imu:
 
 def _point_cloud(ros: Any, moment: Moment) -> PointCloud:
     return PointCloud(*_stamp_and_frame(ros), packed(ros.data))
+
+
+def _true_points(ros: Any, moment: Moment) -> TruePoints:
+    return TruePoints(*_stamp_and_frame(ros), packed(ros.data))
 
 
 def _wheel_encoders(ros: Any, moment: Moment) -> WheelEncoders:
@@ -195,6 +203,14 @@ def _nav_sat_fix(ros: Any, moment: Moment) -> navigation.NavSatFix:
     )
 
 
+def _bodies(ros: Any, moment: Moment) -> Bodies:
+    return from_bodies(ros)
+
+
+def _faults(ros: Any, moment: Moment) -> Faults:
+    return from_faults(ros, nanos(ros.header.stamp))
+
+
 def _vitals(ros: Any, moment: Moment) -> Vitals:
     return from_vitals(ros, nanos(ros.header.stamp))
 
@@ -204,6 +220,7 @@ _READINGS: dict[type[Message], Callable[[Any, Moment], Any]] = {
     Command: _command,
     Imu: _imu,
     PointCloud: _point_cloud,
+    TruePoints: _true_points,
     WheelEncoders: _wheel_encoders,
     imagery.Image: _image,
     imagery.CompressedImage: _compressed_image,
@@ -216,6 +233,8 @@ _READINGS: dict[type[Message], Callable[[Any, Moment], Any]] = {
     navigation.Transforms: _transforms,
     navigation.JointState: _joint_state,
     navigation.NavSatFix: _nav_sat_fix,
+    Bodies: _bodies,
     Vitals: _vitals,
+    Faults: _faults,
 }
 """By message of the bus: from its ROS message back to it. The table of `ros_messages`, reversed."""

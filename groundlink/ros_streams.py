@@ -9,7 +9,7 @@ business here.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .frames import quaternion_from_rpy
 from .message_sizes import body_bytes
@@ -17,16 +17,19 @@ from .messages import Clock, Message
 from .navigation import Odometry, Transform, Transforms
 from .scenario import Scenario
 from .scenario.schema import Vehicle
-from .scenario.sensors import Lidar, Repair
+from .scenario.sensors import Lidar, Lidar2d, Repair, sensor_rate_hz
 from .topics import (
+    BODIES,
     CLOCK,
     COMMAND,
+    FAULTS,
     FROM_ROS,
     GROUND_TRUTH,
     SENSOR_TOPICS,
     STREAM_TOPICS,
+    TRUE_POINTS,
+    TRUE_WHEELS,
     VITALS,
-    sensor_rate_hz,
 )
 from .vitals import VITALS_HZ
 
@@ -60,7 +63,7 @@ class Outgoing(RosStream):
 
 
 def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
-    """Return every stream that can go to ROS: the clock first, then each vehicle's in order."""
+    """Return every stream that can go to ROS: the clock, each vehicle's in order, the bodies."""
     clock = Outgoing(
         key=CLOCK.key_in(run),
         message=Clock,
@@ -68,21 +71,42 @@ def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
         declared_hz=scenario.time.clock_rate_hz,
         push=True,
     )
-    return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run))]
+    bodies = Outgoing(
+        key=BODIES.key_in(run),
+        message=BODIES.message,
+        topic=scenario.bodies.topic,
+        declared_hz=scenario.bodies.rate_hz,
+        push=scenario.bodies.push,
+    )
+    return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run)), bodies]
 
 
-def recorded_only(scenario: Scenario, run: str) -> list[Outgoing]:
-    """Return what no gateway sends and a recording holds: each vehicle's vitals."""
-    return [
-        Outgoing(
+def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
+    """Return what no gateway sends and a recording holds: vitals, and the faults of sensors."""
+    vitals = [
+        RosStream(
             key=VITALS.key_in(run, vehicle=vehicle.name),
             message=VITALS.message,
             topic=scenario.vitals_topic(vehicle),
             declared_hz=float(VITALS_HZ),
-            push=False,
         )
         for vehicle in scenario.vehicles
     ]
+    faults = [
+        RosStream(
+            key=FAULTS.key_in(run, process=sensor),
+            message=FAULTS.message,
+            topic=faults_topic(sensor),
+            declared_hz=None,
+        )
+        for sensor in scenario.sensor_names()
+    ]
+    return [*vitals, *faults]
+
+
+def faults_topic(sensor: str) -> str:
+    """Return the topic of a sensor's faults in a recording."""
+    return f"/faults/{sensor}"
 
 
 def incoming(scenario: Scenario, run: str) -> list[RosStream]:
@@ -104,7 +128,7 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
     rows = [(SENSOR_TOPICS[type(s)], s, sensor_rate_hz(s)) for s in vehicle.sensors]
     extra = [(STREAM_TOPICS[s.kind], s, s.rate_hz) for s in vehicle.streams]
     for topic, spec, rate_hz in (*rows, *extra):
-        yield Outgoing(
+        stream = Outgoing(
             key=topic.key_in(run, vehicle=vehicle.name, sensor=spec.name),
             message=topic.message,
             topic=spec.topic,
@@ -113,19 +137,33 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
             repair=spec.repair,
             whole_bytes=_revolution_bytes(vehicle, spec),
         )
-    yield Outgoing(
-        key=GROUND_TRUTH.key_in(run, vehicle=vehicle.name),
-        message=GROUND_TRUTH.message,
-        topic=scenario.ground_truth_topic(vehicle),
-        declared_hz=vehicle.ground_truth.rate_hz,
-        push=vehicle.ground_truth.push,
+        yield stream
+        if isinstance(spec, Lidar) and spec.truth_topic is not None:
+            yield replace(
+                stream,
+                key=TRUE_POINTS.key_in(run, vehicle=vehicle.name, sensor=spec.name),
+                message=TRUE_POINTS.message,
+                topic=spec.truth_topic,
+                whole_bytes=_revolution_bytes(vehicle, spec, truth=True),
+            )
+    truths = (
+        (GROUND_TRUTH, scenario.ground_truth_topic(vehicle)),
+        (TRUE_WHEELS, scenario.true_wheels_topic(vehicle)),
     )
+    for row, place in truths:
+        yield Outgoing(
+            key=row.key_in(run, vehicle=vehicle.name),
+            message=row.message,
+            topic=place,
+            declared_hz=vehicle.ground_truth.rate_hz,
+            push=vehicle.ground_truth.push,
+        )
 
 
-def _revolution_bytes(vehicle: Vehicle, spec: object) -> int:
-    if not isinstance(spec, Lidar) or spec.blocks_per_revolution == 1:
+def _revolution_bytes(vehicle: Vehicle, spec: object, *, truth: bool = False) -> int:
+    if not isinstance(spec, Lidar | Lidar2d) or spec.blocks_per_revolution == 1:
         return 0
-    return spec.blocks_per_revolution * body_bytes(vehicle, spec)
+    return spec.blocks_per_revolution * body_bytes(vehicle, spec, truth=truth)
 
 
 def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:

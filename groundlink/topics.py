@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from enum import Enum
 
 from .clock import TICK_RATE_HZ
+from .faults import Faults
+from .ground_truth import Bodies, TruePoints
 from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
 from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
 from .scenario.schema import Scenario, Vehicle
-from .scenario.sensors import Encoders, Gnss, Lidar, Sensor, SensorSpec, WheelOdometry
+from .scenario.sensors import Encoders, Gnss, Lidar, Lidar2d, SensorSpec, WheelOdometry
 from .scenario.sensors import Imu as ImuSpec
 from .scenario.sensors import Range as RangeSpec
 from .vitals import VITALS_HZ, Vitals
@@ -87,6 +89,14 @@ POINTS = Topic(
     rate="rotation_rate_hz",
     delivery=Delivery.ALL,
 )
+SCAN = Topic(
+    name="lidar_2d",
+    key="{vehicle}/{sensor}",
+    message=LaserScan,
+    publisher="sensors.lidar_2d",
+    rate="rotation_rate_hz",
+    delivery=Delivery.ALL,
+)
 IMU = Topic(
     name="imu",
     key="{vehicle}/{sensor}",
@@ -127,6 +137,14 @@ WHEEL_ODOMETRY = Topic(
     rate="rate_hz",
     delivery=Delivery.ALL,
 )
+FAULTS = Topic(
+    name="faults",
+    key="faults/{process}",
+    message=Faults,
+    publisher="every sensor",
+    rate="when one begins or ends",
+    delivery=Delivery.ALL,
+)
 ACK = Topic(
     name="ack",
     key="ack/{process}",
@@ -149,6 +167,30 @@ GROUND_TRUTH = Topic(
     message=Odometry,
     publisher="physics",
     rate="ground_truth.rate_hz",
+    delivery=Delivery.NEWEST,
+)
+TRUE_WHEELS = Topic(
+    name="ground_truth.wheels",
+    key="{vehicle}/ground_truth/wheels",
+    message=JointState,
+    publisher="physics",
+    rate="ground_truth.rate_hz",
+    delivery=Delivery.NEWEST,
+)
+TRUE_POINTS = Topic(
+    name="lidar.truth",
+    key="{vehicle}/{sensor}/truth",
+    message=TruePoints,
+    publisher="sensors.lidar",
+    rate="as the cloud",
+    delivery=Delivery.ALL,
+)
+BODIES = Topic(
+    name="bodies",
+    key="bodies",
+    message=Bodies,
+    publisher="physics",
+    rate="bodies.rate_hz",
     delivery=Delivery.NEWEST,
 )
 VITALS = Topic(
@@ -182,6 +224,7 @@ FROM_ROS = {
 
 SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
     Lidar: POINTS,
+    Lidar2d: SCAN,
     ImuSpec: IMU,
     Encoders: ENCODERS,
     WheelOdometry: WHEEL_ODOMETRY,
@@ -189,6 +232,9 @@ SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
     RangeSpec: RANGE,
 }
 """The stream of each kind of sensor."""
+
+SENSOR_TRUTHS: dict[type[SensorSpec], Topic] = {Lidar: TRUE_POINTS}
+"""What a sensor of a kind tells of the truth behind its readings when its `truth` is set."""
 
 
 def _extra(name: str, message: type[Message]) -> Topic:
@@ -227,8 +273,12 @@ TOPICS = (
     COMMAND,
     *STREAM_TOPICS.values(),
     GROUND_TRUTH,
+    TRUE_WHEELS,
+    TRUE_POINTS,
+    BODIES,
     VITALS,
     *FROM_ROS.values(),
+    FAULTS,
     ACK,
     HEALTH,
 )
@@ -244,16 +294,14 @@ def link_key(run: str) -> str:
     return f"{ROOT}/{run}/link"
 
 
+def faults_key(run: str, sensor: str) -> str:
+    """Return the key of the queryable by which a sensor's faults are changed and told."""
+    return FAULTS.key_in(run, process=sensor)
+
+
 def history_key(run: str) -> str:
     """Return the key of the queryable that serves the states a rejoining sensor has missed."""
     return f"{ROOT}/{run}/state/history"
-
-
-def sensor_rate_hz(spec: Sensor) -> float:
-    """Return how many messages a second of sim time a sensor declares."""
-    if isinstance(spec, Lidar):
-        return spec.rotation_rate_hz * spec.blocks_per_revolution
-    return spec.rate_hz
 
 
 def driver_name(vehicle: Vehicle) -> str:

@@ -14,8 +14,8 @@ from groundlink.errors import UserError
 from groundlink.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario import load
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Lidar, Sensor
-from groundlink.topics import SENSOR_TOPICS, driver_name, sensor_rate_hz
+from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz
+from groundlink.topics import SENSOR_TOPICS, driver_name
 from groundlink.world.build import solids, world_hash
 
 
@@ -56,22 +56,35 @@ def check(options: argparse.Namespace) -> int:
             print(f"  sensor   {vehicle.name}/{sensor.name} ({kind}): {sensor.topic}, {rate:g} Hz")
             for line in _sent(scenario, vehicle, sensor):
                 print(f"           {line}")
+            for fault in sensor.faults:
+                print(f"           fault {fault}")
+            if sensor.truth_topic is not None:
+                print(f"  truth    {sensor.truth_topic}, with each message")
+                for line in _sent(scenario, vehicle, sensor, truth=True):
+                    print(f"           {line}")
         for stream in vehicle.streams:
             name = f"{vehicle.name}/{stream.name} ({stream.kind})"
             print(f"  stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz")
         truth = vehicle.ground_truth
-        asked = "sent" if truth.push else "for those who subscribe"
-        topic = scenario.ground_truth_topic(vehicle)
-        print(f"  truth    {topic}, {truth.rate_hz:g} Hz, {asked}")
+        for topic in (scenario.ground_truth_topic(vehicle), scenario.true_wheels_topic(vehicle)):
+            print(f"  truth    {topic}, {truth.rate_hz:g} Hz, {_asked(truth.push)}")
+    bodies = scenario.bodies
+    print(f"  truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}")
     print(f"  gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}")
     return 0
 
 
-def _sent(scenario: Scenario, vehicle: Vehicle, sensor: Sensor) -> list[str]:
+def _asked(push: bool) -> str:
+    return "sent" if push else "for those who subscribe"
+
+
+def _sent(
+    scenario: Scenario, vehicle: Vehicle, sensor: Sensor, *, truth: bool = False
+) -> list[str]:
     """Return how a sensor's largest message is sent, and what to do if that is not as asked."""
     gateway = scenario.gateway
     try:
-        found = cut(vehicle, sensor, gateway)
+        found = cut(vehicle, sensor, gateway, truth=truth)
     except NeverFits as error:
         mend = _mend(vehicle, sensor, scenario, "make its messages smaller")
         raise UserError(f"{vehicle.name}/{sensor.name}: {error}; {mend}") from None
@@ -95,7 +108,7 @@ def _warning(scenario: Scenario, vehicle: Vehicle, sensor: Sensor, found: Cut) -
 
 def _mend(vehicle: Vehicle, sensor: Sensor, scenario: Scenario, otherwise: str) -> str:
     block_deg = None
-    if isinstance(sensor, Lidar):
+    if isinstance(sensor, Lidar | Lidar2d):
         block_deg = fitting_block_deg(vehicle, sensor, scenario.gateway)
     if block_deg is None:
         return otherwise

@@ -12,6 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from groundlink.faults import kinds_in
 from groundlink.messages import StreamReport
 from groundlink.run_monitor import RunMonitor, keeps_rate
 from groundlink.supervisor import Child
@@ -69,9 +70,11 @@ def _processes(monitor: RunMonitor, children: Iterable[Child]) -> Table:
     for child in children:
         health = monitor.health.get(child.name)
         counters = health.counters if health else {}
+        faults = kinds_in(counters)
         counts = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
         pid = str(child.process.pid) if child.process else child.last_exit
-        table.add_row(child.name, pid, str(child.restarts), counts)
+        name = f"{child.name}: {', '.join(faults)}" if faults else child.name
+        table.add_row(name, pid, str(child.restarts), counts, style="yellow" if faults else "")
     return table
 
 

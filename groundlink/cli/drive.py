@@ -24,7 +24,8 @@ from groundlink.inbox import Inbox
 from groundlink.keyboard import HELP, Keyboard, keys
 from groundlink.messages import Clock, Command
 from groundlink.scenario import Scenario
-from groundlink.scenario.load import load_route, nearest
+from groundlink.scenario.explain import nearest
+from groundlink.scenario.load import load_route
 from groundlink.scenario.schema import Vehicle
 from groundlink.topics import CLOCK, COMMAND, driver_name
 

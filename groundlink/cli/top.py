@@ -21,11 +21,13 @@ from rich.text import Text
 
 from groundlink import process
 from groundlink.bus import Bus
+from groundlink.faults import kinds_in
 from groundlink.inbox import Inbox
 from groundlink.messages import Health
 from groundlink.overview import Overview
 from groundlink.scenario import Scenario
-from groundlink.topics import HEALTH, link_key, process_names, sensor_rate_hz
+from groundlink.scenario.sensors import sensor_rate_hz
+from groundlink.topics import HEALTH, link_key, process_names
 
 from .dashboard import streams_table
 from .running import console, stop_on_signals
@@ -152,7 +154,7 @@ def _processes(rows: list[dict[str, Any]]) -> Table:
             "" if row["declared_hz"] is None else f"{row['declared_hz']:g} Hz",
             "" if row["measured_hz"] is None else f"{row['measured_hz']:.1f} Hz",
             ", ".join(f"{name} {count}" for name, count in counts if count),
-            style=STYLES[row["state"]],
+            style=STYLES[row["state"]] or ("yellow" if kinds_in(row["counters"]) else ""),
         )
     return table
 
@@ -161,6 +163,7 @@ def _state(row: dict[str, Any]) -> str:
     text: str = row["state"]
     if text == "silent":
         text += f" {row['heard_seconds_ago']:.0f} s"
+    text = ", ".join([text, *kinds_in(row["counters"])])
     return f"{text}, {row['restarts']} restarts" if row["restarts"] else text
 
 

@@ -18,11 +18,14 @@ from groundlink.clock import NANOS
 from groundlink.recording.metadata import RunFacts
 from groundlink.recording.reading import Recorded, Recording
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros_faults import from_faults
+from groundlink.ros_streams import faults_topic
 from groundlink.ros_types import STORE
 from groundlink.ros_vitals import from_vitals
 
 from .energy import MAX_POINTS as ENERGY_POINTS
 from .energy import Energy
+from .failures import Failures
 from .motion import Motion, stride
 from .said import Said
 from .streams import StreamTrack
@@ -46,6 +49,7 @@ class Gathered:
     motions: list[Motion]
     energies: list[Energy]
     cameras: list[Camera]
+    failures: list[Failures]
     said: Said
     undecodable: int
     """Messages of decoded topics that do not fit their type."""
@@ -95,6 +99,7 @@ class _Taking:
             motions=[],
             energies=[],
             cameras=[],
+            failures=[],
             said=Said(),
             undecodable=0,
         )
@@ -112,6 +117,10 @@ class _Taking:
             self._decode(truth, motion.moved, motion.stride)
             self._decode(vehicle.command_topic, motion.was_asked, asked)
             self._on_vitals(vitals, energy)
+        for sensor in run.scenario.sensor_names():
+            failures = Failures(sensor)
+            self.gathered.failures.append(failures)
+            self._on_faults(faults_topic(sensor), failures)
         self._decode(DIAGNOSTICS_TOPIC, self.gathered.said.add, 1)
         for topic, ros_type in recording.types.items():
             if ros_type in IMAGE_TYPES:
@@ -141,6 +150,12 @@ class _Taking:
     def _on_vitals(self, topic: str, energy: Energy) -> None:
         def use(seconds: float, array: Any) -> None:
             energy.add(seconds, from_vitals(array, 0))
+
+        self._decode(topic, use, 1)
+
+    def _on_faults(self, topic: str, failures: Failures) -> None:
+        def use(seconds: float, array: Any) -> None:
+            failures.add(seconds, from_faults(array, 0))
 
         self._decode(topic, use, 1)
 

@@ -48,7 +48,7 @@ def page(run: Gathered) -> str:
     span = run.seconds(run.first_nanos), run.seconds(run.last_nanos)
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     sections = [_way(run), *_vehicles(run, span), _streams(run, span), _link(run, span)]
-    sections += [_cameras(run), _processes(run), _origin(run)]
+    sections += [_cameras(run), _failures(run), _processes(run), _origin(run)]
     return template.substitute(
         title=text(f"Run {run.run.run}"),
         subtitle=text(" · ".join(filter(None, (scenario.description, _when(run))))),
@@ -85,6 +85,10 @@ def _faults(run: Gathered) -> list[str]:
         if energy.events:
             names = ", ".join(dict.fromkeys(event.name for event in energy.events))
             lines.append(f"{energy.vehicle} touched {names}")
+    for failures in run.failures:
+        if failures.all:
+            kinds = ", ".join(dict.fromkeys(failure.fault.kind for failure in failures.all))
+            lines.append(f"{failures.sensor} was made to fail: {kinds}")
     if run.undecodable:
         lines.append(f"{run.undecodable} messages could not be read")
     return lines
@@ -270,6 +274,19 @@ def _cameras(run: Gathered) -> Markup:
         if camera.unknown:
             parts.append(paragraph(f"{camera.unknown} pictures are of a form not known here."))
     return section("Cameras", *parts)
+
+
+def _failures(run: Gathered) -> Markup:
+    rows = []
+    for failures in run.failures:
+        for failure in failures.all:
+            end = failure.end_seconds
+            until = "the end of the recording" if end is None else f"{end:.4f} s"
+            begin = f"{failure.begin_seconds:.4f} s"
+            rows.append((failures.sensor, begin, until, str(failure.fault)))
+    if not rows:
+        return Markup("")
+    return section("Faults", table(("sensor", "from", "to", "fault"), rows, code=(0, 3)))
 
 
 def _processes(run: Gathered) -> Markup:

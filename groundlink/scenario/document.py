@@ -107,6 +107,8 @@ def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> A
             result[key] = _plain(value_node, (*path, key), document, file)
             document.marks[(*path, key)] = Mark(file, line)
         return result
+    if path[-1:] == ("kind",):
+        return str(node.value)  # a word: YAML 1.1 takes `off` for false
     # SafeLoader's own constructor turns scalars into int, float, bool, str or None.
     loader = yaml.SafeLoader("")
     try:

@@ -12,6 +12,7 @@ import msgspec
 from msgspec.inspect import (
     DictType,
     ListType,
+    LiteralType,
     StructType,
     Type,
     UnionType,
@@ -33,6 +34,13 @@ def kinds(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]:
     """Return the values that the tag at `path` may have; none where it is no tag."""
     structs = _structs(_walk(type_info(root), data, path[:-1]), None)
     return [str(s.tag) for s in structs if s.tag is not None and s.tag_field == path[-1]]
+
+
+def choices(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]:
+    """Return the words that the value at `path` may be; none where it is no choice of words."""
+    type_ = _walk(type_info(root), data, path)
+    members = type_.types if isinstance(type_, UnionType) else (type_,)
+    return [str(w) for member in members if isinstance(member, LiteralType) for w in member.values]
 
 
 def _tag(data: Any, path: tuple[str | int, ...]) -> Any:

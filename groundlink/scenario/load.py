@@ -7,11 +7,9 @@ schema, then what types cannot say. Nothing starts before all of it holds.
 
 from __future__ import annotations
 
-import difflib
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
@@ -19,16 +17,16 @@ from groundlink.clock import TICK_RATE_HZ
 from groundlink.world.build import WorldError, solids
 
 from .document import DataPath, Document, ScenarioError, read
-from .fields import field_names, kinds
+from .explain import convert, dotted, nearest
+from .fault_fit import mistake
 from .route import FIGURES, Route, Waypoints
 from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
 from .sensors import Encoders, Gnss, Sensor, WheelOdometry
 from .vehicle import VehicleModel
 
-SHIPPED = Path(__file__).resolve().parents[2] / "scenarios"
-"""Worlds, vehicles and data sheets that come with Groundlink."""
-
-S = TypeVar("S", bound=msgspec.Struct)
+SHIPPED = (Path(__file__).parents[1] / "shipped").resolve()
+"""Worlds, vehicles and data sheets that come with Groundlink: in a checkout a link to its folder
+`scenarios`, in an installed package a copy of it."""
 
 
 class _RouteFile(msgspec.Struct):
@@ -47,7 +45,7 @@ def load(file: str | Path) -> Scenario:
     """
     document = read(Path(file))
     _follow_references(document)
-    scenario = _convert(document, Scenario)
+    scenario = convert(document, Scenario)
     _check(scenario, document)
     return scenario
 
@@ -69,16 +67,9 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     file = read(Path(given))
     document = Document({"route": file.value}, {(): file.mark(())})
     document.put(("route",), file)
-    route = _convert(document, _RouteFile).route
+    route = convert(document, _RouteFile).route
     _check_speeds(route, vehicle.model, document, ("route",))
     return route
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """Return a hint that names the known word closest to `word`, or all of them."""
-    known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f"did you mean `{close[0]}`?" if close else f"expected one of {', '.join(known)}"
 
 
 def _follow_references(document: Document) -> None:
@@ -108,15 +99,44 @@ def _include(document: Document, path: DataPath, folder: str) -> None:
 def _find(document: Document, path: DataPath, reference: str, folder: str) -> Path:
     """Return the file that a reference names: beside the file that names it, or shipped."""
     mark = document.mark(path)
+    try:
+        return find(reference, folder, mark.file.parent)
+    except ScenarioError as error:
+        raise ScenarioError(f"{mark}: `{path[-1]}`: {error}") from None
+
+
+def find(reference: str, folder: str, beside: Path) -> Path:
+    """Return the file that a reference names: in a folder `beside`, or shipped.
+
+    Raises
+    ------
+    ScenarioError
+        when there is none.
+    """
     name = reference if reference.endswith((".yaml", ".yml")) else f"{folder}/{reference}.yaml"
-    for base in (mark.file.parent, SHIPPED):
+    for base in (beside, SHIPPED):
         if (base / name).is_file():
             return base / name
+    if Path(name).is_absolute():
+        raise ScenarioError(f"there is no file `{name}`")
     shipped = [f"{folder}/{file.name}" for file in (SHIPPED / folder).glob("*.yaml")]
     raise ScenarioError(
-        f"{mark}: `{path[-1]}`: no file `{name}` beside this file or in {SHIPPED}; "
-        f"{nearest(name, shipped)}"
+        f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {nearest(name, shipped)}"
     )
+
+
+def read_datasheet(file: Path) -> Document:
+    """Return a data sheet, a mapping with a `kind`, unchecked.
+
+    Raises
+    ------
+    ScenarioError
+        when it is none.
+    """
+    sheet = read(file)
+    if not isinstance(sheet.value, dict) or not isinstance(sheet.value.get("kind"), str):
+        raise ScenarioError(f"{sheet.mark(())}: a data sheet is a mapping with a `kind`")
+    return sheet
 
 
 def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> None:
@@ -124,13 +144,11 @@ def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> Non
     if not isinstance(sensor, dict) or not isinstance(sensor.get("datasheet"), str):
         return
     sheet_path = (*path, "datasheet")
-    sheet = read(_find(document, sheet_path, sensor["datasheet"], "sensors"))
-    if not isinstance(sheet.value, dict) or not isinstance(sheet.value.get("kind"), str):
-        raise ScenarioError(f"{sheet.mark(())}: a data sheet is a mapping with a `kind`")
+    sheet = read_datasheet(_find(document, sheet_path, sensor["datasheet"], "sensors"))
     if sensor.get("kind", sheet.value["kind"]) != sheet.value["kind"]:
         raise ScenarioError(
-            f"{document.mark(sheet_path)}: `datasheet`: {sensor['datasheet']} is of a "
-            f"{sheet.value['kind']}, but this sensor's kind is {sensor['kind']}"
+            f"{document.mark(sheet_path)}: `datasheet`: {sensor['datasheet']} is of kind "
+            f"`{sheet.value['kind']}`, but this sensor is of kind `{sensor['kind']}`"
         )
     sensor["datasheet"] = sheet.value.get("datasheet", sensor["datasheet"])
     for key, value in sheet.value.items():
@@ -149,47 +167,6 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
             mark = document.mark((*path, "mount"))
             raise ScenarioError(f"{mark}: `mount`: no mount `{mount}`; {nearest(mount, mounts)}")
         document.at(path)["mount"] = mounts[mount]
-
-
-def _convert(document: Document, schema: type[S]) -> S:
-    """Check plain data against a schema and name the first thing that does not fit."""
-    try:
-        return msgspec.convert(document.value, schema)
-    except msgspec.ValidationError as error:
-        problem, _, where = str(error).partition(" - at ")
-        path = _data_path(where.strip("`"))
-        raise ScenarioError(_explained(problem, path, document, schema)) from None
-
-
-def _data_path(text: str) -> DataPath:
-    """Parse msgspec's `$.vehicles[0].name`; `[...]` stands for a value of a mapping."""
-    steps = re.findall(r"\.([A-Za-z_]\w*)|\[(\d+)\]", text)
-    return tuple(name or int(index) for name, index in steps)
-
-
-def _explained(problem: str, path: DataPath, document: Document, schema: type) -> str:
-    """Return the schema's complaint with its place and, for a misspelt word, the right one."""
-    if unknown := re.search(r"contains unknown field `(.*)`", problem):
-        key = unknown.group(1)
-        names = field_names(schema, document.value, path)
-        mark = document.mark((*path, key))
-        return f"{mark}: unknown key `{_dotted((*path, key))}`; {nearest(key, names)}"
-    mark = document.mark(path)
-    if missing := re.search(r"missing required field `(.*)`", problem):
-        return f"{mark}: `{_dotted((*path, missing.group(1)))}` is missing; add it"
-    if invalid := re.search(r"Invalid value '(.*)'$", problem):
-        known = kinds(schema, document.value, path)
-        if known:
-            word = invalid.group(1)
-            return f"{mark}: `{_dotted(path)}`: unknown kind `{word}`; {nearest(word, known)}"
-    value = document.at(path)
-    given = "" if isinstance(value, dict | list) else f" (given: {value!r})"
-    return f"{mark}: `{_dotted(path)}`: {problem[:1].lower()}{problem[1:]}{given}"
-
-
-def _dotted(path: DataPath) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
-    return text.lstrip(".") or "scenario"
 
 
 def _check(scenario: Scenario, document: Document) -> None:
@@ -214,6 +191,7 @@ def _check(scenario: Scenario, document: Document) -> None:
                     f"longitude_deg: ..., altitude_m: ...}}` of the world's origin"
                 )
             _check_wheels(sensor, vehicle, document, (*here, "sensors", s))
+            _check_faults(sensor, vehicle, document, (*here, "sensors", s, "faults"))
         if vehicle.route is not None:
             _check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
     time = scenario.time
@@ -224,9 +202,14 @@ def _check(scenario: Scenario, document: Document) -> None:
         )
     topics = [s.topic for v in scenario.vehicles for s in (*v.sensors, *v.streams)]
     topics += [scenario.ground_truth_topic(v) for v in scenario.vehicles]
+    topics += [scenario.true_wheels_topic(v) for v in scenario.vehicles]
+    topics.append(scenario.bodies.topic)
+    topics += [
+        s.truth_topic for v in scenario.vehicles for s in v.sensors if s.truth_topic is not None
+    ]
     if twice := [topic for topic in topics if topics.count(topic) > 1]:
         raise ScenarioError(
-            f"{document.mark(())}: two sensors share the topic `{twice[0]}`; give each its own"
+            f"{document.mark(())}: two streams share the topic `{twice[0]}`; give each its own"
         )
     heard = [topic for v in scenario.vehicles for topic in msgspec.structs.astuple(v.from_ros)]
     heard = [topic for topic in heard if topic]
@@ -261,6 +244,14 @@ def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: Da
             )
 
 
+def _check_faults(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
+    """Refuse faults that the sensor cannot have."""
+    for i, fault in enumerate(sensor.faults):
+        if found := mistake(fault, sensor, vehicle):
+            where = (*path, i, found[0])
+            raise ScenarioError(f"{document.mark(where)}: `{dotted(where)}`: {found[1]}")
+
+
 def _check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
     """Refuse a route that asks for more than the vehicle's wheels can turn."""
     most = model.drive.max_wheel_speed_radps * min(wheel.radius_m for wheel in model.wheels)
@@ -271,7 +262,7 @@ def _check_speeds(route: Route, model: VehicleModel, document: Document, path: D
     for where, speed in asked:
         if speed is not None and speed > most:
             raise ScenarioError(
-                f"{document.mark(where)}: `{_dotted(where)}`: {speed:g} m/s is more than the "
+                f"{document.mark(where)}: `{dotted(where)}`: {speed:g} m/s is more than the "
                 f"{most:.2f} m/s that `{model.name}` can drive; ask for less"
             )
 

@@ -15,22 +15,22 @@ from msgspec import Meta
 from groundlink.emulation import LinkScript
 from groundlink.world.room import Clutter, Furniture, Room
 from groundlink.world.solids import Material, Solid, Spec, Vector3
+from groundlink.world.weather import Weather
 
 from .route import Route
-from .sensors import Rate, Repair, RosTopic, Sensor
+from .sensors import Address, Rate, Repair, RosTopic, Sensor
 from .vehicle import VehicleModel
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 """Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
 
-RESERVED_NAMES = frozenset({"state", "clock", "health", "scenario", "link", "ack"})
+RESERVED_NAMES = frozenset(
+    {"state", "clock", "bodies", "health", "scenario", "link", "faults", "ack"}
+)
 """Second parts of the bus's own keys, so no names for vehicles."""
 
 RESERVED_SENSOR_NAMES = frozenset({"command", "driver", "from_ros", "ground_truth", "vitals"})
 """Last parts of a vehicle's own keys, and the name of its driver."""
-
-Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
-"""HOST:PORT."""
 
 Peer = Annotated[str, Meta(pattern=r"^[^\s:]+(:[0-9]{1,5})?$")]
 """HOST:PORT, or HOST for all of its ports."""
@@ -62,6 +62,7 @@ class World(Spec, frozen=True, kw_only=True):
     """Single static shapes, where no kind of furniture fits."""
 
     clutter: Clutter | None = None
+    weather: Weather = Weather()
 
 
 class Placement(Spec, frozen=True):
@@ -87,6 +88,7 @@ class Stream(Spec, frozen=True, kw_only=True):
         "joint_state",
         "laser_scan",
         "lidar",
+        "lidar_2d",
         "map",
         "nav_sat_fix",
         "odometry",
@@ -106,12 +108,26 @@ class Stream(Spec, frozen=True, kw_only=True):
 
 
 class GroundTruth(Spec, frozen=True):
-    """The odometry without error that physics publishes, for comparison and never for a stack."""
+    """What physics publishes of a vehicle without error, for comparison and never for a stack."""
 
     topic: RosTopic | None = None
-    """`/ground_truth/odom` unless given, in front of it the vehicle's name where it has company."""
+    """Of the odometry: `/ground_truth/odom` unless given, in front of it the vehicle's name where
+    it has company."""
+
+    wheels_topic: RosTopic | None = None
+    """Of the wheels' angles, speeds and torques: `/ground_truth/wheels`, in the same way."""
 
     rate_hz: Rate = 50.0
+    push: bool = False
+
+
+class BodyPoses(Spec, frozen=True):
+    """The true poses of all bodies, from physics: what moves and what stands still."""
+
+    topic: RosTopic = "/ground_truth/bodies"
+    rate_hz: Rate = 10.0
+    """Less than of one vehicle's truth: there may be hundreds of bodies, and most stand still."""
+
     push: bool = False
 
 
@@ -197,6 +213,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
     time: Time = Time()
     world: World
     vehicles: tuple[Vehicle, ...]
+    bodies: BodyPoses = BodyPoses()
     gateway: Gateway = Gateway()
 
     def sensor(self, name: str) -> tuple[Vehicle, Sensor] | None:
@@ -208,13 +225,20 @@ class Scenario(Spec, frozen=True, kw_only=True):
         return None
 
     def ground_truth_topic(self, vehicle: Vehicle) -> str:
-        """Return the ROS topic of a vehicle's ground truth."""
-        company = f"/{vehicle.name}" if len(self.vehicles) > 1 else ""
-        return vehicle.ground_truth.topic or f"{company}/ground_truth/odom"
+        """Return the ROS topic of a vehicle's true odometry."""
+        return vehicle.ground_truth.topic or f"{self._company(vehicle)}/ground_truth/odom"
+
+    def true_wheels_topic(self, vehicle: Vehicle) -> str:
+        """Return the ROS topic of a vehicle's true wheel states."""
+        return vehicle.ground_truth.wheels_topic or f"{self._company(vehicle)}/ground_truth/wheels"
 
     def vitals_topic(self, vehicle: Vehicle) -> str:
         """Return the topic of a vehicle's vitals in a recording."""
-        return f"/{vehicle.name}/vitals" if len(self.vehicles) > 1 else "/vitals"
+        return f"{self._company(vehicle)}/vitals"
+
+    def _company(self, vehicle: Vehicle) -> str:
+        """Return what parts the topics of vehicles that the scenario gives none."""
+        return f"/{vehicle.name}" if len(self.vehicles) > 1 else ""
 
     def sensor_names(self) -> list[str]:
         """Return every sensor as `vehicle/sensor`, in the scenario's order."""

@@ -7,125 +7,47 @@ Rule: one class a kind; the tag is the kind, and the kind is the name of the pro
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from groundlink.clock import exact
-from groundlink.world.solids import Fraction01, NonNegative, Positive, Spec, Vector3
+from groundlink.world.solids import Fraction01, NonNegative, Positive, Spec
 
+from .every_sensor import Address, Mount, Rate, Repair, RepairBy, RosTopic, SensorSpec
+from .faults import EACH_WHEEL, Quantity
 from .inertial import GyroscopeNoise, InertialNoise
+from .lidars import Lidar, Lidar2d, RotatingLidar
 
-Rate = Annotated[float, Meta(gt=0, le=400)]
-RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
-
-
-class Mount(Spec, frozen=True):
-    """Where a sensor sits: base_from_sensor."""
-
-    xyz_m: Vector3 = (0.0, 0.0, 0.0)
-    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw about the base's fixed axes (REP 103)."""
-
-    def rpy_radians(self) -> Vector3:
-        """Return roll, pitch and yaw in radians."""
-        roll, pitch, yaw = map(math.radians, self.rpy_deg)
-        return roll, pitch, yaw
-
-
-class RepairBy(Spec, frozen=True):
-    """One way of making lost datagrams good, with its figure."""
-
-    fec: Annotated[float, Meta(gt=0, le=1)] | None = None
-    """Repair data for each message, as a share of it; needs the package raptorq at both ends."""
-
-    resend: Annotated[float, Meta(ge=0.001, le=60)] | None = None
-    """Lost parts are asked for and sent again until the message is this old, in seconds."""
-
-    def __post_init__(self) -> None:
-        if (self.fec is None) == (self.resend is None):
-            raise ValueError("expected `fec: share` or `resend: seconds`, one of the two")
-
-
-Repair = Literal["none", "resend"] | RepairBy
-"""How the gateway makes good what is lost of a stream; `resend` alone is half a second."""
-
-
-class SensorSpec(Spec, frozen=True, tag_field="kind"):
-    """What every sensor has."""
-
-    name: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
-    topic: RosTopic
-    """ROS topic of its readings."""
-
-    frame: str
-    """tf frame of its readings, before the vehicle's `frame_prefix`."""
-
-    mount: Mount = Mount()
-    push: bool = True
-    """Send to the gateway's peer unasked; if not, only to those who subscribe."""
-
-    repair: Repair = "none"
-    mounted: ClassVar[bool] = True
-    """Whether `frame` is a place on the vehicle, for the static transforms."""
-
-    datasheet: str = ""
-    """Title of the data sheet that the fields were taken from, with its source."""
-
-
-class Lidar(SensorSpec, frozen=True, tag="lidar", kw_only=True):
-    """A spinning 3D LiDAR that fires all its lasers once per azimuth step."""
-
-    rotation_rate_hz: Rate = 10.0
-    firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
-    """Azimuth steps; 3600 at 10 Hz is 0.1 degrees."""
-
-    block_deg: NonNegative = 0.0
-    """Azimuth that one message holds: 0 for whole revolutions, or a whole part of 360."""
-
-    elevations_deg: tuple[float, ...]
-    """One a laser, from the lowest (ring 0) to the highest."""
-
-    vertical_offsets_m: tuple[float, ...] = ()
-    """Of each laser's origin above the sensor's; none means zero."""
-
-    laser_times_us: tuple[float, ...] = ()
-    """Of each laser after the start of its firing; none means all at once."""
-
-    min_range_m: NonNegative = 0.0
-    max_range_m: Positive = 100.0
-    range_stddev_m: NonNegative = 0.0
-    """White noise of one measurement, 1 sigma."""
-
-    laser_bias_m: NonNegative = 0.0
-    """Half width of the uniform distribution of each laser's constant error."""
-
-    range_resolution_m: NonNegative = 0.0
-    """Ranges are rounded to multiples of it; 0 for none."""
-
-    dropout: Fraction01 = 0.0
-    """Share of returns that are lost at random."""
-
-    def __post_init__(self) -> None:
-        if not self.block_deg:
-            return
-        blocks = 360 / exact(self.block_deg)
-        if blocks.denominator != 1 or not 1 <= blocks <= self.firings_per_revolution:
-            raise ValueError(
-                f"`block_deg` is {self.block_deg:g}; expected 0 or 360 divided by a whole number "
-                f"up to the {self.firings_per_revolution} firings of a revolution"
-            )
-
-    @property
-    def blocks_per_revolution(self) -> int:
-        """How many messages a revolution is sent in."""
-        return int(360 / exact(self.block_deg)) if self.block_deg else 1
+__all__ = [
+    "Address",
+    "Encoders",
+    "Gnss",
+    "Imu",
+    "Lidar",
+    "Lidar2d",
+    "Mount",
+    "PositionNoise",
+    "Range",
+    "Rate",
+    "Repair",
+    "RepairBy",
+    "RosTopic",
+    "RotatingLidar",
+    "Sensor",
+    "SensorSpec",
+    "WheelOdometry",
+    "WithNative",
+    "sensor_rate_hz",
+]
 
 
 class Imu(SensorSpec, frozen=True, tag="imu"):
     """Accelerometer, gyroscope and orientation filter in one housing."""
 
+    quantities: ClassVar = {
+        "acceleration": Quantity("m/s^2", ("x", "y", "z")),
+        "angular_velocity": Quantity("rad/s", ("x", "y", "z")),
+    }
     rate_hz: Rate = 400.0
     accelerometer: InertialNoise = InertialNoise()
     """In m/s^2."""
@@ -141,6 +63,7 @@ class Imu(SensorSpec, frozen=True, tag="imu"):
 class Encoders(SensorSpec, frozen=True, tag="encoders"):
     """Incremental encoders on every driven wheel, counted by the motor controller."""
 
+    quantities: ClassVar = {"ticks": Quantity("ticks", EACH_WHEEL)}
     rate_hz: Rate = 50.0
     ticks_per_revolution: Annotated[int, Meta(gt=0)] = 4096
     """Periods of the encoder in one turn of the shaft that it sits on; 6 for Hall sensors, whose
@@ -182,6 +105,10 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
     """Where the motor controller believes to be, by the counters of its wheels alone."""
 
     mounted: ClassVar[bool] = False
+    quantities: ClassVar = {
+        "position": Quantity("m", ("x", "y", "z")),
+        "yaw": Quantity("rad"),
+    }
 
     encoders: str
     """The vehicle's sensor of kind `encoders` whose counters it reads."""
@@ -222,6 +149,10 @@ Elevation = Annotated[float, Meta(gt=0, le=90)]
 class Gnss(SensorSpec, frozen=True, tag="gnss"):
     """A receiver of satellite navigation; its mount is where the antenna's phase centre is."""
 
+    native: Address | None = None
+    """Where the receiver's NMEA sentences go besides, by UDP."""
+
+    quantities: ClassVar = {"position": Quantity("m", ("east", "north", "up"))}
     rate_hz: Annotated[float, Meta(gt=0, le=20)] = 5.0
     solution: Literal["single_point", "sbas", "rtk_float", "rtk_fix"] = "single_point"
     """What the receiver says of its fixes: NavSatFix.status, the quality in GGA."""
@@ -270,6 +201,7 @@ class Gnss(SensorSpec, frozen=True, tag="gnss"):
 class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
     """A device that measures one distance: by ultrasound, or by infrared light in either way."""
 
+    quantities: ClassVar = {"range": Quantity("m")}
     rate_hz: Rate = 20.0
     radiation: Literal["ultrasound", "infrared"]
     field_of_view_deg: Annotated[float, Meta(gt=0, le=120)]
@@ -316,4 +248,14 @@ class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
             )
 
 
-Sensor = Lidar | Imu | Encoders | Gnss | Range | WheelOdometry
+WithNative = Lidar | Gnss
+"""Kinds of which the device's own datagrams are known."""
+
+Sensor = Lidar | Lidar2d | Imu | Encoders | Gnss | Range | WheelOdometry
+
+
+def sensor_rate_hz(spec: Sensor) -> float:
+    """Return how many messages a second of sim time a sensor declares."""
+    if isinstance(spec, RotatingLidar):
+        return spec.rotation_rate_hz * spec.blocks_per_revolution
+    return spec.rate_hz

@@ -22,6 +22,7 @@ from msgspec.structs import replace
 from groundlink.errors import UserError
 from groundlink.frames import multiply
 
+from .bodies import link_bodies
 from .bounds import Bounds, bounds, intersect
 from .furnish import Frame, Surface, door_frame, furnish, walls
 from .room import Room
@@ -67,7 +68,7 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
     Raises
     ------
     WorldError
-        when a material is not in `world.materials` (`UnknownMaterial`), two solids have one name,
+        when a material is not in `world.materials` (`UnknownMaterial`), two bodies have one name,
         the clutter finds no place, or a vehicle starts inside something.
     """
     _check_materials(scenario)
@@ -89,10 +90,10 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
             built += strew(world.clutter, surfaces, occupied, generator)
         except NoRoom as error:
             raise WorldError(("world", "clutter", "count"), str(error)) from None
-    names: set[str] = set()
+    names = set(link_bodies(scenario))
     for solid in built:
         if solid.name in names:
-            raise WorldError(("world", "solids"), f"there are two solids called `{solid.name}`")
+            raise WorldError(("world", "solids"), f"there are two bodies called `{solid.name}`")
         names.add(solid.name)
     _check_starts(scenario, built)
     return tuple(built)

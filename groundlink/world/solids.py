@@ -48,17 +48,31 @@ class Sphere(Spec, frozen=True, tag_field="kind", tag="sphere"):
 Shape = Box | Cylinder | Sphere
 
 
+RETROREFLECTION = 1000.0
+"""Light that an ideal retroreflector sends back, in multiples of what a white diffuse surface does:
+pi times 320 cd/(lx m^2), between types III and IV of ASTM D4956 for traffic signs."""
+
+
 class Material(Spec, frozen=True):
     """What a surface is like to those who touch it or look at it."""
 
     reflectivity: Fraction01 = 0.5
     """Diffuse reflectance at the LiDAR's wavelength (903 nm), 0..1."""
 
+    retroreflectivity: Fraction01 = 0.0
+    """Share of what an ideal retroreflector sends back to where the light came from; 0 for a
+    diffuse surface."""
+
     friction: Annotated[float, Meta(ge=0)] = 0.8
     """Coulomb coefficient of the surface; a contact has the product of both surfaces'."""
 
     color: tuple[Fraction01, Fraction01, Fraction01] = (0.6, 0.6, 0.6)
     """Linear red, green, blue."""
+
+    @property
+    def reflectance(self) -> float:
+        """What comes back of light that falls in squarely, 1 for a white diffuse surface."""
+        return max(self.reflectivity, RETROREFLECTION * self.retroreflectivity)
 
 
 class Solid(Spec, frozen=True):

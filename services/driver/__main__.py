@@ -13,7 +13,8 @@ from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.routes import line
 from groundlink.scenario import Scenario
-from groundlink.scenario.load import load_route, nearest
+from groundlink.scenario.explain import nearest
+from groundlink.scenario.load import load_route
 from groundlink.scenario.schema import Vehicle
 from groundlink.topics import ACK, COMMAND, HEALTH, driver_name
 

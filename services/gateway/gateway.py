@@ -10,7 +10,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from groundlink.messages import BadMessage, Clock, Command, Message, StreamReport
+from groundlink.messages import (
+    BadMessage,
+    Clock,
+    Command,
+    Message,
+    Reading,
+    StreamReport,
+    measured_nanos,
+)
 from groundlink.ros_messages import to_cdr
 from groundlink.ros_streams import TF_STATIC_TOPIC, Outgoing, outgoing, static_transforms
 from groundlink.scenario import Scenario
@@ -78,7 +86,7 @@ class Gateway:
 
     def forward(self, key: str, message: Message, link: Link) -> None:
         """Send a message of the bus to all that want it."""
-        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+        stamp = measured_nanos(message)
         if isinstance(message, Clock):
             self.clock_nanos, self._epoch_nanos = stamp, message.epoch_nanos
         elif self._is_stale(key, stamp):
@@ -137,6 +145,8 @@ class Gateway:
             self.counts["refused"] += 1
             return
         frame = getattr(message, "frame", "")
+        if isinstance(message, Reading):  # on the wire stands what the sensor's clock says
+            stamp_nanos += message.clock_error_nanos
         for receiver in receivers:
             try:
                 link.send(msg_type, topic, frame, stamp_nanos, cdr, to=receiver)

@@ -25,11 +25,13 @@ from groundlink.scenario import Scenario, load
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS
 from groundlink.topics import (
     ACK,
+    BODIES,
     CLOCK,
     COMMAND,
     GROUND_TRUTH,
     HEALTH,
     STATE,
+    TRUE_WHEELS,
     VITALS,
     driver_name,
     driver_names,
@@ -41,7 +43,7 @@ from groundlink.world.build import solids, world_hash
 
 from .pace import AsFastAsOthers, Promises, RealTime
 from .simulation import Simulation
-from .truth import Truth
+from .truth import BodyTruth, Truth
 
 HISTORY_TICKS = 1024
 """States kept for sensors that rejoin: more than a window and the longest revolution together."""
@@ -70,7 +72,8 @@ class Physics:
         self._awaited = frozenset(others)
         self._follows_wall = scenario.time.epoch == "wall"
         self._world_hash = world_hash(scenario)
-        self._simulation = Simulation(scenario, solids(scenario))
+        static = solids(scenario)
+        self._simulation = Simulation(scenario, static)
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
         self._next_clock = 0
         self._history: deque[bytes] = deque(maxlen=HISTORY_TICKS)
@@ -78,14 +81,15 @@ class Physics:
         self._publish_state = bus.publisher(STATE.key_in(run), STATE.delivery)
         self._publish_clock = bus.publisher(CLOCK.key_in(run), CLOCK.delivery)
         self._truths = [Truth(vehicle) for vehicle in scenario.vehicles]
-        self._publish_truth = {
-            v.name: bus.publisher(GROUND_TRUTH.key_in(run, vehicle=v.name), GROUND_TRUTH.delivery)
-            for v in scenario.vehicles
-        }
-        self._publish_vitals = {
-            v.name: bus.publisher(VITALS.key_in(run, vehicle=v.name), VITALS.delivery)
-            for v in scenario.vehicles
-        }
+        self._bodies = BodyTruth(scenario, static)
+        self._publish_bodies = bus.publisher(BODIES.key_in(run), BODIES.delivery)
+        self._publish_truth, self._publish_wheels, self._publish_vitals = (
+            {
+                v.name: bus.publisher(row.key_in(run, vehicle=v.name), row.delivery)
+                for v in scenario.vehicles
+            }
+            for row in (GROUND_TRUTH, TRUE_WHEELS, VITALS)
+        )
         self._promises = Promises({driver_name(v): v.name for v in scenario.vehicles})
         self._commands: Inbox[Command] = Inbox(depth=1024)
         self._arrived_acks: Inbox[Ack] = Inbox(depth=1024)
@@ -177,8 +181,12 @@ class Physics:
             self._next_clock += 1
             self._publish_clock(Clock(state.stamp_nanos, self.epoch_nanos, simulation.tick))
         for truth in self._truths:
-            if odometry := truth.odometry(state):
-                self._publish_truth[truth.vehicle](odometry)
+            if (stamp := truth.due(state)) is not None:
+                torques = simulation.motor_torques(truth.vehicle)
+                self._publish_truth[truth.vehicle](truth.odometry(state, stamp))
+                self._publish_wheels[truth.vehicle](truth.wheels(state, torques, stamp))
+        if bodies := self._bodies.poses(state):
+            self._publish_bodies(bodies)
         if simulation.tick % VITALS_TICKS == 0:
             for vitals in simulation.vitals(state.stamp_nanos):
                 self._publish_vitals[vitals.vehicle](vitals)

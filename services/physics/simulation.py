@@ -108,6 +108,10 @@ class Simulation:
         """Return the truth about every vehicle at the present tick, by name."""
         return {name: vehicle.state() for name, vehicle in self._vehicles.items()}
 
+    def motor_torques(self, vehicle_name: str) -> memoryview:
+        """Return the torque of each wheel's motor in the last tick: float64, N m, forward > 0."""
+        return self._vehicles[vehicle_name].motor_torques()
+
     def vitals(self, stamp_nanos: int) -> list[Vitals]:
         """Return every vehicle's energy so far and what it has touched since the last call."""
         return [

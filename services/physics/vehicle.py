@@ -200,6 +200,10 @@ class SimulatedVehicle:
         engine.applyExternalTorque(self.body, -1, (tx, ty, tz), engine.LINK_FRAME)
         return torques
 
+    def motor_torques(self) -> memoryview:
+        """Return what each wheel's motor put on its axle in the last step: float64, N m."""
+        return memoryview(self._pack_wheels(*[axle[3] for axle in self._axles]))
+
     def state(self) -> VehicleState:
         """Return where everything is after the last step."""
         # Not the engine's getLinkStates: after a step it still tells where the links were before.

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the messages of a run to a file: one life of physics, from its first clock to its end.
 
-Rule: messages in, records out; no bus and no clock of its own. Log times are the run's: a reading's
-or command's stamp, and for all else from ROS the newest clock. What is not newer than its stream is
-dropped, as a restarted sensor repeats itself. A new life of physics needs a new file.
+Rule: messages in, records out; no bus and no clock of its own. Log times are the run's: a command's
+stamp, a reading's instant of measurement, and for all else from ROS the newest clock. What is not
+newer than its stream is dropped, as a restarted sensor repeats itself. A new life of physics needs
+a new file.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 
 from groundlink.clock import NANOS, exact
-from groundlink.messages import BadMessage, Clock, Command, Health, Message
+from groundlink.messages import BadMessage, Clock, Command, Health, Message, measured_nanos
 from groundlink.navigation import Odometry
 from groundlink.recording.metadata import TOPICS_RECORD, TopicFacts, topic_entries
 from groundlink.recording.ros_channels import RosFile, Topic
@@ -73,7 +74,7 @@ class Recorder:
         self._scenario = scenario
         self._begin = begin
         self._duration_nanos = duration_nanos
-        self._outgoing = {
+        self._outgoing: dict[str, RosStream] = {
             stream.key: stream
             for stream in (*outgoing(scenario, run), *recorded_only(scenario, run))
         }
@@ -81,12 +82,17 @@ class Recorder:
         self._truth_keys = {
             GROUND_TRUTH.key_in(run, vehicle=vehicle.name) for vehicle in scenario.vehicles
         }
-        self._of_others = {
+        of_others = {
             STREAM_TOPICS[extra.kind].key_in(run, vehicle=vehicle.name, sensor=extra.name)
             for vehicle in scenario.vehicles
             for extra in vehicle.streams
         }
-        """What other processes may publish, or not."""
+        self._period_nanos = {
+            key: -int(-Fraction(NANOS) / exact(stream.declared_hz) // 1)
+            for key, stream in self._outgoing.items()
+            if stream.declared_hz is not None and key not in of_others
+        }
+        """By stream that will come for sure: what other processes publish may not, nor faults."""
 
         self._declared_hz = {s.topic: s.declared_hz for s in self._outgoing.values()}
         self._health: dict[str, Health] = {}
@@ -140,8 +146,7 @@ class Recorder:
         if key not in self._outgoing:
             return False
         assert self.clock is not None
-        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
-        return stamp > self.clock.stamp_nanos + AHEAD_NANOS
+        return measured_nanos(message) > self.clock.stamp_nanos + AHEAD_NANOS
 
     def _take(self, key: str, message: Message) -> None:
         if key in self._incoming:
@@ -150,7 +155,7 @@ class Recorder:
             timed = message if isinstance(message, Command) else self.clock
             self._write(key, message, max(timed.stamp_nanos, self._first_nanos))
             return
-        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
+        stamp = measured_nanos(message)
         if stamp <= self._reached.get(key, self._first_nanos - 1):
             self.counts["repeated"] += stamp >= self._first_nanos
             return
@@ -177,8 +182,8 @@ class Recorder:
         if end is None or self.clock is None or self.clock.stamp_nanos < end:
             return False
         return self.clock.stamp_nanos >= end + PATIENCE_NANOS or all(
-            self._reached.get(key, 0) + self._period_nanos(key) >= end
-            for key in self._outgoing.keys() - self._of_others
+            self._reached.get(key, 0) + period_nanos >= end
+            for key, period_nanos in self._period_nanos.items()
         )
 
     def commit(self) -> None:
@@ -206,9 +211,6 @@ class Recorder:
     @property
     def _end_nanos(self) -> int | None:
         return None if self._duration_nanos is None else self._first_nanos + self._duration_nanos
-
-    def _period_nanos(self, key: str) -> int:
-        return -int(-Fraction(NANOS) / exact(self._outgoing[key].declared_hz) // 1)
 
     def _heard_clock(self, clock: Clock) -> None:
         self.clock = clock

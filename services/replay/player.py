@@ -13,8 +13,10 @@ import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from groundlink.clock import NANOS
-from groundlink.messages import BadMessage, Clock, Command, Message, PointCloud
+from groundlink.messages import BadMessage, Clock, Command, Message, PointCloud, Reading
 from groundlink.recording.reading import Recording
 from groundlink.ros_readings import Moment, from_cdr
 from groundlink.ros_streams import Outgoing, RosStream, incoming, outgoing, recorded_only
@@ -78,6 +80,9 @@ class Player:
             except BadMessage:
                 self.refused += 1
                 continue
+            if isinstance(message, Reading):
+                error = message.stamp_nanos - recorded.nanos  # type: ignore[attr-defined]
+                message = replace(message, clock_error_nanos=error)
             rank = 0 if stream.message is Clock else 1
             due_nanos = recorded.nanos + _takes_nanos(stream)
             heapq.heappush(waiting, Due(due_nanos, rank, next(numbers), stream.key, message))

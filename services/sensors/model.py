@@ -8,7 +8,7 @@ without a gap since its construction or its last `restart`.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from groundlink.messages import Message, State
 
@@ -20,7 +20,10 @@ class SensorModel(Protocol):
         """Forget earlier states: time jumped or states were lost."""
 
     def readings(self, state: State) -> Iterable[Message]:
-        """Take the state of the next tick and yield what can be measured by it, oldest first."""
+        """Take the state of the next tick and yield what can be measured by it, oldest first.
+
+        A sensor that was asked for its truth yields it behind each reading.
+        """
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first."""
@@ -35,3 +38,18 @@ class RememberingModel(SensorModel, Protocol):
 
     def remember(self, memory: bytes) -> None:
         """Go on from a predecessor's memory; from an empty one, begin anew."""
+
+
+class Datagram(NamedTuple):
+    """What goes out by UDP in the device's own form."""
+
+    payload: bytes
+    port: int | None = None
+    """Where it does not go to the port that the user names."""
+
+
+class NativeDevice(Protocol):
+    """The device behind a sensor, as it would send its readings itself."""
+
+    def datagrams(self, reading: Any, epoch_nanos: int) -> Iterable[Datagram]:
+        """Return what goes out with a reading, as it is published in a run of this epoch."""

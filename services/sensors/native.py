@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a device itself would send, by UDP, beside its readings on the bus.
 
-Rule: datagrams come ready made from the model; they go out as readings are published, and are never
-waited for, repeated or answered. Who does not listen changes nothing.
+Rule: datagrams come ready made from the device; they go out as readings are published, and are
+never waited for, repeated or answered. Who does not listen changes nothing.
 """
 
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterable
+from typing import Any
 
 from groundlink.process import address
 
+from .model import NativeDevice
+
 
 class NativeLink:
-    """Where a device's own datagrams go.
+    """A device, and where its own datagrams go.
 
     Raises
     ------
@@ -22,22 +24,36 @@ class NativeLink:
         when `destination` is no HOST:PORT.
     """
 
-    def __init__(self, destination: str) -> None:
-        self._destination = address(destination)
+    def __init__(self, device: NativeDevice, destination: str) -> None:
+        self._device = device
+        self._host, self._port = address(destination)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self.sent = 0
-        self.unsent = 0
+        self.counters = {"native": 0, "native_unsent": 0}
+        """Datagrams sent, and those that the system did not take."""
 
-    def send(self, datagrams: Iterable[bytes]) -> None:
-        """Send each datagram; what the system does not take is counted as `unsent`."""
-        for datagram in datagrams:
+    def send(self, reading: Any, epoch_nanos: int) -> None:
+        """Send what the device sends with a reading of a run of this epoch."""
+        for payload, port in self._device.datagrams(reading, epoch_nanos):
             try:
-                self._socket.sendto(datagram, self._destination)
-                self.sent += 1
+                self._socket.sendto(payload, (self._host, port or self._port))
+                self.counters["native"] += 1
             except OSError:
-                self.unsent += 1
+                self.counters["native_unsent"] += 1
 
     def close(self) -> None:
         """Send no more."""
         self._socket.close()
+
+
+class NoLink:
+    """Stands in where nobody wants the device's own datagrams."""
+
+    def __init__(self) -> None:
+        self.counters: dict[str, int] = {}
+
+    def send(self, reading: Any, epoch_nanos: int) -> None:
+        """Send nothing."""
+
+    def close(self) -> None:
+        """Nothing was open."""

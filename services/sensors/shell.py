@@ -8,22 +8,26 @@ that a predecessor has already published are not published again.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
+from groundlink.faults import counted
 from groundlink.messages import Ack, BadMessage, Message, State
 from groundlink.scenario import Scenario
-from groundlink.scenario.load import nearest
+from groundlink.scenario.explain import nearest
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Sensor
-from groundlink.topics import ACK, SENSOR_TOPICS
+from groundlink.scenario.sensors import Sensor, WithNative
+from groundlink.topics import ACK, FAULTS, SENSOR_TOPICS, SENSOR_TRUTHS, faults_key
 from groundlink.world.build import world_hash
 
-from .model import RememberingModel, SensorModel
-from .native import NativeLink
+from .faulty import FaultyModel
+from .live_faults import LiveFaults
+from .model import NativeDevice, RememberingModel, SensorModel
+from .native import NativeLink, NoLink
+from .streams import RandomStreams
 
 ACKS_PER_WINDOW = 8
 """How often progress is told while physics gets as far ahead as it may."""
@@ -49,7 +53,7 @@ class SensorProcess:
         self._ack_ticks = ack_ticks
         self._publish = publish
         self._acknowledge = acknowledge
-        self._epoch_nanos: int | None = None
+        self.epoch_nanos = -1
         self._published_to = -1
         self.tick = -1
         self.readings = 0
@@ -58,7 +62,7 @@ class SensorProcess:
 
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped: what it has settled is not published again."""
-        self._epoch_nanos = ack.epoch_nanos
+        self.epoch_nanos = ack.epoch_nanos
         self._published_to = ack.settled_tick
         # Others may need earlier states; what is remembered here is of the settled tick.
         self.tick = max(ack.settled_tick, 0) - 1
@@ -80,8 +84,8 @@ class SensorProcess:
                 f"{self._expected_world_hash[:12]}; run the same version of Groundlink on every "
                 "host, and restart this sensor after the scenario was changed"
             )
-        if state.epoch_nanos != self._epoch_nanos:
-            self._epoch_nanos, self._published_to, self.tick = state.epoch_nanos, -1, -1
+        if state.epoch_nanos != self.epoch_nanos:
+            self.epoch_nanos, self._published_to, self.tick = state.epoch_nanos, -1, -1
             self._model.restart()
             if isinstance(self._model, RememberingModel):
                 self._model.remember(b"")
@@ -103,15 +107,20 @@ class SensorProcess:
                 self._publish(reading)
                 self.readings += 1
         if state.tick % self._ack_ticks == 0:
-            memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
-            settled = self._model.settled_tick()
-            self._acknowledge(Ack(state.epoch_nanos, state.tick, settled, memory))
+            self.tell_progress()
+
+    def tell_progress(self) -> None:
+        """Acknowledge the last state, with what a successor has to know."""
+        assert self.epoch_nanos >= 0, "no state was taken"
+        memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
+        settled = self._model.settled_tick()
+        self._acknowledge(Ack(self.epoch_nanos, self.tick, settled, memory))
 
 
 def run(
     spec_type: type[S],
     make_model: Callable[[Scenario, Vehicle, S], M],
-    native: Callable[[M, Any], Iterable[bytes]] | None = None,
+    native: Callable[[M, S], NativeDevice] | None = None,
 ) -> None:
     """Run the process of a sensor whose data are a `spec_type` until it is asked to end.
 
@@ -120,8 +129,7 @@ def run(
     spec_type, make_model
         What the scenario says of the sensor, and the model made of it.
     native
-        From the model and a reading that it has just yielded to the datagrams that the device
-        itself would send for it; none where the device's own format is not known.
+        Makes the device of a model, where the device's own form is known.
     """
     kind = SENSOR_TOPICS[spec_type].name
     process.run(
@@ -133,7 +141,7 @@ def run(
 def _main(
     spec_type: type[S],
     make_model: Callable[[Scenario, Vehicle, S], M],
-    native: Callable[[M, Any], Iterable[bytes]] | None,
+    native: Callable[[M, S], NativeDevice] | None,
     arguments: Sequence[str],
     stop: threading.Event,
 ) -> None:
@@ -144,30 +152,54 @@ def _main(
     parser.add_argument("--name", required=True, help="vehicle/sensor, as in rover/lidar")
     if native is not None:
         parser.add_argument(
-            "--native", metavar="HOST:PORT", help="send the device's own datagrams there, too"
+            "--native",
+            metavar="HOST:PORT",
+            help="send the device's own datagrams there, too (default: `native` of the scenario)",
         )
     options = parser.parse_args(arguments)
-    link = NativeLink(options.native) if native is not None and options.native else None
     endpoint = process.endpoint(options)
     with Bus(connect=endpoint) as bus:
         run_name, scenario = process.join(bus, options.run, stop)
         vehicle, spec = _find(scenario, options.name, spec_type)
-        key = topic.key_in(run_name, vehicle=vehicle.name, sensor=spec.name)
         model = make_model(scenario, vehicle, spec)
-        publish = bus.publisher(key, topic.delivery)
+        link: NativeLink | NoLink = NoLink()
+        if native is not None and isinstance(spec, WithNative):
+            if destination := options.native or spec.native:
+                link = NativeLink(native(model, spec), destination)
+        rows = [topic, SENSOR_TRUTHS[spec_type]] if spec.truth_topic is not None else [topic]
+        names = {"vehicle": vehicle.name, "sensor": spec.name}
+        publish = {
+            row.message: bus.publisher(row.key_in(run_name, **names), row.delivery) for row in rows
+        }
 
-        def send(reading: Message) -> None:
-            publish(reading)
-            if link is not None and native is not None:
-                link.send(native(model, reading))
+        def send(message: Message) -> None:
+            publish[type(message)](message)
+            if type(message) is topic.message:
+                link.send(message, sensor.epoch_nanos)
 
-        sensor = SensorProcess(
+        faulty = FaultyModel(
             model,
+            faults=spec.faults,
+            message=topic.message,
+            streams=RandomStreams(scenario.seed, options.name),
+        )
+        sensor = SensorProcess(
+            faulty,
             expected_world_hash=world_hash(scenario),
             ack_ticks=scenario.time.window_ticks // ACKS_PER_WINDOW,
             publish=send,
             acknowledge=bus.publisher(ACK.key_in(run_name, process=options.name), ACK.delivery),
         )
+
+        live = LiveFaults(
+            sensor,
+            faulty,
+            vehicle=vehicle,
+            spec=spec,
+            report=bus.publisher(FAULTS.key_in(run_name, process=options.name), FAULTS.delivery),
+            acknowledge=sensor.tell_progress,
+        )
+        bus.serve(faults_key(run_name, options.name), live.answer)
 
         def counters() -> dict[str, int]:
             counts = {
@@ -175,13 +207,10 @@ def _main(
                 "missed_ticks": sensor.missed_ticks,
                 "refused": sensor.refused,
             }
-            if link is not None:
-                counts |= {"native": link.sent, "native_unsent": link.unsent}
-            return counts
+            return counts | counted(live.active) | link.counters
 
-        process.follow_states(bus, run_name, options.name, sensor, counters, stop.is_set)
-        if link is not None:
-            link.close()
+        process.follow_states(bus, run_name, options.name, live, counters, stop.is_set)
+        link.close()
 
 
 def _find(scenario: Scenario, name: str, spec_type: type[S]) -> tuple[Vehicle, S]:

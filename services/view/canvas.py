@@ -10,16 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from groundlink.frames import Floats, quaternion_from_rpy, transform
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
+from groundlink.scenario.sensors import RotatingLidar, Sensor
 
-from .colours import Colouring, Colours
-from .placing import PoseHistory, Reals
+from .colours import Colouring
+from .placing import PoseHistory
 from .plots import TIMELINE, Plots
 
 WORLD = "world"
@@ -71,6 +74,11 @@ class Seen:
         """The viewer's name of the frame in which the vehicle's stack tells poses."""
         return f"{self.spec.name}/from_ros"
 
+    def sensor(self, path: str) -> Sensor | None:
+        """Return the sensor whose messages are drawn at an entity."""
+        of_sensor = path.removesuffix("/truth")
+        return next((s for s in self.spec.sensors if of_sensor.endswith(f"/{s.name}")), None)
+
     def base_from(self, frame: str) -> Floats | None:
         """Return base_from_frame, shape (4, 4), of a sensor's frame; None for an unknown one."""
         prefix = self.spec.frame_prefix
@@ -103,7 +111,7 @@ class Canvas:
         self.trails: dict[str, Trail] = {}
         """Of what is told by messages, by entity."""
 
-        self.blocks: dict[str, list[tuple[Reals, Colours]]] = {}
+        self._blocks: dict[str, list[tuple[NDArray[Any], ...]]] = {}
         """Parts of LiDAR revolutions that wait for the others, by entity."""
 
         self.last: dict[str, object] = {}
@@ -121,6 +129,16 @@ class Canvas:
         now = np.timedelta64(self.sim_nanos(stamp_nanos), "ns")
         self.recording.set_time(TIMELINE, duration=now)
         self.recording.log(path, drawn)
+
+    def revolution(self, seen: Seen, path: str, *part: NDArray[Any]) -> list[NDArray[Any]] | None:
+        """Take arrays of a block of a LiDAR's revolution; with its last block return all of it."""
+        parts = self._blocks.setdefault(path, [])
+        parts.append(part)
+        spec = seen.sensor(path)
+        if isinstance(spec, RotatingLidar) and len(parts) < spec.blocks_per_revolution:
+            return None
+        del self._blocks[path]
+        return [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
 
     def in_frame(self, path: str, frame: str) -> None:
         """Say once in which frame an entity is drawn."""

@@ -54,6 +54,11 @@ def of_points(records: NDArray[np.void], colouring: Colouring, rings: int) -> Co
     return RAINBOW[np.minimum(share * 255, 255).astype(np.uint8)]
 
 
+def of_bodies(bodies: NDArray[np.uint32]) -> Colours:
+    """Return the colour of each point, shape (N,), by the number of its body; neighbours differ."""
+    return RAINBOW[bodies * 61 % 256]
+
+
 def of_cells(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
     """Return a map's cells as RGBA: white is free, black is occupied, unknown is see-through."""
     shade = (255 - np.clip(cells, 0, 100).astype(np.uint16) * 255 // 100).astype(np.uint8)

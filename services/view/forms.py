@@ -18,13 +18,14 @@ import rerun as rr
 from groundlink import imagery, navigation
 from groundlink.clock import NANOS
 from groundlink.frames import Floats, transform
+from groundlink.ground_truth import TruePoints
 from groundlink.messages import Command, Imu, Message, PointCloud, WheelEncoders, floats
 from groundlink.scenario.sensors import Encoders, Lidar
 
 from . import forms_imagery
 from .canvas import WORLD, Canvas, Seen, Trail
-from .colours import of_cells, of_points
-from .placing import points_in_world
+from .colours import Colours, of_bodies, of_cells, of_points
+from .placing import Reals, points_in_world
 from .plots import XYZ, XYZ_COLOURS
 
 ASKED = (255, 170, 60)
@@ -62,7 +63,7 @@ def imu(canvas: Canvas, seen: Seen, path: str, message: Imu) -> None:
 def wheel_encoders(canvas: Canvas, seen: Seen, path: str, message: WheelEncoders) -> None:
     """Plot the speed of each wheel's tread by the ticks since the message before."""
     before, canvas.last[path] = canvas.last.get(path), message
-    spec = next((s for s in seen.spec.sensors if path.endswith(f"/{s.name}")), None)
+    spec = seen.sensor(path)
     if not isinstance(before, WheelEncoders) or before.names != message.names:
         return
     seconds = (message.stamp_nanos - before.stamp_nanos) / NANOS
@@ -83,26 +84,39 @@ def wheel_encoders(canvas: Canvas, seen: Seen, path: str, message: WheelEncoders
 
 def point_cloud(canvas: Canvas, seen: Seen, path: str, message: PointCloud) -> None:
     """Draw a revolution in the world, each point where the LiDAR was at its instant."""
+    records = message.records()
+    spec = seen.sensor(path)
+    rings = len(spec.elevations_deg) if isinstance(spec, Lidar) else 16
+    colours = of_points(records, canvas.colouring, rings)
+    _points(canvas, seen, path, message, records["time"], colours)
+
+
+def true_points(canvas: Canvas, seen: Seen, path: str, message: TruePoints) -> None:
+    """Draw the truth behind a revolution, which is of one instant, in the colours of bodies."""
+    bodies = message.records()["body"]
+    at_once = np.zeros(len(bodies), np.float32)
+    _points(canvas, seen, path, message, at_once, of_bodies(bodies))
+
+
+def _points(
+    canvas: Canvas,
+    seen: Seen,
+    path: str,
+    message: PointCloud | TruePoints,
+    seconds: Reals,
+    colours: Colours,
+) -> None:
     base_from_sensor = seen.base_from(message.frame)
     records = message.records()
-    spec = next((s for s in seen.spec.sensors if path.endswith(f"/{s.name}")), None)
-    rings, blocks = 16, 1
-    if isinstance(spec, Lidar):
-        rings, blocks = len(spec.elevations_deg), spec.blocks_per_revolution
     placed = None
     if base_from_sensor is not None:
         packed = np.stack([records[axis] for axis in XYZ], axis=-1)
-        placed = points_in_world(
-            packed, records["time"], message.stamp_nanos, seen.base, base_from_sensor
-        )
+        placed = points_in_world(packed, seconds, message.stamp_nanos, seen.base, base_from_sensor)
     if placed is None:
         canvas.not_drawn += 1
         return
-    parts = canvas.blocks.setdefault(path, [])
-    parts.append((placed, of_points(records, canvas.colouring, rings)))
-    if len(parts) >= blocks:
-        points, colours = (np.concatenate(which) for which in zip(*parts, strict=True))
-        parts.clear()
+    if (whole := canvas.revolution(seen, path, placed, colours)) is not None:
+        points, colours = whole
         drawn = rr.Points3D(points, colors=colours, radii=POINT_RADIUS)
         canvas.log(path, message.stamp_nanos, drawn)
 
@@ -196,6 +210,8 @@ def transforms(canvas: Canvas, seen: Seen, path: str, message: navigation.Transf
 
 def joint_state(canvas: Canvas, seen: Seen, path: str, message: navigation.JointState) -> None:
     """Plot the joints' positions and speeds."""
+    if path.endswith("/ground_truth/wheels"):
+        return  # encoders show nearly the same
     at = canvas.sim_nanos(message.stamp_nanos)
     for what in ("positions", "velocities"):
         values = floats(getattr(message, what)).tolist()
@@ -222,6 +238,7 @@ FORMS: dict[type[Message], Form] = {
     Command: command,
     Imu: imu,
     PointCloud: point_cloud,
+    TruePoints: true_points,
     WheelEncoders: wheel_encoders,
     imagery.Image: forms_imagery.image,
     imagery.CompressedImage: forms_imagery.compressed_image,

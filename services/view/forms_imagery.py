@@ -125,8 +125,9 @@ def laser_scan(canvas: Canvas, seen: Seen, path: str, message: LaserScan) -> Non
         points = placed
     else:
         canvas.in_frame(path, message.frame)
-    drawn = rr.Points3D(points, colors=SCAN_COLOUR, radii=-2.0)
-    canvas.log(path, message.stamp_nanos, drawn)
+    if (whole := canvas.revolution(seen, path, points)) is not None:
+        drawn = rr.Points3D(whole[0], colors=SCAN_COLOUR, radii=-2.0)
+        canvas.log(path, message.stamp_nanos, drawn)
 
 
 def range_reading(canvas: Canvas, seen: Seen, path: str, message: Range) -> None:

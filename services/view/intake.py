@@ -11,19 +11,21 @@ from collections.abc import Iterator
 from typing import Any
 
 from groundlink.bus import Bus
+from groundlink.ground_truth import TruePoints
 from groundlink.imagery import CompressedImage, Image
 from groundlink.inbox import Inbox
 from groundlink.messages import Health, Imu, M, Message, PointCloud, State
 from groundlink.navigation import OccupancyGrid
 from groundlink.ros_streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import Lidar
+from groundlink.scenario.sensors import RotatingLidar
 from groundlink.topics import HEALTH, STATE
 
 KEPT: dict[type[Message], int] = {
     State: 1000,
     Imu: 1000,
     PointCloud: 3,
+    TruePoints: 3,
     Image: 3,
     CompressedImage: 6,
     OccupancyGrid: 1,
@@ -51,8 +53,8 @@ class Intake:
         bus.subscribe(HEALTH.key_in(run), Health, self._health)
         for path, stream in self.streams.items():
             depth = KEPT.get(stream.message, KEPT_OF_OTHERS)
-            if stream.message is PointCloud:
-                depth *= _blocks(scenario, path)
+            if stream.message in (PointCloud, TruePoints):
+                depth *= _blocks(scenario, path.removesuffix("/truth"))
             box = self._boxes[path] = Inbox[Message](depth=depth)
             bus.subscribe(stream.key, stream.message, box)
 
@@ -89,4 +91,6 @@ def _waiting(box: Inbox[M]) -> Iterator[M]:
 
 def _blocks(scenario: Scenario, path: str) -> int:
     found = scenario.sensor(path)
-    return found[1].blocks_per_revolution if found and isinstance(found[1], Lidar) else 1
+    if found is None or not isinstance(found[1], RotatingLidar):
+        return 1
+    return found[1].blocks_per_revolution

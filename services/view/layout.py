@@ -34,6 +34,8 @@ def layout(scenario: Scenario, streams: Mapping[str, RosStream]) -> rrb.Blueprin
     """
     kinds: dict[str, list[str]] = {}
     for path, stream in streams.items():
+        if "/ground_truth" in path:
+            continue
         kinds.setdefault(stream.message.__name__, []).append(path)
     pictures = [*kinds.get("Image", ()), *kinds.get("CompressedImage", ())]
     left: rrb.Container | rrb.View = _world(scenario)

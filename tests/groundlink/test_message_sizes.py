@@ -6,12 +6,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from groundlink.cli.check import check
 from groundlink.errors import UserError
+from groundlink.ground_truth import TRUE_POINT, TruePoints
 from groundlink.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
+from groundlink.messages import packed
+from groundlink.ros_messages import to_cdr
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Gateway
@@ -48,8 +52,31 @@ def test_the_cut_is_the_bridges_own(gateway: Gateway, block_deg: float, sensor: 
     assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
 
 
+@pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
+@pytest.mark.parametrize("block_deg", [0.0, 15.0])
+def test_the_truth_is_cut_like_any_message(gateway: Gateway, block_deg: float) -> None:
+    lidar = replace(LIDAR, block_deg=block_deg, truth=True)
+    found = cut(ROVER, lidar, gateway, truth=True)
+    points = 57_600 // lidar.blocks_per_revolution
+    truth = TruePoints(0, "lidar_link", packed(np.empty(points, TRUE_POINT)))
+    message = Message(1, "/points/truth", "lidar_link", 0, 0, bytes(to_cdr(truth)))
+    planned = plan(message, gateway.datagram, signed_peer=gateway.signed_peer)
+    assert found.body_bytes == len(message.body)
+    assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
+
+
+def test_two_returns_and_a_part_of_the_view_count() -> None:
+    def size(**fields: Any) -> int:
+        return cut(ROVER, replace(LIDAR, **fields), Gateway()).body_bytes
+
+    whole, rays = size(), 16 * LIDAR.firings_per_revolution
+    assert size(returns="dual") == whole + 22 * rays
+    assert size(field_of_view_deg=90.0) == whole - 22 * (rays - 16 * 901)
+
+
 def test_what_fits_nowhere_is_refused_by_both() -> None:
-    huge = replace(LIDAR, firings_per_revolution=36000, elevations_deg=tuple(range(-16, 16)))
+    lasers = {"elevations_deg": tuple(range(-16, 16)), "laser_times_us": ()}
+    huge = replace(LIDAR, firings_per_revolution=36000, **lasers)
     with pytest.raises(NeverFits, match=r"more than 255 datagrams hold, 166\d{5} bytes"):
         cut(ROVER, huge, Gateway())
     with pytest.raises(TooLarge):
@@ -86,6 +113,19 @@ def test_check_is_content_with_the_default(
     assert "does not fit" not in text
     assert "up to 1267393 bytes in 20 datagrams" in text
     assert "/ground_truth/odom, 50 Hz, for those who subscribe" in text
+
+
+def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
+    file = tmp_path / "lab.yaml"
+    text = LAB.read_text(encoding="utf-8").replace(
+        "vlp16_paper.yaml,", "vlp16_paper.yaml, truth: true,"
+    )
+    file.write_text(text, encoding="utf-8")
+    assert check(argparse.Namespace(scenario=str(file))) == 0
+    told = capsys.readouterr().out
+    assert "/points/truth, with each message\n           a message has up to 1497817 bytes" in told
+    for topic in ("/ground_truth/wheels, 50 Hz", "/ground_truth/bodies, 10 Hz"):
+        assert f"{topic}, for those who subscribe" in told
 
 
 def test_check_refuses_what_fits_nowhere(tmp_path: Any) -> None:

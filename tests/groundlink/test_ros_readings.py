@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from groundlink import imagery, navigation
 from groundlink.clock import TICK_NANOS
+from groundlink.faults import Faults
+from groundlink.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages import (
     POINT,
     BadMessage,
@@ -23,6 +25,7 @@ from groundlink.messages import (
 )
 from groundlink.ros_messages import RECORDED_FORMS, to_cdr
 from groundlink.ros_readings import Moment, from_cdr
+from groundlink.scenario.faults import Bias, Stuck
 from groundlink.vitals import Contact, Vitals
 
 STAMP = st.integers(0, (2**31 - 1) * 10**9)
@@ -95,8 +98,15 @@ def encoders(draw: Any) -> WheelEncoders:
     return WheelEncoders(draw(STAMP), draw(FRAME), names, ticks)
 
 
+@st.composite
+def bodies(draw: Any) -> Bodies:
+    names = draw(st.lists(FRAME, min_size=1, max_size=4))
+    return Bodies(draw(STAMP), tuple(names), draw(numbers(7 * len(names))))
+
+
 TICK = st.integers(0, 10**9)
 CONTACT = st.builds(Contact, FRAME, st.floats(0, 1e6), TICK, TICK)
+FAULT = st.builds(Stuck, at_s=st.floats(0, 1e4)) | st.builds(Bias, value=st.floats(-9, 9))
 TRANSFORM = st.builds(navigation.Transform, STAMP, FRAME, FRAME, VECTOR, QUATERNION)
 
 ANY: dict[type[Message], st.SearchStrategy[Any]] = {
@@ -105,6 +115,10 @@ ANY: dict[type[Message], st.SearchStrategy[Any]] = {
     Imu: st.builds(Imu, STAMP, FRAME, QUATERNION, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER),
     PointCloud: st.builds(
         PointCloud, STAMP, FRAME, st.integers(0, 9).flatmap(lambda n: numbers(n, POINT.itemsize))
+    ),
+    TruePoints: st.builds(
+        TruePoints,
+        *(STAMP, FRAME, st.integers(0, 9).flatmap(lambda n: numbers(n, TRUE_POINT.itemsize))),
     ),
     WheelEncoders: encoders(),
     imagery.Image: image(),
@@ -138,6 +152,8 @@ ANY: dict[type[Message], st.SearchStrategy[Any]] = {
         *(STAMP, FRAME, st.integers(-2, 2), st.integers(0, 2**16 - 1), NUMBER, NUMBER, NUMBER),
         *(numbers(9), st.integers(0, 3)),
     ),
+    Bodies: bodies(),
+    Faults: st.builds(Faults, STAMP, FRAME, TICK, st.lists(FAULT, max_size=3).map(tuple)),
     Vitals: st.builds(
         Vitals,
         *(STAMP, FRAME, TICK, NUMBER, NUMBER),

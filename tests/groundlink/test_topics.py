@@ -8,23 +8,23 @@ from pathlib import Path
 from typing import get_args, get_type_hints
 
 import groundlink
-from groundlink import messages, topics
+from groundlink import ground_truth, messages, topics
 from groundlink.ros_messages import ROS_FORMS
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, FromRos, Stream
+from groundlink.scenario.sensors import sensor_rate_hz
 from groundlink.topics import (
     FROM_ROS,
     SENSOR_TOPICS,
     STREAM_TOPICS,
     TOPICS,
     process_names,
-    sensor_rate_hz,
 )
 
 
 def test_every_message_of_the_bus_has_a_row() -> None:
-    assert {topic.message for topic in TOPICS} == set(messages.Message.__subclasses__())
+    assert {topic.message for topic in TOPICS} == messages.all_messages()
 
 
 def test_first_words_of_keys_are_reserved() -> None:
@@ -36,7 +36,7 @@ def test_first_words_of_keys_are_reserved() -> None:
 
 def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
     assert set(get_args(get_type_hints(Stream)["kind"])) == set(STREAM_TOPICS)
-    others = {messages.Clock, messages.Command}
+    others = {messages.Clock, messages.Command, ground_truth.Bodies, ground_truth.TruePoints}
     assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_FORMS) - others
 
 

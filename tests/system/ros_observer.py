@@ -20,7 +20,7 @@ from groundlink_msgs.msg import WheelEncoders  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import Imu, PointCloud2  # noqa: E402
+from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -43,6 +43,18 @@ def cloud(message: PointCloud2) -> dict[str, object]:
     }
 
 
+def scan(message: LaserScan) -> dict[str, object]:
+    return {
+        "stamp": nanos(message.header.stamp),
+        "frame": message.header.frame_id,
+        "angles": [message.angle_min, message.angle_increment, message.angle_max],
+        "times": [message.time_increment, message.scan_time],
+        "limits": [message.range_min, message.range_max],
+        "ranges": list(message.ranges),
+        "intensities": len(message.intensities),
+    }
+
+
 def imu(message: Imu) -> dict[str, object]:
     g = message.linear_acceleration
     return {
@@ -60,6 +72,16 @@ def encoders(message: WheelEncoders) -> dict[str, object]:
     }
 
 
+def joints(message: JointState) -> dict[str, object]:
+    return {
+        "stamp": nanos(message.header.stamp),
+        "name": list(message.name),
+        "position": list(message.position),
+        "velocity": list(message.velocity),
+        "effort": list(message.effort),
+    }
+
+
 def clock(message: Clock) -> dict[str, object]:
     return {"stamp": nanos(message.clock)}
 
@@ -70,9 +92,14 @@ def transforms(message: TFMessage) -> dict[str, object]:
 
 TOPICS = (
     ("/points", PointCloud2, cloud, BEST_EFFORT),
+    ("/points/truth", PointCloud2, cloud, BEST_EFFORT),
+    ("/scan", LaserScan, scan, BEST_EFFORT),
+    ("/scan_cheap", LaserScan, scan, BEST_EFFORT),
     ("/imu", Imu, imu, BEST_EFFORT),
     ("/wheel_encoders", WheelEncoders, encoders, BEST_EFFORT),
     ("/clock", Clock, clock, BEST_EFFORT),
+    ("/ground_truth/wheels", JointState, joints, BEST_EFFORT),
+    ("/ground_truth/bodies", TFMessage, transforms, BEST_EFFORT),
     ("/tf_static", TFMessage, transforms, LATCHED),
 )
 

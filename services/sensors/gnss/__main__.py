@@ -7,4 +7,4 @@ from services.sensors.shell import run
 from .model import GnssModel
 
 if __name__ == "__main__":
-    run(Gnss, GnssModel, native=GnssModel.datagrams)
+    run(Gnss, GnssModel, native=lambda model, _: model)

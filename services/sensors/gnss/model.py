@@ -30,10 +30,11 @@ from groundlink.messages import BadMessage, State, Vector3, floats, packed
 from groundlink.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
+from services.sensors import nmea
 from services.sensors.due import Due, Event
+from services.sensors.model import Datagram
 from services.sensors.streams import RandomStreams
 
-from . import nmea
 from .errors import GnssErrors
 from .geodesy import Geodetic, TangentPlane, geodetic_from_ecef
 from .reception import Reception
@@ -89,8 +90,8 @@ class GnssModel:
     ------
     UserError
         when the world has no datum, or the satellites give no position.
-    EngineUnavailableError, KernelsMissingError
-        with `sky_view`, when Embree or the compiled loops are not installed here.
+    KernelsMissingError
+        with `sky_view`, when the compiled loops are not installed here.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:
@@ -150,7 +151,7 @@ class GnssModel:
                 del self._told[next(iter(self._told))]
         return [one.fix for one in out]
 
-    def datagrams(self, fix: NavSatFix) -> list[bytes]:
+    def datagrams(self, fix: NavSatFix, epoch_nanos: int) -> list[Datagram]:
         """Return the NMEA sentences of a fix that `readings` returned, as it is now.
 
         Time, position and whether there is one are those of `fix`, so that both forms agree when
@@ -159,14 +160,14 @@ class GnssModel:
         newest = next(reversed(self._told.values()))
         epoch = self._told.get(fix.stamp_nanos, newest)._replace(stamp_nanos=fix.stamp_nanos)
         if fix.status < 0 or not epoch.fixed:
-            return nmea.sentences(nmea.Epoch(fix.stamp_nanos, 0, "N"))
-        return nmea.sentences(
-            epoch._replace(
+            epoch = nmea.Epoch(fix.stamp_nanos, 0, "N")
+        else:
+            epoch = epoch._replace(
                 latitude_deg=fix.latitude_deg,
                 longitude_deg=fix.longitude_deg,
                 altitude_m=fix.altitude_m,
             )
-        )
+        return [Datagram(sentence) for sentence in nmea.sentences(epoch)]
 
     def _base(self, state: State) -> tuple[Floats, Floats]:
         """Return the base's pose, shape (7,), and velocity, shape (6,)."""

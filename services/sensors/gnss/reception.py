@@ -36,8 +36,8 @@ class Reception:
     ------
     UserError
         when the satellites give no position.
-    EngineUnavailableError, KernelsMissingError
-        with `sky_view`, when Embree or the compiled loops are not installed here.
+    KernelsMissingError
+        with `sky_view`, when the compiled loops are not installed here.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:

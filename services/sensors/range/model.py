@@ -52,8 +52,8 @@ class RangeModel:
 
     Raises
     ------
-    EngineUnavailableError, KernelsMissingError
-        when Embree or the compiled loops are not installed here; both are `UserError`s.
+    KernelsMissingError
+        when the compiled loops are not installed here; a `UserError`.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Range) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
-from ctypes import c_double, c_float, c_size_t, c_void_p
+from ctypes import c_double, c_float, c_int32, c_size_t, c_void_p
 from functools import cache
 from typing import Any
 
@@ -19,12 +19,18 @@ _NAME = "services.sensors.rays._kernels"
 
 _SIGNATURES: dict[str, tuple[Any, ...]] = {
     # Result, then arguments.
-    "groundlink_trace": (None, c_void_p, c_void_p, *[c_size_t] * 3, c_float, *[c_void_p] * 7),
+    "groundlink_trace": (None, c_void_p, *[c_size_t] * 3, c_float, *[c_void_p] * 7),
+    "groundlink_tree": (None, c_void_p, c_int32, c_int32, c_void_p, c_void_p),
     "groundlink_sweep": (
         *(None, c_void_p, c_void_p, c_size_t, c_double),
         *(c_size_t, c_size_t, *[c_void_p] * 4),
     ),
-    "groundlink_points": (c_size_t, c_void_p, c_size_t, c_size_t, *[c_void_p] * 9),
+    "groundlink_spread": (
+        *(None, c_void_p, c_size_t, c_size_t, *[c_void_p] * 5),
+        *(c_size_t, *[c_void_p] * 5),
+    ),
+    "groundlink_returns": (None, *[c_void_p] * 3, c_size_t, c_size_t, *[c_void_p] * 3),
+    "groundlink_points": (None, *[c_size_t] * 6, *[c_void_p] * 11),
 }
 
 

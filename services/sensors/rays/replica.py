@@ -15,12 +15,18 @@ from numpy.typing import NDArray
 from groundlink.frames import Floats, matrix_from_quaternion
 from groundlink.messages import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.world.bodies import NO_BODY
 from groundlink.world.build import solids
 from groundlink.world.links import links as links_of
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere, Vector3
 from groundlink.world.triangles import merged
 
-from .scene import Scene
+from .scene import Numbers, Scene
+
+POSE_BYTES = 7 * 8
+"""In a state: position and quaternion, float64."""
+
+_NOTHING = memoryview(b"")
 
 
 class Replica:
@@ -42,30 +48,32 @@ class Replica:
     base : int
         Number of the body that the sensor is mounted on.
     reflectivity : float32 array
-        Diffuse reflectance, 0..1, by the labels of `scene`.
+        `Material.reflectance` by the labels of `scene`: up to 1 where diffuse.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
         static = solids(scenario)
         links: list[list[Solid]] = []
-        self._links_of: dict[str, int] = {}
+        self._bytes_of: dict[str, int] = {}
         for other in scenario.vehicles:
             base, *wheels = links_of(other.model)
             if other.name == vehicle.name:
                 self.base = len(links)
                 base = [solid for solid in base if not _encloses(solid, eye_in_base)]
             links += [base, *wheels]
-            self._links_of[other.name] = 1 + len(wheels)
+            self._bytes_of[other.name] = POSE_BYTES * (1 + len(wheels))
         everything = [*static, *(solid for link in links for solid in link)]
         materials = scenario.world.materials
         self.reflectivity: NDArray[np.float32] = np.array(
-            [materials[solid.material].reflectivity for solid in everything], np.float32
+            [materials[solid.material].reflectance for solid in everything], np.float32
         )
         first_label = np.cumsum([len(static), *map(len, links)])
         bodies = [
             merged(link, first_label=int(first))
             for link, first in zip(links, first_label, strict=False)
         ]
+        self._sizes = list(self._bytes_of.values())
+        self._bodies = len(bodies)
         self.scene = Scene(merged(static), bodies)
         self.restart()
 
@@ -82,17 +90,18 @@ class Replica:
         BadMessage
             when a vehicle or a link is missing.
         """
-        row = []
-        for name, links in self._links_of.items():
-            poses = state.vehicles[name].poses() if name in state.vehicles else None
-            if poses is None or len(poses) != links:
-                raise BadMessage(
-                    f"state of tick {state.tick}: expected {links} link poses of `{name}`"
-                )
-            row.append(poses)
+        vehicles = map(state.vehicles.get, self._bytes_of)
+        rows = [vehicle.link_poses if vehicle else _NOTHING for vehicle in vehicles]
+        if [row.nbytes for row in rows] != self._sizes:
+            for row, (name, size) in zip(rows, self._bytes_of.items(), strict=True):
+                if row.nbytes != size:
+                    raise BadMessage(
+                        f"state of tick {state.tick}: expected {size // POSE_BYTES} link poses "
+                        f"of `{name}`"
+                    )
         if not self._poses:
             self._first_tick = state.tick
-        self._poses.append(np.concatenate(row))
+        self._poses.append(np.frombuffer(b"".join(rows), np.float64).reshape(-1, 7))
 
     def motion(self, first_tick: int, last_tick: int) -> Floats:
         """Return world_from_body from one tick to another, shape (ticks, bodies, 7).
@@ -102,6 +111,17 @@ class Replica:
         first, newest = first_tick - self._first_tick, len(self._poses) - 1
         ticks = range(first, first + last_tick - first_tick + 1)
         return np.stack([self._poses[min(max(tick, 0), newest)] for tick in ticks])
+
+    def body_numbers(self, label: Numbers, body: Numbers) -> NDArray[np.uint32]:
+        """Return what hits are on, as `groundlink.world.bodies` counts; `NO_BODY` for nothing.
+
+        Parameters
+        ----------
+        label, body : int32 arrays
+            Of the same hits (`scene.Hits`).
+        """
+        solid = np.where(label >= 0, label + self._bodies, NO_BODY)
+        return np.where(body >= 0, body, solid).astype(np.uint32)
 
     def forget(self, before_tick: int) -> None:
         """Drop the states of earlier ticks."""

@@ -1,115 +1,144 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Rays through Embree, 8 at once, and what their hits mean.
+/* Rays against a world in which bodies move, 8 at once, and what their hits mean.
  *
- * Rule: the loop of `scene.py` that would cost more in the interpreter than in Embree. It is loaded
- * by ctypes, knows nothing of Python, and needs no header of Embree's: the function to call comes as
- * a pointer. Arrays of vectors are component after component, `count` values each.
+ * Rule: the engine says which triangle is met; where exactly is computed here, in float64, so that
+ * what an engine rounds shows at edges only. Knows nothing of Python, and needs no header of
+ * Embree's: the function to call comes as a pointer. Arrays of vectors are component after component,
+ * `count` values each.
  */
 
 #include <math.h>
-#include <stddef.h>
-#include <stdint.h>
+#include <string.h>
 
-/* As many as an AVX2 register holds. Packets of 16, which Embree cuts up on such processors, took
- * more than twice as long. */
-#define LANES 8
+#include "rays.h"
 
-enum { TRIANGLE, GEOMETRY, INSTANCE, BODY };
+/* For so many together it is found out which bodies they may meet. */
+#define PACKETS 8
 
-typedef void (*intersect8)(const int32_t *valid, void *scene, void *packet, void *arguments);
+/* A ray that nearly lies in a triangle's plane meets the plane far from the triangle. The engine's
+ * own range stands if the plane's is farther off than this, in metres. */
+static const double MOST_MENDED = 0.01;
 
-/* RTCRayHit8 of Embree 4.4; ids in the order of the enumeration above. */
-struct packet {
-    float origin[3][LANES], near[LANES], direction[3][LANES], time[LANES], far[LANES];
-    int32_t mask[LANES], id[LANES], flags[LANES];
-    float normal[3][LANES], u[LANES], v[LANES];
-    int32_t ids[4][LANES];
-} __attribute__((aligned(64)));
-
-/* RTCIntersectArguments: of neighbouring rays, for geometry of every kind. */
-static struct {
-    int32_t flags;
-    uint32_t feature_mask;
-    void *context, *filter, *intersect;
-} coherent = {1 << 16, 0xFFFFFFFF, NULL, NULL, NULL};
-
-/* What is in the scene; a structure of the same name in `scene.py` fills it. */
-struct surroundings {
-    void *scene;
-    const int32_t *labels;         /* of all triangles: the static world's, then each body's */
-    const int32_t *first_triangle; /* of the static world, then of each body */
-    const float *matrices;         /* world_from_body: steps, bodies, 4 columns of 4 */
-    int32_t steps, bodies;
-};
-
-/* Turn a vector of a body's frame into the world's, as the body stands at a time in 0..1. */
-static void rotate(float vector[3], const struct surroundings *around, int32_t body, float time)
+/* v + 2 q x (q x v + w v), q of any length. */
+static inline void turn(const double q[4], double v[3])
 {
-    float step = time * (float)(around->steps - 1);
-    int32_t before = (int32_t)step;
-    if (before > around->steps - 2)
-        before = around->steps - 2;
-    float fraction = step - (float)before;
-    const float *first = around->matrices + 16 * ((ptrdiff_t)before * around->bodies + body);
-    const float *second = first + 16 * (ptrdiff_t)around->bodies;
-    float rotated[3] = {0, 0, 0};
-    for (int column = 0; column < 3; column++)
-        for (int row = 0; row < 3; row++) {
-            float from = first[4 * column + row], to = second[4 * column + row];
-            rotated[row] += (from + fraction * (to - from)) * vector[column];
+    const double twice = 2 / (dot(q, q) + q[3] * q[3]);
+    double inner[3], outer[3];
+    cross(q, v, inner);
+    for (int axis = 0; axis < 3; axis++)
+        inner[axis] += q[3] * v[axis];
+    cross(q, inner, outer);
+    for (int axis = 0; axis < 3; axis++)
+        v[axis] += twice * outer[axis];
+}
+
+/* Return where exactly a lane met its triangle, and the triangle's unit normal in the world. */
+static float met(const struct surroundings *around, const struct rays *rays, int lane,
+                 float max_range, double normal[3])
+{
+    const uint32_t *face = around->faces[rays->triangle[lane]];
+    const float *first = around->vertices[face[0]];
+    double corner[3], sides[2][3], direction[3];
+    for (int axis = 0; axis < 3; axis++) {
+        corner[axis] = first[axis];
+        direction[axis] = rays->world.direction[axis][lane];
+        for (int i = 0; i < 2; i++)
+            sides[i][axis] = around->vertices[face[i + 1]][axis] - corner[axis];
+    }
+    cross(sides[0], sides[1], normal);
+    const double inverse_length = 1 / sqrt(dot(normal, normal));
+    for (int axis = 0; axis < 3; axis++)
+        normal[axis] *= inverse_length;
+    if (rays->body[lane] >= 0) {
+        const double *after, share = rays->share[lane];
+        const double *pose = poses(around, rays->body[lane], rays->before[lane], &after);
+        double q[4];
+        mix(pose, after, share, q);
+        turn(q, normal);
+        turn(q, corner);
+        for (int axis = 0; axis < 3; axis++)
+            corner[axis] += pose[axis] + share * (after[axis] - pose[axis]);
+    }
+    for (int axis = 0; axis < 3; axis++)
+        corner[axis] -= rays->world.origin[axis][lane];
+    const double range = dot(normal, corner) / dot(normal, direction);
+    const int near_by = fabs(range - rays->world.far[lane]) < MOST_MENDED;
+    return near_by && range >= 0 && range <= max_range ? (float)range : rays->world.far[lane];
+}
+
+/* Start rays `first` to `end`, 8 at most, and meet the static world. */
+static void meet_world(const struct surroundings *around, size_t count, size_t first, size_t end,
+                       float max_range, const float *origins, const float *directions,
+                       const float *times, struct rays *rays)
+{
+    struct packet *world = &rays->world;
+    for (size_t lane = 0; lane < LANES; lane++) {
+        const size_t ray = first + lane < end ? first + lane : end - 1;
+        for (int axis = 0; axis < 3; axis++) {
+            world->origin[axis][lane] = origins[axis * count + ray];
+            world->direction[axis][lane] = directions[axis * count + ray];
         }
-    for (int row = 0; row < 3; row++)
-        vector[row] = rotated[row];
+        world->far[lane] = first + lane < end ? max_range : -INFINITY; /* no ray, no work */
+        float step = times[ray] * (float)(around->steps - 1);
+        /* A pose's own instant may be rounded to just beside it, where the next pose would count,
+         * which may not have come yet: what is that near to it (12 ns of 100 ms) is it. */
+        const float nearest = (float)(int32_t)(step + 0.5f);
+        if (fabsf(step - nearest) < 1.2e-7f * (float)around->steps)
+            step = nearest;
+        const int32_t before = (int32_t)step, last = around->steps - 2;
+        rays->before[lane] = before < last ? before : last;
+        rays->share[lane] = step - (float)rays->before[lane];
+    }
+    find(around, 0, world);
+    for (int lane = 0; lane < LANES; lane++) {
+        const int hit = world->ids[GEOMETRY][lane] != -1;
+        rays->triangle[lane] = hit ? world->ids[TRIANGLE][lane] : -1;
+        rays->body[lane] = world->ids[GEOMETRY][lane] = -1;
+        if (hit) /* `fetch` needs it when bodies have been met */
+            __builtin_prefetch(around->faces[rays->triangle[lane]]);
+    }
+}
+
+/* Have the corners of the triangles that were met at hand when `met` needs them. */
+static void fetch(const struct surroundings *around, const struct rays *rays)
+{
+    for (int lane = 0; lane < LANES; lane++)
+        if (rays->triangle[lane] >= 0)
+            for (int corner = 0; corner < 3; corner++)
+                __builtin_prefetch(
+                    around->vertices[around->faces[rays->triangle[lane]][corner]]);
 }
 
 /* Trace rays `begin` to `end` of `count`. */
-void groundlink_trace(intersect8 intersect, const struct surroundings *around, size_t count,
-                      size_t begin, size_t end, float max_range, const float *origins, const float *directions,
+void groundlink_trace(const struct surroundings *around, size_t count, size_t begin, size_t end,
+                      float max_range, const float *origins, const float *directions,
                       const float *times, float *range, float *normals, int32_t *labels,
                       int32_t *bodies)
 {
-    static const int32_t valid[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1, -1, -1, -1, -1};
-    struct packet packet = {0};
-
-    for (size_t lane = 0; lane < LANES; lane++)
-        packet.mask[lane] = -1;
-    for (size_t first = begin; first < end; first += LANES) {
-        size_t lanes = end - first < LANES ? end - first : LANES;
-        for (size_t lane = 0; lane < LANES; lane++) {
-            packet.ids[GEOMETRY][lane] = -1;
-            packet.far[lane] = lane < lanes ? max_range : -INFINITY; /* no ray, no work */
-        }
-        for (size_t axis = 0; axis < 3; axis++)
-            for (size_t lane = 0; lane < lanes; lane++) {
-                packet.origin[axis][lane] = origins[axis * count + first + lane];
-                packet.direction[axis][lane] = directions[axis * count + first + lane];
-            }
-        for (size_t lane = 0; lane < lanes; lane++)
-            packet.time[lane] = times[first + lane];
-
-        intersect(valid, around->scene, &packet, &coherent);
-
-        for (size_t lane = 0; lane < lanes; lane++) {
-            size_t ray = first + lane;
-            float normal[3] = {0, 0, 0}, inverse_length = 0;
-            range[ray] = INFINITY;
-            labels[ray] = bodies[ray] = -1;
-            if (packet.ids[GEOMETRY][lane] != -1) {
-                int32_t body = packet.ids[INSTANCE][lane] == 1 ? packet.ids[BODY][lane] : -1;
-                int32_t triangle = packet.ids[TRIANGLE][lane];
-                for (size_t axis = 0; axis < 3; axis++)
-                    normal[axis] = packet.normal[axis][lane];
-                /* Embree's normals are in the body's frame and as long as the triangle is large. */
-                if (body >= 0)
-                    rotate(normal, around, body, times[ray]);
-                inverse_length = 1 / sqrtf(normal[0] * normal[0] + normal[1] * normal[1] +
-                                           normal[2] * normal[2]);
-                range[ray] = packet.far[lane];
-                bodies[ray] = body;
-                labels[ray] = around->labels[around->first_triangle[body + 1] + triangle];
-            }
+    struct rays group[PACKETS] = {0};
+    for (int packet = 0; packet < PACKETS; packet++) {
+        memset(group[packet].world.mask, -1, sizeof group->world.mask);
+        memset(group[packet].world.ids[GEOMETRY], -1, sizeof group->world.ids[GEOMETRY]);
+        group[packet].own = group[packet].world;
+    }
+    while (begin < end) {
+        int packets = 0;
+        for (size_t first = begin; first < end && packets < PACKETS; first += LANES)
+            meet_world(around, count, first, end, max_range, origins, directions, times,
+                       &group[packets++]);
+        if (around->bodies)
+            groundlink_meet_bodies(around, group, packets);
+        for (int packet = 0; packet < packets; packet++)
+            fetch(around, &group[packet]);
+        for (int i = 0; i < packets * LANES && begin < end; i++, begin++) {
+            const struct rays *rays = &group[i / LANES];
+            const int lane = i % LANES, hit = rays->triangle[lane] >= 0;
+            double normal[3] = {0, 0, 0};
+            range[begin] = hit ? met(around, rays, lane, max_range, normal) : INFINITY;
+            labels[begin] = hit ? around->labels[rays->triangle[lane]] : -1;
+            bodies[begin] = rays->body[lane];
             for (size_t axis = 0; axis < 3; axis++)
-                normals[axis * count + ray] = normal[axis] * inverse_length;
+                normals[axis * count + begin] = (float)normal[axis];
         }
     }
 }

@@ -9,6 +9,7 @@ from groundlink.cli.dashboard import dashboard
 from groundlink.cli.running import PLAIN_WIDTH
 from groundlink.messages import Health, StreamReport
 from groundlink.run_monitor import RunMonitor
+from groundlink.supervisor import Child
 
 HEALTHY = StreamReport(
     "/wheel_encoders",
@@ -67,3 +68,17 @@ def test_every_figure_stands_in_the_table_uncut() -> None:
 def test_what_did_not_arrive_is_told_by_cause() -> None:
     lost = [text.split("│")[-2] for text in drawn(LOSSY).splitlines() if text.startswith("│")]
     assert " ".join(" ".join(lost).split()) == ("11 missing, 7 incomplete, 2 dropped, 3 superseded")
+
+
+def test_a_sensor_that_fails_says_so() -> None:
+    monitor = RunMonitor()
+    failing = {"readings": 7, "fault_stuck": 1, "fault_bias": 1}
+    for name, counters in (("rover/imu", failing), ("rover/lidar", {"readings": 9})):
+        monitor.heard(Health(name, 1, 400, counters), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    children = [Child("rover/imu", []), Child("rover/lidar", [])]
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, children))
+    picture = capture.get()
+    assert "rover/imu: stuck, bias" in line(picture, "rover/imu")
+    assert ":" not in line(picture, "rover/lidar")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -11,9 +12,11 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.__main__ import main
+from groundlink.report.failures import Failure, Failures
 from groundlink.report.gather import Gathered
 from groundlink.report.html import Markup, section, table, text
 from groundlink.report.page import page
+from groundlink.scenario.faults import Off, Stuck
 
 from .conftest import gathered_from, write
 
@@ -162,3 +165,14 @@ def test_a_file_that_is_no_recording_is_one_line(
     error = capsys.readouterr().err
     assert str(file) in error
     assert error.count("\n") == 1
+
+
+def test_faults_have_a_section_where_there_were_some(gathered: Gathered) -> None:
+    assert "Faults" not in read(page(gathered)).headings
+    failures = Failures("rover/imu")
+    failures.all = [Failure(Stuck(at_s=1.5, for_s=1.0), 1.5, 2.5), Failure(Off(at_s=3.0), 3.0)]
+    content = page(dataclasses.replace(gathered, failures=[failures]))
+    assert "Faults" in read(content).headings
+    assert "rover/imu was made to fail: stuck, off" in content
+    assert "1.5000 s" in content
+    assert "the end of the recording" in content

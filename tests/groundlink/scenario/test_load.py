@@ -106,6 +106,9 @@ MISTAKES = [
     ("mount: mast", "mount: most", 13, ["no mount `most`", "did you mean `mast`?"]),
     ("name: imu,", "name: lidar,", 14, ["`lidar` is taken"]),
     ("topic: /imu", "topic: /points", 1, ["share the topic `/points`"]),
+    ("topic: /imu", "topic: /ground_truth/wheels", 1, ["share the topic `/ground_truth/wheels`"]),
+    ("topic: /imu", "topic: /ground_truth/bodies", 1, ["share the topic `/ground_truth/bodies`"]),
+    ("name: rover", "name: bodies", 5, ["`bodies` names a key of the bus"]),
     ("name: rover", "name: state", 5, ["`state` names a key of the bus"]),
     ("name: imu,", "name: command,", 14, ["`command` names a key of the bus"]),
     ("name: rover", "name: My Rover", 5, ["`vehicles[0].name`", "My Rover"]),
@@ -212,8 +215,13 @@ def test_an_unknown_material_is_named_with_its_nearest(tmp_path: Path) -> None:
         load(write(tmp_path, GOOD.replace("worlds/lab.yaml", "worlds/odd.yaml")))
 
 
+@pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yaml")), ids=lambda file: file.stem)
+def test_every_shipped_scenario_is_valid(file: Path) -> None:
+    assert load(file).name == file.stem
+
+
 @pytest.mark.parametrize(("name", "drives"), [("indoor_lab", False), ("indoor_lab_tour", True)])
-def test_the_shipped_scenarios_are_valid(name: str, drives: bool) -> None:
+def test_the_laboratory_has_its_sensors_and_the_tour_a_route(name: str, drives: bool) -> None:
     scenario = load(SHIPPED / f"{name}.yaml")
     assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders"]
     assert (scenario.vehicles[0].route is not None) is drives

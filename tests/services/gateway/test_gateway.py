@@ -118,6 +118,8 @@ def test_every_stream_is_known_by_key() -> None:
         ("groundlink/lab/rover/imu", "/imu", 2, 400.0),
         ("groundlink/lab/rover/encoders", "/wheel_encoders", 5, 50.0),
         ("groundlink/lab/rover/ground_truth", "/ground_truth/odom", 36, 50.0),
+        ("groundlink/lab/rover/ground_truth/wheels", "/ground_truth/wheels", 37, 50.0),
+        ("groundlink/lab/bodies", "/ground_truth/bodies", 35, 10.0),
     ]
 
 
@@ -323,3 +325,19 @@ def test_repeated_stamps_are_dropped_and_jumps_back_in_time_are_not(bench: Bench
     bench.forward("clock", Clock(0, 0, 0))
     bench.forward("rover/imu", imu(5))
     assert stamps()[-1] == 5
+
+
+def test_a_clock_that_is_off_repeats_nothing_and_stands_on_the_wire() -> None:
+    bench = Bench()
+    offsets = (0, -2 * 10**9, -2 * 10**9, 10**9, 0)
+    for number, offset in enumerate(offsets, 1):
+        stamp = 10**10 + number * 2_500_000 + offset
+        reading = replace(imu(stamp), clock_error_nanos=offset)
+        bench.forward("rover/imu", reading)
+        bench.forward("rover/imu", reading)  # of a successor that catches up
+    expected = [10**10 + n * 2_500_000 + offset for n, offset in enumerate(offsets, 1)]
+    assert [message["stamp"] for message in bench.link.sent] == expected
+    assert bench.gateway.counts["stale"] == len(offsets)
+    decoded = [STORE.deserialize_cdr(m["body"], "sensor_msgs/msg/Imu") for m in bench.link.sent]
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in decoded]  # type: ignore[attr-defined]
+    assert stamps == expected

@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ground truth is the state in the words of odometry, at its declared instants."""
+"""The ground truth is the state in ROS's words, at its declared instants."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from groundlink.clock import TICK_NANOS
-from groundlink.messages import State, VehicleState, packed
-from groundlink.scenario import load
+from groundlink.messages import State, VehicleState, floats, packed
+from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import GroundTruth, Vehicle
-from services.physics.truth import Truth
+from groundlink.scenario.schema import BodyPoses, GroundTruth, Vehicle
+from groundlink.world.build import solids
+from services.physics.simulation import Simulation
+from services.physics.truth import BodyTruth, Truth
+
+from .conftest import run
 
 EPOCH = 10**18
 LEFT = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
@@ -26,19 +31,23 @@ def vehicle(rate_hz: float) -> Vehicle:
     return replace(shipped, frame_prefix="a/", ground_truth=GroundTruth(rate_hz=rate_hz))
 
 
-def state(tick: int) -> State:
-    moving = VehicleState(
-        link_poses=packed(np.array([[1.0, 2.0, 3.0, *LEFT]])),
-        base_velocity=packed(np.array([0.0, 0.5, 0.25, 0.1, 0.0, 0.3])),
-        joint_positions=packed(np.empty(0)),
-        joint_velocities=packed(np.empty(0)),
-    )
-    return State("run", EPOCH, tick, tick * TICK_NANOS, "", {"rover": moving})
+def state(tick: int, *names: str) -> State:
+    """Return where vehicles are, each 1 m further up than the one before."""
+    vehicles = {
+        name: VehicleState(
+            link_poses=packed(np.array([[1.0, 2.0, 3.0 + i, *LEFT]] * 5)),
+            base_velocity=packed(np.array([0.0, 0.5, 0.25, 0.1, 0.0, 0.3])),
+            joint_positions=packed(np.array([0.5, -0.5, 7.0, 8.0])),
+            joint_velocities=packed(np.array([1.0, -1.0, 2.0, 3.0])),
+        )
+        for i, name in enumerate(names or ("rover",))
+    }
+    return State("run", EPOCH, tick, tick * TICK_NANOS, "", vehicles)
 
 
 def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
-    odometry = Truth(vehicle(50.0)).odometry(state(0))
-    assert odometry is not None
+    odometry = Truth(vehicle(50.0)).odometry(state(0), 5)
+    assert odometry.stamp_nanos == 5
     assert (odometry.frame, odometry.child_frame) == ("world", "a/base_link")
     assert (odometry.position_m, odometry.orientation) == ((1.0, 2.0, 3.0), LEFT)
     assert odometry.linear_mps == pytest.approx((0.5, 0.0, 0.25))
@@ -46,9 +55,56 @@ def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
     assert not any(bytes(odometry.pose_covariance))
 
 
+def test_wheels_are_joints_with_the_torque_of_their_motors() -> None:
+    torques = packed(np.array([4.0, 5.0, 6.0, 7.0]))
+    wheels = Truth(vehicle(50.0)).wheels(state(0), torques, 5)
+    assert (wheels.stamp_nanos, wheels.frame) == (5, "a/base_link")
+    assert wheels.names == tuple(wheel.name for wheel in vehicle(50.0).model.wheels)
+    assert floats(wheels.positions).tolist() == [0.5, -0.5, 7.0, 8.0]
+    assert floats(wheels.velocities).tolist() == [1.0, -1.0, 2.0, 3.0]
+    assert wheels.efforts == torques
+
+
+def test_torques_work_as_much_as_the_motors_do(start: Callable[..., Simulation]) -> None:
+    """A rover that speeds up: torque times angle is the work that its vitals tell."""
+    simulation = start()
+    run(simulation, 0.5, (0.0, 0.0))
+    (before,) = simulation.vitals(0)
+    work = 0.0
+    angles = floats(simulation.vehicle_states()["rover"].joint_positions)
+    for _ in range(100):
+        run(simulation, 1 / 400, (0.8, 0.0))
+        turned = floats(simulation.vehicle_states()["rover"].joint_positions)
+        work += float(floats(simulation.motor_torques("rover")) @ (turned - angles))
+        angles = turned
+    (after,) = simulation.vitals(0)
+    assert work > 5.0
+    told = after.motor_work_j - after.braked_j - before.motor_work_j + before.braked_j
+    assert work == pytest.approx(told, rel=0.02)
+
+
 @pytest.mark.parametrize("rate_hz", [50.0, 30.0, 400.0])
 def test_it_comes_at_its_rate_without_drift(rate_hz: float) -> None:
     truth = Truth(vehicle(rate_hz))
-    stamps = [found.stamp_nanos for tick in range(401) if (found := truth.odometry(state(tick)))]
+    due = [truth.due(state(tick)) for tick in range(401)]
+    stamps = [stamp for stamp in due if stamp is not None]
     assert len(stamps) == rate_hz + 1
     assert stamps == [EPOCH + int(i * 10**9 // rate_hz) for i in range(len(stamps))]
+
+
+def test_the_bodies_are_all_links_and_all_solids_where_they_are(lab: Scenario) -> None:
+    rover = lab.vehicles[0]
+    scenario = replace(
+        lab, vehicles=(rover, replace(rover, name="second")), bodies=BodyPoses(rate_hz=100.0)
+    )
+    static = solids(lab)
+    truth = BodyTruth(scenario, static)
+    told = [truth.poses(state(tick, "rover", "second")) for tick in range(9)]
+    first, *others = [bodies for bodies in told if bodies is not None]
+    assert [bodies.stamp_nanos - EPOCH for bodies in (first, *others)] == [0, 10**7, 2 * 10**7]
+    where = dict(zip(first.names, first.world_from_body().tolist(), strict=True))
+    assert where["rover/base_link"] == [1.0, 2.0, 3.0, *LEFT]
+    assert where["second/rear_left_wheel_link"] == [1.0, 2.0, 4.0, *LEFT]
+    for solid in static:
+        assert where[solid.name] == [*solid.position_m, *solid.orientation]
+    assert len(where) == 10 + len(static)

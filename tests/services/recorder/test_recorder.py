@@ -14,6 +14,8 @@ from mcap_ros2.decoder import DecoderFactory
 from msgspec.structs import replace
 
 from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.faults import Faults
+from groundlink.ground_truth import Bodies
 from groundlink.messages import (
     POINT,
     Clock,
@@ -24,11 +26,12 @@ from groundlink.messages import (
     StreamReport,
     packed,
 )
-from groundlink.navigation import Odometry, PoseStamped
+from groundlink.navigation import JointState, Odometry, PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.scenario import Scenario, load
+from groundlink.scenario.faults import Stuck
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Stream
 from groundlink.vitals import Vitals
@@ -38,9 +41,14 @@ EPOCH = 1_700_000_000 * NANOS
 RUN = "lab"
 KEYS = {
     name: f"groundlink/{RUN}/rover/{name}"
-    for name in ("imu", "lidar", "ground_truth", "command", "from_ros/pose", "vitals")
+    for name in (
+        *("imu", "lidar", "ground_truth", "ground_truth/wheels"),
+        *("command", "from_ros/pose", "vitals"),
+    )
 }
 CLOCK = f"groundlink/{RUN}/clock"
+BODIES = f"groundlink/{RUN}/bodies"
+NO_BYTES = memoryview(b"")
 NO_ERROR = packed(np.zeros(36))
 STILL = (0.0, 0.0, 0.0)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -87,6 +95,12 @@ class Rig:
             *("world", "base_link", (x_m, 0.0, 0.0), UPRIGHT, STILL, STILL, NO_ERROR, NO_ERROR),
         )
         self.recorder.take(KEYS["ground_truth"], odometry)
+        wheels = JointState(odometry.stamp_nanos, "base_link", (), NO_BYTES, NO_BYTES, NO_BYTES)
+        self.recorder.take(KEYS["ground_truth/wheels"], wheels)
+
+    def bodies(self, tick: int) -> None:
+        message = Bodies(EPOCH + tick * TICK_NANOS, ("wall",), packed(np.zeros(7)))
+        self.recorder.take(BODIES, message)
 
     def written(self) -> dict[str, list[tuple[int, Any]]]:
         """Return by topic the ticks and the decoded messages, in the order of time."""
@@ -190,6 +204,7 @@ def test_it_is_complete_when_every_stream_is(lab: Scenario, tmp_path: Path) -> N
         rig.truth(tick, 0.0)
     for tick in range(0, 80, 40):
         rig.vitals(tick)
+        rig.bodies(tick)
     for tick in range(0, 70):
         rig.imu(tick)
     rig.clock(80)
@@ -261,3 +276,30 @@ def test_what_outruns_the_clock_of_a_new_life_goes_to_that_life(lab: Scenario, r
     epoch = EPOCH + 990 * TICK_NANOS
     successor.take(CLOCK, Clock(epoch, epoch, 0))
     assert successor.counts["messages"] == 3  # /clock, /tf_static and the one that was early
+
+
+def test_a_sensors_clock_that_is_off_is_in_the_body_alone(rig: Rig) -> None:
+    rig.clock(0)
+    for tick, ahead in ((1, 0), (2, -2 * NANOS), (3, 3 * NANOS), (4, 0)):
+        stamp = EPOCH + tick * TICK_NANOS + ahead
+        imu = Imu(stamp, "imu_link", UPRIGHT, STILL, STILL, 0, 0, 0, clock_error_nanos=ahead)
+        rig.recorder.take(KEYS["imu"], imu)
+        rig.recorder.take(KEYS["imu"], imu)
+    written = rig.written()["/imu"]
+    assert [tick for tick, _ in written] == [1, 2, 3, 4]
+    seconds = [imu.header.stamp.sec - EPOCH // NANOS for _, imu in written]
+    assert seconds == [0, -2, 3, 0]
+    assert rig.recorder.counts["repeated"] == 4
+
+
+def test_begin_and_end_of_a_fault_are_recorded(rig: Rig) -> None:
+    rig.clock(0)
+    key = f"groundlink/{RUN}/faults/rover/imu"
+    for tick, active in ((40, (Stuck(at_s=0.1, for_s=0.1),)), (80, ()), (80, ())):
+        faults = Faults(EPOCH + tick * TICK_NANOS, "rover/imu", tick, active)
+        rig.recorder.take(key, faults)
+    written = rig.written()["/faults/rover/imu"]
+    assert [(tick, array.status[0].message) for tick, array in written] == [
+        (40, "stuck"),
+        (80, "none"),
+    ]

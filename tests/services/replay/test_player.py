@@ -8,9 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.messages import POINT, Clock, Command, Imu, Message, PointCloud, packed
+from groundlink.messages import (
+    POINT,
+    Clock,
+    Command,
+    Imu,
+    Message,
+    PointCloud,
+    measured_nanos,
+    packed,
+)
 from groundlink.navigation import PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
@@ -69,7 +79,7 @@ def recorded(tmp_path: Path) -> Recorded:
         for message in messages:
             kind = type(message)
             topic = file.topic(TOPICS[kind], ROS_FORMS[kind].ros_type)
-            topic.write(message.stamp_nanos, to_cdr(message))  # type: ignore[attr-defined]
+            topic.write(measured_nanos(message), to_cdr(message))
             file.mcap.commit("topics", {})  # a chunk for each
         file.mcap.close()
         return Recording(tmp_path / "run.mcap")
@@ -106,6 +116,16 @@ def test_the_order_of_time_whatever_the_order_of_arrival(recorded: Recorded) -> 
     assert order == [
         *((0, "clock"), (5, "rover/imu"), (10, "clock"), (10, "rover/imu")),
         *((15, "rover/imu"), (20, "clock")),
+    ]
+
+
+def test_a_sensors_clock_that_was_off_is_off_again(recorded: Recorded) -> None:
+    off = replace(imu(5), stamp_nanos=EPOCH - 995 * MS, clock_error_nanos=-1000 * MS)
+    assert played(recorded([clock(0), off, clock(10), imu(15)])) == [
+        (0, "clock", clock(0)),
+        (5, "rover/imu", off),
+        (10, "clock", clock(10)),
+        (15, "rover/imu", imu(15)),
     ]
 
 

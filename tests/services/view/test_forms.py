@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun as rr
+from msgspec.structs import replace
 
 from groundlink import imagery, navigation
+from groundlink.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages import (
     POINT,
     Command,
@@ -21,7 +23,16 @@ from groundlink.messages import (
     packed,
 )
 from groundlink.ros_streams import RosStream
-from groundlink.topics import COMMAND, FROM_ROS, GROUND_TRUTH, STREAM_TOPICS
+from groundlink.scenario import Scenario
+from groundlink.scenario.sensors import Lidar2d
+from groundlink.topics import (
+    COMMAND,
+    FROM_ROS,
+    GROUND_TRUTH,
+    STREAM_TOPICS,
+    TRUE_POINTS,
+    TRUE_WHEELS,
+)
 from services.view.canvas import MOST_POINTS, Trail
 from services.view.forms import FORMS
 from services.view.picture import Picture
@@ -33,10 +44,12 @@ EYE9, ZERO36 = packed(np.eye(3)), packed(np.zeros(36))
 UP = (0.0, 0.0, 0.0, 1.0)
 
 
-def picture(colouring: Any = "intensity") -> tuple[Picture, Remembering]:
+def picture(
+    colouring: Any = "intensity", scenario: Scenario = SCENARIO
+) -> tuple[Picture, Remembering]:
     """Return a picture that has seen a second of driving."""
     nowhere = Nowhere()
-    it = Picture(SCENARIO, "run", colouring=colouring, destination=nowhere)
+    it = Picture(scenario, "run", colouring=colouring, destination=nowhere)
     it.take_states([state(tick) for tick in range(401)])
     return it, nowhere.recordings[0]
 
@@ -48,6 +61,10 @@ def show(it: Picture, path: str, message: Message) -> None:
 
 def cloud(points: list[tuple[float, ...]], stamp: int = STAMP) -> PointCloud:
     return PointCloud(stamp, "lidar_link", packed(np.array(points, POINT)))
+
+
+def true_points(points: list[tuple[float, ...]]) -> TruePoints:
+    return TruePoints(STAMP, "lidar_link", packed(np.array(points, TRUE_POINT)))
 
 
 def encoders(ticks: int, stamp: int) -> WheelEncoders:
@@ -78,6 +95,7 @@ CASES: dict[type[Message], tuple[Message, str, type | None]] = {
     Command: (Command(STAMP, (1, 0, 0), (0, 0, 0)), "rover/speed/commanded", None),
     Imu: (Imu(STAMP, "imu_link", UP, (0, 0, 1), (0, 0, 9), 0, 0, 0), "rover/x/acceleration", None),
     PointCloud: (cloud([(1, 0, 0, 80, 3, 0)]), "rover/x", rr.Points3D),
+    TruePoints: (true_points([(1, 0, 0, 80, 3, 0, 7)]), "rover/x", rr.Points3D),
     WheelEncoders: (encoders(5, STAMP), "rover/x", None),
     imagery.Image: (
         imagery.Image(STAMP, "cam", 2, 4, "rgb8", 16, memoryview(bytes(32))),
@@ -127,7 +145,8 @@ CASES: dict[type[Message], tuple[Message, str, type | None]] = {
 
 
 def test_all_that_ros_sees_of_a_vehicle_is_drawn() -> None:
-    rows = [COMMAND, GROUND_TRUTH, *STREAM_TOPICS.values(), *FROM_ROS.values()]
+    truths = [GROUND_TRUTH, TRUE_WHEELS, TRUE_POINTS]
+    rows = [COMMAND, *truths, *STREAM_TOPICS.values(), *FROM_ROS.values()]
     assert {row.message for row in rows} == set(FORMS) == set(CASES)
 
 
@@ -172,6 +191,33 @@ def test_a_cloud_is_placed_point_by_point() -> None:
     (points,) = recording.logged["rover/lidar"]
     placed = np.array(points.positions.as_arrow_array().to_pylist())
     assert placed == pytest.approx(np.array([[2.5, 0, 0.65]] * 2), abs=1e-5)
+
+
+@pytest.mark.parametrize(("block_deg", "drawn"), [(0.0, 3), (120.0, 1)])
+def test_blocks_of_a_scan_are_drawn_as_one(block_deg: float, drawn: int) -> None:
+    place = {"name": "scanner", "topic": "/scan", "frame": "scan_link"}
+    scanner = Lidar2d(**place, block_deg=block_deg)  # type: ignore[arg-type]
+    rover = replace(SCENARIO.vehicles[0], sensors=(scanner,))
+    it, recording = picture(scenario=replace(SCENARIO, vehicles=(rover,)))
+    distances = packed(np.array([1, np.inf, 2], np.float32))
+    for part in range(3):
+        stamp, _, angle, *rest = SCAN
+        scan = (stamp + part, "scan_link", angle + part, *rest, distances, memoryview(b""))
+        show(it, "rover/scanner", imagery.LaserScan(*scan))
+    points = recording.logged["rover/scanner"]
+    assert len(points) == drawn
+    assert sum(len(each.positions.as_arrow_array()) for each in points) == 6
+
+
+def test_the_truth_is_of_one_instant_and_coloured_by_body() -> None:
+    it, recording = picture()
+    seen = [(2.0, 0, 0, 50, 0, 0.0, 7), (2.0, 0, 0, 50, 9, 0.1, 7), (2.0, 0, 0, 50, 0, 0.0, 8)]
+    show(it, "rover/lidar/truth", true_points(seen))
+    (points,) = recording.logged["rover/lidar/truth"]
+    placed = np.array(points.positions.as_arrow_array().to_pylist())
+    assert placed == pytest.approx(np.tile(placed[0], (3, 1)))
+    first, same, other = points.colors.as_arrow_array().to_pylist()
+    assert first == same != other
 
 
 @pytest.mark.parametrize(("colouring", "differ"), [("intensity", False), ("ring", True)])

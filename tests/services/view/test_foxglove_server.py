@@ -67,6 +67,8 @@ def test_topics_are_those_of_ros_with_whole_definitions(
         "/imu": "sensor_msgs/msg/Imu",
         "/wheel_encoders": "groundlink_msgs/msg/WheelEncoders",
         "/ground_truth/odom": "nav_msgs/msg/Odometry",
+        "/ground_truth/wheels": "sensor_msgs/msg/JointState",
+        "/ground_truth/bodies": "tf2_msgs/msg/TFMessage",
         "/cmd_vel": "geometry_msgs/msg/Twist",
         "/pose": "geometry_msgs/msg/PoseStamped",
         "/map": "nav_msgs/msg/OccupancyGrid",

@@ -16,8 +16,7 @@ from services.sensors.gnss.geodesy import (
     ecef_from_geodetic,
     geodetic_from_ecef,
 )
-
-from . import oracles
+from tests.services.sensors import oracles
 
 BEST_M = 1e-8
 """What a round trip may be off by."""

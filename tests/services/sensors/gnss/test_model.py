@@ -105,7 +105,7 @@ def test_the_kind_of_solution_is_told_in_both_forms(
     model = receiver(solution=solution)
     (fix,) = fixes(model, resting(1))
     assert fix.status == status
-    gga, rmc, vtg = (line.decode().split(",") for line in model.datagrams(fix))
+    gga, rmc, vtg = (line.payload.decode().split(",") for line in model.datagrams(fix, 0))
     assert gga[6] == quality
     assert rmc[12][0] == vtg[9][0] == {"1": "A", "2": "D", "5": "F", "4": "R"}[quality]
     assert gga[7] == "10"
@@ -117,10 +117,12 @@ def test_sentences_follow_what_has_been_done_to_a_fix() -> None:
     model = receiver(rate_hz=20)
     first, *_ = fixes(model, resting(41))
     moved = replace(first, latitude_deg=first.latitude_deg + 0.5, stamp_nanos=7 * 10**9)
-    gga, _, vtg = (line.decode().split(",") for line in model.datagrams(moved))
+    gga, _, vtg = (line.payload.decode().split(",") for line in model.datagrams(moved, 0))
     assert gga[1:3] == ["000007.00", "5245.00000"]
     assert (gga[6], vtg[9][0]) == ("1", "A")
-    gga, rmc, _ = (line.decode().split(",") for line in model.datagrams(replace(first, status=-1)))
+    gga, rmc, _ = (
+        line.payload.decode().split(",") for line in model.datagrams(replace(first, status=-1), 0)
+    )
     assert (gga[2], gga[6], rmc[2]) == ("", "0", "V")
 
 
@@ -128,7 +130,7 @@ def test_velocity_in_the_sentences_is_the_antennas() -> None:
     # 2 m/s north and a turn of 1 rad/s with the antenna 0.5 m ahead (east): 0.5 m/s more north.
     model = receiver(mount=Mount((0.5, 0.0, 0.0)))
     (fix,) = fixes(model, resting(1, velocities=(1.0, 2.0, 0.0, 0.0, 0.0, 1.0)))
-    fields = model.datagrams(fix)[2].decode().split(",")
+    fields = model.datagrams(fix, 0)[2].payload.decode().split(",")
     assert float(fields[7]) == pytest.approx(3.6 * math.hypot(1.0, 2.5), abs=1e-3)
     assert float(fields[1]) == pytest.approx(math.degrees(math.atan2(1.0, 2.5)), abs=0.01)
 
@@ -192,7 +194,7 @@ def test_startup_and_outages_are_told_as_no_fix() -> None:
     for state in moving(places):
         for fix in model.readings(state):
             taken.append(fix)
-            lines.append([line.decode().split(",") for line in model.datagrams(fix)])
+            lines.append([line.payload.decode().split(",") for line in model.datagrams(fix, 0)])
     x = np.arange(31) / 10
     lost = (x < 0.5) | ((x > 1.0 - 1e-9) & (x < 2.0 - 1e-9))
     assert [fix.status < 0 for fix in taken] == lost.tolist()
@@ -234,7 +236,7 @@ def test_under_a_roof_there_is_no_fix_and_beside_a_wall_a_worse_one() -> None:
     worse = floats(near.position_covariance_m2).reshape(3, 3)
     assert (np.diag(worse) > 1.3 * np.diag(open_sky)).all()
     (fix,) = fixes(model, resting(1, (30, 31.5, 0)))
-    gga = model.datagrams(fix)[0].decode().split(",")
+    gga = model.datagrams(fix, 0)[0].payload.decode().split(",")
     assert 4 <= int(gga[7]) < 10
 
 

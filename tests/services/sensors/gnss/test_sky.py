@@ -58,5 +58,5 @@ def test_a_wall_hides_what_is_behind_it(side: str, x_m: float, seen: int) -> Non
     made = yard(box("wall", (0.2, 50, 10), (x_m, 0, 0)))
     model = receiver(made, mount=UP, sky_view=True, satellites_deg=satellites)
     (fix,) = fixes(model, resting(1))
-    gga = model.datagrams(fix)[0].decode().split(",")
+    gga = model.datagrams(fix, 0)[0].payload.decode().split(",")
     assert int(gga[7]) == 5 + seen

@@ -17,11 +17,10 @@ from groundlink.messages import PointCloud, State, VehicleState, packed
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar
-from groundlink.topics import sensor_rate_hz
-from services.sensors.lidar.blocks import Blocks
+from groundlink.scenario.sensors import Lidar, sensor_rate_hz
 from services.sensors.lidar.model import LidarModel
-from services.sensors.lidar.sweep import Sweep
+from services.sensors.scanning.blocks import Blocks
+from services.sensors.scanning.sweep import Sweep
 
 EPOCH_NANOS = 1_700_000_000_000_000_000
 REVOLUTION_NANOS = 100_000_000

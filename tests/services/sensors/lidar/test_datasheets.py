@@ -10,7 +10,7 @@ import yaml
 
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Lidar
-from services.sensors.lidar.sweep import Sweep
+from services.sensors.scanning.sweep import Sweep
 
 # VLP-16 User Manual 63-9243 Rev D, table 9-1, by laser id, which is the order of firing.
 ELEVATION_DEG = [-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15]
@@ -53,3 +53,54 @@ def test_the_papers() -> None:
     assert set(np.diff(spec.elevations_deg)) == {2.0}
     assert (spec.range_stddev_m, spec.laser_bias_m) == (0.03, 0.0)
     assert (spec.vertical_offsets_m, spec.range_resolution_m) == ((), 0.0)
+
+
+# VLP-32C User Manual 63-9325, tables 9-5 and 9-6, by laser id; two ids fire at a time.
+VLP32C_ELEVATION_DEG = [
+    *(-25.0, -1.0, -1.667, -15.639, -11.31, 0.0, -0.667, -8.843, -7.254, 0.333, -0.333),
+    *(-6.148, -5.333, 1.333, 0.667, -4.0, -4.667, 1.667, 1.0, -3.667, -3.333, 3.333, 2.333),
+    *(-2.667, -3.0, 7.0, 4.667, -2.333, -2.0, 15.0, 10.333, -1.333),
+]
+# The manual's four columns, by laser id as the ROS driver's calibration has them, whose corrections
+# are taken off the azimuth, so with the other sign.
+VLP32C_AZIMUTH_DEG = [
+    *(1.4, -4.2, 1.4, -1.4, 1.4, -1.4, 4.2, -1.4, 1.4, -4.2, 1.4, -1.4, 4.2, -1.4, 4.2, -1.4),
+    *(1.4, -4.2, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4, 1.4, -1.4, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4),
+]
+
+
+def test_the_vlp_32c() -> None:
+    spec = sheet("vlp32c")
+    rings = np.argsort(np.argsort(VLP32C_ELEVATION_DEG))  # by laser id
+    assert spec.elevations_deg == tuple(sorted(VLP32C_ELEVATION_DEG))
+    assert [spec.azimuth_offsets_deg[ring] for ring in rings] == VLP32C_AZIMUTH_DEG
+    times_us = [spec.laser_times_us[ring] for ring in rings]
+    np.testing.assert_allclose(times_us, np.repeat(LASER_US * np.arange(16), 2))
+    assert spec.firings_per_revolution == int(1e5 / CYCLE_US)
+    assert spec.range_resolution_m == 0.004
+    # It turns clockwise: the first laser is 1.4 degrees to the right, the second 4.2 to the left.
+    sweep = Sweep(spec)
+    x, y, _ = sweep.directions_in_sensor[:, :, 0]
+    azimuth_deg = dict(zip(sweep.rings.tolist(), np.degrees(np.arctan2(y, x)), strict=True))
+    assert azimuth_deg[rings[0]] == pytest.approx(-1.4, abs=1e-3)
+    assert azimuth_deg[rings[1]] == pytest.approx(4.2, abs=1e-3)
+
+
+# The first generation's nominal angles: 33.2 degrees in even steps, four columns; 1024 a turn.
+OUSTER_AZIMUTH_DEG = [3.164, 1.055, -1.055, -3.164]
+
+
+def test_the_os1_64() -> None:
+    spec = sheet("os1_64")
+    lasers = 64
+    assert (len(spec.elevations_deg), spec.firings_per_revolution) == (lasers, 1024)
+    even = np.linspace(-16.611, 16.611, lasers)
+    np.testing.assert_allclose(spec.elevations_deg, even, atol=1e-3)
+    assert list(spec.azimuth_offsets_deg)[::-1] == OUSTER_AZIMUTH_DEG * 16
+    assert (spec.min_range_m, spec.max_range_m, spec.range_stddev_m) == (0.8, 120.0, 0.015)
+    # 40 m on a target of 10 %.
+    reach_m = spec.max_range_m * np.sqrt(0.1 / spec.full_range_reflectivity)
+    assert reach_m == pytest.approx(40.0, rel=0.1)
+    # The first column looks back, and the highest beam is ahead of it, clockwise.
+    x, y, _ = Sweep(spec).directions_in_sensor[:, -1, 0]
+    assert np.degrees(np.arctan2(y, x)) == pytest.approx(180 - 3.164, abs=1e-3)

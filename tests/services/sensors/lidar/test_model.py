@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from scipy import stats
 
-from groundlink.errors import UserError
 from groundlink.messages import POINT, BadMessage
 
 from . import rooms
@@ -209,9 +209,24 @@ def test_a_state_that_lacks_links_restarts_the_model() -> None:
     assert [c.stamp_nanos - rooms.EPOCH_NANOS for c in seen] == [100_000_000, 200_000_000]
 
 
-@pytest.mark.parametrize("field", ["laser_times_us", "vertical_offsets_m"])
-def test_lists_of_different_lengths_are_the_users_mistake(field: str) -> None:
-    with pytest.raises(
-        UserError, match=rf"`{field}` has 3 values, but its `elevations_deg` has 16"
-    ):
-        rooms.model(rooms.scenario(**{field: [0.0, 1.0, 2.0]}))
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"elevations_deg": []}, "`elevations_deg` is empty"),
+        *(
+            ({field: [0.0, 1.0, 2.0]}, f"`{field}` has 3 values, but `elevations_deg` has 16")
+            for field in (
+                *("azimuth_offsets_deg", "laser_stddevs_m"),
+                *("laser_times_us", "vertical_offsets_m"),
+            )
+        ),
+        ({"min_range_m": 5.0, "max_range_m": 4.0}, "`min_range_m` is 5; expected less than"),
+        ({"rays_per_beam": 8, "divergence_mrad": [3.0, 1.5]}, "is 8; expected a square"),
+        ({"rays_per_beam": 16}, "`rays_per_beam` is 16, but `divergence_mrad` is zero"),
+        ({"field_of_view_deg": 270.0, "block_deg": 100.0}, "expected 0 or 270 divided by"),
+        ({"returns": "first"}, "Invalid enum value 'first'"),
+    ],
+)
+def test_what_does_not_go_together_is_told(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(msgspec.ValidationError, match=message):
+        rooms.scenario(**fields)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ray casting as slow and plain as it gets: every ray against every triangle, float64.
 
-Rule: shares nothing with the engine but the triangles and the poses. Moeller and Trumbore 1997, in
-the world frame, with matrices interpolated linearly between two poses.
+Rule: shares nothing with the engines but the triangles and the poses. Bodies are rigid: between two
+poses position is interpolated linearly and orientation by nlerp, for every ray anew. Moeller and
+Trumbore 1997, in the body's frame. Only rays that pass the ball around a body are tried on it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from groundlink.world.triangles import Triangles
 
 Floats = NDArray[np.float64]
 
+TRIED_AT_ONCE = 2_000_000
+"""Pairs of ray and triangle, so that memory stays small."""
+
 
 @dataclass
 class Answer:
@@ -26,22 +30,27 @@ class Answer:
     body: NDArray[np.int32]
 
 
-def matrices(poses: Floats) -> Floats:
-    """Return (..., 4, 4) of positions and quaternions (..., 7), by the textbook."""
-    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
-    result = np.zeros((*poses.shape[:-1], 4, 4))
-    result[..., 0, :3] = np.stack(
-        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)], -1
-    )
-    result[..., 1, :3] = np.stack(
-        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)], -1
-    )
-    result[..., 2, :3] = np.stack(
-        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], -1
-    )
-    result[..., :3, 3] = poses[..., :3]
-    result[..., 3, 3] = 1
-    return result
+def rotations(quaternions: Floats) -> Floats:
+    """Return (..., 3, 3) of unit quaternions (..., 4), by the textbook."""
+    x, y, z, w = np.moveaxis(quaternions, -1, 0)
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def between(poses: Floats, times: Floats) -> tuple[Floats, Floats]:
+    """Return positions (N, 3) and rotations (N, 3, 3) at times 0..1 of evenly spaced poses."""
+    step = times * (len(poses) - 1)
+    before = np.clip(np.floor(step).astype(int), 0, len(poses) - 2)
+    share = (step - before)[:, None]
+    first, second = poses[before], poses[before + 1]
+    same_side = np.sum(first[:, 3:] * second[:, 3:], axis=1, keepdims=True) >= 0
+    turn = (1 - share) * first[:, 3:] + share * np.where(same_side, 1, -1) * second[:, 3:]
+    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    return (1 - share) * first[:, :3] + share * second[:, :3], rotations(turn)
 
 
 def cast(
@@ -54,53 +63,67 @@ def cast(
     max_range: float = np.inf,
 ) -> Answer:
     """Return the nearest hits of rays, shape (N, 3) and times (N,); poses as `Scene.move`."""
+    origins, directions, times = (np.asarray(a, np.float64) for a in (origins, directions, times))
     count = len(times)
     answer = Answer(
-        np.full(count, np.inf),
+        np.full(count, max_range, np.float64),
         np.zeros((count, 3)),
         np.full(count, -1, np.int32),
         np.full(count, -1, np.int32),
     )
-    step = times * (len(poses) - 1)
-    before = np.clip(np.floor(step).astype(int), 0, len(poses) - 2)
-    share = (step - before)[:, None, None]
-    for body, mesh in enumerate([static, *bodies], -1):
-        if body < 0:
-            world_from_body = np.tile(np.eye(4), (count, 1, 1))
-        else:
-            of_body = matrices(poses[:, body])
-            world_from_body = (1 - share) * of_body[before] + share * of_body[before + 1]
-        for face, label in zip(mesh.faces, mesh.labels, strict=True):
-            corners = mesh.vertices[face].astype(np.float64)
-            placed = np.einsum("nij,kj->nki", world_from_body[:, :3, :3], corners)
-            a, b, c = np.moveaxis(placed + world_from_body[:, None, :3, 3], 1, 0)
-            _meet(answer, a, b - a, c - a, origins, directions, max_range, label, body)
+    _try(answer, static, -1, np.arange(count), origins, directions, None)
+    for body, mesh in enumerate(bodies):
+        if not len(mesh.faces):
+            continue
+        position, turn = between(poses[:, body], times)
+        middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)).astype(np.float64) / 2
+        radius = np.linalg.norm(mesh.vertices - middle, axis=1).max() + 1e-6
+        to_middle = position + turn @ middle - origins
+        aside = np.linalg.norm(np.cross(to_middle, directions), axis=1)
+        near = np.flatnonzero(aside <= radius * np.linalg.norm(directions, axis=1))
+        back = np.swapaxes(turn[near], 1, 2)
+        local = (np.einsum("nij,nj->ni", back, v[near]) for v in (origins - position, directions))
+        _try(answer, mesh, body, near, *local, turn[near])
+    answer.range_m[answer.label < 0] = np.inf
     return answer
 
 
-def _meet(
+def _try(
     answer: Answer,
-    corner: Floats,
-    edge1: Floats,
-    edge2: Floats,
+    mesh: Triangles,
+    body: int,
+    rays: NDArray[np.intp],
     origins: Floats,
     directions: Floats,
-    max_range: float,
-    label: int,
-    body: int,
+    turn: Floats | None,
 ) -> None:
-    p = np.cross(directions, edge2)
-    determinant = np.sum(edge1 * p, axis=1)
-    inverse = 1 / np.where(determinant == 0, np.inf, determinant)
-    from_corner = origins - corner
-    u = np.sum(from_corner * p, axis=1) * inverse
-    q = np.cross(from_corner, edge1)
-    v = np.sum(directions * q, axis=1) * inverse
-    t = np.sum(edge2 * q, axis=1) * inverse
-    hit = (determinant != 0) & (u >= 0) & (v >= 0) & (u + v <= 1)
-    hit &= (t > 0) & (t <= max_range) & (t < answer.range_m)
-    normal = np.cross(edge1, edge2)
-    answer.range_m[hit] = t[hit]
-    answer.normal_in_world[hit] = (normal / np.linalg.norm(normal, axis=1, keepdims=True))[hit]
-    answer.label[hit] = label
-    answer.body[hit] = body
+    """Try some rays, given in the frame of a mesh, on all of its triangles."""
+    if not len(mesh.faces):
+        return
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    a, edge1, edge2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normals = np.cross(edge1, edge2)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    at_once = max(1, TRIED_AT_ONCE // len(a))
+    for begin in range(0, len(rays), at_once):
+        some = slice(begin, begin + at_once)
+        ray = rays[some]
+        p = np.cross(directions[some, None], edge2)
+        determinant = np.sum(edge1 * p, axis=-1)
+        inverse = 1 / np.where(determinant == 0, np.inf, determinant)
+        from_corner = origins[some, None] - a
+        u = np.sum(from_corner * p, axis=-1) * inverse
+        q = np.cross(from_corner, edge1)
+        v = np.sum(directions[some, None] * q, axis=-1) * inverse
+        t = np.sum(edge2 * q, axis=-1) * inverse
+        met = (determinant != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+        t = np.where(met & (t <= answer.range_m[ray][:, None]), t, np.inf)
+        nearest = np.argmin(t, axis=1)
+        hit = np.isfinite(t[np.arange(len(ray)), nearest])
+        face, ray = nearest[hit], ray[hit]
+        answer.range_m[ray] = t[hit, face]
+        normal = normals[face]
+        if turn is not None:
+            normal = np.einsum("nij,nj->ni", turn[some][hit], normal)
+        answer.normal_in_world[ray] = normal
+        answer.label[ray], answer.body[ray] = mesh.labels[face], body

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from groundlink.errors import UserError
-from services.sensors.rays import embree, kernels
+from services.sensors.rays import embree, engine, kernels
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +72,7 @@ def test_a_refused_call_is_an_error() -> None:
 
 @pytest.mark.parametrize("shape", [(1, 3), (11, 3), (7, 5, 16)])
 def test_aligned_memory(shape: tuple[int, ...]) -> None:
-    array = embree.aligned(shape, np.float32)
+    array = engine.aligned(shape, np.float32)
     assert array.ctypes.data % 64 == 0
     assert (array.shape, array.dtype) == (shape, np.float32)
     assert array.base is not None

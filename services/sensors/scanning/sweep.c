@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The passes over a revolution that are the LiDAR's own: where its rays start, and its points.
+/* Where the rays of a revolution start.
  *
- * Rule: arithmetic of `sweep.py` and `model.py`, in one pass each where numpy would need fifty; what
- * it means stands there. Arrays of rays are lasers by firings, vectors component after component.
+ * Rule: arithmetic of `sweep.py`, in one pass where numpy would need fifty; what it means stands
+ * there. Arrays of rays are lasers by firings, vectors component after component.
  */
 
 #include <math.h>
 #include <stddef.h>
-#include <stdint.h>
-#include <string.h>
 
 /* The head of a LiDAR; a structure of the same name in `sweep.py` fills it. */
 struct head {
@@ -95,42 +93,56 @@ void groundlink_sweep(const struct head *head, const double (*states)[7], size_t
     }
 }
 
-/* groundlink.messages.POINT */
-struct __attribute__((packed)) point {
-    float x, y, z, intensity;
-    uint16_t ring;
-    float time;
-};
-
-/* Write the points of all rays that `returned` of firings `first` to `end`, firing after firing;
- * return how many. Of range to labels there are only these firings. */
-size_t groundlink_points(const struct head *head, size_t first, size_t end,
-                         const uint16_t *rings, const float *seconds, const float *directions,
-                         const float *range, const uint8_t *returned, const float *normals,
-                         const int32_t *labels, const float *reflectivity, struct point *points)
+/* Start the rays of firings `first` to `end` that fill beams, or leave beside their axes. Each of
+ * `rays` in a beam leaves by `within`, tangents to the side and up, from its true axis; that differs
+ * by `jitter`, radians of azimuth and of elevation of the revolution's beams, from the nominal one.
+ * Axes and poses are those that groundlink_sweep wrote; of what is written there are only these
+ * firings, the rays of a beam side by side. */
+void groundlink_spread(const struct head *head, size_t first, size_t end, const float *start,
+                       const float *rate, const float *axis_origins, const float *axis_directions,
+                       const float *axis_times, size_t rays, const float *within,
+                       const float *jitter, float *origins, float *directions, float *times)
 {
-    const size_t firings = head->firings, rays = head->lasers * firings;
-    const size_t cast = head->lasers * (end - first);
-    const float *in_sensor = head->directions_in_sensor;
-    size_t written = 0;
-    for (size_t firing = first; firing < end; firing++)
-        for (size_t laser = 0; laser < head->lasers; laser++) {
-            const size_t ray = laser * firings + firing;
-            const size_t hit = laser * (end - first) + firing - first;
-            if (!returned[hit])
-                continue;
-            const float cosine = normals[hit] * directions[ray] +
-                                 normals[cast + hit] * directions[rays + ray] +
-                                 normals[2 * cast + hit] * directions[2 * rays + ray];
-            const struct point point = {
-                .x = in_sensor[ray] * range[hit],
-                .y = in_sensor[rays + ray] * range[hit],
-                .z = in_sensor[2 * rays + ray] * range[hit] + head->heights[laser],
-                .intensity = rintf(100 * reflectivity[labels[hit]] * fabsf(cosine)),
-                .ring = rings[laser],
-                .time = seconds[ray],
-            };
-            memcpy(&points[written++], &point, sizeof point);
+    const size_t firings = head->firings, beams = head->lasers * firings;
+    const size_t cast = head->lasers * (end - first) * rays;
+    float shares[3][rays]; /* of the axis, to the side and up, in each ray's direction */
+    size_t ray = 0;
+    for (size_t laser = 0; laser < head->lasers; laser++) {
+        const float late = head->late_seconds[laser];
+        for (size_t firing = first; firing < end; firing++) {
+            const size_t beam = laser * firings + firing;
+            const float x = head->directions_in_sensor[beam],
+                        y = head->directions_in_sensor[beams + beam],
+                        z = head->directions_in_sensor[2 * beams + beam];
+            const float level = fmaxf(sqrtf(x * x + y * y), 1e-6f);
+            const float side_in_sensor[3] = {-y / level, x / level, 0};
+            const float up_in_sensor[3] = {-z * x / level, -z * y / level, level};
+            const float azimuth = jitter ? level * jitter[beam] : 0;
+            const float elevation = jitter ? jitter[beams + beam] : 0;
+            for (size_t i = 0; i < rays; i++) {
+                const float across = azimuth + within[i], upward = elevation + within[rays + i];
+                const float length = sqrtf(1 + across * across + upward * upward);
+                shares[0][i] = 1 / length;
+                shares[1][i] = across / length;
+                shares[2][i] = upward / length;
+                times[ray + i] = axis_times[beam];
+            }
+            for (size_t axis = 0; axis < 3; axis++) {
+                float side = 0, up = 0;
+                for (size_t of = 0; of < 3; of++) {
+                    const float value = AT(3 * axis + of);
+                    side += value * side_in_sensor[of];
+                    up += value * up_in_sensor[of];
+                }
+                const float along = axis_directions[axis * beams + beam];
+                const float origin = axis_origins[axis * beams + beam];
+                for (size_t i = 0; i < rays; i++) {
+                    directions[axis * cast + ray + i] =
+                        shares[0][i] * along + shares[1][i] * side + shares[2][i] * up;
+                    origins[axis * cast + ray + i] = origin;
+                }
+            }
+            ray += rays;
         }
-    return written;
+    }
 }

@@ -10,10 +10,9 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from services.sensors.gnss import nmea
-from services.sensors.gnss.nmea import Epoch
-
-from . import oracles
+from services.sensors import nmea
+from services.sensors.nmea import Epoch
+from tests.services.sensors import oracles
 
 NOON_NANOS = int(datetime(2024, 3, 9, 12, 0, 1, tzinfo=UTC).timestamp()) * 10**9 + 200_000_000
 

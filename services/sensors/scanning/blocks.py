@@ -4,16 +4,18 @@
 Rule: arithmetic on the time line. Blocks are counted from the run's start, as are revolutions; a
 whole revolution is the only block of itself. All but the last block of a revolution end with their
 last ray, which may leave after the next firing has begun; the last ends where the next revolution
-begins.
+begins, or with its last ray where nothing is fired before that.
 """
 
 from __future__ import annotations
+
+from bisect import bisect_left
 
 import numpy as np
 
 from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.frames import Floats
-from groundlink.scenario.sensors import Lidar
+from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.rays.scene import Reals
 
 from .sweep import Sweep
@@ -22,7 +24,7 @@ from .sweep import Sweep
 class Blocks:
     """The blocks of one LiDAR."""
 
-    def __init__(self, spec: Lidar, sweep: Sweep) -> None:
+    def __init__(self, spec: RotatingLidar, sweep: Sweep) -> None:
         self._count = spec.blocks_per_revolution
         self._first = sweep.first_firings
         self._firings = spec.firings_per_revolution
@@ -55,20 +57,18 @@ class Blocks:
 
     def end_tick(self, block: int) -> int:
         """Return the tick by whose state a block can be measured."""
-        after = self._firing(block + 1)
+        revolution, index = divmod(block, self._count)
+        after = revolution * self._firings + self._first[index + 1]
         end = self._schedule.tick(after)
-        if (block + 1) % self._count == 0:
+        if after % self._firings == 0:
             return end
         latest = self._schedule.nanos(after - 1) + self._late_nanos
         return max(end, -(-latest // TICK_NANOS))
 
     def first_at_or_after(self, tick: int) -> int:
         """Return the first block that begins at a tick or later."""
-        firing = self._schedule.first_at_or_after(tick)
-        block = firing * self._count // self._firings
-        while self._firing(block) < firing:
-            block += 1
-        return block
+        revolution, firing = divmod(self._schedule.first_at_or_after(tick), self._firings)
+        return revolution * self._count + bisect_left(self._first[:-1], firing)
 
     def complete_by(self, tick: int, block: int) -> int:
         """Return where the blocks end that can be measured by a tick's state.

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sweep of a spinning LiDAR: when and where to each ray of one revolution leaves.
+"""The sweep of a turning head: when and where to each ray of one revolution leaves.
 
 Rule: what depends on the data sheet alone is computed once; a revolution only adds the sensor's
 motion. Arrays of rays are (lasers, firings), lasers in the order in which they fire.
 
-The head starts at the sensor's +x axis and turns clockwise seen from above, as the VLP-16 does: the
-azimuth grows from x (forward) towards -y (right). It turns on while a firing lasts, so a late
-laser's azimuth is larger than that of its firing.
+The head turns on while a firing lasts, so a late laser is ahead of its firing. Where the view is
+less than a whole turn, nothing is fired in the rest of the revolution, and there are no such
+firings here.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from ctypes import c_double, c_size_t, c_void_p
 import numpy as np
 
 from groundlink.clock import TICK_SECONDS
-from groundlink.errors import UserError
 from groundlink.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
-from groundlink.scenario.sensors import Lidar
+from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
+
+SIGNS = {"clockwise": -1, "counterclockwise": 1}
+"""Of the azimuth's growth, by the spec's `rotation`."""
 
 
 class Head(ctypes.Structure):
@@ -50,7 +52,7 @@ class Sweep:
     seconds : float64 array, shape (lasers, firings)
         Instant of each ray after the first firing of the revolution.
     directions_in_sensor : float32 array, shape (3, lasers, firings)
-        Unit vectors; x forward, y left, z up.
+        Unit vectors of the beams' axes as they are reported; x forward, y left, z up.
     heights_m : float32 array, shape (lasers,)
         Of each laser's origin above the sensor's.
     latest_seconds : float
@@ -59,37 +61,39 @@ class Sweep:
         Where each block of the revolution begins, and at last the number of firings. Where these
         are no multiple of the blocks, some blocks have one more than others.
     origins_in_world, directions_in_world : float32 arrays, shape (3, lasers, firings)
-        Metres, of the firings of the last `follow`.
+        Metres, of the axes, of the firings of the last `follow`.
+    poses : float32 array, shape (2, 12, firings)
+        Of the sensor at each firing of the last `follow`: rotation world_from_sensor row by row,
+        then its position; then how much these change in a second.
     times : float32 array, shape (lasers, firings)
         0..1 between the first and the last state of the last `follow`.
     head : Head
         What the compiled passes know of all this.
-
-    Raises
-    ------
-    UserError
-        when the data sheet's lists are not of one length.
     """
 
-    def __init__(self, spec: Lidar) -> None:
-        lasers, firings = len(spec.elevations_deg), spec.firings_per_revolution
-        late = _per_laser(spec.laser_times_us, lasers, "laser_times_us") * 1e-6
+    def __init__(self, spec: RotatingLidar) -> None:
+        lasers, firings = len(spec.elevations_deg), spec.firings_in_view
+        late = _per_laser(spec.laser_times_us, lasers) * 1e-6
         order = np.argsort(late, kind="stable")
         self.rings = order.astype(np.uint16)
         self.latest_seconds = float(late.max())
         blocks = spec.blocks_per_revolution
         self.first_firings = [block * firings // blocks for block in range(blocks + 1)]
         self._late: Reals = late[order].astype(np.float32)
-        seconds_per_firing = 1 / (firings * spec.rotation_rate_hz)
+        seconds_per_firing = 1 / (spec.firings_per_revolution * spec.rotation_rate_hz)
         self.seconds: Floats = np.arange(firings) * seconds_per_firing + late[order, None]
-        heights = _per_laser(spec.vertical_offsets_m, lasers, "vertical_offsets_m")
+        heights = _per_laser(spec.vertical_offsets_m, lasers)
         self.heights_m: Reals = heights[order].astype(np.float32)
         elevation = np.radians(spec.elevations_deg)[order, None]
-        azimuth = 2 * np.pi * spec.rotation_rate_hz * self.seconds
+        sign = SIGNS[spec.rotation]
+        ahead = np.radians(_per_laser(spec.azimuth_offsets_deg, lasers))[order, None]
+        ahead += sign * np.radians(spec.start_deg)
+        turned = 2 * np.pi * spec.rotation_rate_hz * self.seconds + ahead
+        azimuth = sign * turned
         self.directions_in_sensor: Reals = np.stack(
             [
                 np.cos(elevation) * np.cos(azimuth),
-                -np.cos(elevation) * np.sin(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
                 np.broadcast_to(np.sin(elevation), azimuth.shape),
             ]
         ).astype(np.float32)
@@ -97,7 +101,7 @@ class Sweep:
         self.directions_in_world: Reals = np.empty_like(self.directions_in_sensor)
         self.times: Reals = np.empty_like(self.directions_in_sensor[0])
         self._timed: tuple[float, int] | None = None
-        self._knots = np.empty((2, 12, firings), np.float32)
+        self.poses: Reals = np.empty((2, 12, firings), np.float32)
         base_from_sensor = matrix_from_quaternion(
             quaternion_from_rpy(*np.radians(spec.mount.rpy_deg))
         )
@@ -134,7 +138,7 @@ class Sweep:
             Which firings.
         """
         states = np.ascontiguousarray(world_from_base, np.float64)
-        outputs = *self._knots, self.origins_in_world, self.directions_in_world
+        outputs = *self.poses, self.origins_in_world, self.directions_in_world
         kernels().groundlink_sweep(
             *(ctypes.byref(self.head), states.ctypes.data, len(states)),
             *(start_seconds / TICK_SECONDS, firings.start, firings.stop),
@@ -143,14 +147,9 @@ class Sweep:
         intervals = len(states) - 1
         if self._timed != (start_seconds, intervals):
             self._timed = start_seconds, intervals
-            times = (start_seconds + self.seconds) / (intervals * TICK_SECONDS)
-            np.copyto(self.times, np.clip(times, 0, 1), casting="same_kind")
+            times = np.clip((start_seconds + self.seconds) / (intervals * TICK_SECONDS), 0, 1)
+            np.copyto(self.times, times, casting="same_kind")
 
 
-def _per_laser(values: tuple[float, ...], lasers: int, field: str) -> Floats:
-    if values and len(values) != lasers:
-        raise UserError(
-            f"a LiDAR's `{field}` has {len(values)} values, but its `elevations_deg` has {lasers}; "
-            "give one for each laser, or none at all"
-        )
+def _per_laser(values: tuple[float, ...], lasers: int) -> Floats:
     return np.array(values or (0.0,) * lasers)

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`python -m benchmarks.lidar [--only PART] [--scenario FILE] [--rounds N] [--check]`.
+
+Ours is timed from the states of a revolution to its finished cloud (poses, rays, noise, records)
+while everything drives, with the threads that it uses; what others are compared by is the rays
+alone, made for them beforehand, in a world at rest (PyBullet) or already built (Embree). Turn by
+turn; figures are medians, and ratios are medians of the turns' ratios. Times are of the processor,
+all threads together, where `elapsed` is not said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from benchmarks.bridge.claims import Claim
+from groundlink.errors import UserError
+from groundlink.frames import Floats
+from groundlink.messages import State
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED, read_datasheet
+from groundlink.scenario.sensors import Lidar
+from services.sensors.lidar.model import LidarModel
+from services.sensors.rays.scene import Reals
+
+from . import driving
+from .bullet import Bullet
+from .hills import Hills, heights, terrain
+from .raw import RawEmbree
+
+SENSORS = SHIPPED / "sensors"
+WARM_UP = 2
+BODIES = 100
+MILLISECONDS_PER_REVOLUTION = 100.0
+SIZES = 1, 2, 4, 8, 16
+"""Of the fits, in shares of the smallest."""
+
+
+def clocks() -> Floats:
+    """Return elapsed and processor time, milliseconds."""
+    return 1e3 * np.array([time.perf_counter(), time.process_time()])
+
+
+def timed(call: Callable[[], object]) -> Floats:
+    """Return what a call takes, as `clocks`."""
+    started = clocks()
+    call()
+    return clocks() - started
+
+
+def stay_on_one_core() -> None:
+    """Let this process run on one core from now on."""
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def lidar(sheet: str, **fields: Any) -> Lidar:
+    """Return a LiDAR by its data sheet."""
+    own = {"name": "lidar", "topic": "/points", "frame": "lidar_link"}
+    document = read_datasheet(SENSORS / f"{sheet}.yaml").value
+    return msgspec.convert({**document, **own, **fields}, Lidar)
+
+
+class Runs:
+    """A model on its way, revolution by revolution."""
+
+    def __init__(self, model: LidarModel, states: Iterator[State]) -> None:
+        self.model, self._states = model, states
+        for _ in range(WARM_UP):
+            self.revolution()
+
+    def revolution(self) -> Floats:
+        """Return what it takes from the states of the next revolution to its cloud."""
+        spent = np.zeros(2)
+        while True:
+            state = next(self._states)
+            started = clocks()
+            clouds = self.model.readings(state)
+            spent += clocks() - started
+            if clouds:
+                self.returns = len(clouds[0].records())
+                return spent
+
+    @property
+    def rays(self) -> tuple[Reals, Reals, Reals]:
+        """Origins, directions and times of the rays of the last revolution."""
+        sweep = self.model.scanner.sweep
+        return sweep.origins_in_world, sweep.directions_in_world, sweep.times
+
+
+Calls = Mapping[str, Callable[[], Floats]]
+"""By what is timed: each returns what it takes, as `clocks`."""
+
+Times = Mapping[str, Floats]
+"""By what was timed: elapsed and processor time of each turn, shape (turns, 2)."""
+
+
+def by_turns(calls: Calls, rounds: int) -> Times:
+    """Return what calls take that are made in turn; print their medians."""
+    rows = np.array([[call() for call in calls.values()] for _ in range(rounds)])
+    print(f"  {'median ms':<52}{'elapsed':>9}{'processor':>11}")
+    for name, (elapsed, processor) in zip(calls, np.median(rows, axis=0), strict=True):
+        print(f"  {name:<52}{elapsed:9.2f}{processor:11.2f}", flush=True)
+    return {name: rows[:, number] for number, name in enumerate(calls)}
+
+
+def ratio(times: Times, slow: str, fast: str, *, clock: int = 1) -> float:
+    """Return the median of the turns' ratios, of processor times or of elapsed ones (0)."""
+    return float(np.median(times[slow][:, clock] / times[fast][:, clock]))
+
+
+def room(rounds: int, scenario_file: Path) -> list[Claim]:
+    """Compare with PyBullet in a scenario."""
+    scenario = load(scenario_file)
+    lidars = [(v, s) for v in scenario.vehicles for s in v.sensors if isinstance(s, Lidar)]
+    if not lidars:
+        raise UserError(f"{scenario_file} has no LiDAR")
+    vehicle, spec = lidars[0]
+    ours = Runs(LidarModel(scenario, vehicle, spec), driving.states(scenario))
+    bullet = driving.in_bullet(scenario)
+    bullet.aim(*ours.rays[:2], spec.max_range_m)
+    print(
+        f"{scenario.name}: {ours.rays[2].size} rays, {ours.returns} returns, {bullet.bodies} bodies"
+    )
+    calls: Calls = {"ours": ours.revolution, "PyBullet": partial(timed, bullet.cast)}
+    times = by_turns(calls, rounds)
+    return [
+        Claim(
+            "room: PyBullet's elapsed time over ours", ratio(times, "PyBullet", "ours", clock=0), 25
+        ),
+        Claim("room: PyBullet's time over ours", ratio(times, "PyBullet", "ours"), 25),
+    ]
+
+
+def hills(rounds: int, _: Path) -> list[Claim]:
+    """Compare with PyBullet and with raw Embree on a large terrain, among many bodies.
+
+    Raw Embree takes rays one by one and, like ours, the bodies' motion.
+    """
+    ground = terrain()
+    world = Hills(ground, BODIES)
+    paper = lidar("vlp16_paper")
+    exact = lidar("vlp16_paper", range_stddev_m=0.0)
+    ours, quiet = (Runs(world.lidar(s), world.states()) for s in (paper, exact))
+    field, mesh = Bullet(), Bullet()
+    field.add_heights(*heights())
+    with tempfile.TemporaryDirectory() as folder:
+        raw = RawEmbree(Path(folder), ground, world.body, world.motion(41))
+        mesh.add_mesh(ground, Path(folder))
+    for bullet in (field, mesh):
+        bullet.add_hulls(world.body, world.poses(0))
+        bullet.aim(*quiet.rays[:2], paper.max_range_m)
+    print(
+        f"hills: {ours.rays[2].size} rays, {ours.returns} returns, {len(ground.faces)} triangles, "
+        f"{world.bodies} bodies of {len(world.body.faces)}"
+    )
+    calls: Calls = {
+        "ours": ours.revolution,
+        "ours, without noise": quiet.revolution,
+        "Embree from C, one ray after the other": lambda: timed(
+            partial(raw.cast, *quiet.rays, paper.max_range_m)
+        ),
+        "Embree from C, the bodies' motion": partial(timed, raw.move),
+        "PyBullet, terrain as heights": partial(timed, field.cast),
+        "PyBullet, terrain as a mesh": partial(timed, mesh.cast),
+    }
+    times = dict(by_turns(calls, rounds))
+    noisy, exactly, rays, motion, as_heights, as_mesh = calls
+    times["raw"] = times[rays] + times[motion]
+    return [
+        Claim("hills: PyBullet's time over ours, heights", ratio(times, as_heights, noisy), 200),
+        Claim("hills: PyBullet's time over ours, mesh", ratio(times, as_mesh, noisy), 200),
+        Claim("hills: raw Embree over ours without noise", ratio(times, "raw", exactly), 1.2),
+        Claim("hills: its rays alone over ours, whole", ratio(times, rays, exactly), 0.8),
+    ]
+
+
+def core(rounds: int, _: Path) -> list[Claim]:
+    """Tell how many LiDARs one core carries in real time, in the same hills."""
+    stay_on_one_core()
+    world = Hills(terrain(), BODIES)
+    claims = []
+    for sheet, least in (("vlp16_paper", 8), ("vlp16", 14)):
+        runs = Runs(world.lidar(lidar(sheet)), world.states())
+        times = by_turns({f"{sheet}, {runs.rays[2].size} rays": runs.revolution}, 3 * rounds)
+        (rows,) = times.values()
+        carried = MILLISECONDS_PER_REVOLUTION / float(np.median(rows[:, 1]))
+        claims.append(Claim(f"LiDARs of {sheet} on one core", carried, least))
+    return claims
+
+
+def sizes(rounds: int, _: Path) -> list[Claim]:
+    """Fit what a revolution costs to the number of its rays, and to that of the bodies."""
+    stay_on_one_core()
+    ground = terrain()
+    few = Hills(ground, BODIES)
+    by_rays = {
+        f"{16 * firings} rays": Runs(
+            few.lidar(lidar("vlp16_paper", firings_per_revolution=firings)), few.states()
+        ).revolution
+        for firings in (900 * size for size in SIZES)
+    }
+    rays = by_turns(by_rays, rounds)
+    by_bodies = {}
+    for bodies in (50 * size for size in SIZES):
+        world = Hills(ground, bodies)
+        runs = Runs(world.lidar(lidar("vlp16_paper")), world.states())
+        by_bodies[f"{bodies} bodies"] = runs.revolution
+    bodies_times = by_turns(by_bodies, rounds)
+    return [
+        Claim("exponent of cost by rays", exponent(rays), 1.1, is_at_least=False),
+        Claim("exponent of cost by bodies", exponent(bodies_times), 1.1, is_at_least=False),
+    ]
+
+
+def exponent(times: Times) -> float:
+    """Return the slope of the logarithm of processor time over that of size, by least squares."""
+    costs = [np.median(rows[:, 1]) for rows in times.values()]
+    return float(np.polyfit(np.log(SIZES), np.log(costs), 1)[0])
+
+
+PARTS: dict[str, Callable[[int, Path], list[Claim]]] = {
+    "room": room,
+    "hills": hills,
+    "core": core,
+    "sizes": sizes,
+}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure, print, and with --check compare."""
+    parser = argparse.ArgumentParser(prog="benchmarks.lidar", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="fail where a claim does not hold")
+    parser.add_argument("--only", choices=PARTS, help="one part of it")
+    parser.add_argument(
+        "--scenario", type=Path, default=SHIPPED / "indoor_lab.yaml", help="of `room`"
+    )
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args(arguments)
+    claims = []
+    for name in [options.only] if options.only else PARTS:
+        claims += PARTS[name](options.rounds, options.scenario)
+    print("", *claims, sep="\n")
+    return 1 if options.check and not all(claim.holds for claim in claims) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

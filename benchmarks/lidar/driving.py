@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Vehicles of a scenario that drive a curve, and the same room in PyBullet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from groundlink.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.frames import Floats, matrix_from_quaternion, multiply, quaternion_from_rpy
+from groundlink.messages import State, VehicleState, packed
+from groundlink.scenario import Scenario
+from groundlink.world.build import solids
+from groundlink.world.links import links
+
+from .bullet import Bullet
+
+SPEED_MPS, TURN_RADPS = 1.0, 0.5
+
+
+def link_poses(scenario: Scenario, tick: int) -> dict[str, Floats]:
+    """Return world_from_link of every vehicle, shape (links, 7), on its way along a circle."""
+    poses = {}
+    for vehicle in scenario.vehicles:
+        place, wheels = vehicle.placement, vehicle.model.wheels
+        turned = TURN_RADPS * tick * TICK_SECONDS
+        yaw, radius = np.radians(place.yaw_deg), SPEED_MPS / TURN_RADPS
+        ahead = [np.sin(turned) * radius, (1 - np.cos(turned)) * radius, 0.0]
+        start = matrix_from_quaternion(quaternion_from_rpy(0, 0, yaw))
+        base = start @ ahead + (place.x_m, place.y_m, place.z_m + wheels[0].radius_m)
+        turn = quaternion_from_rpy(0, 0, yaw + turned)
+        rolled = quaternion_from_rpy(0, SPEED_MPS * tick * TICK_SECONDS / wheels[0].radius_m, 0)
+        centers = np.array([wheel.center_m for wheel in wheels]) @ matrix_from_quaternion(turn).T
+        poses[vehicle.name] = np.array(
+            [[*base, *turn], *([*(base + c), *multiply(turn, rolled)] for c in centers)]
+        )
+    return poses
+
+
+def states(scenario: Scenario) -> Iterator[State]:
+    """Yield the states of a run."""
+    none, tick = packed(np.zeros(0)), 0
+    while True:
+        vehicles = {
+            name: VehicleState(packed(poses), packed(np.zeros(6)), none, none)
+            for name, poses in link_poses(scenario, tick).items()
+        }
+        yield State("benchmark", 0, tick, tick * TICK_NANOS, "", vehicles)
+        tick += 1
+
+
+def in_bullet(scenario: Scenario) -> Bullet:
+    """Return the scenario in PyBullet, its vehicles at their start, each solid a body."""
+    bullet = Bullet()
+    for solid in solids(scenario):
+        bullet.add(solid, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    for vehicle in scenario.vehicles:
+        poses = link_poses(scenario, 0)[vehicle.name]
+        for link, pose in zip(links(vehicle.model), poses, strict=True):
+            for solid in link:
+                bullet.add(solid, pose)
+    return bullet

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Embree called from C, one ray after the other: `raw.c`, compiled with -O3."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from ctypes import c_char_p, c_float, c_size_t, c_uint, c_void_p
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.frames import Floats, transform
+from groundlink.world.triangles import Triangles
+from services.sensors.rays import embree
+from services.sensors.rays.engine import aligned
+from services.sensors.rays.scene import Reals
+
+SOURCE = Path(__file__).with_name("raw.c")
+
+
+class RawEmbree:
+    """The terrain and the bodies, which share one mesh, on their way through a revolution."""
+
+    def __init__(
+        self, folder: Path, terrain: Triangles, body: Triangles, world_from_body: Floats
+    ) -> None:
+        library = folder / "raw.so"
+        subprocess.run(["cc", "-O3", "-shared", "-fPIC", "-o", library, SOURCE, "-ldl"], check=True)
+        matrices = np.swapaxes(
+            transform(world_from_body[..., :3], world_from_body[..., 3:]), -1, -2
+        )
+        steps, bodies = world_from_body.shape[:2]
+        self._kept = [
+            _kept(array)
+            for array in (terrain.vertices, terrain.faces, body.vertices, body.faces, matrices)
+        ]
+        self._kept.append(aligned((bodies,), np.uint32))
+        vertices, faces, body_vertices, body_faces, places, zeros = (
+            c_void_p(array.ctypes.data) for array in self._kept
+        )
+        self._ranges: Reals = np.empty(0, np.float32)
+        self._raw = ctypes.CDLL(str(library))
+        self._raw.raw_trace.argtypes = (c_size_t, c_float, *[c_void_p] * 4)
+        error = self._raw.raw_build(
+            *(c_char_p(embree.library()._name.encode()), c_void_p(embree.device().handle)),
+            *(vertices, c_size_t(len(terrain.vertices)), faces, c_size_t(len(terrain.faces))),
+            *(body_vertices, c_size_t(len(body.vertices)), body_faces, c_size_t(len(body.faces))),
+            *(places, c_uint(steps), c_size_t(bodies), zeros),
+        )
+        if error:
+            raise RuntimeError(f"Embree reports error {error}")
+
+    def move(self) -> None:
+        """Take the bodies' motion, as after every revolution."""
+        self._raw.raw_move()
+
+    def cast(self, origins: Reals, directions: Reals, times: Reals, max_range_m: float) -> Reals:
+        """Return the ranges of rays, which are as `Scene.cast` takes them, and contiguous."""
+        if self._ranges.shape != times.shape:
+            self._ranges = np.empty_like(times)
+        arrays = origins, directions, times, self._ranges
+        self._raw.raw_trace(times.size, max_range_m, *(array.ctypes.data for array in arrays))
+        return self._ranges
+
+
+def _kept(array: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return a copy that Embree may read in place; reals are made float32."""
+    copy = aligned(array.shape, np.uint32 if array.dtype.kind == "u" else np.float32)
+    copy[...] = array
+    return copy

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink sensors [show NAME]`: the kinds of sensors, and the data sheets that there are.
+
+Rule: everything is taken from where it is used: kinds from the table of topics and the classes of
+their fields, sheets from their files. A sheet is shown as it is written, since its comments say
+where a figure comes from and which are guesses.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import shutil
+import textwrap
+from typing import Any
+
+import msgspec
+
+from groundlink.ros_messages import ROS_FORMS
+from groundlink.scenario.datasheets import FOLDER, Datasheet, datasheet, shipped
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import SensorSpec
+from groundlink.topics import SENSOR_TOPICS
+
+WIDTH = 110
+"""Of lines where the output is no terminal."""
+
+INDENT = 22
+"""Of what is said of a sheet, so that names stand out."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("sensors", help="list kinds of sensors and their data sheets")
+    parser.set_defaults(command=sensors)
+    more = parser.add_subparsers(metavar="[show]")
+    one = more.add_parser("show", help="print a data sheet with its source")
+    one.add_argument("sheet", help="its name, as in `vlp16`, or a file (YAML)")
+    one.set_defaults(command=show)
+
+
+def sensors(options: argparse.Namespace) -> int:
+    """Print every kind of sensor with its data sheets: title, and the first of their figures.
+
+    Raises
+    ------
+    UserError
+        when a shipped data sheet is wrong.
+    """
+    sheets = shipped()
+    width = max(shutil.get_terminal_size((WIDTH, 0)).columns, 2 * INDENT) - INDENT
+    for spec, topic in SENSOR_TOPICS.items():
+        print(_kind(spec))
+        for sheet in (sheet for sheet in sheets if sheet.kind == topic.name):
+            lines = [textwrap.shorten(sheet.title, width, placeholder=" ...")]
+            figures = ", ".join(_told(sheet.figures))
+            lines += textwrap.wrap(figures, width, max_lines=2, placeholder=" ...")
+            for head, line in itertools.zip_longest([f"  {sheet.name} "], lines, fillvalue=""):
+                print(f"{head:{INDENT}}{line}")
+    print(f"\nIn full: `groundlink sensors show NAME`. The sheets are files in {SHIPPED / FOLDER}.")
+    return 0
+
+
+def show(options: argparse.Namespace) -> int:
+    """Print a data sheet: its kind, its file as it is written, and what it leaves out.
+
+    Raises
+    ------
+    UserError
+        when there is no such sheet, or it is wrong.
+    """
+    sheet = datasheet(options.sheet)
+    spec = next(spec for spec, topic in SENSOR_TOPICS.items() if topic.name == sheet.kind)
+    print(f"{_kind(spec)}\n{sheet.file}\n")
+    print(sheet.file.read_text(encoding="utf-8").strip())
+    if left_out := ", ".join(_told(_left_out(spec, sheet))):
+        print(f"\n{textwrap.fill(f'Left out, and so at their defaults: {left_out}.', WIDTH)}")
+    return 0
+
+
+def _kind(spec: type[SensorSpec]) -> str:
+    """Return what a kind of sensor is and what it sends to ROS."""
+    topic = SENSOR_TOPICS[spec]
+    about = " ".join((spec.__doc__ or "").partition("\n\n")[0].split())
+    return f"{topic.name}, {ROS_FORMS[topic.message].ros_type.rpartition('/')[2]}: {about}"
+
+
+def _left_out(spec: type[SensorSpec], sheet: Datasheet) -> dict[str, Any]:
+    """Return the defaults of the device's fields that a sheet does not state."""
+    of_every_sensor = SensorSpec.__struct_fields__
+    return {
+        field.name: msgspec.to_builtins(field.default)
+        for field in msgspec.structs.fields(spec)
+        if field.name not in (*of_every_sensor, *sheet.figures) and not field.required
+    }
+
+
+def _told(figures: dict[str, Any], prefix: str = "") -> list[str]:
+    """Return figures, a few words each: a list by its length, a mapping by its parts."""
+    told: list[str] = []
+    for name, value in figures.items():
+        if isinstance(value, dict):
+            told += _told(value, f"{prefix}{name}.")
+        elif isinstance(value, list | tuple):
+            told.append(f"{len(value) or 'no'} {prefix}{name}")
+        elif value is None:
+            told.append(f"no {prefix}{name}")
+        else:
+            told.append(f"{prefix}{name} {value}")
+    return told

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The faults that a sensor was given in a run, each with its begin and its end.
+
+Rule: by what its process told. A fault that is still in effect in the last message has no end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from groundlink.faults import Faults
+from groundlink.scenario.faults import Fault
+
+
+@dataclass
+class Failure:
+    """One fault."""
+
+    fault: Fault
+    begin_seconds: float
+    end_seconds: float | None = None
+
+
+class Failures:
+    """Those of one sensor, in the order in which they began."""
+
+    def __init__(self, sensor: str) -> None:
+        self.sensor = sensor
+        self.all: list[Failure] = []
+        self._open: list[Failure] = []
+
+    def add(self, seconds: float, told: Faults) -> None:
+        """Take what its process told at an instant."""
+        for failure in self._open:
+            if failure.fault not in told.active:
+                failure.end_seconds = seconds
+        known = [failure.fault for failure in self._open]
+        self._open = [failure for failure in self._open if failure.end_seconds is None]
+        begun = [Failure(fault, seconds) for fault in told.active if fault not in known]
+        self._open += begun
+        self.all += begun

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every sensor can be told, of whatever kind.
+
+Rule: kinds add their own fields elsewhere, in `sensors.py` and `lidars.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from msgspec import Meta
+
+from groundlink.world.solids import Spec, Vector3
+
+from .faults import Fault, Quantity
+
+Rate = Annotated[float, Meta(gt=0, le=400)]
+RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
+
+Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
+"""HOST:PORT."""
+
+
+class Mount(Spec, frozen=True):
+    """Where a sensor sits: base_from_sensor."""
+
+    xyz_m: Vector3 = (0.0, 0.0, 0.0)
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw about the base's fixed axes (REP 103)."""
+
+    def rpy_radians(self) -> Vector3:
+        """Return roll, pitch and yaw in radians."""
+        roll, pitch, yaw = map(math.radians, self.rpy_deg)
+        return roll, pitch, yaw
+
+
+class RepairBy(Spec, frozen=True):
+    """One way of making lost datagrams good, with its figure."""
+
+    fec: Annotated[float, Meta(gt=0, le=1)] | None = None
+    """Repair data for each message, as a share of it; needs the package raptorq at both ends."""
+
+    resend: Annotated[float, Meta(ge=0.001, le=60)] | None = None
+    """Lost parts are asked for and sent again until the message is this old, in seconds."""
+
+    def __post_init__(self) -> None:
+        if (self.fec is None) == (self.resend is None):
+            raise ValueError("expected `fec: share` or `resend: seconds`, one of the two")
+
+
+Repair = Literal["none", "resend"] | RepairBy
+"""How the gateway makes good what is lost of a stream; `resend` alone is half a second."""
+
+
+class SensorSpec(Spec, frozen=True, tag_field="kind"):
+    """What every sensor has."""
+
+    name: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
+    topic: RosTopic
+    """ROS topic of its readings."""
+
+    frame: str
+    """tf frame of its readings, before the vehicle's `frame_prefix`."""
+
+    mount: Mount = Mount()
+    push: bool = True
+    """Send to the gateway's peer unasked; if not, only to those who subscribe."""
+
+    repair: Repair = "none"
+    mounted: ClassVar[bool] = True
+    """Whether `frame` is a place on the vehicle, for the static transforms."""
+
+    datasheet: str = ""
+    """Title of the data sheet that the fields were taken from, with its source."""
+
+    faults: tuple[Fault, ...] = ()
+    """What goes wrong with it, and when."""
+
+    quantities: ClassVar[Mapping[str, Quantity]] = {}
+    """What of its readings faults can make wrong by numbers; the first is meant unless named."""
+
+    turns: ClassVar[bool] = False
+    """Whether faults can cover a sector of its turn."""
+
+    @property
+    def truth_topic(self) -> str | None:
+        """ROS topic of the truth behind its readings, if it tells that too."""
+        return None

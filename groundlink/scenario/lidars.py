@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What LiDARs can be told, with the defaults of an ideal one.
+
+Rule: as in `sensors.py`. What goes together is checked here, so that mistakes are told with file
+and line before anything starts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from msgspec import Meta
+
+from groundlink.clock import exact
+from groundlink.world.solids import Fraction01, NonNegative, Positive
+
+from .every_sensor import Address, Rate, SensorSpec
+from .faults import Quantity
+
+
+class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
+    """What every LiDAR with a turning head has: it fires all its lasers once per azimuth step."""
+
+    quantities: ClassVar = {"range": Quantity("m")}
+    turns: ClassVar[bool] = True
+
+    rotation_rate_hz: Rate = 10.0
+    firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
+    """Azimuth steps; 3600 at 10 Hz is 0.1 degrees."""
+
+    start_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
+    """Azimuth of a revolution's first firing: 0 ahead, 90 to the left (REP 103)."""
+
+    rotation: Literal["clockwise", "counterclockwise"] = "clockwise"
+    """Seen from above."""
+
+    field_of_view_deg: Annotated[float, Meta(gt=0, le=360)] = 360.0
+    """Azimuth from the first firing to the last, both included; beyond it nothing is fired."""
+
+    block_deg: NonNegative = 0.0
+    """Azimuth that one message holds: 0 for whole revolutions, or a whole part of the view."""
+
+    elevations_deg: tuple[float, ...] = (0.0,)
+    """One a laser, from the lowest (ring 0) to the highest."""
+
+    azimuth_offsets_deg: tuple[float, ...] = ()
+    """Of each laser ahead of the head's azimuth, as the head turns; none means zero."""
+
+    vertical_offsets_m: tuple[float, ...] = ()
+    """Of each laser's origin above the sensor's; none means zero."""
+
+    laser_times_us: tuple[float, ...] = ()
+    """Of each laser after the start of its firing; none means all at once."""
+
+    divergence_mrad: tuple[NonNegative, NonNegative] = (0.0, 0.0)
+    """Width and height of a beam, full angles."""
+
+    rays_per_beam: Annotated[int, Meta(ge=1, le=64)] = 1
+    """Square number of rays that fill a beam evenly; 1 is its axis alone."""
+
+    returns: Literal["strongest", "last", "dual"] = "strongest"
+    """What is reported of a beam that meets several things; `dual` is the last one and the
+    strongest, or the second strongest where the last is the strongest."""
+
+    pulse_length_ns: Positive = 6.0
+    """Things nearer to each other than half the length of the pulse are one return, 0.9 m for 6
+    ns."""
+
+    min_range_m: NonNegative = 0.0
+    max_range_m: Positive = 100.0
+    full_range_reflectivity: Fraction01 = 0.0
+    """Of a surface that is just seen, squarely, at the largest range in clear air; light goes with
+    reflectivity over distance squared. 0: everything up to the largest range is seen, whatever its
+    reflectivity and the weather."""
+
+    intensity: Literal["calibrated", "received"] = "calibrated"
+    """`calibrated`: reflectivity whatever the distance, 100 for white, 101 to 255 for
+    retroreflectors. `received`: the light that comes back, 100 for white at 10 m."""
+
+    range_stddev_m: NonNegative = 0.0
+    """White noise of one measurement, 1 sigma."""
+
+    range_stddev_share: NonNegative = 0.0
+    """White noise that grows with the distance, as a share of it."""
+
+    laser_stddevs_m: tuple[NonNegative, ...] = ()
+    """White noise of each laser besides; none means none. Causes of noise are independent."""
+
+    laser_bias_m: NonNegative = 0.0
+    """Half width of the uniform distribution of each laser's constant error."""
+
+    azimuth_stddev_deg: NonNegative = 0.0
+    """By which a beam's true azimuth differs from the reported one, 1 sigma."""
+
+    elevation_stddev_deg: NonNegative = 0.0
+    """The same of its elevation."""
+
+    range_resolution_m: NonNegative = 0.0
+    """Ranges are rounded to multiples of it; 0 for none."""
+
+    dropout: Fraction01 = 0.0
+    """Share of returns that are lost at random."""
+
+    def __post_init__(self) -> None:
+        for problem in self._problems():
+            raise ValueError(problem)
+
+    def _problems(self) -> Iterator[str]:
+        """Yield what does not go together."""
+        lasers = len(self.elevations_deg)
+        if not lasers:
+            yield "`elevations_deg` is empty; expected an angle for each laser"
+        for field in _PER_LASER:
+            values = getattr(self, field)
+            if values and len(values) != lasers:
+                yield (
+                    f"`{field}` has {len(values)} values, but `elevations_deg` has {lasers}; give "
+                    "one for each laser, or none at all"
+                )
+        if self.min_range_m >= self.max_range_m:
+            yield (
+                f"`min_range_m` is {self.min_range_m:g}; expected less than `max_range_m`, "
+                f"{self.max_range_m:g}"
+            )
+        if math.isqrt(self.rays_per_beam) ** 2 != self.rays_per_beam:
+            yield f"`rays_per_beam` is {self.rays_per_beam}; expected a square: 1, 4, 9, 16 .. 64"
+        if self.rays_per_beam > 1 and not any(self.divergence_mrad):
+            yield (
+                f"`rays_per_beam` is {self.rays_per_beam}, but `divergence_mrad` is zero; give the "
+                "beam a width, or leave it at 1 ray"
+            )
+        if self.block_deg:
+            blocks = exact(self.field_of_view_deg) / exact(self.block_deg)
+            if blocks.denominator != 1 or not 1 <= blocks <= self.firings_in_view:
+                yield (
+                    f"`block_deg` is {self.block_deg:g}; expected 0 or {self.field_of_view_deg:g} "
+                    f"divided by a whole number up to the {self.firings_in_view} firings of a "
+                    "revolution"
+                )
+
+    @property
+    def firings_in_view(self) -> int:
+        """How many firings of a revolution there are."""
+        if self.field_of_view_deg == 360:
+            return self.firings_per_revolution
+        return int(exact(self.field_of_view_deg) * self.firings_per_revolution / 360) + 1
+
+    @property
+    def blocks_per_revolution(self) -> int:
+        """How many messages a revolution is sent in."""
+        return int(exact(self.field_of_view_deg) / exact(self.block_deg)) if self.block_deg else 1
+
+    @property
+    def cell_m(self) -> float:
+        """Half the length of a pulse: how far apart two things are that can just be told apart."""
+        return LIGHT_MPS * self.pulse_length_ns * 1e-9 / 2
+
+    @property
+    def least_power(self) -> float:
+        """The weakest power that is noticed, in percent of a white surface's light over m^2."""
+        return 100 * self.full_range_reflectivity / self.max_range_m**2
+
+    @property
+    def returns_per_ray(self) -> int:
+        """How many returns of a laser's shot are reported at most."""
+        return 2 if self.returns == "dual" else 1
+
+
+LIGHT_MPS = 299_792_458.0
+
+_PER_LASER = ("azimuth_offsets_deg", "laser_stddevs_m", "laser_times_us", "vertical_offsets_m")
+"""Fields with one value for each laser, or none."""
+
+
+class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
+    """A spinning 3D LiDAR."""
+
+    elevations_deg: tuple[float, ...]
+    """One a laser, from the lowest (ring 0) to the highest."""
+
+    native: Address | None = None
+    """Where a VLP-16's own data packets go besides; its position packets go to port 8308 there."""
+
+    truth: bool = False
+    """Tell with each cloud, as `<topic>/truth`, where its points truly are and on which bodies."""
+
+    @property
+    def truth_topic(self) -> str | None:
+        """ROS topic of the truth behind its clouds, if it tells that too."""
+        return f"{self.topic}/truth" if self.truth else None
+
+
+class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
+    """A planar scanner: one laser that turns."""
+
+    def _problems(self) -> Iterator[str]:
+        yield from super()._problems()
+        if self.elevations_deg != (0.0,):
+            yield "`elevations_deg` is for LiDARs of kind `lidar`; leave it out"
+        if self.returns == "dual":
+            yield "`returns` is `dual`, but a scan holds one range a ray; choose one of them"

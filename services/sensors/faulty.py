@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor model that can have faults, around one that has none.
+
+Rule: a model as any other (a `RememberingModel`). What it is given beyond a scenario, and what it
+holds, goes with its memory, so that a successor goes on with the same bytes; readings that are held
+up are not settled, and are made again. What is not a `Reading`, the truth, no fault can reach.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from typing import Any, NamedTuple, cast
+
+import msgspec
+
+from groundlink.clock import TICK_NANOS
+from groundlink.messages import Message, Reading, State, decode, encode, measured_nanos
+from groundlink.scenario.faults import Delay, Fault
+
+from .circumstances import Circumstances, Past
+from .faults import suffer
+from .model import RememberingModel, SensorModel
+from .streams import RandomStreams
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    """What the states do not tell."""
+
+    inner: bytes
+    faults: tuple[Fault, ...] | None
+    """All of them, where they are others than the scenario's."""
+
+    held: dict[int, bytes]
+    events: dict[int, int]
+
+
+class _Point(NamedTuple):
+    """A state of the model to which a successor can go back."""
+
+    settled_tick: int
+    inner_memory: bytes
+    past: Past
+
+
+class _Late(NamedTuple):
+    """A reading on its way."""
+
+    due_tick: int
+    reading: Reading
+    before: _Point
+    """From where a successor makes it again."""
+
+
+class FaultyModel:
+    """A sensor with faults (a `RememberingModel`).
+
+    Parameters
+    ----------
+    inner
+        The sensor.
+    faults
+        Those of the scenario.
+    message
+        What its readings are.
+    streams
+        Random numbers of the sensor.
+    """
+
+    def __init__(
+        self,
+        inner: SensorModel,
+        *,
+        faults: tuple[Fault, ...],
+        message: type[Message],
+        streams: RandomStreams,
+    ) -> None:
+        self._inner = inner
+        self._message = message
+        self._of_scenario = faults
+        self._streams = streams
+        self.remember(b"")
+
+    def restart(self) -> None:
+        """Forget earlier states; what is on its way still comes."""
+        self._inner.restart()
+
+    def settled_tick(self) -> int:
+        """Return the tick up to which every reading has been yielded; -1 before the first."""
+        return self._late[0].before.settled_tick if self._late else self._inner.settled_tick()
+
+    def memory(self) -> bytes:
+        """Return what a successor has to know that sees the state of `settled_tick` first."""
+        now = self._late[0].before if self._late else self._now()
+        changed = None if self.faults is self._of_scenario else self.faults
+        held = {tick: encode(reading) for tick, reading in now.past.held.items()}
+        return msgspec.msgpack.encode(_Memory(now.inner_memory, changed, held, now.past.events))
+
+    def remember(self, memory: bytes) -> None:
+        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        known = _Memory(b"", None, {}, {})
+        if memory:
+            known = msgspec.msgpack.decode(memory, type=_Memory)
+        self.faults = self._of_scenario if known.faults is None else known.faults
+        """All of them, past, present and to come; one that is added must begin after the last
+        state."""
+
+        held = ((tick, decode(body, self._message)) for tick, body in known.held.items())
+        self._past = Past({tick: cast(Reading, body) for tick, body in held}, known.events)
+        self._late: deque[_Late] = deque()
+        if isinstance(self._inner, RememberingModel):
+            self._inner.remember(known.inner)
+
+    def active(self, tick: int) -> tuple[Fault, ...]:
+        """Return the faults that are in effect at a tick."""
+        return tuple(fault for fault in self.faults if fault.is_on(tick))
+
+    def readings(self, state: State) -> Iterable[Message]:
+        """Take the state of the next tick and yield what comes out by it, oldest first."""
+        if not self.faults:
+            return self._inner.readings(state)
+        before = self._now() if self._may_be_late(state.tick) else None
+        out: list[Message] = []
+        for message in self._inner.readings(state):
+            if not isinstance(message, Reading):
+                out.append(message)
+                continue
+            now = self._circumstances(measured_nanos(message) - state.epoch_nanos)
+            reading = suffer(now, message)
+            if reading is None:
+                continue
+            if before is not None and (now.late_ticks or self._late):
+                self._late.append(_Late(state.tick + now.late_ticks, reading, before))
+            else:
+                out.append(reading)
+        # Nothing overtakes: what comes late holds up what is behind it.
+        while self._late and self._late[0].due_tick <= state.tick:
+            out.append(self._late.popleft().reading)
+        return out
+
+    def _circumstances(self, sim_nanos: int) -> Circumstances:
+        faults = self.active(sim_nanos // TICK_NANOS)
+        self._past = self._past.of(faults)
+        return Circumstances(faults, sim_nanos, self._streams, self._past)
+
+    def _may_be_late(self, tick: int) -> bool:
+        begins = (fault.begin_tick for fault in self.faults if isinstance(fault, Delay))
+        return bool(self._late) or any(begin <= tick for begin in begins)
+
+    def _now(self) -> _Point:
+        inner: Any = self._inner
+        memory = inner.memory() if isinstance(inner, RememberingModel) else b""
+        return _Point(inner.settled_tick(), memory, self._past)

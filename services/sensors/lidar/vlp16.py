@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds as the stream of packets in which a VLP-16 itself would have told them.
+
+Rule: packets are made of what is published, so that both forms agree whatever was done to it. They
+are one stream, whatever messages the firings come in: packet i holds the firings from i times 24 on
+(12 with two returns), counted from the run's start, and goes out with the cloud that completes it.
+Where firings are missing there is no packet. A position packet follows every 14th data packet, the
+device's ratio.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from groundlink.clock import NANOS, Schedule
+from groundlink.errors import UserError
+from groundlink.messages import PointCloud, measured_nanos
+from groundlink.scenario.sensors import Lidar
+from services.sensors.model import Datagram
+from services.sensors.rays.scene import Reals
+
+from . import packets
+
+DATA_PER_POSITION = 14
+
+CYCLE_TOLERANCE = 1e-3
+"""Of the firing cycle; it makes 1.3 us within a packet."""
+
+RETURN_MODES = {"strongest": packets.STRONGEST, "last": packets.LAST, "dual": packets.DUAL}
+"""By `returns` of the scenario."""
+
+LASER_OF_RING = np.argsort(packets.ELEVATIONS_DEG)
+
+
+class Vlp16:
+    """The packets of one LiDAR (a `NativeDevice`).
+
+    Raises
+    ------
+    UserError
+        when the packets cannot tell what this LiDAR measures.
+    """
+
+    def __init__(self, spec: Lidar) -> None:
+        if wrong := _misfit(spec):
+            raise UserError(
+                f"`{spec.name}` has no packets of its own, as it is no VLP-16: {wrong}; leave out "
+                "`native`, or take the data sheet vlp16.yaml"
+            )
+        self._mode, self._returns = RETURN_MODES[spec.returns], spec.returns_per_ray
+        self._size = packets.BLOCKS * packets.FIRINGS_PER_BLOCK // self._returns
+        self._heights_m = np.array(spec.vertical_offsets_m or [0.0] * packets.LASERS, np.float32)
+        self._turn = spec.firings_per_revolution
+        self._blocks = spec.blocks_per_revolution
+        self._schedule = Schedule(Schedule.at(spec.rotation_rate_hz).rate_hz * self._turn)
+        """Of firings, which are counted from the run's start."""
+
+        self._end = -1
+        """The firing after those that wait."""
+
+        self._waiting = np.zeros((0, self._returns, packets.LASERS), packets.ECHO)
+
+    def datagrams(self, cloud: PointCloud, epoch_nanos: int) -> list[Datagram]:
+        """Return the packets that a cloud completes."""
+        begin = self._first_firing(cloud, epoch_nanos)
+        measured = self._measured(cloud, begin)
+        stamp_nanos = cloud.stamp_nanos - self._schedule.nanos(begin)
+        end = begin + len(measured)
+        if begin == self._end:
+            begin -= len(self._waiting)
+            measured = np.concatenate([self._waiting, measured])
+        numbers = range(-(-begin // self._size), end // self._size)
+        first, after = numbers.start * self._size, numbers.stop * self._size
+        self._end, self._waiting = end, measured[max(after - begin, 0) :]
+        data = packets.data_packets(
+            measured[first - begin : after - begin],
+            np.arange(first, after) % self._turn * (360 / self._turn),
+            [stamp_nanos + self._schedule.nanos(number * self._size) for number in numbers],
+            self._mode,
+        )
+        datagrams = []
+        for number, packet in zip(numbers, data, strict=True):
+            datagrams.append(Datagram(packet))
+            if (number + 1) % DATA_PER_POSITION == 0:
+                at = stamp_nanos + self._schedule.nanos((number + 1) * self._size)
+                datagrams.append(Datagram(packets.position_packet(at), packets.POSITION_PORT))
+        return datagrams
+
+    def _first_firing(self, cloud: PointCloud, epoch_nanos: int) -> int:
+        """Return a cloud's first firing, whether it returned or not.
+
+        Its instant tells, and so where the head was then; but where its points say otherwise, as
+        they are old ones of a device that is stuck, it is the nearest firing with the head there.
+        """
+        sim_nanos = measured_nanos(cloud) - epoch_nanos
+        first = round(sim_nanos * self._schedule.rate_hz / NANOS)
+        for point in cloud.records()[:1]:
+            turned = math.atan2(-point["y"], point["x"]) / math.tau * self._turn
+            before = float(point["time"] * self._schedule.rate_hz)
+            first += round(math.remainder(turned - before - first, self._turn))
+        return first
+
+    def _measured(self, cloud: PointCloud, first: int) -> packets.Echoes:
+        """Return what the firings of a cloud measured, shape (firings, returns, 16)."""
+        index = first % self._turn
+        block = -(-index * self._blocks // self._turn)
+        firings = (block + 1) * self._turn // self._blocks - index
+        points = cloud.records()
+        laser = LASER_OF_RING[points["ring"]]
+        seconds = points["time"] - laser * (packets.LASER_MICROS * 1e-6)
+        firing = np.rint(seconds * float(self._schedule.rate_hz)).astype(np.intp)
+        height = points["z"] - self._heights_m[points["ring"]]
+        range_m = np.sqrt(points["x"] ** 2 + points["y"] ** 2 + height**2)
+        found = packets.echoes(range_m, points["intensity"])
+        ray = firing * packets.LASERS + laser
+        # A ray's second return follows the first, which stands for both where there is one.
+        is_second = np.diff(ray, prepend=-1) == 0
+        measured = np.zeros((firings * packets.LASERS, self._returns), packets.ECHO)
+        measured[ray[~is_second]] = found[~is_second, None]
+        measured[ray[is_second], -1] = found[is_second]
+        return measured.reshape(firings, packets.LASERS, -1).swapaxes(1, 2)
+
+
+def _misfit(spec: Lidar) -> str | None:
+    """Return how a LiDAR differs from what a decoder takes for granted; None if it does not."""
+    cycle_us = 1e6 / (spec.rotation_rate_hz * spec.firings_per_revolution)
+    turn = spec.rotation, spec.start_deg % 360, spec.field_of_view_deg
+    conditions = {
+        "its `elevations_deg` are not -15, -13 .. 15": _are(
+            spec.elevations_deg, sorted(packets.ELEVATIONS_DEG), 0.005
+        ),
+        "by `laser_times_us` its lasers do not fire 2.304 us apart, in the order -15, 1, -13, 3 .. "
+        "15 degrees": _are(spec.laser_times_us, LASER_OF_RING * packets.LASER_MICROS, 0.01),
+        f"by `rotation_rate_hz` and `firings_per_revolution` a firing takes {cycle_us:.3f} us, not "
+        f"{packets.FIRING_MICROS}": math.isclose(
+            cycle_us, packets.FIRING_MICROS, rel_tol=CYCLE_TOLERANCE
+        ),
+        "it does not turn clockwise, all round, from 0 degrees on (`rotation`, `start_deg`, "
+        "`field_of_view_deg`)": turn == ("clockwise", 0, 360),
+        "it has `azimuth_offsets_deg`": not any(spec.azimuth_offsets_deg),
+        f"its `max_range_m` is above {packets.MAX_RANGE_M:g}": (
+            spec.max_range_m <= packets.MAX_RANGE_M
+        ),
+    }
+    return next((wrong for wrong, is_kept in conditions.items() if not is_kept), None)
+
+
+def _are(given: Sequence[float], expected: Sequence[float] | Reals, tolerance: float) -> bool:
+    return len(given) == len(expected) and np.allclose(given, expected, rtol=0, atol=tolerance)

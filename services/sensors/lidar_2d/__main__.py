@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.sensors.lidar_2d --name VEHICLE/SENSOR``."""
+
+from groundlink.scenario.sensors import Lidar2d
+from services.sensors.shell import run
+
+from .model import Lidar2dModel
+
+if __name__ == "__main__":
+    run(Lidar2d, Lidar2dModel)

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine for machines without Embree: plain C, two to eight times slower, the same ranges.
+
+Rule: the arrays that `builtin.c` reads. It needs no more than all that casts rays, a C compiler at
+installation.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_void_p
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .engine import Meshes
+from .kernels import kernels
+from .tree import Tree
+
+LEAF_TRIANGLES = 4
+"""A leaf of so many costs as much as looking at another pair of boxes."""
+
+
+class _Mesh(ctypes.Structure):
+    """The structure `mesh` of `builtin.c`."""
+
+    _fields_ = tuple((name, c_void_p) for name in ("vertices", "faces", "nodes", "order"))
+
+
+class BuiltinEngine:
+    """See `engine.Engine`."""
+
+    def __init__(self, meshes: Meshes) -> None:
+        self._meshes = meshes
+        self._trees = [_tree(meshes.vertices[faces]) for faces in meshes.each()]
+        self._structures = [
+            _Mesh(
+                *(meshes.vertices.ctypes.data, faces.ctypes.data),
+                *(tree.nodes.ctypes.data if len(faces) else None, tree.order.ctypes.data),
+            )
+            for faces, tree in zip(meshes.each(), self._trees, strict=True)
+        ]
+        self.intersect = ctypes.cast(kernels().groundlink_intersect8, c_void_p)
+        self.scenes = [ctypes.addressof(mesh) for mesh in self._structures]
+
+
+def _tree(corners: NDArray[np.float32]) -> Tree:
+    """Return the tree of triangles, shape (faces, 3, 3)."""
+    boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
+    return Tree(boxes, leaf_items=LEAF_TRIANGLES)

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+/* What the files of this folder share: packets of rays in Embree's own layout, trees of boxes, and
+ * what the loops over rays know. */
+
+#ifndef GROUNDLINK_RAYS_H
+#define GROUNDLINK_RAYS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* As many as an AVX2 register holds. Packets of 16, which Embree cuts up on such processors, took
+ * more than twice as long. */
+#define LANES 8
+
+enum { TRIANGLE, GEOMETRY, INSTANCE, INSTANCE_PRIMITIVE };
+
+/* RTCRayHit8 of Embree 4.4; ids in the order of the enumeration above. */
+struct packet {
+    float origin[3][LANES], near[LANES], direction[3][LANES], time[LANES], far[LANES];
+    int32_t mask[LANES], id[LANES], flags[LANES];
+    float normal[3][LANES], u[LANES], v[LANES];
+    int32_t ids[4][LANES];
+} __attribute__((aligned(64)));
+
+/* rtcIntersect8. For each lane with a `far` that is not negative it finds the nearest triangle of a
+ * scene between 0 and `far`, and sets `far`, TRIANGLE, and GEOMETRY to 0; lanes that meet nothing
+ * stay as they were. */
+typedef void intersect8(const int32_t *valid, void *scene, struct packet *packet, void *arguments);
+
+/* A tree is an array of nodes, the root first; the children of one lie side by side. */
+struct box {
+    float low[3], high[3];
+};
+struct node {
+    struct box box;
+    int32_t first; /* child, or in a leaf place in the order of items */
+    int32_t items; /* of a leaf; 0 in others */
+};
+
+/* No tree is deeper than this. */
+#define MOST_DEPTH 64
+
+
+/* What is in the scene; a structure of the same name in `scene.py` fills it. */
+struct surroundings {
+    intersect8 *intersect;
+    void *const *scenes;           /* of the engine: the static world's, then each body's */
+    const float (*vertices)[3];
+    const uint32_t (*faces)[3];    /* of all triangles, in the order of the scenes */
+    const int32_t *labels;         /* of the same */
+    const int32_t *first_triangle; /* of each scene, and their end */
+    const double (*poses)[7];      /* world_from_body: steps, bodies */
+    const double *radii;           /* of the balls about the bodies' origins that hold their meshes */
+    const struct node *nodes;      /* of the tree of these balls, each over its whole way */
+    const int32_t *order;
+    int32_t steps, bodies;
+};
+
+/* The rays under way, and of each the nearest triangle so far, -1 for none, and its body. */
+struct rays {
+    struct packet world; /* `far` is that triangle's */
+    struct packet own;   /* the same rays in a body's frame */
+    int32_t before[LANES]; /* the pose before each ray's time, and how far to the next that is */
+    float share[LANES];
+    int32_t triangle[LANES], body[LANES];
+};
+
+static inline double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline void cross(const double a[3], const double b[3], double result[3])
+{
+    result[0] = a[1] * b[2] - a[2] * b[1];
+    result[1] = a[2] * b[0] - a[0] * b[2];
+    result[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* A body's poses before and after a time. */
+static inline const double *poses(const struct surroundings *around, int32_t body, int32_t before,
+                                  const double **after)
+{
+    const double *pose = around->poses[(ptrdiff_t)before * around->bodies + body];
+    *after = pose + 7 * (ptrdiff_t)around->bodies;
+    return pose;
+}
+
+/* Orientation between two, times any factor: by nlerp as in groundlink.frames. */
+static inline void mix(const double *first, const double *second, double share, double q[4])
+{
+    double cosine = 0;
+    for (int i = 3; i < 7; i++)
+        cosine += first[i] * second[i];
+    const double sign = cosine < 0 ? -1 : 1;
+    for (int i = 0; i < 4; i++)
+        q[i] = first[3 + i] + share * (sign * second[3 + i] - first[3 + i]);
+}
+
+/* Let the engine find what a packet meets in one of its scenes. */
+static inline void find(const struct surroundings *around, ptrdiff_t scene, struct packet *packet)
+{
+    static const int32_t valid[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1,
+                                                                      -1, -1, -1, -1};
+    /* RTCIntersectArguments: of neighbouring rays, for geometry of every kind. */
+    static struct {
+        int32_t flags;
+        uint32_t feature_mask;
+        void *context, *filter, *intersect;
+    } coherent = {1 << 16, 0xFFFFFFFF, NULL, NULL, NULL};
+    around->intersect(valid, around->scenes[scene], packet, &coherent);
+}
+
+/* Meet all bodies that some packets may meet; in `bodies.c`. */
+void groundlink_meet_bodies(const struct surroundings *around, struct rays *rays, int packets);
+
+#endif

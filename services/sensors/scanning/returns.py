@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a LiDAR's receiver makes of what its rays hit.
+
+Rule: light comes back from a surface as rho cos(incidence) / R^2, weakened by the air on its way,
+and is noticed above a threshold. Rays of a beam that end within half a pulse's length of the next
+are one return, as far as the mean of their ranges by power, and the share of the beam that they
+are. What is noticed is measured: white noise, the laser's own error, rounding, limits, loss, in
+this order. Bodies have no inside: a surface is met from either side.
+
+Not modelled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_float, c_int32, c_size_t, c_void_p
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.scenario.sensors import RotatingLidar
+from groundlink.world.solids import RETROREFLECTION
+from services.sensors.rays.kernels import kernels
+from services.sensors.rays.scene import Hits, Numbers, Reals
+from services.sensors.streams import RandomStreams
+
+from .beams import Rays
+from .draws import Draws
+from .sweep import Sweep
+from .weather import Air
+
+
+class Returns(NamedTuple):
+    """What came back of some firings of a revolution.
+
+    All arrays have the shape (returns, lasers, firings), lasers in the order in which they fire. Of
+    the first axis 0 is the return that the device reports first; with `returns: dual` 0 is the last
+    and 1 is the strongest, or the second strongest where the last is the strongest, and a beam with
+    one return has `returned` in 0 alone.
+    """
+
+    range_m: Reals
+    """As measured: with noise, bias and rounding. Where nothing returned it is of no use, but for
+    this: it is less than the least range where something was too near."""
+
+    returned: NDArray[np.bool_]
+    intensity: Reals
+    """As the device reports it. `calibrated`: 100 rho cos(incidence), a whole number; 101..255 is
+    for retroreflectors (VLP-16 User Manual 63-9243, calibrated reflectivities)."""
+
+    true_range_m: Reals
+    """Without error, along the true ray; infinite where nothing was noticed."""
+
+    label: Numbers
+    """Of the solid that was hit, -1 for none: fog, dust, rain, or nothing noticed."""
+
+    body: Numbers
+    """Number of the moving body that was hit; -1 for what stands still, and for none."""
+
+    ray: Numbers
+    """Number in its beam of the ray that brought most of the light; 0 for none."""
+
+    def of(self, firings: slice) -> Returns:
+        """Return the same of some of these firings, without a copy."""
+        return Returns._make(array[..., firings] for array in self)
+
+
+class _Receiver(ctypes.Structure):
+    """The structure `receiver` of `returns.c`."""
+
+    _fields_ = (
+        *((name, c_size_t) for name in ("lasers", "firings", "rays")),
+        *((name, c_int32) for name in ("mode", "received")),
+        *((name, c_float) for name in ("range_share", "range_resolution")),
+        *((name, c_float) for name in ("min_range", "max_range", "dropout", "cell", "least_power")),
+        *((name, c_void_p) for name in ("stddev", "bias", "reflectance")),
+        *(("retroreflection", c_float), ("weather", c_void_p)),
+    )
+
+
+class _Hits(ctypes.Structure):
+    """The structure `hits` of `returns.c`."""
+
+    _fields_ = (
+        ("rays", c_size_t),
+        *((name, c_void_p) for name in ("origins", "directions", "range", "normals")),
+        *((name, c_void_p) for name in ("labels", "bodies")),
+    )
+
+
+class _Returns(ctypes.Structure):
+    """The structure `returns` of `returns.c`."""
+
+    _fields_ = tuple((name, c_void_p) for name in Returns._fields)
+
+
+MODES = ("strongest", "last", "dual")
+"""The enumeration of `returns.c`."""
+
+
+class Receiver:
+    """The receiver of a data sheet.
+
+    Parameters
+    ----------
+    spec : RotatingLidar
+    sweep : Sweep
+    reflectance : float32 array
+        `Material.reflectance` by label.
+    air : Air or None
+        What is in it; none where it is clear.
+    streams : RandomStreams
+    draws : Draws
+
+    Attributes
+    ----------
+    bias_m : float32 array, shape (lasers,)
+        Constant error of each laser, in the order of firing.
+    """
+
+    def __init__(
+        self,
+        spec: RotatingLidar,
+        sweep: Sweep,
+        reflectance: Reals,
+        air: Air | None,
+        streams: RandomStreams,
+        draws: Draws,
+    ) -> None:
+        self._spec, self._draws, self._air = spec, draws, air
+        lasers, firings = len(sweep.rings), sweep.seconds.shape[1]
+        bias = streams.at("bias", 0).uniform(-spec.laser_bias_m, spec.laser_bias_m, lasers)
+        self.bias_m: Reals = bias[sweep.rings].astype(np.float32)
+        of_laser = np.array(spec.laser_stddevs_m or [0.0] * lasers)[sweep.rings]
+        self._stddevs: Reals = np.hypot(spec.range_stddev_m, of_laser).astype(np.float32)
+        self._noisy = bool(self._stddevs.any()) or spec.range_stddev_share > 0
+        self._shape = spec.returns_per_ray, lasers, firings
+        self._reflectance = reflectance
+        self._structure = _Receiver(
+            *(lasers, firings, spec.rays_per_beam),
+            *(MODES.index(spec.returns), spec.intensity == "received"),
+            *(spec.range_stddev_share, spec.range_resolution_m),
+            *(spec.min_range_m, spec.max_range_m, spec.dropout),
+            *(spec.cell_m, spec.least_power),
+            *(self._stddevs.ctypes.data, self.bias_m.ctypes.data, reflectance.ctypes.data),
+            *(RETROREFLECTION, None if air is None else ctypes.addressof(air.structure)),
+        )
+
+    def measure(self, hits: Hits, rays: Rays, firings: range, tick: int) -> Returns:
+        """Return what the device reports of hits.
+
+        Parameters
+        ----------
+        hits : Hits
+            Of `rays`.
+        rays : Rays
+            Of all lasers at these firings.
+        firings : range
+        tick : int
+            Keys the random numbers of the revolution.
+        """
+        returns, lasers, _ = self._shape
+        shape = returns, lasers, len(firings)
+        dtypes = np.float32, np.bool_, np.float32, np.float32, *[np.int32] * 3
+        made = Returns._make(np.empty(shape, dtype) for dtype in dtypes)
+        met = rays.origins_in_world, rays.directions_in_world, hits.range_m, hits.normal_in_world
+        drawn = self._drawn(tick)
+        kernels().groundlink_returns(
+            ctypes.byref(self._structure),
+            ctypes.byref(
+                _Hits(rays.times.size, *(a.ctypes.data for a in (*met, hits.label, hits.body)))
+            ),
+            ctypes.byref(_Returns(*(array.ctypes.data for array in made))),
+            *(firings.start, firings.stop),
+            *(None if numbers is None else numbers.ctypes.data for numbers in drawn),
+        )
+        return made
+
+    def _drawn(self, tick: int) -> tuple[Reals | None, Reals | None, Reals | None]:
+        """Return the numbers for white noise, loss and air of a revolution, where needed."""
+        white = lost = air = None
+        if self._noisy:
+            white = self._draws.of(
+                "range", tick, lambda source: source.standard_normal(self._shape, np.float32)
+            )
+        if self._spec.dropout:
+            lost = self._draws.of(
+                "dropout", tick, lambda source: source.random(self._shape, np.float32)
+            )
+        if self._air is not None:
+            air = self._draws.of(
+                "air", tick, lambda source: source.random((3, *self._shape[1:]), np.float32)
+            )
+        return white, lost, air

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A turning head with lasers: states of the world in, what came back of each block of firings out.
+
+Rule: revolution i covers the sim time from i / rate to (i + 1) / rate and is measured when the
+state at or after its end has come; in blocks each block is, when the state after its last ray has
+come, and the blocks together are what the revolution would have been. Each ray leaves from the
+sensor's pose at its own instant and meets all vehicles, its own too, as they stand at that instant.
+
+A surface nearer than the least range gives no return and hides what is behind it. What message the
+returns become is not known here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from groundlink.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.messages import BadMessage, State
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import RotatingLidar
+from services.sensors.rays.replica import Replica
+from services.sensors.streams import RandomStreams
+
+from .beams import Beams
+from .blocks import Blocks
+from .draws import Draws
+from .returns import Receiver, Returns
+from .sweep import Sweep
+from .truth import Cast, TrueEye, Truth
+from .weather import air_around
+
+
+class Scan(NamedTuple):
+    """One block of firings, measured."""
+
+    nanos: int
+    """Sim time of its first firing, rounded down."""
+
+    revolution: int
+    firings: range
+    """In the revolution."""
+
+    returns: Returns
+    """Of these firings."""
+
+    truth: Truth | None
+    """Behind these returns, if it was asked for."""
+
+
+class Scanner:
+    """One turning head of a scenario's vehicle.
+
+    Attributes
+    ----------
+    sweep : Sweep
+    blocks : Blocks
+    replica : Replica
+    receiver : Receiver
+
+    Raises
+    ------
+    KernelsMissingError
+        when the compiled loops are not installed here.
+    """
+
+    def __init__(
+        self, scenario: Scenario, vehicle: Vehicle, spec: RotatingLidar, *, truth: bool = False
+    ) -> None:
+        self._max_range_m = spec.max_range_m
+        self._schedule = Schedule.at(spec.rotation_rate_hz)
+        self.sweep = Sweep(spec)
+        self.blocks = Blocks(spec, self.sweep)
+        self.replica = Replica(scenario, vehicle, spec.mount.xyz_m)
+        self._true_eye = TrueEye(self.replica, spec.mount) if truth else None
+        streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        draws = Draws(streams)
+        self._beams = Beams(spec, self.sweep, draws)
+        air = air_around(spec, scenario.world.weather)
+        self.receiver = Receiver(spec, self.sweep, self.replica.reflectivity, air, streams, draws)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget earlier states; the next block is the first that begins after this."""
+        self.replica.restart()
+        self._block = self._tick = -1
+
+    def settled_tick(self) -> int:
+        """Return the tick at which the block under way began; -1 before the first state."""
+        if self._block < 0:
+            return -1
+        return min(self._tick, self.blocks.first_tick(self._block))
+
+    def take(self, state: State) -> list[Scan]:
+        """Take the state of the next tick and return the blocks that it completes, oldest first.
+
+        Raises
+        ------
+        BadMessage
+            when the state lacks a vehicle or a link of the scenario; everything is then restarted.
+        """
+        try:
+            self.replica.take(state)
+        except BadMessage:
+            self.restart()
+            raise
+        self._tick = state.tick
+        if self._block < 0:
+            self._begin(self.blocks.first_at_or_after(state.tick))
+        scans: list[Scan] = []
+        while self.blocks.end_tick(self._block) <= state.tick:
+            end = self.blocks.complete_by(state.tick, self._block)
+            scans += self._scans(range(self._block, end))
+            self._begin(end)
+        return scans
+
+    def _begin(self, block: int) -> None:
+        self._block = block
+        self.replica.forget(self.blocks.first_tick(block))
+
+    def _scans(self, blocks: range) -> list[Scan]:
+        """Measure some blocks of one revolution, whose rays are cast at once."""
+        revolution, firings = self.blocks.firings(blocks)
+        cast = self.measure(revolution, firings)
+        scans = []
+        for block in blocks:
+            _, own = self.blocks.firings(range(block, block + 1))
+            of_cast = slice(own.start - firings.start, own.stop - firings.start)
+            nanos, truth = self.blocks.nanos(block), None
+            if self._true_eye is not None:
+                truth = self._true_eye.see(cast, of_cast, nanos)
+            scans.append(Scan(nanos, revolution, own, cast.returns.of(of_cast), truth))
+        return scans
+
+    def measure(self, revolution: int, firings: range) -> Cast:
+        """Return what came back of some firings of a revolution, by the states that are known."""
+        start_nanos = self._schedule.nanos(revolution)
+        first_tick = start_nanos // TICK_NANOS
+        # States of the whole revolution, so that an instant is the same number in every block.
+        poses = self.replica.motion(first_tick, self._schedule.tick(revolution + 1))
+        start_seconds = (start_nanos - first_tick * TICK_NANOS) / NANOS
+        tick = self._schedule.tick(revolution)
+        self.sweep.follow(poses[:, self.replica.base], start_seconds, firings)
+        self.replica.scene.move(poses)
+        rays = self._beams.rays(firings, tick)
+        hits = self.replica.scene.cast(*rays, self._max_range_m)
+        returns = self.receiver.measure(hits, rays, firings, tick)
+        return Cast(returns, rays, hits, poses, first_tick)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every body has one number and one name, whoever counts."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.scenario import Scenario, load
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.schema import Placement
+from groundlink.world.bodies import body_names, link_bodies
+from groundlink.world.build import WorldError, solids
+from groundlink.world.solids import Box, Solid
+
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+@pytest.fixture(scope="module")
+def two() -> Scenario:
+    """Two rovers of one model in the laboratory."""
+    lab = load(SHIPPED / "indoor_lab.yaml")
+    rover = lab.vehicles[0]
+    second = replace(rover, name="second", placement=Placement(x_m=-2.6, yaw_deg=90.0))
+    return replace(lab, vehicles=(rover, second))
+
+
+def test_what_moves_comes_first_then_the_solids_as_they_are_built(two: Scenario) -> None:
+    static = solids(two)
+    names = body_names(two, static)
+    links = ["base_link", *(f"{wheel}_wheel_link" for wheel in WHEELS)]
+    assert link_bodies(two) == [f"{name}/{link}" for name in ("rover", "second") for link in links]
+    assert list(names) == [*link_bodies(two), *(solid.name for solid in static)]
+    assert len(set(names)) == len(names)
+
+
+def test_a_solid_cannot_take_the_name_of_a_link(two: Scenario) -> None:
+    box = Solid("second/base_link", Box((1.0, 1.0, 1.0)), "metal", (3.0, 3.0, 1.0))
+    world = replace(two.world, solids=(*two.world.solids, box))
+    with pytest.raises(WorldError, match="two bodies called `second/base_link`"):
+        solids(replace(two, world=world))

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor with faults that is started again in their midst goes on with the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from groundlink.messages import Imu, Message, PointCloud, State, WheelEncoders
+from groundlink.scenario import sensors
+from groundlink.scenario.faults import (
+    Bias,
+    Delay,
+    Drift,
+    Drop,
+    Fault,
+    NoiseBurst,
+    Off,
+    RateChange,
+    Stuck,
+    TimeJump,
+)
+from services.sensors.encoders.model import EncodersModel
+from services.sensors.faulty import FaultyModel
+from services.sensors.imu.model import ImuModel
+from services.sensors.model import SensorModel
+
+from .broken import READINGS, Counts, Line, Repeats, faulty
+from .states import WHEELS, scenario
+from .states import states as moving_states
+
+TICKS = 1200
+SPAN = {"at_s": 0.5, "for_s": 1.5}
+
+NUMERIC: list[Fault] = [
+    Bias(value=3.0, **SPAN),
+    Drift(per_s=5.0, **SPAN),
+    NoiseBurst(stddev=4.0, **SPAN),
+]
+TIMED: list[Fault] = [
+    Off(**SPAN),
+    Stuck(**SPAN),
+    TimeJump(offset_s=-2.0, **SPAN),
+    Delay(delay_s=0.3, **SPAN),
+    Drop(share=0.5, **SPAN),
+    RateChange(rate_hz=7.0, **SPAN),
+]
+FAULTS: dict[str, tuple[Fault, ...]] = {
+    **{fault.kind: (fault,) for fault in (*NUMERIC, *TIMED)},
+    "late_and_stuck": (Stuck(at_s=1.2, for_s=0.4), Delay(delay_s=0.5, **SPAN)),
+    "late_noise_in_a_jump": (NUMERIC[2], TimeJump(offset_s=0.7, **SPAN), Delay(delay_s=1.0)),
+    "all": (*NUMERIC, *(fault for fault in TIMED if not isinstance(fault, Off))),
+}
+
+
+def run() -> list[State]:
+    rng = np.random.default_rng(3)
+    angles = np.cumsum(rng.normal(scale=0.05, size=(TICKS, len(WHEELS))), axis=0)
+    places = np.cumsum(rng.normal(scale=1e-5, size=(TICKS, 3)), axis=0)
+    return list(moving_states(places, joint_positions=angles))
+
+
+STATES = run()
+
+
+def imu() -> tuple[SensorModel, type[Message]]:
+    made = scenario()
+    spec = sensors.Imu(name="imu", topic="/imu", frame="imu", rate_hz=130.0)
+    return ImuModel(made, made.vehicles[0], spec), Imu
+
+
+def encoders() -> tuple[SensorModel, type[Message]]:
+    made = scenario()
+    spec = sensors.Encoders(
+        *("encoders", "/wheels", "base"), missed_ticks=0.2, resets_s=(1.0,), rate_hz=60.0
+    )
+    return EncodersModel(made, made.vehicles[0], spec), WheelEncoders
+
+
+def lidar() -> tuple[SensorModel, type[Message]]:
+    return Counts(READINGS[PointCloud], 10.0, takes_ticks=40), PointCloud
+
+
+KINDS = {"imu": imu, "encoders": encoders, "lidar": lidar}
+
+
+def model(
+    kind: Callable[[], tuple[SensorModel, type[Message]]], faults: tuple[Fault, ...]
+) -> FaultyModel:
+    inner, message = kind()
+    return faulty(inner, message, *faults)
+
+
+def played(
+    kind: Callable[[], tuple[SensorModel, type[Message]]],
+    faults: tuple[Fault, ...],
+    crashes: tuple[int, ...] = (),
+) -> list[tuple[int, bytes]]:
+    """Return what arrives, in order, of a sensor that ends after the states of some ticks."""
+    line = Line()
+    process = line.process(model(kind, faults), world_hash="")
+    for state in STATES:
+        process.take(state)
+        if state.tick in crashes:
+            process = line.process(model(kind, faults), world_hash="")
+            process.resume(line.acks[-1])
+            for missed in STATES[: state.tick + 1]:
+                process.take(missed)
+    return list(line.bodies.items())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_restart_goes_on_with_the_same_bytes(kind: str, name: str) -> None:
+    whole = played(KINDS[kind], FAULTS[name])
+    assert (whole != played(KINDS[kind], ())) == (name != "delay")  # which alters no byte
+    for crashes in ((199,), (230, 301), (437,), (555, 640), (777,), (801, 803, 870), (1100,)):
+        assert played(KINDS[kind], FAULTS[name], crashes) == whole, crashes
+
+
+def test_a_live_fault_outlives_its_process_and_no_new_life_of_physics() -> None:
+    faults = (Bias(value=1.0),)
+    before = model(encoders, faults)
+    before.faults = (*before.faults, Stuck(at_s=1.0))
+    after = model(encoders, faults)
+    after.remember(before.memory())
+    assert after.faults == (Bias(value=1.0), Stuck(at_s=1.0))
+    after.remember(b"")
+    assert after.faults == faults
+
+
+def test_a_gap_in_the_states_loses_nothing_that_is_on_its_way() -> None:
+    late = faulty(Repeats(READINGS[Imu]), Imu, Delay(delay_s=0.1))
+    came = [m for s in STATES[:100] for m in late.readings(s)]
+    late.restart()
+    came += [m for s in STATES[110:200] for m in late.readings(s)]
+    # Events at ticks 0, 4, ... 96, then 112 and so on; the last 40 ticks are on their way.
+    assert len(came) == 25 + (200 - 40 - 112) // 4
+
+
+def test_without_faults_nothing_is_touched() -> None:
+    whole = [m for s in STATES for m in Repeats(READINGS[PointCloud]).readings(s)]
+    none = faulty(Repeats(READINGS[PointCloud]), PointCloud)
+    assert [m for s in STATES for m in none.readings(s)] == whole
