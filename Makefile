@@ -29,6 +29,7 @@ check: test ## what CI runs
 
 benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.lidar
+	@$(BIN)/python -m benchmarks.camera
 	@$(BIN)/python -m benchmarks.physics
 	@$(BIN)/python -m benchmarks.bridge
 	@$(BIN)/python -m benchmarks.loss

@@ -18,6 +18,7 @@ from .cli import (
     replay,
     report,
     sensors,
+    snapshot,
     top,
     topics,
     up,
@@ -39,6 +40,7 @@ COMMANDS = (
     topics,
     link,
     view,
+    snapshot,
 )
 
 

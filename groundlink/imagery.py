@@ -12,12 +12,12 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from .messages import Message, Reading, exactly, whole
+from .messages import Reading, exactly, whole
 
 Uint32 = Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
 
-class Image(Message, frozen=True):
+class Image(Reading, frozen=True):
     """An uncompressed image of a camera (sensor_msgs/Image)."""
 
     stamp_nanos: int
@@ -39,7 +39,7 @@ class Image(Message, frozen=True):
         exactly(self.data, self.height * self.row_bytes, "data")
 
 
-class CompressedImage(Message, frozen=True):
+class CompressedImage(Reading, frozen=True):
     """A compressed image of a camera (sensor_msgs/CompressedImage)."""
 
     stamp_nanos: int
@@ -53,7 +53,7 @@ class CompressedImage(Message, frozen=True):
     """The compressed file."""
 
 
-class CameraInfo(Message, frozen=True):
+class CameraInfo(Reading, frozen=True):
     """How a camera maps points to pixels (sensor_msgs/CameraInfo), of the full resolution."""
 
     stamp_nanos: int

@@ -14,24 +14,33 @@ import numpy as np
 from msgspec.structs import replace
 
 from .ground_truth import TRUE_POINT, TruePoints
-from .imagery import LaserScan, Range
+from .imagery import CompressedImage, Image, LaserScan, Range
 from .messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
 from .navigation import NavSatFix, Odometry
 from .ros_messages import to_cdr
 from .scenario.schema import Gateway, Vehicle
 from .scenario.sensors import (
+    Camera,
+    DepthCamera,
     Encoders,
     Gnss,
     Lidar,
     Lidar2d,
     RotatingLidar,
     Sensor,
+    StereoCamera,
     WheelOdometry,
 )
 from .scenario.sensors import Range as RangeSpec
 
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
 """Azimuths that are offered to a LiDAR whose messages are too large."""
+
+JPEG_BYTES_A_PIXEL = 2
+"""What libjpeg makes of random pixels at a quality of 100; a room at 80 takes a twentieth of it."""
+
+PNG_BYTES_A_PIXEL = 2.1
+"""What libpng makes of random 16 bits."""
 
 _MTU, _LOOPBACK_PART, _LARGEST, _IP_FRAGMENT = 1472, 65280, 65507, 1480
 
@@ -121,9 +130,43 @@ def _largest(vehicle: Vehicle, sensor: Sensor) -> Message:
         return NavSatFix(0, frame, 0, 0, 0.0, 0.0, 0.0, packed(np.zeros(9)), 0)
     if isinstance(sensor, RangeSpec):
         return Range(0, frame, sensor.radiation, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if isinstance(sensor, Camera | StereoCamera):
+        return _picture(sensor, frame)
+    if isinstance(sensor, DepthCamera):
+        return _depth(sensor, frame)
     still = (0.0, 0.0, 0.0)
     if isinstance(sensor, WheelOdometry):
         base, unsure = vehicle.frame_prefix + vehicle.model.base_frame, packed(np.zeros(36))
         level = (0.0, 0.0, 0.0, 1.0)
         return Odometry(0, frame, base, still, level, still, still, unsure, unsure)
     return Imu(0, frame, (0.0, 0.0, 0.0, 1.0), still, still, 0.0, 0.0, 0.0)
+
+
+def _picture(camera: Camera | StereoCamera, frame: str) -> Message:
+    """Return the pixels of a camera, or the JPEG that it makes of pure noise if that is all."""
+    pixels = camera.width * camera.height
+    if camera.publish == "compressed":
+        return CompressedImage(0, frame, "jpeg", memoryview(bytes(pixels * JPEG_BYTES_A_PIXEL)))
+    row = camera.width * (3 if camera.encoding in ("rgb8", "bgr8") else 1)
+    data = memoryview(bytes(row * camera.height))
+    return Image(0, frame, camera.height, camera.width, camera.encoding, row, data)
+
+
+def _depth(camera: DepthCamera, frame: str) -> Message:
+    """Return a depth camera's cloud with a point for every pixel, or an image if that is more."""
+    pixels, every = camera.width * camera.height, camera.points_every
+    sizes = {
+        "": pixels * (2 if camera.encoding == "16UC1" else 4),
+        "compressed": int(pixels * PNG_BYTES_A_PIXEL),
+        "points": -(-camera.width // every) * -(-camera.height // every) * POINT.itemsize,
+        "color": pixels * JPEG_BYTES_A_PIXEL,
+        "color_image": pixels * 3,
+        "camera_info": 0,
+        "color_info": 0,
+    }
+    largest = max(camera.ros_topics(), key=lambda name: sizes[name])
+    if largest == "points":
+        return PointCloud(0, frame, memoryview(bytes(sizes[largest])))
+    row = -(-sizes[largest] // camera.height)
+    data = memoryview(bytes(row * camera.height))
+    return Image(0, frame, camera.height, camera.width, camera.encoding, row, data)

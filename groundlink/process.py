@@ -116,8 +116,8 @@ class StateTaker(Protocol):
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped."""
 
-    def take(self, state: State) -> None:
-        """Take one state, in order."""
+    def take(self, state: State, waiting: int = 0) -> None:
+        """Take one state, in order; so many more have arrived by now."""
 
 
 def follow_states(
@@ -145,7 +145,7 @@ def follow_states(
     heartbeat = Heartbeat(bus, run_name, process)
     while not ended():
         if arrived := states.get(seconds=0.1):
-            taker.take(arrived[1])
+            taker.take(arrived[1], len(states))
         if heartbeat.due():
             counts = counters()
             counts["refused"] += states.refused

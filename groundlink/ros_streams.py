@@ -9,9 +9,8 @@ business here.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from .frames import quaternion_from_rpy
 from .message_sizes import body_bytes
 from .messages import Clock, Message
 from .navigation import Odometry, Transform, Transforms
@@ -25,11 +24,11 @@ from .topics import (
     FAULTS,
     FROM_ROS,
     GROUND_TRUTH,
-    SENSOR_TOPICS,
     STREAM_TOPICS,
     TRUE_POINTS,
     TRUE_WHEELS,
     VITALS,
+    sensor_outputs,
 )
 from .vitals import VITALS_HZ
 
@@ -125,27 +124,22 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
 
 
 def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outgoing]:
-    rows = [(SENSOR_TOPICS[type(s)], s, sensor_rate_hz(s)) for s in vehicle.sensors]
-    extra = [(STREAM_TOPICS[s.kind], s, s.rate_hz) for s in vehicle.streams]
-    for topic, spec, rate_hz in (*rows, *extra):
-        stream = Outgoing(
-            key=topic.key_in(run, vehicle=vehicle.name, sensor=spec.name),
-            message=topic.message,
-            topic=spec.topic,
+    rows = [
+        (output.row, output.ros_topic, s, sensor_rate_hz(s))
+        for s in vehicle.sensors
+        for output in sensor_outputs(s)
+    ]
+    extra = [(STREAM_TOPICS[s.kind], s.topic, s, s.rate_hz) for s in vehicle.streams]
+    for row, topic, spec, rate_hz in (*rows, *extra):
+        yield Outgoing(
+            key=row.key_in(run, vehicle=vehicle.name, sensor=spec.name),
+            message=row.message,
+            topic=topic,
             declared_hz=rate_hz,
             push=spec.push,
             repair=spec.repair,
-            whole_bytes=_revolution_bytes(vehicle, spec),
+            whole_bytes=_revolution_bytes(vehicle, spec, truth=row is TRUE_POINTS),
         )
-        yield stream
-        if isinstance(spec, Lidar) and spec.truth_topic is not None:
-            yield replace(
-                stream,
-                key=TRUE_POINTS.key_in(run, vehicle=vehicle.name, sensor=spec.name),
-                message=TRUE_POINTS.message,
-                topic=spec.truth_topic,
-                whole_bytes=_revolution_bytes(vehicle, spec, truth=True),
-            )
     truths = (
         (GROUND_TRUTH, scenario.ground_truth_topic(vehicle)),
         (TRUE_WHEELS, scenario.true_wheels_topic(vehicle)),
@@ -173,14 +167,13 @@ def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None
         base = vehicle.model.base_frame
         for sensor in vehicle.sensors:
             if sensor.mounted and sensor.frame != base:
-                roll, pitch, yaw = sensor.mount.rpy_radians()
                 child = vehicle.frame_prefix + sensor.frame
                 transforms[child] = Transform(
                     stamp_nanos=stamp_nanos,
                     parent=vehicle.frame_prefix + base,
                     child=child,
                     translation_m=sensor.mount.xyz_m,
-                    rotation=quaternion_from_rpy(roll, pitch, yaw),
+                    rotation=sensor.mount.quaternion(optical=sensor.optical),
                 )
     return Transforms(tuple(transforms.values())) if transforms else None
 

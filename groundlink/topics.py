@@ -7,7 +7,7 @@ command `groundlink topics`, documentation and tests are derived from the table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from .clock import TICK_RATE_HZ
@@ -17,7 +17,18 @@ from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
 from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
 from .scenario.schema import Scenario, Vehicle
-from .scenario.sensors import Encoders, Gnss, Lidar, Lidar2d, SensorSpec, WheelOdometry
+from .scenario.sensors import (
+    Camera,
+    DepthCamera,
+    Encoders,
+    Gnss,
+    Lidar,
+    Lidar2d,
+    Sensor,
+    SensorSpec,
+    StereoCamera,
+    WheelOdometry,
+)
 from .scenario.sensors import Imu as ImuSpec
 from .scenario.sensors import Range as RangeSpec
 from .vitals import VITALS_HZ, Vitals
@@ -81,62 +92,38 @@ COMMAND = Topic(
     rate="as ROS sends, 50 Hz",
     delivery=Delivery.ALL,
 )
-POINTS = Topic(
-    name="lidar",
-    key="{vehicle}/{sensor}",
-    message=PointCloud,
-    publisher="sensors.lidar",
-    rate="rotation_rate_hz",
-    delivery=Delivery.ALL,
-)
-SCAN = Topic(
-    name="lidar_2d",
-    key="{vehicle}/{sensor}",
-    message=LaserScan,
-    publisher="sensors.lidar_2d",
-    rate="rotation_rate_hz",
-    delivery=Delivery.ALL,
-)
-IMU = Topic(
-    name="imu",
-    key="{vehicle}/{sensor}",
-    message=Imu,
-    publisher="sensors.imu",
-    rate="rate_hz",
-    delivery=Delivery.ALL,
-)
-ENCODERS = Topic(
-    name="encoders",
-    key="{vehicle}/{sensor}",
-    message=WheelEncoders,
-    publisher="sensors.encoders",
-    rate="rate_hz",
-    delivery=Delivery.ALL,
-)
-GNSS = Topic(
-    name="gnss",
-    key="{vehicle}/{sensor}",
-    message=NavSatFix,
-    publisher="sensors.gnss",
-    rate="rate_hz",
-    delivery=Delivery.ALL,
-)
-RANGE = Topic(
-    name="range",
-    key="{vehicle}/{sensor}",
-    message=Range,
-    publisher="sensors.range",
-    rate="rate_hz",
-    delivery=Delivery.ALL,
-)
-WHEEL_ODOMETRY = Topic(
-    name="wheel_odometry",
-    key="{vehicle}/{sensor}",
-    message=Odometry,
-    publisher="sensors.wheel_odometry",
-    rate="rate_hz",
-    delivery=Delivery.ALL,
-)
+
+
+def _of_sensor(name: str, message: type[Message], rate: str = "rate_hz") -> Topic:
+    """Return the row of a kind of sensor's main stream."""
+    return Topic(
+        name=name,
+        key="{vehicle}/{sensor}",
+        message=message,
+        publisher=f"sensors.{name}",
+        rate=rate,
+        delivery=Delivery.ALL,
+    )
+
+
+def _beside(main: Topic, **messages: type[Message]) -> dict[str, Topic]:
+    """Return the rows of what a sensor publishes beside its main stream, by name."""
+    return {
+        name: replace(main, name=f"{main.name}.{name}", key=f"{main.key}/{name}", message=message)
+        for name, message in messages.items()
+    }
+
+
+POINTS = _of_sensor("lidar", PointCloud, "rotation_rate_hz")
+SCAN = _of_sensor("lidar_2d", LaserScan, "rotation_rate_hz")
+IMU = _of_sensor("imu", Imu)
+ENCODERS = _of_sensor("encoders", WheelEncoders)
+GNSS = _of_sensor("gnss", NavSatFix)
+RANGE = _of_sensor("range", Range)
+WHEEL_ODOMETRY = _of_sensor("wheel_odometry", Odometry)
+CAMERA = _of_sensor("camera", CompressedImage)
+DEPTH_CAMERA = _of_sensor("depth_camera", Image)
+STEREO_CAMERA = _of_sensor("stereo_camera", Image)
 FAULTS = Topic(
     name="faults",
     key="faults/{process}",
@@ -230,24 +217,34 @@ SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
     WheelOdometry: WHEEL_ODOMETRY,
     Gnss: GNSS,
     RangeSpec: RANGE,
+    Camera: CAMERA,
+    DepthCamera: DEPTH_CAMERA,
+    StereoCamera: STEREO_CAMERA,
 }
-"""The stream of each kind of sensor."""
+"""The main stream of each kind of sensor."""
 
-SENSOR_TRUTHS: dict[type[SensorSpec], Topic] = {Lidar: TRUE_POINTS}
-"""What a sensor of a kind tells of the truth behind its readings when its `truth` is set."""
-
-
-def _extra(name: str, message: type[Message]) -> Topic:
-    """Return the row of a stream that another process puts on the bus."""
-    return Topic(
-        name=name,
-        key="{vehicle}/{sensor}",
-        message=message,
-        publisher="as in vehicles.streams",
-        rate="rate_hz",
-        delivery=Delivery.ALL,
-    )
-
+SIDE_TOPICS: dict[type[SensorSpec], dict[str, Topic]] = {
+    Camera: _beside(CAMERA, image=Image, camera_info=CameraInfo),
+    DepthCamera: _beside(
+        DEPTH_CAMERA,
+        compressed=CompressedImage,
+        camera_info=CameraInfo,
+        points=PointCloud,
+        color=CompressedImage,
+        color_image=Image,
+        color_info=CameraInfo,
+    ),
+    StereoCamera: _beside(
+        STEREO_CAMERA,
+        compressed=CompressedImage,
+        camera_info=CameraInfo,
+        right=Image,
+        right_compressed=CompressedImage,
+        right_camera_info=CameraInfo,
+    ),
+    Lidar: {"truth": TRUE_POINTS},
+}
+"""What kinds of sensors publish beside it, by name; which of it is the specification's choice."""
 
 _EXTRAS: dict[str, type[Message]] = {
     "image": Image,
@@ -262,8 +259,11 @@ _EXTRAS: dict[str, type[Message]] = {
     "joint_state": JointState,
 }
 
-STREAM_TOPICS = {topic.name: topic for topic in SENSOR_TOPICS.values()} | {
-    name: _extra(name, message) for name, message in _EXTRAS.items()
+_CAMERAS = (CAMERA, DEPTH_CAMERA, STEREO_CAMERA)
+
+STREAM_TOPICS = {topic.name: topic for topic in SENSOR_TOPICS.values() if topic not in _CAMERAS} | {
+    name: replace(_of_sensor(name, message), publisher="as in vehicles.streams")
+    for name, message in _EXTRAS.items()
 }
 """By kind: every stream that a scenario can send to ROS."""
 
@@ -272,6 +272,8 @@ TOPICS = (
     CLOCK,
     COMMAND,
     *STREAM_TOPICS.values(),
+    *_CAMERAS,
+    *(topic for sides in SIDE_TOPICS.values() for topic in sides.values()),
     GROUND_TRUTH,
     TRUE_WHEELS,
     TRUE_POINTS,
@@ -302,6 +304,26 @@ def faults_key(run: str, sensor: str) -> str:
 def history_key(run: str) -> str:
     """Return the key of the queryable that serves the states a rejoining sensor has missed."""
     return f"{ROOT}/{run}/state/history"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """One of the streams of a sensor."""
+
+    name: str
+    """By which the sensor's model tags what belongs to it; empty for the main one."""
+
+    row: Topic
+    ros_topic: str
+
+
+def sensor_outputs(spec: Sensor) -> list[Output]:
+    """Return every stream of a sensor, with its ROS topic."""
+    rows = SIDE_TOPICS.get(type(spec), {}) | {"": SENSOR_TOPICS[type(spec)]}
+    return [
+        Output(name=name, row=rows[name], ros_topic=topic)
+        for name, topic in spec.ros_topics().items()
+    ]
 
 
 def driver_name(vehicle: Vehicle) -> str:

@@ -26,11 +26,12 @@ import numpy as np
 from benchmarks.bridge.claims import Claim
 from groundlink.errors import UserError
 from groundlink.frames import Floats
-from groundlink.messages import State
+from groundlink.messages import PointCloud, State
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED, read_datasheet
 from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
+from services.sensors.model import parted
 from services.sensors.rays.scene import Reals
 
 from . import driving
@@ -87,7 +88,9 @@ class Runs:
             clouds = self.model.readings(state)
             spent += clocks() - started
             if clouds:
-                self.returns = len(clouds[0].records())
+                _, cloud = parted(clouds[0])
+                assert isinstance(cloud, PointCloud)
+                self.returns = len(cloud.records())
                 return spent
 
     @property

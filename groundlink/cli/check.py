@@ -53,13 +53,14 @@ def check(options: argparse.Namespace) -> int:
         for sensor in vehicle.sensors:
             kind = SENSOR_TOPICS[type(sensor)].name
             rate = sensor_rate_hz(sensor)
-            print(f"  sensor   {vehicle.name}/{sensor.name} ({kind}): {sensor.topic}, {rate:g} Hz")
+            topics = ", ".join(sensor.ros_topics().values())
+            print(f"  sensor   {vehicle.name}/{sensor.name} ({kind}): {topics}, {rate:g} Hz")
             for line in _sent(scenario, vehicle, sensor):
                 print(f"           {line}")
             for fault in sensor.faults:
                 print(f"           fault {fault}")
             if sensor.truth_topic is not None:
-                print(f"  truth    {sensor.truth_topic}, with each message")
+                print("           the truth behind it:")
                 for line in _sent(scenario, vehicle, sensor, truth=True):
                     print(f"           {line}")
         for stream in vehicle.streams:

@@ -104,11 +104,12 @@ def top(options: argparse.Namespace) -> int:
 
 
 def declared_rates(scenario: Scenario) -> dict[str, float | None]:
-    """Return the processes that a scenario declares, with the rate of their readings."""
+    """Return the processes that a scenario declares, with the rate of their messages."""
     rates: dict[str, float | None] = dict.fromkeys(process_names(scenario))
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
-            rates[f"{vehicle.name}/{sensor.name}"] = sensor_rate_hz(sensor)
+            rate_hz = sensor_rate_hz(sensor) * len(sensor.ros_topics())
+            rates[f"{vehicle.name}/{sensor.name}"] = rate_hz
     return rates
 
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every sensor can be told, of whatever kind.
 
-Rule: kinds add their own fields elsewhere, in `sensors.py` and `lidars.py`.
+Rule: kinds add their own fields elsewhere, in `sensors.py`, `lidars.py` and `cameras.py`.
+Angles and lengths are as a user writes them; they are converted where they are used.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
+from groundlink.frames import multiply, quaternion_from_rpy
 from groundlink.world.solids import Spec, Vector3
 
 from .faults import Fault, Quantity
@@ -21,6 +23,10 @@ RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
 
 Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
 """HOST:PORT."""
+
+
+MOUNT_FROM_OPTICAL = (-0.5, 0.5, -0.5, 0.5)
+"""REP 103: optical x is to the right, y down, z forward, of a mount with x forward, z up."""
 
 
 class Mount(Spec, frozen=True):
@@ -34,6 +40,12 @@ class Mount(Spec, frozen=True):
         """Return roll, pitch and yaw in radians."""
         roll, pitch, yaw = map(math.radians, self.rpy_deg)
         return roll, pitch, yaw
+
+    def quaternion(self, *, optical: bool = False) -> tuple[float, float, float, float]:
+        """Return base_from_sensor's rotation, or base_from_optical's."""
+        turned = quaternion_from_rpy(*self.rpy_radians())
+        x, y, z, w = multiply(turned, MOUNT_FROM_OPTICAL).tolist() if optical else turned
+        return x, y, z, w
 
 
 class RepairBy(Spec, frozen=True):
@@ -72,6 +84,10 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     mounted: ClassVar[bool] = True
     """Whether `frame` is a place on the vehicle, for the static transforms."""
 
+    optical: ClassVar[bool] = False
+    """Whether `frame` is turned from the mount as REP 103 has it for cameras: z looks along the
+    mount's x."""
+
     datasheet: str = ""
     """Title of the data sheet that the fields were taken from, with its source."""
 
@@ -88,3 +104,7 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     def truth_topic(self) -> str | None:
         """ROS topic of the truth behind its readings, if it tells that too."""
         return None
+
+    def ros_topics(self) -> dict[str, str]:
+        """Return the ROS topic of each of its streams, by name; the main one has none."""
+        return {"": self.topic}

@@ -191,6 +191,10 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
         """ROS topic of the truth behind its clouds, if it tells that too."""
         return f"{self.topic}/truth" if self.truth else None
 
+    def ros_topics(self) -> dict[str, str]:
+        """Return the ROS topics of its clouds and, where it is told, of the truth behind them."""
+        return {"": self.topic} | ({"truth": self.truth_topic} if self.truth_topic else {})
+
 
 class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
     """A planar scanner: one laser that turns."""

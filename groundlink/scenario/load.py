@@ -200,13 +200,11 @@ def _check(scenario: Scenario, document: Document) -> None:
             f"{document.mark(('time', 'window_ticks'))}: `time.window_ticks`: {time.window_ticks} "
             f"is less than a period of the clock; expected {TICK_RATE_HZ}/clock_rate_hz or more"
         )
-    topics = [s.topic for v in scenario.vehicles for s in (*v.sensors, *v.streams)]
+    topics = [t for v in scenario.vehicles for s in v.sensors for t in s.ros_topics().values()]
+    topics += [s.topic for v in scenario.vehicles for s in v.streams]
     topics += [scenario.ground_truth_topic(v) for v in scenario.vehicles]
     topics += [scenario.true_wheels_topic(v) for v in scenario.vehicles]
     topics.append(scenario.bodies.topic)
-    topics += [
-        s.truth_topic for v in scenario.vehicles for s in v.sensors if s.truth_topic is not None
-    ]
     if twice := [topic for topic in topics if topics.count(topic) > 1]:
         raise ScenarioError(
             f"{document.mark(())}: two streams share the topic `{twice[0]}`; give each its own"

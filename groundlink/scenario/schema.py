@@ -11,8 +11,10 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from msgspec import Meta
+from msgspec.structs import replace
 
 from groundlink.emulation import LinkScript
+from groundlink.world.light import Lamps, Sun
 from groundlink.world.room import Clutter, Furniture, Room
 from groundlink.world.solids import Material, Solid, Spec, Vector3
 from groundlink.world.weather import Weather
@@ -62,6 +64,9 @@ class World(Spec, frozen=True, kw_only=True):
     """Single static shapes, where no kind of furniture fits."""
 
     clutter: Clutter | None = None
+    light: Sun | Lamps | None = None
+    """None: a lamp amid a room's ceiling, the sun where there is no room."""
+
     weather: Weather = Weather()
 
 
@@ -223,6 +228,14 @@ class Scenario(Spec, frozen=True, kw_only=True):
                 if f"{vehicle.name}/{sensor.name}" == name:
                     return vehicle, sensor
         return None
+
+    def with_only(self, name: str) -> Scenario:
+        """Return the scenario without all sensors but the one called `vehicle/sensor`."""
+        vehicles = (
+            replace(v, sensors=tuple(s for s in v.sensors if f"{v.name}/{s.name}" == name))
+            for v in self.vehicles
+        )
+        return replace(self, vehicles=tuple(vehicles))
 
     def ground_truth_topic(self, vehicle: Vehicle) -> str:
         """Return the ROS topic of a vehicle's true odometry."""

@@ -13,19 +13,34 @@ from msgspec import Meta
 
 from groundlink.world.solids import Fraction01, NonNegative, Positive, Spec
 
-from .every_sensor import Address, Mount, Rate, Repair, RepairBy, RosTopic, SensorSpec
+from .cameras import Camera, Optics
+from .depth_cameras import DepthCamera, StereoCamera
+from .every_sensor import (
+    MOUNT_FROM_OPTICAL,
+    Address,
+    Mount,
+    Rate,
+    Repair,
+    RepairBy,
+    RosTopic,
+    SensorSpec,
+)
 from .faults import EACH_WHEEL, Quantity
 from .inertial import GyroscopeNoise, InertialNoise
 from .lidars import Lidar, Lidar2d, RotatingLidar
 
 __all__ = [
+    "MOUNT_FROM_OPTICAL",
     "Address",
+    "Camera",
+    "DepthCamera",
     "Encoders",
     "Gnss",
     "Imu",
     "Lidar",
     "Lidar2d",
     "Mount",
+    "Optics",
     "PositionNoise",
     "Range",
     "Rate",
@@ -35,6 +50,7 @@ __all__ = [
     "RotatingLidar",
     "Sensor",
     "SensorSpec",
+    "StereoCamera",
     "WheelOdometry",
     "WithNative",
     "sensor_rate_hz",
@@ -251,7 +267,9 @@ class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
 WithNative = Lidar | Gnss
 """Kinds of which the device's own datagrams are known."""
 
-Sensor = Lidar | Lidar2d | Imu | Encoders | Gnss | Range | WheelOdometry
+Cameras = Camera | DepthCamera | StereoCamera
+
+Sensor = Lidar | Lidar2d | Imu | Encoders | Gnss | Range | WheelOdometry | Cameras
 
 
 def sensor_rate_hz(spec: Sensor) -> float:

@@ -7,7 +7,7 @@ solid does (collide, reflect, look like something) is the business of those who 
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
@@ -48,6 +48,9 @@ class Sphere(Spec, frozen=True, tag_field="kind", tag="sphere"):
 Shape = Box | Cylinder | Sphere
 
 
+Texture = Literal["plain", "stained", "speckled", "wood", "brushed", "tiles", "bricks", "printed"]
+"""How cameras see a surface: what each pattern looks like is `services.sensors.rendering`'s."""
+
 RETROREFLECTION = 1000.0
 """Light that an ideal retroreflector sends back, in multiples of what a white diffuse surface does:
 pi times 320 cd/(lx m^2), between types III and IV of ASTM D4956 for traffic signs."""
@@ -68,6 +71,12 @@ class Material(Spec, frozen=True):
 
     color: tuple[Fraction01, Fraction01, Fraction01] = (0.6, 0.6, 0.6)
     """Linear red, green, blue."""
+
+    texture: Texture = "plain"
+    """The pattern that cameras see in the colour."""
+
+    texture_size_m: Positive = 2.0
+    """Length after which the pattern repeats."""
 
     @property
     def reflectance(self) -> float:

@@ -67,7 +67,7 @@ class DriverProcess:
         self._answered_to = ack.tick if ack.tick >= 0 else -DRIVER_PERIOD_TICKS
         self._acknowledge(Ack(ack.epoch_nanos, self._answered_to, ack.settled_tick))
 
-    def take(self, state: State) -> None:
+    def take(self, state: State, waiting: int = 0) -> None:
         """Look at one state; answer it when an answer is due."""
         if state.epoch_nanos != self._epoch_nanos:
             self._epoch_nanos, self._answered_to = state.epoch_nanos, -1

@@ -22,6 +22,7 @@ from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Command, State, encode
 from groundlink.scenario import Scenario, load
+from groundlink.scenario.explain import nearest
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS
 from groundlink.topics import (
     ACK,
@@ -230,8 +231,16 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         help="a process without which the run does not begin, such as recorder; repeatable",
     )
     parser.add_argument("--mode", choices=("realtime", "fast"), help="instead of the scenario's")
+    parser.add_argument(
+        "--only", metavar="VEHICLE/SENSOR", help="leave out all other sensors of the scenario"
+    )
     options = parser.parse_args(arguments)
     scenario = load(options.scenario)
+    if options.only:
+        if scenario.sensor(options.only) is None:
+            hint = nearest(options.only, scenario.sensor_names())
+            raise UserError(f"scenario `{scenario.name}` has no sensor `{options.only}`; {hint}")
+        scenario = scenario.with_only(options.only)
     if options.mode:
         scenario = replace(scenario, time=replace(scenario.time, mode=options.mode))
     run = options.run or scenario.name

@@ -9,7 +9,7 @@ up are not settled, and are made again. What is not a `Reading`, the truth, no f
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, cast
 
 import msgspec
@@ -20,7 +20,7 @@ from groundlink.scenario.faults import Delay, Fault
 
 from .circumstances import Circumstances, Past
 from .faults import suffer
-from .model import RememberingModel, SensorModel
+from .model import Beside, RememberingModel, SensorModel, SkippingModel, parted
 from .streams import RandomStreams
 
 
@@ -31,8 +31,8 @@ class _Memory(msgspec.Struct, array_like=True):
     faults: tuple[Fault, ...] | None
     """All of them, where they are others than the scenario's."""
 
-    held: dict[int, bytes]
-    events: dict[int, int]
+    held: dict[str, dict[int, bytes]]
+    events: dict[str, dict[int, int]]
 
 
 class _Point(NamedTuple):
@@ -40,14 +40,14 @@ class _Point(NamedTuple):
 
     settled_tick: int
     inner_memory: bytes
-    past: Past
+    pasts: dict[str, Past]
 
 
 class _Late(NamedTuple):
     """A reading on its way."""
 
     due_tick: int
-    reading: Reading
+    made: Message | Beside
     before: _Point
     """From where a successor makes it again."""
 
@@ -61,8 +61,8 @@ class FaultyModel:
         The sensor.
     faults
         Those of the scenario.
-    message
-        What its readings are.
+    messages
+        What its readings are, by stream.
     streams
         Random numbers of the sensor.
     """
@@ -72,11 +72,11 @@ class FaultyModel:
         inner: SensorModel,
         *,
         faults: tuple[Fault, ...],
-        message: type[Message],
+        messages: Mapping[str, type[Message]],
         streams: RandomStreams,
     ) -> None:
         self._inner = inner
-        self._message = message
+        self._messages = messages
         self._of_scenario = faults
         self._streams = streams
         self.remember(b"")
@@ -93,8 +93,12 @@ class FaultyModel:
         """Return what a successor has to know that sees the state of `settled_tick` first."""
         now = self._late[0].before if self._late else self._now()
         changed = None if self.faults is self._of_scenario else self.faults
-        held = {tick: encode(reading) for tick, reading in now.past.held.items()}
-        return msgspec.msgpack.encode(_Memory(now.inner_memory, changed, held, now.past.events))
+        held = {
+            output: {tick: encode(reading) for tick, reading in past.held.items()}
+            for output, past in now.pasts.items()
+        }
+        events = {output: past.events for output, past in now.pasts.items()}
+        return msgspec.msgpack.encode(_Memory(now.inner_memory, changed, held, events))
 
     def remember(self, memory: bytes) -> None:
         """Go on from a predecessor's memory; from an empty one, begin anew."""
@@ -105,43 +109,60 @@ class FaultyModel:
         """All of them, past, present and to come; one that is added must begin after the last
         state."""
 
-        held = ((tick, decode(body, self._message)) for tick, body in known.held.items())
-        self._past = Past({tick: cast(Reading, body) for tick, body in held}, known.events)
+        self._pasts = {output: Past({}, events) for output, events in known.events.items()}
+        for output, held in known.held.items():
+            for tick, body in held.items():
+                reading = decode(body, self._messages[output])
+                self._pasts[output].held[tick] = cast(Reading, reading)
         self._late: deque[_Late] = deque()
         if isinstance(self._inner, RememberingModel):
             self._inner.remember(known.inner)
+
+    @property
+    def skipped(self) -> int:
+        """Measurements that the sensor left out, being late."""
+        return self._inner.skipped if isinstance(self._inner, SkippingModel) else 0
+
+    def behind(self, waiting: int) -> None:
+        """Take note, before each state, of how many more have arrived."""
+        if isinstance(self._inner, SkippingModel):
+            self._inner.behind(waiting)
 
     def active(self, tick: int) -> tuple[Fault, ...]:
         """Return the faults that are in effect at a tick."""
         return tuple(fault for fault in self.faults if fault.is_on(tick))
 
-    def readings(self, state: State) -> Iterable[Message]:
+    def readings(self, state: State) -> Iterable[Message | Beside]:
         """Take the state of the next tick and yield what comes out by it, oldest first."""
         if not self.faults:
             return self._inner.readings(state)
         before = self._now() if self._may_be_late(state.tick) else None
-        out: list[Message] = []
-        for message in self._inner.readings(state):
+        out: list[Message | Beside] = []
+        for made in self._inner.readings(state):
+            output, message = parted(made)
             if not isinstance(message, Reading):
-                out.append(message)
+                out.append(made)
                 continue
-            now = self._circumstances(measured_nanos(message) - state.epoch_nanos)
+            now = self._circumstances(output, measured_nanos(message) - state.epoch_nanos)
             reading = suffer(now, message)
             if reading is None:
                 continue
+            suffered = Beside(output, reading) if output else reading
             if before is not None and (now.late_ticks or self._late):
-                self._late.append(_Late(state.tick + now.late_ticks, reading, before))
+                self._late.append(_Late(state.tick + now.late_ticks, suffered, before))
             else:
-                out.append(reading)
+                out.append(suffered)
         # Nothing overtakes: what comes late holds up what is behind it.
         while self._late and self._late[0].due_tick <= state.tick:
-            out.append(self._late.popleft().reading)
+            out.append(self._late.popleft().made)
         return out
 
-    def _circumstances(self, sim_nanos: int) -> Circumstances:
+    def _circumstances(self, output: str, sim_nanos: int) -> Circumstances:
         faults = self.active(sim_nanos // TICK_NANOS)
-        self._past = self._past.of(faults)
-        return Circumstances(faults, sim_nanos, self._streams, self._past)
+        past = self._pasts.get(output, Past({}, {})).of(faults)
+        # A new dictionary: the one before may belong to a point to go back to.
+        self._pasts = self._pasts | {output: past}
+        return Circumstances(faults, sim_nanos, self._streams, past)
 
     def _may_be_late(self, tick: int) -> bool:
         begins = (fault.begin_tick for fault in self.faults if isinstance(fault, Delay))
@@ -150,4 +171,4 @@ class FaultyModel:
     def _now(self) -> _Point:
         inner: Any = self._inner
         memory = inner.memory() if isinstance(inner, RememberingModel) else b""
-        return _Point(inner.settled_tick(), memory, self._past)
+        return _Point(inner.settled_tick(), memory, self._pasts)

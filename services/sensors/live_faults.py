@@ -94,10 +94,10 @@ class LiveFaults:
             self._epoch_nanos = ack.epoch_nanos
             self._told = self._model.active(ack.settled_tick)
 
-    def take(self, state: State) -> None:
-        """Take one state, in order; tell what has changed by it."""
+    def take(self, state: State, waiting: int = 0) -> None:
+        """Take one state, in order; tell what has changed by it. So many more have arrived."""
         with self._turn:
-            self._sensor.take(state)
+            self._sensor.take(state, waiting)
             if state.epoch_nanos != self._epoch_nanos:
                 self._epoch_nanos = state.epoch_nanos
                 # Who joins a run under way may follow on one that had faults.

@@ -13,16 +13,31 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from groundlink.messages import Message, State
 
 
+class Beside(NamedTuple):
+    """A message of a sensor that does not belong to its main stream."""
+
+    output: str
+    """Name of its stream, as in `SensorSpec.ros_topics`."""
+
+    message: Message
+
+
+def parted(made: Message | Beside) -> tuple[str, Message]:
+    """Return what a sensor made as the name of its stream, empty for the main one, and message."""
+    return made if isinstance(made, Beside) else ("", made)
+
+
 class SensorModel(Protocol):
     """A sensor, without its process."""
 
     def restart(self) -> None:
         """Forget earlier states: time jumped or states were lost."""
 
-    def readings(self, state: State) -> Iterable[Message]:
+    def readings(self, state: State) -> Iterable[Message | Beside]:
         """Take the state of the next tick and yield what can be measured by it, oldest first.
 
-        A sensor that was asked for its truth yields it behind each reading.
+        A plain message belongs to the sensor's main stream. A sensor that was asked for its truth
+        yields it behind each reading.
         """
 
     def settled_tick(self) -> int:
@@ -38,6 +53,17 @@ class RememberingModel(SensorModel, Protocol):
 
     def remember(self, memory: bytes) -> None:
         """Go on from a predecessor's memory; from an empty one, begin anew."""
+
+
+@runtime_checkable
+class SkippingModel(SensorModel, Protocol):
+    """A sensor that leaves out what would come late in real time, rather than queue it."""
+
+    skipped: int
+    """Measurements left out so far."""
+
+    def behind(self, waiting: int) -> None:
+        """Take note, before each state, of how many more have arrived."""
 
 
 class Datagram(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.frames import Floats
-from groundlink.imagery import LaserScan, Range
+from groundlink.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from groundlink.messages import Imu, PointCloud, Reading, Vector3, WheelEncoders, packed
 from groundlink.navigation import NavSatFix, Odometry
 
@@ -126,5 +126,8 @@ QUANTITIES: dict[type[Reading], dict[str, Callable[[Any, Offsets], Any]]] = {
     Odometry: {"position": _position, "yaw": _yaw},
     NavSatFix: {"position": _fix_position},
     Range: {"range": _range},
+    CompressedImage: {},
+    Image: {},
+    CameraInfo: {},
 }
 """By message and quantity: the reading with offsets added; the first is meant unless named."""

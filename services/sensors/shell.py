@@ -20,12 +20,12 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor, WithNative
-from groundlink.topics import ACK, FAULTS, SENSOR_TOPICS, SENSOR_TRUTHS, faults_key
+from groundlink.topics import ACK, FAULTS, SENSOR_TOPICS, faults_key, sensor_outputs
 from groundlink.world.build import world_hash
 
 from .faulty import FaultyModel
 from .live_faults import LiveFaults
-from .model import NativeDevice, RememberingModel, SensorModel
+from .model import Beside, NativeDevice, RememberingModel, SensorModel, SkippingModel, parted
 from .native import NativeLink, NoLink
 from .streams import RandomStreams
 
@@ -45,7 +45,7 @@ class SensorProcess:
         *,
         expected_world_hash: str,
         ack_ticks: int,
-        publish: Callable[[Message], object],
+        publish: Callable[[Message | Beside], object],
         acknowledge: Callable[[Ack], object],
     ) -> None:
         self._model = model
@@ -70,8 +70,8 @@ class SensorProcess:
             self._model.remember(ack.memory)
         self._acknowledge(ack)
 
-    def take(self, state: State) -> None:
-        """Feed one state; publish what it makes measurable.
+    def take(self, state: State, waiting: int = 0) -> None:
+        """Feed one state; publish what it makes measurable. So many more have arrived by now.
 
         Raises
         ------
@@ -95,6 +95,8 @@ class SensorProcess:
             self.missed_ticks += state.tick - self.tick - 1
             self._model.restart()
         self.tick = state.tick
+        if isinstance(self._model, SkippingModel):
+            self._model.behind(waiting)
         settled_before = self._model.settled_tick()
         try:
             readings = list(self._model.readings(state))
@@ -166,21 +168,22 @@ def _main(
         if native is not None and isinstance(spec, WithNative):
             if destination := options.native or spec.native:
                 link = NativeLink(native(model, spec), destination)
-        rows = [topic, SENSOR_TRUTHS[spec_type]] if spec.truth_topic is not None else [topic]
         names = {"vehicle": vehicle.name, "sensor": spec.name}
         publish = {
-            row.message: bus.publisher(row.key_in(run_name, **names), row.delivery) for row in rows
+            output.name: bus.publisher(output.row.key_in(run_name, **names), output.row.delivery)
+            for output in sensor_outputs(spec)
         }
 
-        def send(message: Message) -> None:
-            publish[type(message)](message)
-            if type(message) is topic.message:
+        def send(reading: Message | Beside) -> None:
+            output, message = parted(reading)
+            publish[output](message)
+            if not output:
                 link.send(message, sensor.epoch_nanos)
 
         faulty = FaultyModel(
             model,
             faults=spec.faults,
-            message=topic.message,
+            messages={output.name: output.row.message for output in sensor_outputs(spec)},
             streams=RandomStreams(scenario.seed, options.name),
         )
         sensor = SensorProcess(
@@ -207,6 +210,8 @@ def _main(
                 "missed_ticks": sensor.missed_ticks,
                 "refused": sensor.refused,
             }
+            if isinstance(model, SkippingModel):
+                counts["skipped"] = model.skipped
             return counts | counted(live.active) | link.counters
 
         process.follow_states(bus, run_name, options.name, live, counters, stop.is_set)

@@ -16,7 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, quaternion_from_rpy, transform
+from groundlink.frames import Floats, transform
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import RotatingLidar, Sensor
@@ -86,8 +86,8 @@ class Seen:
             return np.eye(4)
         for sensor in self.spec.sensors:
             if sensor.mounted and prefix + sensor.frame == frame:
-                roll_pitch_yaw = sensor.mount.rpy_radians()
-                return transform(sensor.mount.xyz_m, quaternion_from_rpy(*roll_pitch_yaw))
+                turn = sensor.mount.quaternion(optical=sensor.optical)
+                return transform(sensor.mount.xyz_m, turn)
         return None
 
 

@@ -7,10 +7,13 @@ which a CameraInfo ties to the optical frame: with one, the picture also hangs i
 
 from __future__ import annotations
 
+import io
 import math
+import struct
 from typing import Any, Literal
 
 import numpy as np
+import PIL.Image
 import rerun as rr
 from numpy.typing import NDArray
 
@@ -42,8 +45,8 @@ _COLOURS: dict[str, tuple[ColourModel, type[np.unsignedinteger[Any]]]] = {
 _DEPTHS: dict[str, tuple[Any, float]] = {"32FC1": (np.float32, 1.0), "16UC1": (np.uint16, 1000.0)}
 """Type of a pixel, and how much of it is a metre (REP 118)."""
 
-_DEPTH_HEADER_BYTES = 12
-"""What compressed_depth_image_transport puts before the PNG: its configuration."""
+_DEPTH_HEADER = struct.Struct("<iff")
+"""What compressed_depth_image_transport puts before the PNG: format, A and B."""
 
 
 def image(canvas: Canvas, seen: Seen, path: str, message: Image) -> None:
@@ -72,8 +75,11 @@ def compressed_image(canvas: Canvas, seen: Seen, path: str, message: CompressedI
     """Show a compressed file as it is."""
     said = message.format.lower()
     if "compresseddepth" in said:
-        png = bytes(message.data[_DEPTH_HEADER_BYTES:])
-        depth = rr.EncodedDepthImage(png, media_type="image/png", meter=1000.0)
+        try:
+            depth = _compressed_depth(message, metres="32fc1" in said)
+        except (OSError, SyntaxError, struct.error):  # what Pillow says of a broken PNG; no header
+            canvas.not_drawn += 1
+            return
         _show(canvas, path, message, depth)
         return
     kind = next((kind for kind in ("png", "jpeg", "jpg") if kind in said), None)
@@ -83,6 +89,23 @@ def compressed_image(canvas: Canvas, seen: Seen, path: str, message: CompressedI
     media_type = "image/png" if kind == "png" else "image/jpeg"
     picture = rr.EncodedImage(contents=bytes(message.data), media_type=media_type)
     _show(canvas, path, message, picture)
+
+
+def _compressed_depth(message: CompressedImage, *, metres: bool) -> rr.AsComponents:
+    """Return depth as compressed_depth_image_transport stores it.
+
+    Of 16UC1 the PNG has millimetres. Of metres, 32FC1, it has A / depth + B, with 0 for none, and
+    the header has A and B (codec.cpp there).
+    """
+    png = bytes(message.data[_DEPTH_HEADER.size :])
+    if not metres:
+        return rr.EncodedDepthImage(png, media_type="image/png", meter=1000.0)
+    _, a, b = _DEPTH_HEADER.unpack_from(message.data)
+    with PIL.Image.open(io.BytesIO(png)) as file:
+        stored = np.asarray(file, np.float32)
+    depth_m = np.full(stored.shape, np.nan, np.float32)
+    np.divide(a, stored - np.float32(b), out=depth_m, where=stored > 0)
+    return rr.DepthImage(depth_m, meter=1.0, point_fill_ratio=0.4)
 
 
 def _show(

@@ -123,7 +123,8 @@ def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: 
     file.write_text(text, encoding="utf-8")
     assert check(argparse.Namespace(scenario=str(file))) == 0
     told = capsys.readouterr().out
-    assert "/points/truth, with each message\n           a message has up to 1497817 bytes" in told
+    assert "/points, /points/truth, 10 Hz" in told
+    assert "the truth behind it:\n           a message has up to 1497817 bytes" in told
     for topic in ("/ground_truth/wheels, 50 Hz", "/ground_truth/bodies, 10 Hz"):
         assert f"{topic}, for those who subscribe" in told
 

@@ -118,14 +118,12 @@ def rig(folder: Path, *, time_section: str = "") -> Iterator[Rig]:
 class Observer:
     """A real rclpy node in a process of its own, which writes down what arrives."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, module: str = "tests.system.ros_observer") -> None:
         self._file = rig.folder / "observed.jsonl"
         self._file.touch()
         self._position = 0
         self.messages: dict[str, list[dict[str, Any]]] = {}
-        self.process = rig.start(
-            *("-m", "tests.system.ros_observer", str(self._file)), log="observer.log"
-        )
+        self.process = rig.start(*("-m", module, str(self._file)), log="observer.log")
 
     def read(self) -> dict[str, list[dict[str, Any]]]:
         """Return all that has arrived so far, by topic."""

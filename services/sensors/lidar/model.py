@@ -15,6 +15,7 @@ from groundlink.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages import POINT, PointCloud, State, packed
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar
+from services.sensors.model import Beside
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 from services.sensors.scanning.scanner import Scan, Scanner
@@ -26,8 +27,6 @@ class LidarModel:
     Attributes
     ----------
     scanner : Scanner
-    scans : list of Scan
-        What the clouds of the last `readings` were made of, one each.
 
     Raises
     ------
@@ -38,7 +37,6 @@ class LidarModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
         self.scanner = Scanner(scenario, vehicle, spec, truth=spec.truth)
-        self.scans: list[Scan] = []
         self._seconds: Reals = self.scanner.blocks.since_start(self.scanner.sweep.seconds)
 
     def restart(self) -> None:
@@ -49,7 +47,7 @@ class LidarModel:
         """Return the tick at which the block under way began; -1 before the first state."""
         return self.scanner.settled_tick()
 
-    def readings(self, state: State) -> list[PointCloud | TruePoints]:
+    def readings(self, state: State) -> list[PointCloud | Beside]:
         """Take the state of the next tick and return what it completes, oldest first.
 
         Behind each cloud comes the truth, if the data sheet asks for it.
@@ -59,13 +57,12 @@ class LidarModel:
         BadMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
-        self.scans = self.scanner.take(state)
-        found: list[PointCloud | TruePoints] = []
-        for scan in self.scans:
+        found: list[PointCloud | Beside] = []
+        for scan in self.scanner.take(state):
             found += self._clouds(scan, state.epoch_nanos + scan.nanos)
         return found
 
-    def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | TruePoints]:
+    def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | Beside]:
         """Yield the points firing after firing, lasers as they fire, two of a ray in turn.
 
         A point is range times direction above the laser's origin. The truth has the same order.
@@ -85,4 +82,5 @@ class LidarModel:
         )
         yield PointCloud(stamp_nanos, self._frame, packed(points))
         if scan.truth is not None:
-            yield TruePoints(stamp_nanos, self._frame, packed(true_points))
+            truth = TruePoints(stamp_nanos, self._frame, packed(true_points))
+            yield Beside("truth", truth)

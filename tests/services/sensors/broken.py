@@ -9,7 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.imagery import LaserScan, Range
+from groundlink.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from groundlink.messages import (
     POINT,
     Ack,
@@ -61,6 +61,12 @@ READINGS: dict[type[Reading], Reading] = {
     ),
     NavSatFix: NavSatFix(0, "gps", 0, 1, 50.29, 18.68, 240.0, packed(np.eye(3)), 2),
     Range: Range(0, "sonar", "ultrasound", 0.5, 0.25, 4.0, 1.5, 0.0),
+    CompressedImage: CompressedImage(0, "camera", "jpeg", packed(np.arange(9, dtype=np.uint8))),
+    Image: Image(0, "camera", 2, 3, "mono8", 3, packed(np.arange(6, dtype=np.uint8))),
+    CameraInfo: CameraInfo(
+        *(0, "camera", 2, 3, "plumb_bob", packed(np.zeros(5)), packed(np.eye(3))),
+        *(packed(np.eye(3)), packed(np.eye(3, 4))),
+    ),
 }
 """One of each message that a sensor yields."""
 
@@ -110,7 +116,7 @@ def faulty(
     return FaultyModel(
         inner,
         faults=faults,
-        message=message,
+        messages={"": message},
         streams=RandomStreams(seed, "rover/it"),
     )
 

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
+from groundlink.imagery import CameraInfo, CompressedImage
 from groundlink.messages import Imu, Message, PointCloud, State, WheelEncoders
 from groundlink.scenario import sensors
 from groundlink.scenario.faults import (
@@ -25,9 +26,10 @@ from groundlink.scenario.faults import (
 from services.sensors.encoders.model import EncodersModel
 from services.sensors.faulty import FaultyModel
 from services.sensors.imu.model import ImuModel
-from services.sensors.model import SensorModel
+from services.sensors.model import Beside, SensorModel, parted
+from services.sensors.streams import RandomStreams
 
-from .broken import READINGS, Counts, Line, Repeats, faulty
+from .broken import READINGS, Counts, Line, Repeats, faulty, stamped
 from .states import WHEELS, scenario
 from .states import states as moving_states
 
@@ -144,3 +146,49 @@ def test_without_faults_nothing_is_touched() -> None:
     whole = [m for s in STATES for m in Repeats(READINGS[PointCloud]).readings(s)]
     none = faulty(Repeats(READINGS[PointCloud]), PointCloud)
     assert [m for s in STATES for m in none.readings(s)] == whole
+
+
+class Films(Counts):
+    """Yields pictures, and beside each what a camera says of it."""
+
+    def __init__(self) -> None:
+        super().__init__(READINGS[CompressedImage], 40.0)
+
+    def readings(self, state: State) -> Iterator[Message | Beside]:  # type: ignore[override]
+        for picture in super().readings(state):
+            stamp_nanos: int = picture.stamp_nanos  # type: ignore[attr-defined]
+            yield Beside("camera_info", stamped(READINGS[CameraInfo], stamp_nanos))
+            yield picture
+
+
+@pytest.mark.parametrize("fault", TIMED, ids=lambda fault: fault.kind)
+def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
+    def camera() -> FaultyModel:
+        return FaultyModel(
+            Films(),
+            faults=(fault,),
+            messages={"": CompressedImage, "camera_info": CameraInfo},
+            streams=RandomStreams(1, "rover/camera"),
+        )
+
+    def said(model: FaultyModel, states: list[State]) -> list[tuple[int, str, Message]]:
+        return [(s.tick, *parted(made)) for s in states for made in model.readings(s)]
+
+    first = camera()
+    before, settled, memory = said(first, STATES[:501]), first.settled_tick(), first.memory()
+    after = said(first, STATES[501:])
+    whole = [*before, *after]
+    pictures = [(tick, m.stamp_nanos) for tick, name, m in whole if not name]  # type: ignore[attr-defined]
+    infos = [(tick, m.stamp_nanos) for tick, name, m in whole if name]  # type: ignore[attr-defined]
+    assert pictures == infos != []
+    assert [m for _, _, m in whole] != [m for _, _, m in said(faulty_free(), STATES)] or (
+        fault.kind == "delay"
+    )
+    successor = camera()
+    successor.remember(memory)
+    again = said(successor, STATES[settled + 1 :])
+    assert [row for row in again if row[0] > 500] == after
+
+
+def faulty_free() -> FaultyModel:
+    return FaultyModel(Films(), faults=(), messages={}, streams=RandomStreams(1, "rover/camera"))

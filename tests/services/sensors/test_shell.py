@@ -159,3 +159,23 @@ def test_a_gap_is_remembered_over_but_no_new_life_of_physics() -> None:
     assert model.seen == 110
     bench.take(range(10), epoch=2)
     assert model.seen == 10
+
+
+class Skips(EveryFortyTicks):
+    """Notes how far behind it is told to be."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.skipped = 0
+        self.told: list[int] = []
+
+    def behind(self, waiting: int) -> None:
+        self.told.append(waiting)
+
+
+def test_a_model_that_skips_is_told_how_far_behind_it_is() -> None:
+    model = Skips()
+    bench = Bench(model)
+    for tick, waiting in enumerate((0, 3, 41)):
+        bench.sensor.take(State("run", 0, tick, tick * 2_500_000, HASH, {}), waiting)
+    assert model.told == [0, 3, 41]

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import io
+import struct
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 import rerun as rr
 from msgspec.structs import replace
@@ -184,6 +187,30 @@ def test_a_jpeg_goes_as_it_is() -> None:
     assert bytes(image.blob.as_arrow_array()[0].as_py()) == bytes(JPEG)
 
 
+def test_compressed_depth_in_metres_is_told_by_its_header() -> None:
+    """The PNG holds A / depth + B; here 1, 2 and 4 m, and none."""
+    stored = np.array([[9001, 4001, 1501, 0]], np.uint16)
+    file = io.BytesIO()
+    PIL.Image.fromarray(stored).save(file, "png")
+    data = struct.pack("<iff", 1, 10_000.0, -999.0) + file.getvalue()
+    it, recording = picture()
+    format = "32FC1; compressedDepth png"
+    show(it, "rover/x", imagery.CompressedImage(STAMP, "cam", format, memoryview(data)))
+    (depth,) = (w for w in recording.logged["rover/x"] if isinstance(w, rr.DepthImage))
+    metres = np.frombuffer(bytes(depth.buffer.as_arrow_array()[0].as_py()), np.float32)
+    assert metres == pytest.approx([1.0, 2.0, 4.0, np.nan], nan_ok=True)
+    assert depth.meter.as_arrow_array().to_pylist() == [1.0]
+
+
+def test_compressed_depth_in_millimetres_goes_as_it_is() -> None:
+    data = memoryview(struct.pack("<iff", 1, 0.0, 0.0) + b"a PNG")
+    it, recording = picture()
+    show(it, "rover/x", imagery.CompressedImage(STAMP, "cam", "16UC1; compressedDepth png", data))
+    (depth,) = (w for w in recording.logged["rover/x"] if isinstance(w, rr.EncodedDepthImage))
+    assert bytes(depth.blob.as_arrow_array()[0].as_py()) == b"a PNG"
+    assert depth.meter.as_arrow_array().to_pylist() == [1000.0]
+
+
 def test_a_cloud_is_placed_point_by_point() -> None:
     """The rover drives 1 m/s; its LiDAR is 0.65 m above the base. The same spot, 0.1 s apart."""
     it, recording = picture()
@@ -241,9 +268,11 @@ def test_a_cloud_from_before_the_first_state_is_counted() -> None:
     [
         imagery.Image(STAMP, "cam", 1, 1, "bayer_rggb8", 1, memoryview(b"x")),
         imagery.CompressedImage(STAMP, "cam", "h264", memoryview(b"x")),
+        imagery.CompressedImage(STAMP, "cam", "32FC1; compressedDepth png", memoryview(b"x")),
+        imagery.CompressedImage(STAMP, "cam", "32FC1; compressedDepth png", memoryview(bytes(99))),
         PointCloud(STAMP, "nowhere", packed(np.zeros(1, POINT))),
     ],
-    ids=["bayer", "h264", "unknown frame"],
+    ids=["bayer", "h264", "no header", "no PNG", "unknown frame"],
 )
 def test_what_cannot_be_drawn_is_counted(message: Message) -> None:
     it, _ = picture()

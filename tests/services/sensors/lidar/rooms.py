@@ -16,6 +16,7 @@ from groundlink.messages import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
+from services.sensors.scanning.scanner import Scan
 
 EPOCH_NANOS = 1_700_000_000_000_000_000
 HALF = np.array([5.0, 4.0, 1.5])
@@ -148,6 +149,12 @@ def clouds(made: Scenario, way: Way, ticks: int = 42, **states_as: Any) -> list[
     sensor = model(made)
     fed = states(made, way, ticks, **states_as)
     return [cloud for state in fed for cloud in sensor.readings(state)]
+
+
+def scans(made: Scenario, way: Way, ticks: int = 42, **states_as: Any) -> list[Scan]:
+    """Return what a fresh scanner takes."""
+    scanner = model(made).scanner
+    return [scan for state in states(made, way, ticks, **states_as) for scan in scanner.take(state)]
 
 
 def points(cloud: PointCloud) -> Floats:

@@ -156,11 +156,8 @@ def test_beams_meet_other_vehicles_as_they_stand_at_each_instant() -> None:
 
     def seen(**lidar: Any) -> Returns:
         above = {"xyz_m": [0.0, 0.0, 0.4]}
-        model = rooms.model(rooms.scenario(others=[hull], mount=above, **lidar))
         made = rooms.scenario(others=[hull], mount=above, **lidar)
-        for state in rooms.states(made, rooms.at_rest, 41, others=[passing]):
-            model.readings(state)
-        return model.scans[0].returns
+        return rooms.scans(made, rooms.at_rest, 41, others=[passing])[0].returns
 
     plain, beams = seen(), seen(divergence_mrad=[1e-3, 1e-3], rays_per_beam=4)
     assert np.count_nonzero(plain.body >= 0) > 50
@@ -202,9 +199,8 @@ def test_blocks_hold_the_very_numbers_of_the_revolution() -> None:
 
 def test_a_cloud_has_both_returns_of_a_ray() -> None:
     made = rooms.scenario(solids=PILLARS, **{**EVERYTHING, "dropout": 0.0})
-    model = rooms.model(made)
-    clouds = [c for s in rooms.states(made, rooms.at_rest, 41) for c in model.readings(s)]
-    (scan,) = model.scans
+    clouds = rooms.clouds(made, rooms.at_rest, 41)
+    (scan,) = rooms.scans(made, rooms.at_rest, 41)
     twice = scan.returns.returned.all(axis=0)
     assert 50 < np.count_nonzero(twice) < 1000
     records = clouds[0].records()

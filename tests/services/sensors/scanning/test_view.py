@@ -132,8 +132,7 @@ def test_what_moves_is_the_same_in_blocks_at_the_very_instants_of_states(rate_hz
         made, scans = rooms.scenario(**fields, **spec), list[Scan]()
         model = rooms.model(made)
         for state in rooms.states(made, rooms.at_rest, firings + 1, others=[shaking]):
-            model.readings(state)
-            scans += model.scans
+            scans += model.scanner.take(state)
         assert all((scan.returns.body >= 0).all() for scan in scans)
         return np.concatenate([scan.returns.true_range_m for scan in scans], axis=-1)
 

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A picture against PyBullet's two renderers: `python -m benchmarks.camera`.
+
+Rule: the same room through the same pinhole from the same places, colour and depth read back, turn
+by turn, each in a process of its own, as PyBullet's EGL bears no other OpenGL beside it. Ours has
+textures and the shadows of two lamps and of a vehicle that moves with every picture; PyBullet draws
+plain colours, TinyRenderer with its shadow, EGL without, as it has none, both without a
+segmentation mask, and nothing moves there. `groundlink_lens` has distortion, chromatic aberration,
+vignetting, depth of field and noise besides, and a JPEG. Figures are medians; `ratio` is of the
+processor's time over all threads, which other load on the machine disturbs least, `wall_ratio` of
+the elapsed time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pybullet
+from msgspec.structs import replace
+
+from groundlink.frames import Floats, matrix_from_quaternion, multiply, transform
+from groundlink.scenario import Scenario, load
+from groundlink.scenario.lenses import Imager, Lens
+from groundlink.scenario.schema import Vehicle
+from groundlink.scenario.sensors import Camera
+from groundlink.world.build import solids
+from groundlink.world.solids import Box, Cylinder, Solid, Sphere
+from services.sensors.rendering import lens
+from services.sensors.rendering.imager import Electronics
+from services.sensors.rendering.messages import jpeg
+from services.sensors.rendering.pinhole import Pinhole
+from services.sensors.rendering.renderer import Renderer
+from services.sensors.rendering.target import Frame
+from services.sensors.streams import RandomStreams
+from services.sensors.surroundings import Surroundings
+
+from .lidar.driving import link_poses
+
+LAB = Path(__file__).parents[1] / "scenarios" / "indoor_camera.yaml"
+TICKS_A_PICTURE = 40
+WARM_UP = 2
+TOOK = "took:"
+WAYS = ("groundlink", "groundlink_jpeg", "groundlink_lens", "tiny", "egl")
+GOALS = {("groundlink", "tiny"): 6.0, ("groundlink", "egl"): 2.0, ("groundlink_lens", "tiny"): 4.0}
+"""Least ratios with --check."""
+
+LENS = Lens(
+    distortion=(-0.2, 0.05, 0.001, -0.001),
+    chromatic_aberration=0.002,
+    vignetting=0.4,
+    aperture_m=0.01,
+)
+GRAIN = Imager(full_well_electrons=10000.0, read_noise_electrons=5.0, black_level=0.01)
+
+
+def clocks() -> Floats:
+    """Return elapsed and processor time, milliseconds."""
+    return 1e3 * np.array([time.perf_counter(), time.process_time()])
+
+
+def place(scenario: Scenario, vehicle: Vehicle, camera: Camera, number: int) -> Floats:
+    """Return world_from_optical of a picture by its number, shape (4, 4)."""
+    base = link_poses(scenario, TICKS_A_PICTURE * number)[vehicle.name][0]
+    base_from_optical = transform(camera.mount.xyz_m, camera.mount.quaternion(optical=True))
+    world_from_optical: Floats = transform(base[:3], base[3:]) @ base_from_optical
+    return world_from_optical
+
+
+class Ours:
+    """Our renderer on its way through the room."""
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, camera: Camera) -> None:
+        self._scenario, self._vehicle, self._camera = scenario, vehicle, camera
+        around = Surroundings(scenario, vehicle, camera.mount.xyz_m)
+        self._lens = lens.Lens(camera.lens, Pinhole.of(camera))
+        self._renderer = Renderer(scenario.world, around, self._lens.drawn)
+        values = 3 * camera.width * camera.height
+        self._electronics = Electronics(camera.imager, values, RandomStreams(1, "camera"))
+
+    def _picture(self, number: int) -> Frame:
+        poses = link_poses(self._scenario, TICKS_A_PICTURE * number)
+        self._renderer.place(np.concatenate([*poses.values()]))
+        return self._renderer.draw(place(self._scenario, self._vehicle, self._camera, number))
+
+    def draw(self, number: int) -> None:
+        """Move everything and draw."""
+        self._picture(number)
+
+    def draw_and_compress(self, number: int) -> None:
+        """Do so, with what lens and sensor add, and make a JPEG of it."""
+        colour = self._lens.seen(self._picture(number)).colour
+        colour = self._electronics.read(colour, number)
+        jpeg(0, "", colour, grey=False, quality=self._camera.jpeg_quality)
+
+
+class Rival:
+    """PyBullet with the same solids and the vehicle where it starts."""
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, camera: Camera, *, egl: bool) -> None:
+        self._client = pybullet.connect(pybullet.DIRECT)
+        if egl:
+            self._load_egl()  # it draws nothing that was there before it
+        self._pinhole = Pinhole.of(camera)
+        self._place: Callable[[int], Floats] = lambda n: place(scenario, vehicle, camera, n)
+        materials = scenario.world.materials
+        for solid in solids(scenario):
+            self._add(solid, np.array([0, 0, 0, 0, 0, 0, 1.0]), materials[solid.material].color)
+        base = link_poses(scenario, 0)[vehicle.name][0]
+        for visual in vehicle.model.visuals:
+            self._add(visual, base, materials[visual.material].color)
+
+    def _load_egl(self) -> None:
+        """Load PyBullet's EGL renderer, which comes with it."""
+        found = importlib.util.find_spec("eglRenderer")
+        assert found is not None
+        assert found.origin is not None
+        plugin = pybullet.loadPlugin(
+            found.origin, "_eglRendererPlugin", physicsClientId=self._client
+        )
+        assert plugin >= 0
+
+    def _add(self, solid: Solid, world_from_frame: Floats, colour: tuple[float, ...]) -> None:
+        client = {"physicsClientId": self._client}
+        look = {"rgbaColor": [*np.sqrt(colour).tolist(), 1.0], **client}
+        match solid.shape:
+            case Box(size_m=size):
+                half = [length / 2 for length in size]
+                shape = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, **look)
+            case Cylinder(radius_m=radius, length_m=length):
+                shape = pybullet.createVisualShape(
+                    pybullet.GEOM_CYLINDER, radius=radius, length=length, **look
+                )
+            case Sphere(radius_m=radius):
+                shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=radius, **look)
+        place, turn = world_from_frame[:3], world_from_frame[3:]
+        pybullet.createMultiBody(
+            baseVisualShapeIndex=shape,
+            basePosition=(place + matrix_from_quaternion(turn) @ solid.position_m).tolist(),
+            baseOrientation=multiply(turn, solid.orientation).tolist(),
+            **client,
+        )
+
+    def picture(self, number: int, renderer: int, *, shadow: int) -> None:
+        """Draw."""
+        pinhole = self._pinhole
+        # OpenGL's camera looks along -z, with y up; its projection has a far plane here.
+        world_from_camera = self._place(number) @ np.diag([1.0, -1.0, -1.0, 1.0])
+        near, far = 0.02, 100.0
+        projection = np.zeros((4, 4))
+        projection[0, 0] = 2 * pinhole.fx / pinhole.width
+        projection[1, 1] = 2 * pinhole.fy / pinhole.height
+        projection[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
+        projection[3, 2] = -1.0
+        pybullet.getCameraImage(
+            pinhole.width,
+            pinhole.height,
+            np.linalg.inv(world_from_camera).T.ravel().tolist(),
+            projection.T.ravel().tolist(),
+            lightDirection=[0.2, 0.3, 3.0],
+            shadow=shadow,
+            flags=pybullet.ER_NO_SEGMENTATION_MASK,
+            renderer=renderer,
+            physicsClientId=self._client,
+        )
+
+
+def painter(way: str, size: tuple[int, int]) -> Callable[[int], None]:
+    """Return what draws a picture by its number in one of the ways."""
+    scenario = load(LAB)
+    vehicle, camera = scenario.sensor("rover/camera") or (None, None)
+    assert vehicle is not None
+    assert isinstance(camera, Camera)
+    camera = replace(camera, width=size[0], height=size[1])
+    if way == "groundlink_lens":
+        camera = replace(camera, lens=LENS, imager=GRAIN)
+    if way.startswith("groundlink"):
+        ours = Ours(scenario, vehicle, camera)
+        return ours.draw if way == "groundlink" else ours.draw_and_compress
+    rival = Rival(scenario, vehicle, camera, egl=way == "egl")
+    if way == "tiny":
+        return lambda number: rival.picture(number, pybullet.ER_TINY_RENDERER, shadow=1)
+    return lambda number: rival.picture(number, pybullet.ER_BULLET_HARDWARE_OPENGL, shadow=0)
+
+
+def paint(way: str, size: tuple[int, int]) -> None:
+    """Draw whenever a number comes in, and tell the elapsed and the processor's time."""
+    picture = painter(way, size)
+    for line in sys.stdin:
+        started = clocks()
+        picture(int(line))
+        print(TOOK, *(clocks() - started), flush=True)
+
+
+class Painter:
+    """A process that draws in one way."""
+
+    def __init__(self, way: str, size: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.camera", "--way", way, "--size", size],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._asked, self._told = self._process.stdin, self._process.stdout
+
+    def picture(self, number: int) -> Floats:
+        """Return what a picture took: elapsed and processor's time, milliseconds."""
+        print(number, file=self._asked, flush=True)
+        for line in self._told:
+            _, told, figures = line.partition(TOOK)  # PyBullet prints, too
+            if told:
+                return np.array([float(word) for word in figures.split()])
+        raise SystemExit("a painter has ended; see its last line")
+
+    def end(self) -> None:
+        """End the process."""
+        self._asked.close()
+        self._process.wait(5)
+
+
+def main() -> int:
+    """Measure, print, and with --check compare."""
+    parser = argparse.ArgumentParser(prog="benchmarks.camera", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="fail below the goals")
+    parser.add_argument("--size", default="1280x720", metavar="WxH")
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--way", choices=WAYS, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.way:
+        width, height = (int(word) for word in options.size.split("x"))
+        paint(options.way, (width, height))
+        return 0
+    painters = {way: Painter(way, options.size) for way in WAYS}
+    spent: dict[str, list[Floats]] = {way: [] for way in WAYS}
+    for number in range(options.rounds + WARM_UP):
+        for way, one in painters.items():
+            spent[way].append(one.picture(number))
+    for one in painters.values():
+        one.end()
+    medians = {way: np.median(times[WARM_UP:], axis=0) for way, times in spent.items()}
+    print(f"camera {options.size}, colour and depth, {options.rounds} pictures each")
+    for way, (wall_ms, cpu_ms) in medians.items():
+        print(f"  {way:16} cpu_ms={cpu_ms:.1f} wall_ms={wall_ms:.1f}")
+    missed = False
+    for (way, rival), goal in GOALS.items():
+        wall_ratio, ratio = medians[rival] / medians[way]
+        print(
+            f"  {way} against {rival}: ratio={ratio:.1f} wall_ratio={wall_ratio:.1f} goal={goal:g}"
+        )
+        missed |= bool(ratio < goal)
+    return 1 if options.check and missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink snapshot SCENARIO VEHICLE/CAMERA --at S --out DIR`: single pictures, into files.
+
+Rule: a run with this one sensor, as fast as it goes, that ends when the picture is taken. Drivers
+drive as in any run; nobody else commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import socket
+import sys
+import time
+from pathlib import Path
+
+from groundlink.bus import Bus
+from groundlink.errors import UserError
+from groundlink.scenario import load
+from groundlink.scenario.explain import nearest
+from groundlink.scenario.sensors import Optics
+from groundlink.supervisor import Supervisor
+from groundlink.topics import driver_names, process_names
+
+from . import running
+
+TEND_SECONDS = 0.02
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("snapshot", help="write what a camera sees at an instant")
+    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.add_argument("camera", help="vehicle/sensor, as in rover/camera")
+    parser.add_argument(
+        "--at", type=float, default=1.0, metavar="S", help="sim time (default %(default)g s)"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path(), metavar="DIR", help="folder for the files (default .)"
+    )
+    parser.set_defaults(command=snapshot)
+
+
+def snapshot(options: argparse.Namespace) -> int:
+    """Write colour, depth and labels of one instant."""
+    scenario = load(options.scenario)
+    found = scenario.sensor(options.camera)
+    if found is None or not isinstance(found[1], Optics):
+        cameras = [
+            f"{vehicle.name}/{sensor.name}"
+            for vehicle in scenario.vehicles
+            for sensor in vehicle.sensors
+            if isinstance(sensor, Optics)
+        ]
+        hint = nearest(options.camera, cameras) if cameras else "it has none at all"
+        raise UserError(f"scenario `{scenario.name}` has no camera `{options.camera}`; {hint}")
+    if not options.at >= 0:
+        raise UserError(f"--at {options.at:g}: expected seconds of sim time, 0 or more")
+    run, endpoint = f"snapshot_{os.getpid()}", f"tcp/127.0.0.1:{_free_port()}"
+    joining = running.joining(run, endpoint)
+    modules = process_names(scenario)
+    commands = {
+        "physics": [
+            *("-m", modules["physics"], options.scenario),
+            *("--mode", "fast", "--only", options.camera, *joining),
+        ],
+        options.camera: [
+            *("-m", "services.sensors.rendering", "--name", options.camera),
+            *("--at", repr(options.at), "--out", str(options.out), *joining),
+        ],
+    }
+    for name in driver_names(scenario):
+        commands[name] = ["-m", modules[name], "--name", name, *joining]
+    stop = running.stop_on_signals()
+    supervisor = Supervisor(commands, lambda _, line: print(line), finite={options.camera})
+    camera, failed = supervisor.children[options.camera], None
+    with Bus(listen=endpoint):
+        supervisor.start()
+        try:
+            while not (stop.is_set() or camera.is_done or failed):
+                failed = supervisor.tend()
+                time.sleep(TEND_SECONDS)
+        finally:
+            supervisor.stop()
+    if failed:
+        print(f"groundlink: {failed} cannot run; see its line above", file=sys.stderr)
+        return 2
+    return 0 if camera.is_done else 1
+
+
+def _free_port() -> int:
+    """Return a port on which nobody listens: other runs may go on beside this one."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])

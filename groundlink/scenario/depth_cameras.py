@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What depth cameras and stereo pairs can be told, with the defaults of ideal ones.
+
+Rule: as in `sensors`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from groundlink.world.solids import NonNegative, Positive, Spec
+
+from .cameras import Optics
+from .every_sensor import RosTopic
+
+LARGEST_16UC1_M = 65.535
+"""What 16 bits of millimetres hold."""
+
+Publish = Literal["compressed", "raw", "both"]
+Quality = Annotated[int, Meta(ge=1, le=100)]
+
+
+def info_beside(topic: str) -> str:
+    """Return the topic of the CameraInfo that goes with an image's, as image_transport has it."""
+    return f"{topic.rpartition('/')[0]}/camera_info"
+
+
+class ColorStream(Spec, frozen=True, kw_only=True):
+    """Colour through the same pinhole as depth, pixel for pixel."""
+
+    topic: RosTopic
+    publish: Publish = "compressed"
+    """JPEG under `<topic>/compressed`, rgb8 under `topic`, or both."""
+
+    jpeg_quality: Quality = 80
+
+
+class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
+    """A camera that measures along z how far each pixel is; `topic` is that of its images."""
+
+    encoding: Literal["16UC1", "32FC1"] = "16UC1"
+    """Millimetres with 0 for none, or metres with NaN and infinities (REP 118)."""
+
+    publish: Publish = "raw"
+    """Pixels under `topic`, `<topic>/compressedDepth` as image_transport reads it, or both."""
+
+    min_range_m: NonNegative = 0.0
+    max_range_m: Positive = 10.0
+    baseline_m: NonNegative = 0.0
+    """Between the two eyes by which depth is found, the other one to the right; what only one of
+    them sees has no depth. 0 for a device that has none of a stereo pair's errors."""
+
+    disparity_stddev_px: NonNegative = 0.0
+    """White noise of the disparity f baseline / z, 1 sigma: of depth, z^2 / (f baseline) times
+    it."""
+
+    edge_holes_px: Annotated[int, Meta(ge=0, le=16)] = 0
+    """So near to where disparity jumps by more than a pixel, no depth is found."""
+
+    color: ColorStream | None = None
+    points_topic: RosTopic | None = None
+    """Where depth goes as a cloud of points, too."""
+
+    points_every: Annotated[int, Meta(ge=1, le=64)] = 1
+    """Every so many rows and columns make a point."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.min_range_m >= self.max_range_m:
+            raise ValueError(
+                f"`min_range_m` is {self.min_range_m:g}; expected less than `max_range_m`, "
+                f"{self.max_range_m:g}"
+            )
+        if self.encoding == "16UC1" and self.max_range_m > LARGEST_16UC1_M:
+            raise ValueError(
+                f"`max_range_m` is {self.max_range_m:g}; expected up to {LARGEST_16UC1_M:g} with "
+                "16UC1, or `encoding: 32FC1`"
+            )
+        if (self.disparity_stddev_px or self.edge_holes_px) and not self.baseline_m:
+            raise ValueError(
+                "`disparity_stddev_px` and `edge_holes_px` are of a stereo pair; add `baseline_m`"
+            )
+
+    def ros_topics(self) -> dict[str, str]:
+        """Return its topics as image_transport names them; each image has a CameraInfo beside."""
+        topics = {"camera_info": info_beside(self.topic)}
+        if self.publish != "compressed":
+            topics[""] = self.topic
+        if self.publish != "raw":
+            topics["compressed"] = f"{self.topic}/compressedDepth"
+        if self.points_topic:
+            topics["points"] = self.points_topic
+        if self.color:
+            topics["color_info"] = info_beside(self.color.topic)
+            if self.color.publish != "raw":
+                topics["color"] = f"{self.color.topic}/compressed"
+            if self.color.publish != "compressed":
+                topics["color_image"] = self.color.topic
+        return topics
+
+
+class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
+    """Two cameras side by side that take their pictures at once, rectified.
+
+    `topic`, as in `/stereo/left/image_raw`, `frame` and the mount are the left one's.
+    """
+
+    right_topic: RosTopic
+    baseline_m: Positive
+    """How far to the right the right eye is."""
+
+    encoding: Literal["rgb8", "bgr8", "mono8"] = "rgb8"
+    publish: Publish = "raw"
+    """JPEG under `<topic>/compressed`, pixels under `topic`, or both, of each eye."""
+
+    jpeg_quality: Quality = 80
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if info_beside(self.topic) == info_beside(self.right_topic):
+            raise ValueError(
+                "`topic` and `right_topic` share a namespace, and so their CameraInfo; expected "
+                "such as /stereo/left/image_raw and /stereo/right/image_raw"
+            )
+
+    def ros_topics(self) -> dict[str, str]:
+        """Return the topics of both eyes, as stereo_image_proc expects them."""
+        topics = {
+            "camera_info": info_beside(self.topic),
+            "right_camera_info": info_beside(self.right_topic),
+        }
+        if self.publish != "compressed":
+            topics |= {"": self.topic, "right": self.right_topic}
+        if self.publish != "raw":
+            topics["compressed"] = f"{self.topic}/compressed"
+            topics["right_compressed"] = f"{self.right_topic}/compressed"
+        return topics

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lights a world, for cameras.
+
+Rule: where the light comes from and nothing of how it is drawn. Nothing but cameras sees light.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from .solids import Spec, Vector3
+
+
+class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):
+    """Daylight under a clear sky."""
+
+    azimuth_deg: Annotated[float, Meta(ge=0, lt=360)] = 150.0
+    """Clockwise from north."""
+
+    elevation_deg: Annotated[float, Meta(ge=5, le=90)] = 40.0
+
+
+class Lamps(Spec, frozen=True, tag_field="kind", tag="lamps"):
+    """Round lamps that shine downwards, all alike."""
+
+    at_m: Annotated[tuple[Vector3, ...], Meta(min_length=1, max_length=4)]
+    """In the world; a lamp just below a ceiling is seen as a bright disc on it."""

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A colour camera: states of the world in, pictures with their CameraInfo out.
+
+Rule: what is published is one picture, as its eye reads it, in its encodings.
+CameraInfo has its stamp, the beginning of the first row's exposure, and tells how it was drawn.
+"""
+
+from __future__ import annotations
+
+from groundlink.messages import Message
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Camera
+from services.sensors.model import Beside
+from services.sensors.pictures import PictureModel
+from services.sensors.rendering.camera_eye import CameraEye
+from services.sensors.rendering.messages import ENCODINGS, camera_info, image, jpeg
+
+
+class CameraModel(PictureModel):
+    """One camera of one vehicle.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        when OpenGL is missing here or does not draw (a `UserError`).
+    UserError
+        when the lens cannot be drawn.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Camera) -> None:
+        self._spec = spec
+        self._eye = CameraEye(
+            scenario, vehicle, spec, lens=spec.lens, imager=spec.imager, encoding=spec.encoding
+        )
+        super().__init__(scenario, spec, self._eye.eye, span_nanos=self._eye.span_nanos)
+        self._frame = vehicle.frame_prefix + spec.frame
+        self._outputs = spec.ros_topics().keys()
+
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+        """Return the messages of the picture that begins at an instant."""
+        spec, lens, header = self._spec, self._spec.lens, (stamp_nanos, self._frame)
+        pixels = self._eye.read(nanos, tick)
+        told = camera_info(
+            *header, self._eye.pinhole, model=lens.model, distortion=lens.coefficients
+        )
+        made: list[Message | Beside] = [Beside("camera_info", told)]
+        if "image" in self._outputs:
+            encoded = ENCODINGS[spec.encoding](pixels)
+            made.append(Beside("image", image(*header, spec.encoding, encoded)))
+        if "" in self._outputs:
+            grey = spec.encoding == "mono8"
+            file = jpeg(*header, pixels, grey=grey, quality=spec.jpeg_quality)
+            made.append(file)
+        return made

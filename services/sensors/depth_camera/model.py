@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A depth camera: states of the world in, depth images with their CameraInfo out.
+
+Rule: all messages of one picture have its stamp and are of the same pixels: depth, colour, points.
+Only what somebody subscribed to in the scenario is made.
+"""
+
+from __future__ import annotations
+
+from groundlink.messages import Message
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import DepthCamera
+from services.sensors.model import Beside
+from services.sensors.pictures import PictureModel
+from services.sensors.rendering.messages import camera_info, image, jpeg
+from services.sensors.streams import RandomStreams
+
+from .eyes import DepthEye, depth_eye
+from .forms import compressed_depth, pixels, points
+from .measured import measured
+
+
+class DepthCameraModel(PictureModel):
+    """One depth camera of one vehicle.
+
+    Parameters
+    ----------
+    eye : DepthEye, optional
+        Where true depth comes from; if not given, from OpenGL where there is one.
+
+    Raises
+    ------
+    UserError
+        when neither OpenGL nor Embree is here, or colour is wanted without OpenGL.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        spec: DepthCamera,
+        *,
+        eye: DepthEye | None = None,
+    ) -> None:
+        self._spec = spec
+        self._eye = eye or depth_eye(scenario, vehicle, spec)
+        super().__init__(scenario, spec, self._eye)
+        self._frame = vehicle.frame_prefix + spec.frame
+        self._outputs = spec.ros_topics().keys()
+        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+        """Return the messages of the picture of an instant."""
+        spec, outputs, header = self._spec, self._outputs, (stamp_nanos, self._frame)
+        truth_m, colour = self._eye.look(nanos)
+        pinhole = self._eye.pinhole
+        depth_m = measured(truth_m, pinhole.fx, spec, self._streams.at("disparity", tick))
+        info = camera_info(*header, pinhole)
+        made: list[Message | Beside] = [Beside("camera_info", info)]
+        if "" in outputs:
+            made.append(image(*header, spec.encoding, pixels(depth_m, spec.encoding)))
+        if "compressed" in outputs:
+            file = compressed_depth(*header, depth_m, spec.encoding, spec.max_range_m)
+            made.append(Beside("compressed", file))
+        if "points" in outputs:
+            cloud = points(*header, depth_m, pinhole, every=spec.points_every, colour=colour)
+            made.append(Beside("points", cloud))
+        if spec.color and colour is not None:
+            made.append(Beside("color_info", info))
+            if "color" in outputs:
+                quality = spec.color.jpeg_quality
+                made.append(Beside("color", jpeg(*header, colour, grey=False, quality=quality)))
+            if "color_image" in outputs:
+                made.append(Beside("color_image", image(*header, "rgb8", colour)))
+        return made

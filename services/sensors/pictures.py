@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When cameras take pictures: at the events of a rate, and in real time none that would come late.
+
+Rule: picture i shows the world at event i of the rate's schedule, or from then on for as long as it
+is exposed. In real time a
+picture whose successor is due already is left out and counted: what is late stays late otherwise.
+In a fast run every picture is taken. What is in a picture is its camera's business.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from groundlink.clock import TICK_NANOS, Schedule
+from groundlink.messages import BadMessage, Message, State
+from groundlink.scenario.schema import Scenario
+from groundlink.scenario.sensors import Optics
+
+from .due import Due
+from .model import Beside
+
+
+class Watcher(Protocol):
+    """What remembers states for the pictures of instants between them."""
+
+    def restart(self) -> None:
+        """Forget all states."""
+
+    def take(self, state: State) -> None:
+        """Remember the next state."""
+
+
+class PictureModel:
+    """A camera (a `SkippingModel`), but for its pictures.
+
+    Parameters
+    ----------
+    span_nanos : int
+        For how long after its event a picture is exposed: it is taken when all of that is known.
+
+    Attributes
+    ----------
+    skipped : int
+        Pictures left out.
+    """
+
+    def __init__(
+        self, scenario: Scenario, spec: Optics, watcher: Watcher, *, span_nanos: int = 0
+    ) -> None:
+        self._schedule = Schedule.at(spec.rate_hz)
+        self._due = Due(self._schedule)
+        self._watcher = watcher
+        self._keeps_all = scenario.time.mode != "realtime"
+        self._waiting = 0
+        self._span_ticks = -(-span_nanos // TICK_NANOS)
+        self._taken = 0
+        self.skipped = 0
+
+    def restart(self) -> None:
+        """Forget earlier states: time jumped or states were lost."""
+        self._watcher.restart()
+        self._due.restart()
+        self._taken = 0
+
+    def settled_tick(self) -> int:
+        """Return the tick up to which every reading has been yielded; -1 before the first."""
+        return self._due.tick
+
+    def behind(self, waiting: int) -> None:
+        """Take note, before each state, of how many more have arrived."""
+        self._waiting = waiting
+
+    def readings(self, state: State) -> list[Message | Beside]:
+        """Return the picture that is due by the next tick's state, if there is one.
+
+        Raises
+        ------
+        BadMessage
+            when the state lacks a vehicle or a link of the scenario; the model is then restarted.
+        """
+        try:
+            self._watcher.take(state)
+        except BadMessage:
+            self.restart()
+            raise
+        self._taken += 1
+        if self._taken <= self._span_ticks:
+            return []  # an exposure that ends by now has begun before what is known
+        event = self._due.by(state.tick - self._span_ticks)
+        if event is None:
+            return []
+        if not self._keeps_all:
+            next_tick = self._schedule.tick(event.number + 1)
+            if next_tick + self._span_ticks <= state.tick + self._waiting:
+                self.skipped += 1
+                return []
+        return self.taken(event.nanos, event.tick, state.epoch_nanos + event.nanos)
+
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+        """Return the messages of the picture of an instant, the first of which is at `tick`."""
+        raise NotImplementedError

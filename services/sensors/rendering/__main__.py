@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.sensors.rendering --name VEHICLE/SENSOR --at S --out DIR``.
+
+Rule: takes part in a run as the camera itself would, takes one picture, writes it into files, and
+ends. `groundlink snapshot` starts the run around it. What it imports of OpenGL is imported when
+that is known to be here.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.clock import NANOS, exact
+from groundlink.errors import UserError
+from groundlink.scenario.sensors import Optics
+from groundlink.topics import ACK
+from groundlink.world.build import world_hash
+from services.sensors.shell import ACKS_PER_WINDOW, SensorProcess
+
+from .context import require
+
+PROCESS = "sensors.rendering"
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Write what a camera sees at one instant of a run."""
+    parser = process.parser(PROCESS, "Write what a camera sees at one instant of a run.")
+    parser.add_argument("--name", required=True, help="vehicle/sensor, as in rover/camera")
+    parser.add_argument("--at", type=float, required=True, metavar="S", help="sim time")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    options = parser.parse_args(arguments)
+    require("cv2", "moderngl")
+    from .files import write
+    from .snapshot import Snapshot
+
+    with Bus(connect=process.endpoint(options)) as bus:
+        run, scenario = process.join(bus, options.run, stop)
+        vehicle, spec = scenario.sensor(options.name) or (None, None)
+        if vehicle is None or not isinstance(spec, Optics):
+            raise UserError(f"`{options.name}` is no camera of scenario `{scenario.name}`")
+        snapshot = Snapshot(scenario, vehicle, spec, int(exact(options.at) * NANOS))
+        taker = SensorProcess(
+            snapshot,
+            expected_world_hash=world_hash(scenario),
+            ack_ticks=scenario.time.window_ticks // ACKS_PER_WINDOW,
+            publish=lambda _: None,
+            acknowledge=bus.publisher(ACK.key_in(run, process=options.name), ACK.delivery),
+        )
+
+        def ended() -> bool:
+            return stop.is_set() or snapshot.frame is not None
+
+        process.follow_states(
+            bus, run, options.name, taker, lambda: {"refused": taker.refused}, ended
+        )
+    if snapshot.frame is not None:
+        prefix = f"{options.name.replace('/', '_')}_{options.at:g}s"
+        for file in write(options.out, prefix, snapshot.frame, snapshot.labels):
+            print(file)
+
+
+if __name__ == "__main__":
+    process.run(PROCESS, main)

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An OpenGL context without a window, by EGL: on a GPU where there is one, else by Mesa on the CPU.
+
+Rule: what would make all pictures black is noticed here, at the start, as one line that says how to
+mend it. Nothing else in the house opens a context.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from typing import TYPE_CHECKING
+
+from groundlink.errors import UserError
+
+if TYPE_CHECKING:
+    import moderngl
+
+PACKAGES = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+"""Debian's, for rendering without a GPU; a GPU's driver brings its own."""
+
+_ADVICE = f"install Debian's {PACKAGES}, or the GPU's own EGL driver"
+
+_VERTEX = """#version 330
+void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
+"""
+
+_FRAGMENT = """#version 330
+layout(location = 0) out vec4 colour;
+layout(location = 1) out float depth;
+void main() { colour = vec4(0.2, 0.4, 0.8, 1.0); depth = 1234.5; }
+"""
+
+
+class RenderingUnavailableError(UserError):
+    """There is no OpenGL 3.3 here, or none that draws."""
+
+
+def require(*packages: str) -> None:
+    """Raise a RenderingUnavailableError that names the first of these packages that is missing."""
+    for package in packages:
+        if importlib.util.find_spec(package) is None:
+            raise RenderingUnavailableError(
+                f"cameras need the package `{package}`, which is not installed here; "
+                "install the extra `camera`: pip install groundlink[camera]"
+            )
+
+
+def open_context() -> moderngl.Context:
+    """Return a new context that has drawn a triangle and given its colour and depth back.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        when moderngl or EGL is missing, or what was drawn is not what comes back.
+    """
+    require("moderngl")
+    import moderngl
+
+    # Without a GPU, Mesa would look for a screen.
+    os.environ.setdefault("EGL_PLATFORM", "surfaceless")
+    try:
+        context = moderngl.create_context(require=330, standalone=True, backend="egl")  # type: ignore[arg-type]
+    except Exception as error:  # moderngl raises bare ones
+        reason = " ".join(str(error).split())
+        raise RenderingUnavailableError(
+            f"cameras need OpenGL 3.3 by EGL, which does not open here ({reason}); {_ADVICE}"
+        ) from None
+    if not _draws(context):
+        renderer = context.info["GL_RENDERER"]
+        context.release()
+        raise RenderingUnavailableError(
+            f"OpenGL opens here ({renderer}), but a test triangle does not come out right; "
+            f"{_ADVICE}"
+        )
+    return context
+
+
+def is_software(context: moderngl.Context) -> bool:
+    """Return whether the CPU does the drawing: Mesa's llvmpipe or softpipe."""
+    return "pipe" in context.info["GL_RENDERER"]
+
+
+def _draws(context: moderngl.Context) -> bool:
+    """Tell whether a triangle over a whole picture is read back as it was drawn."""
+    size = (8, 8)
+    colour, depth = context.texture(size, 3), context.texture(size, 1, dtype="f4")
+    frame = context.framebuffer([colour, depth])
+    program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+    frame.use()
+    context.vertex_array(program, []).render(vertices=3)
+    drawn = frame.read(components=3, alignment=1)
+    far = memoryview(frame.read(components=1, attachment=1, dtype="f4")).cast("f")
+    return drawn == bytes((51, 102, 204)) * 64 and far.tolist() == [1234.5] * 64

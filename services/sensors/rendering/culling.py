@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a world a view can show: boxes against the planes around it.
+
+Rule: no answer is too small; a box near a corner of the view may count as seen and be outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.frames import Floats
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes along the world's axes: middles and half lengths, each of shape (N, 3), metres."""
+
+    middles: Floats
+    halves: Floats
+
+    @classmethod
+    def around(cls, lows: Floats, highs: Floats) -> Self:
+        """Return the boxes between two corners each, shape (N, 3)."""
+        return cls((lows + highs) / 2, (highs - lows) / 2)
+
+    def joined(self, others: Boxes) -> Boxes:
+        """Return these boxes and then others."""
+        return Boxes(
+            np.vstack([self.middles, others.middles]), np.vstack([self.halves, others.halves])
+        )
+
+    def whole(self) -> Boxes:
+        """Return one box around all."""
+        low, high = self.middles - self.halves, self.middles + self.halves
+        return Boxes.around(low.min(axis=0)[None], high.max(axis=0)[None])
+
+    def corners(self) -> Floats:
+        """Return the corners of each box, shape (N, 8, 3)."""
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return self.middles[:, None] + signs * self.halves[:, None]
+
+
+def seen(boxes: Boxes, clip_from_world: Floats) -> NDArray[np.bool_]:
+    """Return which boxes reach into a view, shape (N,); there is no far plane."""
+    x, y, z, w = clip_from_world
+    planes = np.stack([w + x, w - x, w + y, w - y, w + z])
+    normals, offsets = planes[:, :3], planes[:, 3]
+    reach = boxes.middles @ normals.T + boxes.halves @ np.abs(normals).T + offsets
+    inside: NDArray[np.bool_] = np.all(reach >= 0, axis=1)
+    return inside
+
+
+def from_near_to_far(boxes: Boxes, shown: NDArray[np.bool_], eye: Floats) -> list[int]:
+    """Return the numbers of the shown boxes, those near the eye first: they hide the others."""
+    numbers = np.flatnonzero(shown)
+    away = np.maximum(np.abs(boxes.middles[numbers] - eye) - boxes.halves[numbers], 0)
+    order: list[int] = numbers[np.argsort((away**2).sum(axis=1), kind="stable")].tolist()
+    return order

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a lens puts a ray on the picture, and back: sensor_msgs' plumb_bob and equidistant.
+
+Rule: points are on the plane at z of 1, shape (N, 2): of rays where they pass it, or of the picture
+before K. The formulas are those of OpenCV's `calib3d` and `fisheye`, so that what calibrates
+with OpenCV or ROS finds the same numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from groundlink.frames import Floats
+
+MAX_FIELD_DEG = 150.0
+"""Widest field of view that is drawn: the plane at z of 1 goes to infinity at 180 degrees."""
+
+EDGE = math.radians(MAX_FIELD_DEG / 2)
+ITERATIONS = 100
+
+
+class Model(NamedTuple):
+    """One kind of lens."""
+
+    radius: Callable[[float], float]
+    """From an angle off the axis to the distance from the middle, with all coefficients at 0."""
+
+    bent: Callable[[Floats, Floats], Floats]
+    """From points of rays and coefficients to points of the picture."""
+
+    straight: Callable[[Floats, Floats], Floats]
+    """Back; what no ray comes to, or one beyond `MAX_FIELD_DEG`, is NaN."""
+
+
+def _plumb_bob(points: Floats, coefficients: Floats) -> Floats:
+    k1, k2, p1, p2, k3 = coefficients
+    x, y = points.T
+    squared = x * x + y * y
+    radial = 1 + squared * (k1 + squared * (k2 + squared * k3))
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (squared + 2 * x * x),
+            y * radial + p1 * (squared + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=1,
+    )
+
+
+def _from_plumb_bob(points: Floats, coefficients: Floats) -> Floats:
+    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ITERATIONS, 1e-9)
+    found = cv2.undistortPoints(points[:, None], np.eye(3), coefficients, criteria=stop)
+    straight = np.asarray(found[:, 0], np.float64)
+    missed = np.linalg.norm(_plumb_bob(straight, coefficients) - points, axis=1)
+    field = np.linalg.norm(straight, axis=1)
+    straight[~(missed < 1e-5) | ~(field < math.tan(EDGE))] = np.nan
+    return straight
+
+
+def _theta_d(theta: NDArray[np.float64], coefficients: ArrayLike) -> NDArray[np.float64]:
+    k1, k2, k3, k4 = np.asarray(coefficients)
+    s = theta * theta
+    return np.asarray(theta * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4)))))
+
+
+def _equidistant(points: Floats, coefficients: Floats) -> Floats:
+    radius = np.linalg.norm(points, axis=1, keepdims=True)
+    scale = _theta_d(np.arctan(radius), coefficients) / np.maximum(radius, 1e-12)
+    return np.where(radius > 1e-12, points * scale, points)
+
+
+def _from_equidistant(points: Floats, coefficients: Floats) -> Floats:
+    # The angle by a table in which it grows with the radius, as far as it does.
+    theta = np.linspace(0.0, EDGE, 20001)
+    radii = _theta_d(theta, coefficients)
+    rising = np.flatnonzero(np.diff(radii) <= 0)
+    last = int(rising[0]) if len(rising) else len(theta) - 1
+    radius = np.linalg.norm(points, axis=1)
+    found = np.interp(radius, radii[: last + 1], theta[: last + 1], right=np.nan)
+    scale = np.tan(found) / np.maximum(radius, 1e-12)
+    return np.where(radius[:, None] > 1e-12, points * scale[:, None], points)
+
+
+MODELS = {
+    "plumb_bob": Model(math.tan, _plumb_bob, _from_plumb_bob),
+    "equidistant": Model(float, _equidistant, _from_equidistant),
+}
+"""By their names in sensor_msgs/distortion_models."""

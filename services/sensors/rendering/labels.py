@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which thing a solid belongs to, and what kind of thing it is.
+
+Rule: a thing is what a person would point at: a table with its legs, a vehicle with its wheels, one
+piece of clutter. Its class is its name without a number.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable
+
+NONE = -1
+"""The label of pixels that show no thing: the sky."""
+
+
+class Labels:
+    """Numbers of things, from 0 in the order of their first solids.
+
+    Attributes
+    ----------
+    instances : list of str
+        The thing that each number stands for: `table_3`.
+    classes : list of str
+        What it is: `table`.
+    """
+
+    def __init__(self, own: Collection[str]) -> None:
+        self._own = frozenset(own)
+        self.instances: list[str] = []
+        self.classes: list[str] = []
+        self._number: dict[str, int] = {}
+
+    def of_solids(self, names: Iterable[str]) -> list[int]:
+        """Return the label of each static solid."""
+        things = [_thing(name, self._own) for name in names]
+        return [self._label(thing, re.sub(r"_\d+$", "", thing)) for thing in things]
+
+    def of_vehicle(self, name: str) -> int:
+        """Return the label of a vehicle."""
+        return self._label(name, "vehicle")
+
+    def _label(self, thing: str, kind: str) -> int:
+        if thing not in self._number:
+            self._number[thing] = len(self.instances)
+            self.instances.append(thing)
+            self.classes.append(kind)
+        return self._number[thing]
+
+
+def _thing(solid: str, own: Collection[str]) -> str:
+    """Return what a solid belongs to; `own` are solids that stand for themselves.
+
+    Others are named by `groundlink.world.furnish`: `table_3_leg_0`, `room_floor`.
+    """
+    if solid in own:
+        return solid
+    kind, _, rest = solid.partition("_")
+    part = rest.partition("_")[0]
+    if kind == "room":
+        return part
+    return f"{kind}_{part}" if part.isdecimal() else kind

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lights the pictures: the sun, or lamps under a ceiling, each with the view of its shadows.
+
+Rule: numbers for shaders, from the scenario and the world's extent alone. One is the light on a
+white surface that comes out white; true luminances are not modelled: a camera sets its exposure by
+them anyway.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundlink.frames import Floats
+from groundlink.scenario.schema import World
+from groundlink.world.bounds import bounds
+from groundlink.world.light import Lamps, Sun
+from groundlink.world.solids import Solid
+
+Colour = tuple[float, float, float]
+
+BELOW_CEILING_M = 0.04
+REACH = 6.0
+"""Tangent of the half angle in which a lamp casts shadows: 80 degrees."""
+
+
+@dataclass(frozen=True)
+class Light:
+    """One source that casts shadows."""
+
+    at: tuple[float, float, float, float]
+    """A lamp's place and 1, or the unit vector towards the sun and 0; in the world."""
+
+    power: Colour
+    clip_from_world: Floats
+    """The view of its shadow map, shape (4, 4)."""
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """All light in a world, linear."""
+
+    lights: tuple[Light, ...]
+    is_sun: bool
+    ambient_above: Colour
+    """On surfaces that face up."""
+
+    ambient_below: Colour
+    horizon: Colour
+    zenith: Colour
+    extinction_per_m: float
+    """Of fog; 0 for none."""
+
+
+def lighting(world: World, static: Sequence[Solid]) -> Lighting:
+    """Return the light of a world with everything that stands in it, and with its origin."""
+    corners = np.array([np.zeros(3), *(corner for solid in static for corner in bounds(solid))])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    light = world.light or _default(world)
+    # Koschmieder 1924 with the 5 % of the meteorological optical range.
+    fog_m = world.weather.fog_visibility_m
+    extinction = math.log(20) / fog_m if fog_m else 0.0
+    sky = {"horizon": (0.66, 0.72, 0.80), "zenith": (0.16, 0.32, 0.66)}
+    if isinstance(light, Sun):
+        return Lighting(
+            lights=(_sun(light, low, high),),
+            is_sun=True,
+            ambient_above=(0.26, 0.29, 0.36),
+            ambient_below=(0.16, 0.15, 0.13),
+            extinction_per_m=extinction,
+            **sky,
+        )
+    return Lighting(
+        lights=tuple(_lamp(at, low) for at in light.at_m),
+        is_sun=False,
+        # A bright room: floor and ceiling send most of the light on.
+        ambient_above=(0.30, 0.30, 0.29),
+        ambient_below=(0.34, 0.33, 0.31),
+        extinction_per_m=extinction,
+        **sky,
+    )
+
+
+def _default(world: World) -> Sun | Lamps:
+    if world.room is None:
+        return Sun()
+    return Lamps(at_m=((0.0, 0.0, world.room.size_m[2] - BELOW_CEILING_M),))
+
+
+def _sun(sun: Sun, low: Floats, high: Floats) -> Light:
+    """Return the sun, with parallel shadows over the whole world."""
+    azimuth, elevation = math.radians(sun.azimuth_deg), math.radians(sun.elevation_deg)
+    level = math.cos(elevation)
+    towards = np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
+    light_from_world = _looking(-towards)
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    turned = (low + corners * (high - low)) @ light_from_world.T
+    least, most = turned.min(axis=0) - 0.5, turned.max(axis=0) + 0.5
+    clip_from_world = np.eye(4)
+    clip_from_world[:3, :3] = light_from_world * (2 / (most - least))[:, None]
+    clip_from_world[:3, 3] = -(most + least) / (most - least)
+    x, y, z = towards.tolist()
+    return Light((x, y, z, 0.0), (0.88, 0.84, 0.75), clip_from_world)
+
+
+def _lamp(at: tuple[float, float, float], low: Floats) -> Light:
+    """Return a lamp, with shadows down to the lowest solid.
+
+    Its map is parallel to the floor, so that its grid is as fine below the lamp as far from it.
+    """
+    fall = max(at[2] - low[2], 0.1)
+    near, far = 0.02, fall + 0.1
+    projection = np.array(
+        [
+            [1 / REACH, 0.0, 0.0, 0.0],
+            [0.0, 1 / REACH, 0.0, 0.0],
+            [0.0, 0.0, (far + near) / (far - near), -2 * far * near / (far - near)],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+    view = np.eye(4)
+    view[:3, :3] = _looking(np.array([0.0, 0.0, -1.0]))
+    view[:3, 3] = -view[:3, :3] @ np.array(at)
+    # A floor at z = 0 right below gets three quarters of what makes white of white, see the shader.
+    power = 0.75 * max(at[2], 0.1)
+    return Light((*at, 1.0), (power, 0.98 * power, 0.93 * power), projection @ view)
+
+
+def _looking(forward: Floats) -> Floats:
+    """Return optical_from_world of a view along a unit vector, shape (3, 3): z is forward."""
+    helper = np.array([1.0, 0.0, 0.0]) if abs(forward[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    down = np.cross(forward, helper)
+    down /= np.linalg.norm(down)
+    return np.stack([np.cross(down, forward), down, forward])

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The programs that pictures are drawn with: how all are made, and those of sky and shadows.
+
+Rule: squares and roots stand for sRGB's curve, as 2.0 is near enough to 2.2 and costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+
+from . import surface_shader
+from .lights import Lighting
+from .textures import BRIGHTEST
+from .uniforms import put, put_matrix, put_unit
+
+BASE, BUMPS, SHADOWS = range(3)
+"""Units of textures."""
+
+LAMP_RADIUS_M = 0.2
+
+DEVELOPED = """
+vec3 developed(vec3 light) {
+    // Dark stays dark and lights do not burn out: Narkowicz 2015, "ACES Filmic Tone Mapping Curve".
+    vec3 c = light * exposure;
+    return sqrt(min(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 1.0));
+}
+"""
+
+SKY_VERTEX = """
+uniform mat3 world_from_clip;
+out vec3 ray;
+
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+    ray = world_from_clip * vec3(corner, 1.0);
+    gl_Position = vec4(corner, 1.0, 1.0);
+}
+"""
+
+SKY_FRAGMENT = """
+uniform vec3 horizon;
+uniform vec3 zenith;
+uniform vec4 light_at[LIGHTS];
+uniform vec3 light_power[LIGHTS];
+uniform float exposure;
+in vec3 ray;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out float depth;
+#ifdef LABELS
+layout(location = 2) out int label;
+#endif
+
+DEVELOPED;
+
+void main() {
+    vec3 d = normalize(ray);
+    vec3 c = mix(horizon, zenith, sqrt(clamp(d.z, 0.0, 1.0)));
+#ifdef SUN
+    float near = max(dot(d, light_at[0].xyz), 0.0);
+    c += light_power[0] * (0.15 * pow(near, 60.0) + 20.0 * step(0.99996, near));
+#endif
+    colour = vec4(developed(c), 1.0);
+    depth = uintBitsToFloat(0x7F800000u);  // +infinity
+#ifdef LABELS
+    label = -1;
+#endif
+}
+"""
+
+SHADOW_VERTEX = """
+uniform mat4 clip_from_world;
+in vec3 position;
+in mat4 world_from_link;
+
+void main() { gl_Position = clip_from_world * world_from_link * vec4(position, 1.0); }
+"""
+
+SHADOW_FRAGMENT = """
+void main() {}
+"""
+
+
+class Programs(NamedTuple):
+    """All of one renderer."""
+
+    surface: moderngl.Program
+    bumped: moderngl.Program
+    """For skins with normals."""
+
+    shadow: moderngl.Program
+    sky: moderngl.Program
+
+
+class Options(NamedTuple):
+    """What the programs of one renderer are compiled with."""
+
+    lights: int
+    sun: bool
+    """The lights are the sun; if not, lamps."""
+
+    fog: bool
+    labels: bool
+
+    def source(self, text: str, *, bumps: bool = False) -> str:
+        """Return the whole text of a shader."""
+        switches = {"SUN": self.sun, "FOG": self.fog, "LABELS": self.labels, "BUMPS": bumps}
+        lines = ["#version 330", f"#define LIGHTS {self.lights}"]
+        lines += [f"#define {name}" for name, on in switches.items() if on]
+        lines += [f"#define BRIGHTEST {BRIGHTEST}", f"#define LAMP_RADIUS_M {LAMP_RADIUS_M}"]
+        return "\n".join([*lines, text.replace("DEVELOPED;", DEVELOPED)])
+
+
+def programs(context: moderngl.Context, light: Lighting, *, with_labels: bool) -> Programs:
+    """Return the programs, told what never changes."""
+    fog = light.extinction_per_m > 0
+    options = Options(len(light.lights), light.is_sun, fog, with_labels)
+    made = Programs(
+        *(
+            context.program(
+                vertex_shader=options.source(vertex, bumps=bumps),
+                fragment_shader=options.source(fragment, bumps=bumps),
+            )
+            for vertex, fragment, bumps in (
+                (surface_shader.VERTEX, surface_shader.FRAGMENT, False),
+                (surface_shader.VERTEX, surface_shader.FRAGMENT, True),
+                (SHADOW_VERTEX, SHADOW_FRAGMENT, False),
+                (SKY_VERTEX, SKY_FRAGMENT, False),
+            )
+        )
+    )
+    # From -1..1 to 0..1, as textures are addressed.
+    halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
+    for program in (made.surface, made.bumped, made.sky):
+        maps = [halved @ one.clip_from_world for one in light.lights]
+        put_matrix(program, "shadow_from_world", maps)
+        put(program, "light_at", [one.at for one in light.lights])
+        put(program, "light_power", [one.power for one in light.lights])
+        for name in ("ambient_above", "ambient_below", "horizon", "zenith"):
+            put(program, name, getattr(light, name))
+        put(program, "extinction", light.extinction_per_m)
+        for name, unit in (("base", BASE), ("bumps", BUMPS), ("shadow_map", SHADOWS)):
+            put_unit(program, name, unit)
+    return made

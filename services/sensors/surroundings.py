@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor's own copy of the world: what stands in it, and how its vehicles moved.
+
+Rule: built from the scenario alone and moved by states alone; the same for every sensor that casts
+rays or draws pictures. How either is done is not known here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from groundlink.clock import TICK_NANOS
+from groundlink.frames import Floats, matrix_from_quaternion, nlerp
+from groundlink.messages import BadMessage, State
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.world.build import solids
+from groundlink.world.links import links as links_of
+from groundlink.world.solids import Box, Cylinder, Solid, Sphere, Vector3
+
+POSE_BYTES = 7 * 8
+"""In a state: position and quaternion, float64."""
+
+_NOTHING = memoryview(b"")
+
+
+class Surroundings:
+    """The world around one sensor.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    vehicle : Vehicle
+        The sensor's own; it is as solid as the others.
+    eye_in_base : Vector3
+        Where the sensor is. Visuals of its base that enclose this point are the sensor's housing
+        and are left out: it looks out of it.
+
+    Attributes
+    ----------
+    static : tuple of Solid
+        In the world.
+    links : list of list of Solid
+        Those of all vehicles, in the scenario's order, each in its own frame.
+    vehicles : list of str
+        The vehicle of each link.
+    base : int
+        Number of the link that the sensor is mounted on.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
+        self.static = solids(scenario)
+        self.links: list[list[Solid]] = []
+        self.vehicles: list[str] = []
+        self._bytes_of: dict[str, int] = {}
+        for other in scenario.vehicles:
+            base, *wheels = links_of(other.model)
+            if other.name == vehicle.name:
+                self.base = len(self.links)
+                base = [solid for solid in base if not _encloses(solid, eye_in_base)]
+            self.links += [base, *wheels]
+            self.vehicles += [other.name] * (1 + len(wheels))
+            self._bytes_of[other.name] = POSE_BYTES * (1 + len(wheels))
+        self._sizes = list(self._bytes_of.values())
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all states."""
+        self._first_tick = 0
+        self._poses: list[Floats] = []
+
+    def take(self, state: State) -> None:
+        """Remember where every link is at the next tick.
+
+        Raises
+        ------
+        BadMessage
+            when a vehicle or a link is missing.
+        """
+        vehicles = map(state.vehicles.get, self._bytes_of)
+        rows = [vehicle.link_poses if vehicle else _NOTHING for vehicle in vehicles]
+        if [row.nbytes for row in rows] != self._sizes:
+            for row, (name, size) in zip(rows, self._bytes_of.items(), strict=True):
+                if row.nbytes != size:
+                    raise BadMessage(
+                        f"state of tick {state.tick}: expected {size // POSE_BYTES} link poses "
+                        f"of `{name}`"
+                    )
+        if not self._poses:
+            self._first_tick = state.tick
+        self._poses.append(np.frombuffer(b"".join(rows), np.float64).reshape(-1, 7))
+
+    def motion(self, first_tick: int, last_tick: int) -> Floats:
+        """Return world_from_link from one tick to another, shape (ticks, links, 7).
+
+        For ticks that are not known, not yet or no longer, it is that of the nearest known one.
+        """
+        first, newest = first_tick - self._first_tick, len(self._poses) - 1
+        ticks = range(first, first + last_tick - first_tick + 1)
+        return np.stack([self._poses[min(max(tick, 0), newest)] for tick in ticks])
+
+    def at(self, nanos: int) -> Floats:
+        """Return world_from_link at a sim time, shape (links, 7), between the states around it."""
+        tick, beyond = divmod(nanos, TICK_NANOS)
+        before, after = self.motion(tick, tick + 1)
+        share = np.array(beyond / TICK_NANOS)
+        positions = before[:, :3] + share * (after[:, :3] - before[:, :3])
+        return np.hstack([positions, nlerp(before[:, 3:], after[:, 3:], share)])
+
+    def forget(self, before_tick: int) -> None:
+        """Drop the states of earlier ticks."""
+        dropped = min(max(0, before_tick - self._first_tick), len(self._poses))
+        del self._poses[:dropped]
+        self._first_tick += dropped
+
+
+def _encloses(solid: Solid, point: Vector3) -> bool:
+    """Tell whether a point is inside a solid, both in the same frame."""
+    offset = np.subtract(point, solid.position_m)
+    x, y, z = (float(v) for v in matrix_from_quaternion(solid.orientation).T @ offset)
+    match solid.shape:
+        case Box(size_m=(length, width, height)):
+            return abs(x) <= length / 2 and abs(y) <= width / 2 and abs(z) <= height / 2
+        case Cylinder(radius_m=radius, length_m=length):
+            return math.hypot(x, y) <= radius and abs(z) <= length / 2
+        case Sphere(radius_m=radius):
+            return math.hypot(x, y, z) <= radius

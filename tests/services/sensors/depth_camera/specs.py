@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Depth cameras and a world for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec.structs import replace
+
+from groundlink.scenario.depth_cameras import DepthCamera
+from groundlink.scenario.schema import Scenario
+from groundlink.scenario.sensors import Mount
+from tests.services.sensors.yards import box, yard
+
+MOUNT = Mount((0.2, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+def spec(**fields: Any) -> DepthCamera:
+    defaults = {"width": 160, "height": 120, "rate_hz": 30.0, "mount": MOUNT}
+    return DepthCamera(
+        name="depth",
+        topic="/camera/depth/image_rect_raw",
+        frame="camera_optical_frame",
+        **{**defaults, **fields},
+    )
+
+
+def world(*, mode: str = "fast") -> Scenario:
+    """Return a crate in front of a wall, on the ground, under the sky."""
+    made = yard(
+        box("ground", (40, 40, 1), (0, 0, -1.5)),
+        box("wall", (1, 12, 2), (8.5, 0, 1.0)),
+        box("crate", (1, 1, 1), (4.0, 0.8, 0.9), "black"),
+        frame_prefix="one/",
+    )
+    return replace(made, time=replace(made.time, mode=mode))  # type: ignore[arg-type]

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tests of pictures need OpenGL; where there is none they are skipped, but fail in CI."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from groundlink.errors import UserError
+from services.sensors.rendering.context import open_context
+from tests.bridge.programs import missing
+
+
+@cache
+def _lacking() -> str:
+    try:
+        open_context().release()
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+@pytest.fixture(autouse=True)
+def _opengl() -> None:
+    if _lacking():
+        missing(_lacking())

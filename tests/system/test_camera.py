@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A camera in a run of real processes: every picture of a fast run, and the same bits each time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundlink.imagery import CameraInfo, CompressedImage
+from groundlink.recording.reading import Recording
+from groundlink.ros_readings import Moment, from_cdr
+from tests.services.sensors.rendering.opengl import _opengl as _opengl
+
+from .rig import REPOSITORY, free_port
+
+pytestmark = pytest.mark.system
+
+SCENARIO = REPOSITORY / "scenarios" / "indoor_camera.yaml"
+PICTURES, INFO = "/camera/image_raw/compressed", "/camera/camera_info"
+SECONDS = 2
+
+
+def recorded(file: Path) -> tuple[list[CompressedImage], list[CameraInfo], int]:
+    """Return what a camera published in a fast run, and the stamp of sim time zero."""
+    listen = f"tcp/127.0.0.1:{free_port()}"
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "groundlink", "record", str(SCENARIO), "--out", str(file)),
+            *("--duration", str(SECONDS), "--listen", listen),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    pictures, infos = [], []
+    with Recording(file) as recording:
+        epoch_nanos = recording.run.epoch_nanos
+        for message in recording.read([PICTURES, INFO]):
+            moment = Moment(message.nanos, epoch_nanos)
+            if message.topic == PICTURES:
+                pictures.append(from_cdr(message.cdr, CompressedImage, moment))
+            else:
+                infos.append(from_cdr(message.cdr, CameraInfo, moment))
+    return pictures, infos, epoch_nanos
+
+
+def test_a_fast_run_has_every_picture_twice_alike(tmp_path: Path) -> None:
+    pictures, infos, epoch_nanos = recorded(tmp_path / "one.mcap")
+    wanted = [i * 1_000_000_000 // 30 for i in range(30 * SECONDS)]
+    assert [picture.stamp_nanos - epoch_nanos for picture in pictures][: len(wanted)] == wanted
+    assert [info.stamp_nanos for info in infos] == [picture.stamp_nanos for picture in pictures]
+    assert {info.frame for info in infos} == {"camera_optical_frame"}
+    for picture in pictures[::20]:
+        assert picture.format == "rgb8; jpeg compressed bgr8"
+        decoded = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
+        assert decoded is not None
+        assert decoded.shape == (480, 640, 3)
+        assert decoded.std() > 20
+    again, _, _ = recorded(tmp_path / "two.mcap")
+    assert [bytes(picture.data) for picture in pictures] == [bytes(p.data) for p in again]
