@@ -30,6 +30,9 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CONNECT_SECONDS = 5.0
 """How long a process tries to reach its endpoint before it gives up."""
 
+REPLIES_KEPT = 4096
+"""Of one query: more than the longest answer has, what a sensor has missed of a fast run."""
+
 _CONGESTION_CONTROL = {
     Delivery.NEWEST: zenoh.CongestionControl.DROP,
     Delivery.ALL: zenoh.CongestionControl.BLOCK,
@@ -129,7 +132,10 @@ class Bus:
         """Return all replies that come within `seconds`, by key, in the order of their numbers."""
         selector = f"{key}/**?{parameters}" if parameters else f"{key}/**"
         replies = {}
-        for reply in self._session.get(selector, timeout=seconds):
+        # Zenoh's own queue holds 256. Where it is full before the first is taken out, and this
+        # session has queryables too, `get` waits for itself for ever.
+        room: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(REPLIES_KEPT)
+        for reply in self._session.get(selector, room, timeout=seconds):
             if reply.ok is not None:
                 replies[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
         return dict(sorted(replies.items(), key=lambda item: int(item[0].rpartition("/")[2])))

@@ -84,6 +84,14 @@ def test_questions_are_answered_in_order_and_with_parameters(endpoint: str) -> N
         assert asker.ask("groundlink/test/nobody", seconds=0.5) == {}
 
 
+def test_a_long_answer_comes_whole_and_in_order_to_who_answers_questions_too(endpoint: str) -> None:
+    states = [b"%d" % number for number in range(1025)]
+    with Bus(connect=endpoint) as answering, Bus(connect=endpoint) as asking:
+        answering.serve(KEY, lambda _: states)
+        asking.serve(f"{KEY}/of_its_own", lambda _: [])
+        assert list(asking.ask(KEY, seconds=10).values()) == states
+
+
 def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:
     changes: list[tuple[str, bool]] = []
     with Bus(connect=endpoint) as watcher:

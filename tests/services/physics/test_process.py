@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from groundlink.bus import REPLIES_KEPT
 from groundlink.clock import NANOS
 from groundlink.messages import Message, encode
 from groundlink.scenario import load
@@ -73,3 +74,9 @@ def test_who_is_there_already_is_not_waited_for() -> None:
     physics = process.Physics(load(str(SCENARIO)), "run", bus, others=["recorder"])
     physics.close()
     assert physics.missing() == []
+
+
+def test_what_a_sensor_has_missed_fits_into_what_it_takes_of_one_answer() -> None:
+    """Where it does not, a sensor that rejoins may wait for itself for ever; see `Bus.ask`."""
+    where_it_resumes = 1
+    assert where_it_resumes + process.HISTORY_TICKS <= REPLIES_KEPT
