@@ -30,6 +30,12 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
     """Azimuth steps; 3600 at 10 Hz is 0.1 degrees."""
 
+    azimuth_resolution_deg: NonNegative = 0.0
+    """Of the head's own encoder: where it is read, the head is at a multiple of this; 0 for any."""
+
+    firings_per_azimuth: Annotated[int, Meta(ge=1, le=360)] = 1
+    """From one reading of the encoder to the next; between them the head turns evenly."""
+
     start_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
     """Azimuth of a revolution's first firing: 0 ahead, 90 to the left (REP 103)."""
 
@@ -131,6 +137,11 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
                 f"`rays_per_beam` is {self.rays_per_beam}, but `divergence_mrad` is zero; give the "
                 "beam a width, or leave it at 1 ray"
             )
+        if self.firings_per_revolution % self.firings_per_azimuth:
+            yield (
+                f"`firings_per_revolution` is {self.firings_per_revolution}; expected a multiple "
+                f"of `firings_per_azimuth`, {self.firings_per_azimuth}"
+            )
         if self.block_deg:
             blocks = exact(self.field_of_view_deg) / exact(self.block_deg)
             if blocks.denominator != 1 or not 1 <= blocks <= self.firings_in_view:
@@ -203,5 +214,7 @@ class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
         yield from super()._problems()
         if self.elevations_deg != (0.0,):
             yield "`elevations_deg` is for LiDARs of kind `lidar`; leave it out"
+        if self.azimuth_resolution_deg:
+            yield "`azimuth_resolution_deg` is for LiDARs of kind `lidar`; leave it out"
         if self.returns == "dual":
             yield "`returns` is `dual`, but a scan holds one range a ray; choose one of them"

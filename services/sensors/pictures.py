@@ -2,13 +2,14 @@
 """When cameras take pictures: at the events of a rate, and in real time none that would come late.
 
 Rule: picture i shows the world at event i of the rate's schedule, or from then on for as long as it
-is exposed. In real time a
-picture whose successor is due already is left out and counted: what is late stays late otherwise.
-In a fast run every picture is taken. What is in a picture is its camera's business.
+is exposed. In real time a picture whose successor is due already is left out and counted: what is
+late stays late otherwise. In a fast run every picture is taken. What is in a picture is its
+camera's business.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 from groundlink.clock import TICK_NANOS, Schedule
@@ -30,7 +31,7 @@ class Watcher(Protocol):
         """Remember the next state."""
 
 
-class PictureModel:
+class PictureModel(ABC):
     """A camera (a `SkippingModel`), but for its pictures.
 
     Parameters
@@ -96,6 +97,6 @@ class PictureModel:
                 return []
         return self.taken(event.nanos, event.tick, state.epoch_nanos + event.nanos)
 
+    @abstractmethod
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
         """Return the messages of the picture of an instant, the first of which is at `tick`."""
-        raise NotImplementedError

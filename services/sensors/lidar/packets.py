@@ -28,6 +28,8 @@ ELEVATIONS_DEG = (-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
 LASER_MICROS = 2.304
 FIRING_MICROS = 55.296
 
+AZIMUTH_STEP_DEG = 0.01
+
 RANGE_STEP_M = 0.002
 _MAX_STEPS = 0xFFFF
 MAX_RANGE_M = _MAX_STEPS * RANGE_STEP_M
@@ -103,7 +105,7 @@ def data_packets(
     # Packet, pair of firings, return: of two returns the first goes to even blocks.
     pairs = len(packets), BLOCKS // returns
     blocks = packets["blocks"].reshape(*pairs, returns)
-    hundredths = np.rint(azimuths_deg[::FIRINGS_PER_BLOCK] * 100) % 36000
+    hundredths = np.rint(azimuths_deg[::FIRINGS_PER_BLOCK] / AZIMUTH_STEP_DEG) % 36000
     blocks["flag"], blocks["azimuth"] = _BLOCK_FLAG, hundredths.reshape(*pairs, 1)
     of_firings = measured.reshape(*pairs, FIRINGS_PER_BLOCK, returns, LASERS)
     blocks["echoes"] = of_firings.swapaxes(2, 3)

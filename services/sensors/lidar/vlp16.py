@@ -21,6 +21,7 @@ from groundlink.messages import PointCloud, measured_nanos
 from groundlink.scenario.sensors import Lidar
 from services.sensors.model import Datagram
 from services.sensors.rays.scene import Reals
+from services.sensors.scanning.sweep import ahead_by_encoder_deg
 
 from . import packets
 
@@ -54,6 +55,7 @@ class Vlp16:
         self._size = packets.BLOCKS * packets.FIRINGS_PER_BLOCK // self._returns
         self._heights_m = np.array(spec.vertical_offsets_m or [0.0] * packets.LASERS, np.float32)
         self._turn = spec.firings_per_revolution
+        self._azimuths_deg = np.arange(self._turn) * (360 / self._turn) + ahead_by_encoder_deg(spec)
         self._blocks = spec.blocks_per_revolution
         self._schedule = Schedule(Schedule.at(spec.rotation_rate_hz).rate_hz * self._turn)
         """Of firings, which are counted from the run's start."""
@@ -77,7 +79,7 @@ class Vlp16:
         self._end, self._waiting = end, measured[max(after - begin, 0) :]
         data = packets.data_packets(
             measured[first - begin : after - begin],
-            np.arange(first, after) % self._turn * (360 / self._turn),
+            self._azimuths_deg[np.arange(first, after) % self._turn],
             [stamp_nanos + self._schedule.nanos(number * self._size) for number in numbers],
             self._mode,
         )
@@ -127,6 +129,7 @@ class Vlp16:
 def _misfit(spec: Lidar) -> str | None:
     """Return how a LiDAR differs from what a decoder takes for granted; None if it does not."""
     cycle_us = 1e6 / (spec.rotation_rate_hz * spec.firings_per_revolution)
+    encoder = spec.azimuth_resolution_deg, spec.firings_per_azimuth
     turn = spec.rotation, spec.start_deg % 360, spec.field_of_view_deg
     conditions = {
         "its `elevations_deg` are not -15, -13 .. 15": _are(
@@ -140,6 +143,8 @@ def _misfit(spec: Lidar) -> str | None:
         ),
         "it does not turn clockwise, all round, from 0 degrees on (`rotation`, `start_deg`, "
         "`field_of_view_deg`)": turn == ("clockwise", 0, 360),
+        "it has no `azimuth_resolution_deg` of 0.01 with `firings_per_azimuth: 2`": encoder
+        == (packets.AZIMUTH_STEP_DEG, packets.FIRINGS_PER_BLOCK),
         "it has `azimuth_offsets_deg`": not any(spec.azimuth_offsets_deg),
         f"its `max_range_m` is above {packets.MAX_RANGE_M:g}": (
             spec.max_range_m <= packets.MAX_RANGE_M

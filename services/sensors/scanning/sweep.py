@@ -4,9 +4,11 @@
 Rule: what depends on the data sheet alone is computed once; a revolution only adds the sensor's
 motion. Arrays of rays are (lasers, firings), lasers in the order in which they fire.
 
-The head turns on while a firing lasts, so a late laser is ahead of its firing. Where the view is
-less than a whole turn, nothing is fired in the rest of the revolution, and there are no such
-firings here.
+The head turns on while a firing lasts, so a late laser is ahead of its firing. Where the head's
+encoder has steps, the head truly is at one when it is read: rays leave where they are reported.
+
+Where the view is less than a whole turn, nothing is fired in the rest of the revolution, and there
+are no such firings here.
 """
 
 from __future__ import annotations
@@ -89,6 +91,7 @@ class Sweep:
         ahead = np.radians(_per_laser(spec.azimuth_offsets_deg, lasers))[order, None]
         ahead += sign * np.radians(spec.start_deg)
         turned = 2 * np.pi * spec.rotation_rate_hz * self.seconds + ahead
+        turned += np.radians(ahead_by_encoder_deg(spec))
         azimuth = sign * turned
         self.directions_in_sensor: Reals = np.stack(
             [
@@ -149,6 +152,23 @@ class Sweep:
             self._timed = start_seconds, intervals
             times = np.clip((start_seconds + self.seconds) / (intervals * TICK_SECONDS), 0, 1)
             np.copyto(self.times, times, casting="same_kind")
+
+
+def ahead_by_encoder_deg(spec: RotatingLidar) -> Floats:
+    """Return by how much the head is ahead of an even turn, as its encoder has steps.
+
+    Returns
+    -------
+    float64 array, shape (firings,)
+        Degrees, at most half the encoder's resolution either way.
+    """
+    firing, step_deg = np.arange(spec.firings_in_view), spec.azimuth_resolution_deg
+    if not step_deg:
+        return np.zeros(len(firing))
+    read = firing - firing % spec.firings_per_azimuth
+    turned_deg = read * (360 / spec.firings_per_revolution) + SIGNS[spec.rotation] * spec.start_deg
+    ahead: Floats = np.rint(turned_deg / step_deg) * step_deg - turned_deg
+    return ahead
 
 
 def _per_laser(values: tuple[float, ...], lasers: int) -> Floats:

@@ -60,6 +60,26 @@ def test_lasers_may_look_ahead_of_the_head_and_fire_late(rotation: str, sign: in
     np.testing.assert_allclose((azimuth - expected + 180) % 360, 180, atol=1e-4)
 
 
+@pytest.mark.parametrize(("rotation", "sign"), [("clockwise", -1), ("counterclockwise", 1)])
+def test_a_head_is_where_its_encoder_is_read(rotation: str, sign: int) -> None:
+    """At every third firing; from there on it turns evenly, while lasers fire, too."""
+    azimuth = directions(
+        field_of_view_deg=360.0,
+        firings_per_revolution=360,
+        rotation_rate_hz=10.0,
+        start_deg=10.1,
+        rotation=rotation,
+        elevations_deg=[0.0, 1.0],
+        azimuth_offsets_deg=[0.0, 0.3],
+        laser_times_us=[0.0, 50.0],  # 0.18 degrees
+        azimuth_resolution_deg=0.7,
+        firings_per_azimuth=3,
+    )
+    read = 0.7 * np.rint((10.1 + sign * 3 * np.arange(120)) / 0.7)
+    expected = np.repeat(read, 3) + sign * (np.arange(360) % 3 + np.array([[0.0], [0.3 + 0.18]]))
+    np.testing.assert_allclose((azimuth - expected + 180) % 360, 180, atol=1e-4)
+
+
 def test_rays_meet_what_is_in_their_direction() -> None:
     """A left and a right wall at their own distances; nothing ahead, and no ray back."""
     left = targets.box("grey", (0, 5.5, 0), (400, 1, 400), "left")
