@@ -6,7 +6,7 @@ Rule: draws and computes nothing; what is not there is not drawn.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -62,6 +62,7 @@ def trajectory(
     motions: Sequence[Motion],
     energies: Sequence[Energy],
     route_m: Sequence[NDArray[np.float64]],
+    checkpoints_m: Mapping[str, tuple[float, float]],
 ) -> str:
     """Return the ways of all vehicles over the plan of the world, coloured by speed."""
     tracks = [motion.track() for motion in motions]
@@ -106,6 +107,9 @@ def trajectory(
             _ends(plot, motion.vehicle if len(motions) > 1 else "", track)
         for motion, energy in zip(motions, energies, strict=True):
             _contacts(plot, motion, energy)
+        for name, place in checkpoints_m.items():
+            plot.plot(*place, marker="+", markersize=9, color=INK, linestyle="none", zorder=4)
+            plot.annotate(name, place, (4, 4), textcoords="offset points", color=FAINT)
         plot.set_xlim(low[0], high[0])
         plot.set_ylim(low[1], high[1])
         plot.set_aspect("equal")

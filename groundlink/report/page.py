@@ -21,6 +21,7 @@ from groundlink.run_monitor import RATE_TOLERANCE
 from groundlink.world.build import solids
 
 from . import figures
+from .checkpoints import passages
 from .gather import Gathered
 from .html import (
     Markup,
@@ -144,14 +145,28 @@ def _way(run: Gathered) -> Markup:
         for vehicle in scenario.vehicles
         if vehicle.route is not None
     ]
+    checkpoints = scenario.world.checkpoints
     drawn = figures.trajectory(
-        outlines(solids(scenario)), [m for m, _ in moved], [e for _, e in moved], routes
+        outlines(solids(scenario), level=scenario.world.terrain is None),
+        [m for m, _ in moved],
+        [e for _, e in moved],
+        routes,
+        checkpoints,
     )
     caption = (
         "From above, by the ground truth of the base, coloured by speed. In stronger grey: what "
         f"is taller than {figures.TALL_M:g} m; in weaker: lower things, table tops among them."
     )
-    return section("Way", figure(drawn, caption))
+    parts = [figure(drawn, caption)]
+    if checkpoints:
+        columns = ("vehicle", "checkpoint", "passed at", "apart")
+        rows = [
+            (motion.vehicle, by.checkpoint, f"{by.seconds:.2f} s", f"{by.apart_m:.3f} m")
+            for motion, _ in moved
+            for by in passages(motion.track(), checkpoints)
+        ]
+        parts.append(table(columns, rows, numbers=(2, 3), code=(0, 1)))
+    return section("Way", *parts)
 
 
 def _vehicles(run: Gathered, span: Span) -> list[Markup]:

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.world.bounds import bounds
-from groundlink.world.solids import Solid
+from groundlink.world.bounds import bounds, middle
+from groundlink.world.solids import Box, Mesh, Solid
 from groundlink.world.triangles import merged
 
 FLAT_M = 0.02
@@ -35,16 +36,34 @@ class Outline:
     high_m: float
 
 
-def outlines(solids: Sequence[Solid]) -> list[Outline]:
-    """Return the outlines of what stands in the way, the lowest first."""
+def outlines(solids: Sequence[Solid], *, level: bool = True) -> list[Outline]:
+    """Return the outlines of what stands in the way, the lowest first.
+
+    On ground that is not level, how high above it a solid is is not known here: all are returned.
+    """
     found = []
     for solid in solids:
         low, high = bounds(solid)
-        if high[2] <= FLAT_M or low[2] >= OVERHEAD_M:
+        if level and (high[2] <= FLAT_M or low[2] >= OVERHEAD_M):
             continue
-        corners = _hull(merged([solid]).vertices[:, :2].astype(np.float64))
+        corners = _hull(_footprint(solid))
         found.append(Outline(solid.name, corners, float(low[2]), float(high[2])))
     return sorted(found, key=lambda outline: outline.high_m)
+
+
+def _footprint(solid: Solid) -> NDArray[np.float64]:
+    """Return points whose hull a solid is from above; of a mesh those of its box.
+
+    So a report needs no more than its recording, which has no meshes in it.
+    """
+    if isinstance(solid.shape, Mesh):
+        size = np.subtract(solid.shape.high_m, solid.shape.low_m)
+        solid = replace(
+            solid,
+            shape=Box(size_m=tuple(np.maximum(size, 1e-3).tolist())),
+            position_m=tuple(middle(solid).tolist()),
+        )
+    return merged([solid]).vertices[:, :2].astype(np.float64)
 
 
 def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
