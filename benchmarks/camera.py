@@ -43,7 +43,7 @@ from services.sensors.surroundings import Surroundings
 
 from .lidar.driving import link_poses
 
-LAB = Path(__file__).parents[1] / "scenarios" / "indoor_camera.yaml"
+LAB = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
 TICKS_A_PICTURE = 40
 WARM_UP = 2
 TOOK = "took:"

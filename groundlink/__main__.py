@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from . import __version__
 from .cli import (
     check,
+    control,
     convert,
     drive,
     fault,
@@ -17,12 +18,15 @@ from .cli import (
     record,
     replay,
     report,
+    schema,
     sensors,
     snapshot,
+    spawn,
     top,
     topics,
     up,
     view,
+    world,
 )
 from .errors import UserError
 
@@ -34,13 +38,17 @@ COMMANDS = (
     report,
     top,
     drive,
+    control,
+    spawn,
     fault,
     check,
     sensors,
+    schema,
     topics,
     link,
     view,
     snapshot,
+    world,
 )
 
 

@@ -44,6 +44,19 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> Floats:
     return matrix
 
 
+def rpy_from_matrix(rotation: Floats) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw about the fixed axes of a rotation matrix, shape (3, 3).
+
+    Where x points straight up or down, roll and yaw are one turn, which is told as yaw.
+    """
+    across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
+    pitch = float(np.arctan2(0.0 - rotation[2, 0], across))
+    if across < 1e-9:
+        return 0.0, pitch, float(np.arctan2(-rotation[0, 1], rotation[1, 1]))
+    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
+    return roll, pitch, float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+
+
 def multiply(a_from_b: ArrayLike, b_from_c: ArrayLike) -> Floats:
     """Return the quaternion product a_from_c, shape (..., 4)."""
     ax, ay, az, aw = np.moveaxis(np.asarray(a_from_b, np.float64), -1, 0)

@@ -8,6 +8,7 @@ cut is `udp_bridge.fragments`, which nothing here imports; a test holds the two 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +37,12 @@ from .scenario.sensors import Range as RangeSpec
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
 """Azimuths that are offered to a LiDAR whose messages are too large."""
 
-JPEG_BYTES_A_PIXEL = 2
-"""What libjpeg makes of random pixels at a quality of 100; a room at 80 takes a twentieth of it."""
+JPEG_NOISE = ((1, 50, 80, 90, 95, 100), (0.42, 0.42, 0.68, 0.91, 1.19, 2.0))
+"""Bytes a pixel that libjpeg makes of random colours, by quality: a curve that bends upwards, so
+that lines between are above it. A room at 80 takes a seventh of it."""
+
+JPEG_HEAD_BYTES = 1000
+"""Tables and all else."""
 
 PNG_BYTES_A_PIXEL = 2.1
 """What libpng makes of random 16 bits."""
@@ -124,7 +129,7 @@ def _largest(vehicle: Vehicle, sensor: Sensor) -> Message:
         points = np.empty(most, POINT)
         return PointCloud(0, frame, packed(points.view(np.uint8)))
     if isinstance(sensor, Encoders):
-        names = tuple(wheel.name for wheel in vehicle.model.wheels)
+        names = tuple(shaft.name for shaft in vehicle.model.counted)
         return WheelEncoders(0, frame, names, (0,) * len(names))
     if isinstance(sensor, Gnss):
         return NavSatFix(0, frame, 0, 0, 0.0, 0.0, 0.0, packed(np.zeros(9)), 0)
@@ -146,10 +151,16 @@ def _picture(camera: Camera | StereoCamera, frame: str) -> Message:
     """Return the pixels of a camera, or the JPEG that it makes of pure noise if that is all."""
     pixels = camera.width * camera.height
     if camera.publish == "compressed":
-        return CompressedImage(0, frame, "jpeg", memoryview(bytes(pixels * JPEG_BYTES_A_PIXEL)))
+        most = _jpeg_bytes(pixels, camera.jpeg_quality)
+        return CompressedImage(0, frame, "jpeg", memoryview(bytes(most)))
     row = camera.width * (3 if camera.encoding in ("rgb8", "bgr8") else 1)
     data = memoryview(bytes(row * camera.height))
     return Image(0, frame, camera.height, camera.width, camera.encoding, row, data)
+
+
+def _jpeg_bytes(pixels: int, quality: int) -> int:
+    """Return how large a JPEG of pure noise gets."""
+    return math.ceil(pixels * np.interp(quality, *JPEG_NOISE)) + JPEG_HEAD_BYTES
 
 
 def _depth(camera: DepthCamera, frame: str) -> Message:
@@ -159,7 +170,7 @@ def _depth(camera: DepthCamera, frame: str) -> Message:
         "": pixels * (2 if camera.encoding == "16UC1" else 4),
         "compressed": int(pixels * PNG_BYTES_A_PIXEL),
         "points": -(-camera.width // every) * -(-camera.height // every) * POINT.itemsize,
-        "color": pixels * JPEG_BYTES_A_PIXEL,
+        "color": _jpeg_bytes(pixels, camera.color.jpeg_quality) if camera.color else 0,
         "color_image": pixels * 3,
         "camera_info": 0,
         "color_info": 0,

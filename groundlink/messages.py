@@ -101,13 +101,22 @@ class State(Message, frozen=True):
     """The truth at one tick, from physics, 400 a second of sim time."""
 
     run: str
+    life: int
+    """Tells apart the lives of a run: each start and each reset of physics begins another, at tick
+    0. The wall clock's nanoseconds then."""
+
     epoch_nanos: int
-    """Stamp of sim time zero; tells apart two lives of one run's physics."""
+    """Stamp of sim time zero."""
 
     tick: int
     sim_nanos: int
     world_hash: str
     vehicles: dict[str, VehicleState]
+    actors: memoryview = memoryview(b"")
+    """float64, rows of x, y, z, qx, qy, qz, qw: world_from_actor, in the scenario's order."""
+
+    def __post_init__(self) -> None:
+        whole(self.actors, 7 * 8, "actors")
 
     @property
     def stamp_nanos(self) -> int:
@@ -121,6 +130,8 @@ class Clock(Message, frozen=True):
     stamp_nanos: int
     epoch_nanos: int
     tick: int
+    life: int
+    """See `State.life`."""
 
 
 class Command(Message, frozen=True):
@@ -131,6 +142,19 @@ class Command(Message, frozen=True):
 
     linear_mps: Vector3
     angular_radps: Vector3
+
+
+class WheelCommand(Message, frozen=True):
+    """What single wheels of a vehicle are asked for, instead of a velocity; at once, not ramped."""
+
+    stamp_nanos: int
+    """As a command's."""
+
+    speeds_radps: dict[str, float]
+    """By the names of driven wheels or tracks, forward > 0; those left out are to stand still."""
+
+    angles_rad: dict[str, float] = {}
+    """By the names of steered wheels, to the left > 0; those left out straight ahead."""
 
 
 class Imu(Reading, frozen=True):
@@ -180,7 +204,9 @@ class WheelEncoders(Reading, frozen=True):
 class Ack(Message, frozen=True):
     """A process's word on how far it has come."""
 
-    epoch_nanos: int
+    life: int
+    """See `State.life`."""
+
     tick: int
     """The last state that it has taken in; -1 for none yet."""
 

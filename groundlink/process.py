@@ -2,7 +2,8 @@
 """What every process of a run does alike: arguments, signals, joining a run, saying how it is.
 
 Rule: a process ends with 0 when it is asked to end, with 2 and one line when the user can mend what
-is wrong. It never leaves its session open.
+is wrong, with 3 and one line when this machine lacks what it needs. It never leaves its session
+open.
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ from typing import NoReturn, Protocol
 
 import msgspec
 
+from . import asset_exchange
 from .bus import DEFAULT_ENDPOINT, Bus
 from .errors import UserError
 from .inbox import Inbox
 from .messages import Ack, Health, State, StreamReport, decode
+from .questions import history_key, scenario_key
 from .scenario import Scenario
-from .topics import HEALTH, ROOT, STATE, history_key, scenario_key
+from .topics import HEALTH, ROOT, STATE
 
-JOIN_SECONDS = 10.0
+JOIN_SECONDS = 20.0
 """How long a process waits for physics to serve the run's scenario."""
 
 HEALTH_PERIOD_SECONDS = 1.0
@@ -76,7 +79,7 @@ def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) ->
         main(sys.argv[1:], stop)
     except UserError as error:
         print(f"{process}: {error}", file=sys.stderr)
-        sys.exit(2)
+        sys.exit(error.exit_code)
     sys.exit(0)
 
 
@@ -104,6 +107,35 @@ def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Sc
             )
         stop.wait(0.2)
     raise SystemExit(0)
+
+
+def join_world(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Scenario]:
+    """Join a run, as `join` does, and fetch what of its world's assets this machine lacks.
+
+    Raises
+    ------
+    UserError
+        also when they are not to be had.
+    """
+    run_name, scenario = join(bus, run_name, stop)
+    asset_exchange.fetch(bus, run_name, scenario)
+    return run_name, scenario
+
+
+def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
+    """Return the scenario of a run's world by its hash, its assets at hand; None if there is none.
+
+    Raises
+    ------
+    UserError
+        when assets are not to be had.
+    """
+    replies = bus.ask(scenario_key(run_name), world, seconds=JOIN_SECONDS)
+    for payload in replies.values():
+        scenario = msgspec.msgpack.decode(payload, type=Scenario)
+        asset_exchange.fetch(bus, run_name, scenario)
+        return scenario
+    return None
 
 
 class StateTaker(Protocol):

@@ -59,7 +59,8 @@ def _stamp_and_frame(message: Any) -> tuple[int, str]:
 
 def _clock(ros: Any, moment: Moment) -> Clock:
     stamp = nanos(ros.clock)
-    return Clock(stamp, moment.epoch_nanos, (stamp - moment.epoch_nanos) // TICK_NANOS)
+    epoch = moment.epoch_nanos
+    return Clock(stamp, epoch, (stamp - epoch) // TICK_NANOS, life=epoch)
 
 
 def _command(ros: Any, moment: Moment) -> Command:

@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from .ground_truth import WORLD_FRAME
 from .message_sizes import body_bytes
-from .messages import Clock, Message
+from .messages import Clock, Message, State, floats
 from .navigation import Odometry, Transform, Transforms
 from .scenario import Scenario
 from .scenario.schema import Vehicle
@@ -176,6 +177,23 @@ def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None
                     rotation=sensor.mount.quaternion(optical=sensor.optical),
                 )
     return Transforms(tuple(transforms.values())) if transforms else None
+
+
+def actor_transforms(scenario: Scenario, state: State) -> Transforms:
+    """Return world_from_actor of every actor, for the tf tree of a viewer."""
+    poses = floats(state.actors).reshape(-1, 7).tolist()
+    return Transforms(
+        tuple(
+            Transform(
+                stamp_nanos=state.stamp_nanos,
+                parent=WORLD_FRAME,
+                child=actor.name,
+                translation_m=(x, y, z),
+                rotation=(qx, qy, qz, qw),
+            )
+            for actor, (x, y, z, qx, qy, qz, qw) in zip(scenario.world.actors, poses, strict=False)
+        )
+    )
 
 
 def true_transform(truth: Odometry) -> Transforms:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle's vitals as a ROS message of its standard types: diagnostic_msgs/DiagnosticArray.
 
-Rule: one status; every figure is a pair of text, a contact is one too, with JSON as its value. So a
-recording plays where no message package of ours is built.
+Rule: one status; every figure is a pair of text, a contact or the battery is one too, with JSON as
+its value. So a recording plays where no message package of ours is built.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from typing import Any
 import msgspec
 
 from .ros_types import TYPES, header
-from .vitals import Contact, Vitals
+from .vitals import BatteryState, Contact, Vitals
 
 CONTACT_PREFIX = "contact "
 """Before the touched thing's name in a pair's key."""
 
+_BATTERY = "battery"
 _OK, _WARN = 0, 1
 """diagnostic_msgs/DiagnosticStatus's constants."""
 
@@ -28,6 +29,8 @@ def vitals(message: Vitals) -> dict[str, Any]:
         "motor_work_j": message.motor_work_j,
         "braked_j": message.braked_j,
     }
+    if message.battery:
+        facts[_BATTERY] = msgspec.json.encode(message.battery).decode()
     for contact in message.contacts:
         rest = {"force_n": contact.force_n, "tick": contact.tick, "ticks": contact.ticks}
         facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
@@ -66,4 +69,7 @@ def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
         tick, work, braked = (facts[name] for name in ("tick", "motor_work_j", "braked_j"))
     except KeyError as error:
         raise ValueError(f"no {error} among its values") from None
-    return Vitals(stamp_nanos, status.hardware_id, int(tick), float(work), float(braked), contacts)
+    battery = msgspec.json.decode(facts[_BATTERY], type=BatteryState) if _BATTERY in facts else None
+    return Vitals(
+        stamp_nanos, status.hardware_id, int(tick), float(work), float(braked), contacts, battery
+    )

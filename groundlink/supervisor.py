@@ -2,8 +2,8 @@
 """Processes of one machine: started, watched, restarted when they crash, ended together.
 
 Rule: knows commands and exit codes and nothing of what the processes do. A child that exits with 2
-has told the user what to mend and is not restarted, nor is one that crashes at every start. No
-child outlives the supervisor, whatever ends it.
+has told the user what to mend, one with 3 what this machine lacks; neither is restarted, nor is one
+that crashes at every start. No child outlives the supervisor, whatever ends it.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from .errors import LackingError, UserError
+
 RESTART_SECONDS = 0.2
 """Between a crash and the restart; it doubles with each crash within `STEADY_SECONDS`."""
 
@@ -29,6 +31,9 @@ MAX_FALSE_STARTS = 5
 
 END_SECONDS = 1.2
 """How long children may take to end by themselves before they are killed."""
+
+TOLD = (UserError.exit_code, LackingError.exit_code)
+"""Exit codes of a child that has said in a line why it ends."""
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
@@ -69,6 +74,8 @@ class Supervisor:
         called with a process's name and a line that it printed; from several threads.
     finite
         names of processes that end by themselves, with 0, when their work is done.
+    dispensable
+        names of processes without which the others go on where this machine lacks what they need.
     """
 
     def __init__(
@@ -77,9 +84,10 @@ class Supervisor:
         say: Callable[[str, str], None],
         *,
         finite: Collection[str] = (),
+        dispensable: Collection[str] = (),
     ) -> None:
         self.children = {name: Child(name, command) for name, command in commands.items()}
-        self._finite = frozenset(finite)
+        self._finite, self._dispensable = frozenset(finite), frozenset(dispensable)
         self._say = say
 
     def start(self) -> None:
@@ -102,8 +110,12 @@ class Supervisor:
             if code == 0 and child.name in self._finite:
                 child.process, child.is_done = None, True
                 continue
+            if code == LackingError.exit_code and child.name in self._dispensable:
+                child.process, child.last_exit = None, "left out"
+                self._say(child.name, "the others go on without it")
+                continue
             self._crashed(child, code, now)
-            if code == 2 or child.false_starts == MAX_FALSE_STARTS:
+            if code in TOLD or child.false_starts == MAX_FALSE_STARTS:
                 return child.name
         return None
 
@@ -160,5 +172,5 @@ class Supervisor:
         child.last_exit = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         child.restart_at = now + child.delay
         child.process = None
-        if code != 2:
+        if code not in TOLD:
             self._say(child.name, f"ended with {child.last_exit}; restart in {child.delay:g} s")

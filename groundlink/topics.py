@@ -14,7 +14,18 @@ from .clock import TICK_RATE_HZ
 from .faults import Faults
 from .ground_truth import Bodies, TruePoints
 from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
-from .messages import Ack, Clock, Command, Health, Imu, Message, PointCloud, State, WheelEncoders
+from .messages import (
+    Ack,
+    Clock,
+    Command,
+    Health,
+    Imu,
+    Message,
+    PointCloud,
+    State,
+    WheelCommand,
+    WheelEncoders,
+)
 from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
 from .scenario.schema import Scenario, Vehicle
 from .scenario.sensors import (
@@ -91,6 +102,10 @@ COMMAND = Topic(
     publisher="gateway, driver",
     rate="as ROS sends, 50 Hz",
     delivery=Delivery.ALL,
+)
+
+WHEEL_COMMAND = replace(
+    COMMAND, name="command.wheels", key="{vehicle}/command/wheels", message=WheelCommand
 )
 
 
@@ -271,6 +286,7 @@ TOPICS = (
     STATE,
     CLOCK,
     COMMAND,
+    WHEEL_COMMAND,
     *STREAM_TOPICS.values(),
     *_CAMERAS,
     *(topic for sides in SIDE_TOPICS.values() for topic in sides.values()),
@@ -284,26 +300,6 @@ TOPICS = (
     ACK,
     HEALTH,
 )
-
-
-def scenario_key(run: str) -> str:
-    """Return the key of the queryable that serves a run's resolved scenario."""
-    return f"{ROOT}/{run}/scenario"
-
-
-def link_key(run: str) -> str:
-    """Return the key of the queryable by which a run's emulated link is changed and told."""
-    return f"{ROOT}/{run}/link"
-
-
-def faults_key(run: str, sensor: str) -> str:
-    """Return the key of the queryable by which a sensor's faults are changed and told."""
-    return FAULTS.key_in(run, process=sensor)
-
-
-def history_key(run: str) -> str:
-    """Return the key of the queryable that serves the states a rejoining sensor has missed."""
-    return f"{ROOT}/{run}/state/history"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,6 +30,16 @@ class Contact(Struct, frozen=True):
     """In how many ticks it was touched."""
 
 
+class BatteryState(Struct, frozen=True):
+    """What is in a vehicle's battery and what it gives."""
+
+    charge: float
+    """0..1, of its capacity."""
+
+    voltage_v: float
+    current_a: float
+
+
 class Vitals(Message, frozen=True):
     """Energy and contacts of one vehicle, 10 a second of sim time."""
 
@@ -44,3 +54,6 @@ class Vitals(Message, frozen=True):
 
     contacts: tuple[Contact, ...]
     """In the order of first touch."""
+
+    battery: BatteryState | None = None
+    """None: the vehicle's model has none."""

@@ -16,9 +16,10 @@ from typing import NamedTuple
 import msgspec
 
 from groundlink.bus import Bus
+from groundlink.questions import scenario_key
 from groundlink.scenario import load
 from groundlink.scenario.schema import Scenario, Stream
-from groundlink.topics import HEALTH, STREAM_TOPICS, scenario_key
+from groundlink.topics import HEALTH, STREAM_TOPICS
 from udp_bridge import Link, Message
 from udp_bridge.control import LinkReport, parse
 from udp_bridge.repair import Mode

@@ -65,18 +65,18 @@ class Bullet:
         for pose in world_from_body:
             self._put(shape, pose[:3], pose[3:])
 
-    def add_heights(self, heights: Floats, cell_m: float) -> None:
-        """Add a field of heights around the origin, shape (points, points), x before y."""
+    def add_heights(self, heights: Reals, cell_m: float) -> None:
+        """Add a field of heights around the origin, shape (points, points), y before x."""
         points = len(heights)
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_HEIGHTFIELD,
             meshScale=[cell_m, cell_m, 1.0],
-            heightfieldData=heights.T.reshape(-1).tolist(),
+            heightfieldData=heights.reshape(-1).tolist(),
             numHeightfieldRows=points,
             numHeightfieldColumns=points,
             physicsClientId=self._client,
         )
-        middle = np.array([0.0, 0.0, (heights.min() + heights.max()) / 2])
+        middle = np.array([0.0, 0.0, (float(heights.min()) + float(heights.max())) / 2])
         self._put(shape, middle, np.array([0.0, 0.0, 0.0, 1.0]))
 
     def add_mesh(self, mesh: Triangles, folder: Path) -> None:

@@ -46,7 +46,7 @@ def states(scenario: Scenario) -> Iterator[State]:
             name: VehicleState(packed(poses), packed(np.zeros(6)), none, none)
             for name, poses in link_poses(scenario, tick).items()
         }
-        yield State("benchmark", 0, tick, tick * TICK_NANOS, "", vehicles)
+        yield State("benchmark", 0, 0, tick, tick * TICK_NANOS, "", vehicles)
         tick += 1
 
 

@@ -2,7 +2,7 @@
 """A hilly terrain of a million triangles with bodies that drive and turn on it, as no scenario has.
 
 The LiDAR's own vehicle is one of the bodies. Their states are made here, and the scene of the model
-is replaced by one of these triangles; everything else is what a run does.
+is replaced by one of this terrain; everything else is what a run does.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar
-from groundlink.world.triangles import Triangles
+from groundlink.world.terrain import Ground
+from groundlink.world.triangles import Triangles, merged, of_ground
 from services.sensors.lidar.model import LidarModel
 from services.sensors.rays.scene import Scene
+from services.sensors.rays.terrain import Relief
 
 SIDE_M = 200.0
 POINTS = 724
@@ -32,8 +34,8 @@ HALF_AXES_M = (1.5, 0.8, 0.6)
 
 NEAREST_M, FARTHEST_M = 4.0, 60.0
 SPEED_MPS, TURN_RADPS = 3.0, 2.0
-LINKS = 2
-"""Of each vehicle: its base and a wheel, which is as good a body as any."""
+LINKS = 5
+"""Of each vehicle: its base and four wheels, which are as good bodies as any."""
 
 
 def height_m(x: Floats, y: Floats) -> Floats:
@@ -42,24 +44,12 @@ def height_m(x: Floats, y: Floats) -> Floats:
     return np.asarray(hills)
 
 
-def heights() -> tuple[Floats, float]:
-    """Return the terrain's heights, shape (points, points), x before y, and their distance."""
+def ground() -> Ground:
+    """Return the terrain around the world's origin."""
     line = np.linspace(-SIDE_M / 2, SIDE_M / 2, POINTS)
-    return height_m(*np.meshgrid(line, line, indexing="ij")), SIDE_M / (POINTS - 1)
-
-
-def terrain() -> Triangles:
-    """Return the terrain around the world's origin, of label 0."""
-    line = np.linspace(-SIDE_M / 2, SIDE_M / 2, POINTS)
-    x, y = (a.reshape(-1) for a in np.meshgrid(line, line, indexing="ij"))
-    corner = (np.arange(POINTS - 1)[:, None] * POINTS + np.arange(POINTS - 1)).reshape(-1)
-    a, b, c, d = corner, corner + POINTS, corner + POINTS + 1, corner + 1
-    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
-    return Triangles(
-        np.stack([x, y, height_m(x, y)], axis=-1).astype(np.float32),
-        faces.astype(np.uint32),
-        np.zeros(len(faces), np.int32),
-    )
+    heights = height_m(*np.meshgrid(line, line)).astype(np.float32)
+    surface = np.zeros((POINTS - 1, POINTS - 1), np.uint8)
+    return Ground(heights, surface, SIDE_M / (POINTS - 1), -SIDE_M / 2, -SIDE_M / 2, ("ground",))
 
 
 def ellipsoid() -> Triangles:
@@ -98,7 +88,7 @@ def ellipsoid() -> Triangles:
 class Hills:
     """The scenario, its states, and LiDARs in it."""
 
-    def __init__(self, ground: Triangles, bodies: int) -> None:
+    def __init__(self, ground: Ground, bodies: int) -> None:
         self._ground, self.body, self.bodies = ground, ellipsoid(), bodies
         self.scenario = _scenario(bodies // LINKS)
         generator = np.random.default_rng(3)
@@ -134,15 +124,20 @@ class Hills:
                 vehicle.name: VehicleState(packed(own), packed(np.zeros(6)), none, none)
                 for vehicle, own in zip(self.scenario.vehicles, poses, strict=True)
             }
-            yield State("benchmark", 0, tick, tick * TICK_NANOS, "", vehicles)
+            yield State("benchmark", 0, 0, tick, tick * TICK_NANOS, "", vehicles)
             tick += 1
 
-    def lidar(self, spec: Lidar) -> LidarModel:
+    def lidar(self, spec: Lidar, *, as_heights: bool = False) -> LidarModel:
         """Return the model of a LiDAR on the first vehicle, above its body."""
         mount = msgspec.structs.replace(spec.mount, xyz_m=(0.0, 0.0, HALF_AXES_M[2] + 0.6))
         spec = msgspec.structs.replace(spec, mount=mount)
         model = LidarModel(self.scenario, self.scenario.vehicles[0], spec)
-        model.scanner.replica.scene = Scene(self._ground, [self.body] * self.bodies)
+        bodies = [self.body] * self.bodies
+        if as_heights:
+            scene = Scene(merged([]), bodies, terrain=Relief(self._ground, first_label=0))
+        else:
+            scene = Scene(of_ground(self._ground, first_label=0), bodies)
+        model.scanner.replica.scene = scene
         return model
 
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
+
+import numpy as np
 
 from groundlink import routes
 from groundlink.errors import UserError
@@ -34,10 +37,16 @@ def check(options: argparse.Namespace) -> int:
     UserError
         when a sensor's messages fit into no datagrams, however large.
     """
-    scenario = load(options.scenario)
+    scenario = load(options.scenario, tell=_doubt)
     world = scenario.world
     print(f"{options.scenario}: `{scenario.name}` is valid")
     print(f"  world    {world.name}, {len(solids(scenario))} solids, {world_hash(scenario)[:12]}")
+    if terrain := world.terrain:
+        size = np.subtract(terrain.high_m, terrain.low_m)
+        print(
+            f"  terrain  {size[0]:g} x {size[1]:g} m, {terrain.low_m[2]:.1f} to "
+            f"{terrain.high_m[2]:.1f} m high, cells of {terrain.cell_m:g} m"
+        )
     print(f"  time     {scenario.time.mode}, seed {scenario.seed}")
     for vehicle in scenario.vehicles:
         print(f"  vehicle  {vehicle.name} ({vehicle.model.name}) obeys {vehicle.command_topic}")
@@ -73,6 +82,10 @@ def check(options: argparse.Namespace) -> int:
     print(f"  truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}")
     print(f"  gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}")
     return 0
+
+
+def _doubt(line: str) -> None:
+    print(f"groundlink: warning: {line}", file=sys.stderr)
 
 
 def _asked(push: bool) -> str:

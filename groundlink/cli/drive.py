@@ -73,9 +73,7 @@ def drive(options: argparse.Namespace) -> int:
             if first is None:
                 raise UserError(f"run `{run}` says no time; is its physics stepping?")
             stamp = first[1].stamp_nanos
-            drive = vehicle.model.drive
-            most = drive.max_wheel_speed_radps * min(w.radius_m for w in vehicle.model.wheels)
-            board = Keyboard(most_mps=most)
+            board = Keyboard(most_mps=vehicle.model.top_speed_mps)
             print(f"{vehicle.name} of run `{run}`: {HELP}")
             with _raw_terminal() as fd:
                 while not stop.is_set():

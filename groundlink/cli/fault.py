@@ -19,10 +19,10 @@ from groundlink.bus import Bus
 from groundlink.clock import TICK_SECONDS
 from groundlink.errors import UserError
 from groundlink.faults import CLEAR, FaultAnswer
+from groundlink.questions import faults_key
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.fault_fit import mistake
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
-from groundlink.topics import faults_key
 
 ANSWER_SECONDS = 3.0
 """How long a sensor may take to answer: it may be in the midst of a revolution."""

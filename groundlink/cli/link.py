@@ -15,7 +15,7 @@ import msgspec
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
 from groundlink.emulation.arguments import add_arguments, command_line, impairments
 from groundlink.errors import UserError
-from groundlink.topics import link_key
+from groundlink.questions import link_key
 
 ANSWER_SECONDS = 3.0
 """How long the gateway may take to answer."""

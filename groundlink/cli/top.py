@@ -25,9 +25,10 @@ from groundlink.faults import kinds_in
 from groundlink.inbox import Inbox
 from groundlink.messages import Health
 from groundlink.overview import Overview
+from groundlink.questions import link_key
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import sensor_rate_hz
-from groundlink.topics import HEALTH, link_key, process_names
+from groundlink.topics import HEALTH, process_names
 
 from .dashboard import streams_table
 from .running import console, stop_on_signals

@@ -75,7 +75,9 @@ def up(options: argparse.Namespace) -> int:
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
     if not options.no_ros:
         commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
-    supervisor = Supervisor(commands, running.say(console))
+    # In real time nobody waits for a sensor, so one that cannot work here may be missing.
+    dispensable = scenario.sensor_names() if scenario.time.mode == "realtime" else ()
+    supervisor = Supervisor(commands, running.say(console), dispensable=dispensable)
     monitor = RunMonitor()
     failed: str | None = None
     with Bus(listen=options.listen) as bus:

@@ -17,6 +17,9 @@ from groundlink.errors import UserError
 
 DataPath = tuple[str | int, ...]
 
+DEEPEST = 50
+"""Keys and indices down to a value: several times what any file here needs."""
+
 
 class ScenarioError(UserError):
     """A mistake in a scenario; the text names file, line and field."""
@@ -56,6 +59,15 @@ class Document:
                 return None
         return value
 
+    def alone(self, path: DataPath) -> Document:
+        """Return the part at `path` as a document of its own, under its last key."""
+        name = path[-1]
+        part = Document({name: self.at(path)}, {(): self.mark(path)})
+        for inner, mark in self.marks.items():
+            if inner[: len(path)] == path:
+                part.marks[(name, *inner[len(path) :])] = mark
+        return part
+
     def put(self, path: DataPath, part: Document) -> None:
         """Replace the value at `path` by another document and its marks."""
         around = self.at(path[:-1])
@@ -94,6 +106,9 @@ def read(file: Path) -> Document:
 
 def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> Any:
     """Turn a YAML node into plain data and note where it stands."""
+    if len(path) > DEEPEST:
+        mark = Mark(file, node.start_mark.line + 1)
+        raise ScenarioError(f"{mark}: nested more than {DEEPEST} deep; does an alias hold itself?")
     document.marks[path] = Mark(file, node.start_mark.line + 1)
     if isinstance(node, yaml.SequenceNode):
         return [_plain(n, (*path, i), document, file) for i, n in enumerate(node.value)]

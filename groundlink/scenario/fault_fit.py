@@ -31,7 +31,7 @@ def _of_disturbance(fault: Disturbance, spec: Sensor, vehicle: Vehicle) -> tuple
     if name not in spec.quantities:
         return "quantity", f"no quantity `{name}`; {nearest(name, spec.quantities)}"
     components = spec.quantities[name].components
-    count = len(vehicle.model.wheels) if components is EACH_WHEEL else len(components) or 1
+    count = len(vehicle.model.counted) if components is EACH_WHEEL else len(components) or 1
     if isinstance(fault.numbers, tuple) and len(fault.numbers) != count:
         expected = f"one, or {count} ({', '.join(components)})" if components else "one"
         return fault.numbers_field, f"{len(fault.numbers)} numbers; expected {expected}"

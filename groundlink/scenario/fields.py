@@ -30,6 +30,12 @@ def field_names(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]
     return names
 
 
+def required_names(root: type, data: Any, path: tuple[str | int, ...]) -> set[str]:
+    """Return the keys that the structure at `path` must have."""
+    structs = _structs(_walk(type_info(root), data, path), _tag(data, path))
+    return {f.encode_name for struct in structs for f in struct.fields if f.required}
+
+
 def kinds(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]:
     """Return the values that the tag at `path` may have; none where it is no tag."""
     structs = _structs(_walk(type_info(root), data, path[:-1]), None)

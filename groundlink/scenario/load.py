@@ -13,13 +13,21 @@ from typing import Any
 
 import msgspec
 
-from groundlink.clock import TICK_RATE_HZ
+from groundlink.importing.files import Tell, silent
 from groundlink.world.build import WorldError, solids
+from groundlink.world.starts import check_starts
 
+from . import urdf
+from .brought import bring_materials
 from .document import DataPath, Document, ScenarioError, read
 from .explain import convert, dotted, nearest
+from .fast_fit import window_mistake
 from .fault_fit import mistake
-from .route import FIGURES, Route, Waypoints
+from .grounded import place_outdoors, place_solids
+from .imported import bring_assets
+from .namespaces import into_namespaces
+from .route import FIGURES, Route, ThereAndBack, Waypoints
+from .scattered import sow
 from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
 from .sensors import Encoders, Gnss, Sensor, WheelOdometry
 from .vehicle import VehicleModel
@@ -35,8 +43,10 @@ class _RouteFile(msgspec.Struct):
     route: Route
 
 
-def load(file: str | Path) -> Scenario:
+def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
     """Return the scenario that `file` and the files it names describe.
+
+    `tell` takes what is doubtful about the heightmaps and meshes among them.
 
     Raises
     ------
@@ -44,10 +54,26 @@ def load(file: str | Path) -> Scenario:
         with one line: file, line, field, what was expected and how to mend it.
     """
     document = read(Path(file))
-    _follow_references(document)
-    scenario = convert(document, Scenario)
+    scenario = resolved(document, tell)
     _check(scenario, document)
     return scenario
+
+
+def resolved(document: Document, tell: Tell = silent) -> Scenario:
+    """Return the scenario that a document and the files it names describe; not all is checked.
+
+    Raises
+    ------
+    ScenarioError
+        as `load` does.
+    """
+    _follow_references(document, tell)
+    bring_assets(document, tell)
+    sow(document)
+    place_outdoors(document)
+    place_solids(document)
+    into_namespaces(document)
+    return convert(document, Scenario)
 
 
 def load_route(given: str, vehicle: Vehicle) -> Route:
@@ -72,18 +98,21 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     return route
 
 
-def _follow_references(document: Document) -> None:
+def _follow_references(document: Document, tell: Tell) -> None:
     """Put in the place of every reference what it refers to."""
     _include(document, ("world",), "worlds")
     for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
         here: DataPath = ("vehicles", v)
+        urdf.must_not_be_alone(document, (*here, "model"))
         _include(document, (*here, "model"), "vehicles")
+        urdf.expand(document, (*here, "model"), tell)
         _include(document, (*here, "route"), "routes")
         if not isinstance(vehicle, dict):
             continue
         for s, sensor in enumerate(_sequence(vehicle.get("sensors"))):
             _fill_from_datasheet(document, (*here, "sensors", s), sensor)
             _place_on_mount(document, (*here, "sensors", s), vehicle.get("model"))
+    bring_materials(document)
 
 
 def _sequence(value: Any) -> list[Any]:
@@ -162,7 +191,9 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
     """Replace the name of a mount by the pose that the vehicle's model gives it."""
     mount = document.at((*path, "mount"))
     mounts = model.get("mounts", {}) if isinstance(model, dict) else {}
-    if isinstance(mount, str):
+    if isinstance(mount, str) and model is None:  # That it is missing is what is to be told.
+        del document.at(path)["mount"]
+    elif isinstance(mount, str):
         if mount not in mounts:
             mark = document.mark((*path, "mount"))
             raise ScenarioError(f"{mark}: `mount`: no mount `{mount}`; {nearest(mount, mounts)}")
@@ -195,11 +226,10 @@ def _check(scenario: Scenario, document: Document) -> None:
         if vehicle.route is not None:
             _check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
     time = scenario.time
-    if time.mode == "fast" and time.window_ticks < TICK_RATE_HZ / time.clock_rate_hz:
-        raise ScenarioError(
-            f"{document.mark(('time', 'window_ticks'))}: `time.window_ticks`: {time.window_ticks} "
-            f"is less than a period of the clock; expected {TICK_RATE_HZ}/clock_rate_hz or more"
-        )
+    every_sensor = (sensor for vehicle in scenario.vehicles for sensor in vehicle.sensors)
+    if time.mode == "fast" and (found := window_mistake(time, every_sensor)):
+        mark = document.mark(("time", "window_ticks"))
+        raise ScenarioError(f"{mark}: `time.window_ticks`: {found}")
     topics = [t for v in scenario.vehicles for s in v.sensors for t in s.ros_topics().values()]
     topics += [s.topic for v in scenario.vehicles for s in v.streams]
     topics += [scenario.ground_truth_topic(v) for v in scenario.vehicles]
@@ -210,14 +240,14 @@ def _check(scenario: Scenario, document: Document) -> None:
             f"{document.mark(())}: two streams share the topic `{twice[0]}`; give each its own"
         )
     heard = [topic for v in scenario.vehicles for topic in msgspec.structs.astuple(v.from_ros)]
-    heard = [topic for topic in heard if topic]
+    heard = [topic for topic in heard if topic] + [v.command_topic for v in scenario.vehicles]
     if again := [t for t in heard if t in topics or heard.count(t) > 1]:
         raise ScenarioError(
-            f"{document.mark(())}: `from_ros` takes `{again[0]}`, which is another stream's topic; "
-            "give each its own"
+            f"{document.mark(())}: `{again[0]}` is taken from ROS, but is another stream's topic, "
+            "too; give each its own"
         )
     try:
-        solids(scenario)
+        check_starts(scenario, solids(scenario))
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
 
@@ -225,7 +255,7 @@ def _check(scenario: Scenario, document: Document) -> None:
 def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
     """Refuse encoders of wheels that there are not, and odometry of encoders that there are not."""
     if isinstance(sensor, Encoders):
-        wheels = [wheel.name for wheel in vehicle.model.wheels]
+        wheels = [shaft.name for shaft in vehicle.model.counted]
         for i, name in enumerate(sensor.reversed_wheels):
             if name not in wheels:
                 mark = document.mark((*path, "reversed_wheels", i))
@@ -251,8 +281,13 @@ def _check_faults(sensor: Sensor, vehicle: Vehicle, document: Document, path: Da
 
 
 def _check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
-    """Refuse a route that asks for more than the vehicle's wheels can turn."""
-    most = model.drive.max_wheel_speed_radps * min(wheel.radius_m for wheel in model.wheels)
+    """Refuse a route that asks for more than the vehicle can: in speed, or to turn on the spot."""
+    if isinstance(route, ThereAndBack) and model.least_radius_m:
+        raise ScenarioError(
+            f"{document.mark(path)}: `{dotted(path)}`: `{model.name}` cannot turn on the spot; "
+            "expected another kind than `there_and_back`"
+        )
+    most = model.top_speed_mps
     asked: list[tuple[DataPath, float | None]] = [((*path, "speed_mps"), route.speed_mps)]
     if isinstance(route, Waypoints):
         for i, point in enumerate(route.points):

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 from msgspec.structs import replace
 
 from groundlink.emulation import LinkScript
+from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
+from groundlink.world.outdoors import Outdoor
 from groundlink.world.room import Clutter, Furniture, Room
 from groundlink.world.solids import Material, Solid, Spec, Vector3
+from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
 
 from .route import Route
@@ -27,12 +30,14 @@ Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 """Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
 
 RESERVED_NAMES = frozenset(
-    {"state", "clock", "bodies", "health", "scenario", "link", "faults", "ack"}
+    "ack assets bodies clock control faults health link scenario state".split()
 )
 """Second parts of the bus's own keys, so no names for vehicles."""
 
 RESERVED_SENSOR_NAMES = frozenset({"command", "driver", "from_ros", "ground_truth", "vitals"})
 """Last parts of a vehicle's own keys, and the name of its driver."""
+
+NAMESPACE = r"^(/[A-Za-z0-9_]+)*$"
 
 Peer = Annotated[str, Meta(pattern=r"^[^\s:]+(:[0-9]{1,5})?$")]
 """HOST:PORT, or HOST for all of its ports."""
@@ -60,10 +65,23 @@ class World(Spec, frozen=True, kw_only=True):
     materials: dict[str, Material]
     room: Room | None = None
     furniture: tuple[Furniture, ...] = ()
+    outdoors: tuple[Outdoor, ...] = ()
+    """Houses, fences, plants; what a file's `scatter` sows is among them."""
+
     solids: tuple[Solid, ...] = ()
     """Single static shapes, where no kind of furniture fits."""
 
+    actors: tuple[Actor, ...] = ()
+    """Bodies that move by themselves, or when they are pushed."""
+
+    terrain: Terrain | None = None
+    """None: no ground but that of room and solids."""
+
     clutter: Clutter | None = None
+    checkpoints: dict[Name, tuple[float, float]] = field(default_factory=dict)
+    """Places on the floor, x and y in metres, where errors are looked at; a report tells when each
+    was passed."""
+
     light: Sun | Lamps | None = None
     """None: a lamp amid a room's ceiling, the sun where there is no room."""
 
@@ -76,6 +94,8 @@ class Placement(Spec, frozen=True):
     x_m: float = 0.0
     y_m: float = 0.0
     z_m: float = 0.0
+    """Above the ground there: the terrain, or z = 0 where there is none."""
+
     yaw_deg: float = 0.0
 
 
@@ -116,11 +136,10 @@ class GroundTruth(Spec, frozen=True):
     """What physics publishes of a vehicle without error, for comparison and never for a stack."""
 
     topic: RosTopic | None = None
-    """Of the odometry: `/ground_truth/odom` unless given, in front of it the vehicle's name where
-    it has company."""
+    """Of the odometry: `ground_truth/odom` in the vehicle's namespace unless given."""
 
     wheels_topic: RosTopic | None = None
-    """Of the wheels' angles, speeds and torques: `/ground_truth/wheels`, in the same way."""
+    """Of the wheels' angles, speeds and torques: `ground_truth/wheels`, in the same way."""
 
     rate_hz: Rate = 50.0
     push: bool = False
@@ -155,9 +174,12 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     name: Name
     model: VehicleModel
     placement: Placement = Placement()
-    command_topic: str = "/cmd_vel"
+    namespace: Annotated[str, Meta(pattern=NAMESPACE)] = ""
+    """Of topics that do not begin with a slash: `/name` where there are several vehicles."""
+
+    command_topic: RosTopic = "/cmd_vel"
     frame_prefix: str = ""
-    """Put before the vehicle's frame names where several vehicles share one tf tree."""
+    """Put before the vehicle's frame names: `name/` where several vehicles share one tf tree."""
 
     sensors: tuple[Sensor, ...] = ()
     streams: tuple[Stream, ...] = ()
@@ -239,19 +261,15 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
     def ground_truth_topic(self, vehicle: Vehicle) -> str:
         """Return the ROS topic of a vehicle's true odometry."""
-        return vehicle.ground_truth.topic or f"{self._company(vehicle)}/ground_truth/odom"
+        return vehicle.ground_truth.topic or f"{vehicle.namespace}/ground_truth/odom"
 
     def true_wheels_topic(self, vehicle: Vehicle) -> str:
         """Return the ROS topic of a vehicle's true wheel states."""
-        return vehicle.ground_truth.wheels_topic or f"{self._company(vehicle)}/ground_truth/wheels"
+        return vehicle.ground_truth.wheels_topic or f"{vehicle.namespace}/ground_truth/wheels"
 
     def vitals_topic(self, vehicle: Vehicle) -> str:
         """Return the topic of a vehicle's vitals in a recording."""
-        return f"{self._company(vehicle)}/vitals"
-
-    def _company(self, vehicle: Vehicle) -> str:
-        """Return what parts the topics of vehicles that the scenario gives none."""
-        return f"/{vehicle.name}" if len(self.vehicles) > 1 else ""
+        return f"{vehicle.namespace}/vitals"
 
     def sensor_names(self) -> list[str]:
         """Return every sensor as `vehicle/sensor`, in the scenario's order."""

@@ -77,7 +77,10 @@ class Imu(SensorSpec, frozen=True, tag="imu"):
 
 
 class Encoders(SensorSpec, frozen=True, tag="encoders"):
-    """Incremental encoders on every driven wheel, counted by the motor controller."""
+    """Incremental encoders, counted by the motor controller.
+
+    On every driven wheel, on each track's sprocket, on those wheels of a car that are not steered.
+    """
 
     quantities: ClassVar = {"ticks": Quantity("ticks", EACH_WHEEL)}
     rate_hz: Rate = 50.0
@@ -131,10 +134,11 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
 
     rate_hz: Rate = 50.0
     track_multiplier: Positive | None = None
-    """Effective over geometric track, as the controller is told; none: that of the drive."""
+    """Effective over geometric track, as the controller is told; none: that of the drive, 1 for a
+    car's."""
 
     wheel_radius_m: Positive | None = None
-    """As the controller is told; none: that of the vehicle's model."""
+    """As the controller is told, of wheels or sprockets; none: that of the vehicle's model."""
 
     travel_stddev: NonNegative = 0.02
     """By which each side's travel is believed to be wrong after a metre, in metres; it grows with

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle as data: bodies, wheels on springs, how it is driven, what it looks like.
+"""A vehicle as data: bodies, wheels on springs, what it looks like; its drive is in `drives`.
 
 Rule: enough to write a URDF from and nothing that only one physics engine knows. The base frame is
-at axle height in the middle between the wheels, x forward, y left, z up (REP 103, 105).
+at axle height in the middle between the wheels, x forward, y left, z up (REP 103, 105). All wheels
+of a vehicle that stands on level ground touch it, but those that are held higher on purpose, as at
+the ends of a track.
 """
 
 from __future__ import annotations
@@ -11,21 +13,60 @@ from typing import Annotated
 
 from msgspec import Meta, field
 
-from groundlink.world.solids import Fraction01, NonNegative, Positive, Size3, Solid, Spec, Vector3
+from groundlink.clock import TICK_SECONDS
+from groundlink.world.solids import (
+    Fraction01,
+    Material,
+    NonNegative,
+    Positive,
+    Size3,
+    Solid,
+    Spec,
+    Vector3,
+)
 
-from .sensors import Mount
+from .drives import Ackermann, Battery, Differential, Drive, Shaft, SkidSteer, Tracked
+from .every_sensor import Mount
+
+ROUNDED = 1.01
+"""Moments of inertia of flat things add up but for the digits that are left out."""
+
+LOADED_M = 0.002
+"""Wheels whose lowest points differ by less stand on level ground together."""
 
 
-class Chassis(Spec, frozen=True):
-    """The sprung body: a uniform box that meets walls and ground."""
+class Chassis(Spec, frozen=True, kw_only=True):
+    """The sprung body: a box that meets walls and ground."""
 
     mass_kg: Positive
     size_m: Size3
     center_m: Vector3 = (0.0, 0.0, 0.0)
-    """Of the box, in the base frame."""
+    """Of the box, in the base frame: its centre of mass."""
+
+    inertia_kgm2: Size3 | None = None
+    """Moments about the centre of mass, along x, y and z; none: those of the uniform box."""
+
+    collides: bool = True
+    """Whether the box meets things; otherwise only `collisions` of the vehicle do."""
 
     friction: NonNegative = 0.4
     restitution: Fraction01 = 0.0
+    """Of the speed at which it meets something, the share with which it comes back."""
+
+    linear_damping_per_s: NonNegative = 0.0
+    """By which share of itself every velocity falls in a second, of all bodies of the vehicle."""
+
+    angular_damping_per_s: NonNegative = 0.0
+    drag_area_m2: NonNegative = 0.0
+    """Drag coefficient times frontal area: the air's resistance grows with the speed squared."""
+
+    def __post_init__(self) -> None:
+        moments = self.inertia_kgm2 or (0.0,)
+        if (largest := max(moments)) > ROUNDED * (sum(moments) - largest):
+            raise ValueError(
+                f"no body has an `inertia_kgm2` of {list(moments)}: none of the three is above the "
+                "sum of the others; leave it out for that of the box"
+            )
 
 
 class Suspension(Spec, frozen=True):
@@ -38,8 +79,8 @@ class Suspension(Spec, frozen=True):
     damping_nspm: Positive = 500.0
 
 
-class Wheel(Spec, frozen=True):
-    """One driven wheel; its joint is `<name>`, its link `<name>_link`."""
+class Wheel(Spec, frozen=True, kw_only=True):
+    """One wheel; its joint is `<name>`, its link `<name>_link`."""
 
     name: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
     center_m: Vector3
@@ -48,28 +89,38 @@ class Wheel(Spec, frozen=True):
     radius_m: Positive
     width_m: Positive
     mass_kg: Positive
+    inertia_kgm2: Positive | None = None
+    """About its axle; none: that of the uniform cylinder."""
+
     friction: NonNegative = 0.8
     axle_friction_ratio: Fraction01 = 1.0
-    """Friction along the axle as a share of that in rolling direction: less skids round easier."""
+    """Friction along the axle as a share of that in rolling direction: less skids round easier,
+    and sideways down a slope."""
+
+    restitution: Fraction01 = 0.0
+    rolling_resistance: NonNegative = 0.0
+    """Force against rolling as a share of the load."""
+
+    axle_damping_nmsprad: NonNegative = 0.0
+    """Torque of the bearing against the turning wheel, for each rad/s."""
+
+    caster: bool = False
+    """Never driven or braked: a ball that slides in every direction, by `friction`, as a wheel does
+    that swivels freely. A few hundredths stand for its rolling resistance."""
+
+    suspension: Suspension | None = None
+    """None: the vehicle's. There is always one: where the real wheel has no spring, its tyre."""
 
     material: str = "rubber"
-    """What it looks like; a cylinder of radius and width about its axle, the link's y."""
+    """What it looks like: a cylinder of radius and width about its axle, the link's y."""
 
+    visuals: tuple[Solid, ...] = ()
+    """What it looks like if not that, in its link's frame."""
 
-class SkidSteer(Spec, frozen=True, tag_field="kind", tag="skid_steer"):
-    """Wheels of one side turn alike; the difference between the sides turns the vehicle."""
-
-    max_wheel_torque_nm: Positive
-    max_wheel_speed_radps: Positive
-    track_multiplier: Positive = 1.0
-    """Effective over geometric track: what the controller multiplies the yaw rate's share by."""
-
-    max_acceleration_mps2: Positive = 3.0
-    max_angular_acceleration_radps2: Positive = 6.0
-    """How fast the controller lets the commanded velocity change."""
-
-    command_timeout_s: Positive = 0.5
-    """Sim time after which an unrepeated command no longer moves the vehicle."""
+    @property
+    def axle_inertia_kgm2(self) -> float:
+        """Moment of inertia about the axle."""
+        return self.inertia_kgm2 or self.mass_kg * self.radius_m**2 / 2
 
 
 class VehicleModel(Spec, frozen=True, kw_only=True):
@@ -79,8 +130,11 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     base_frame: str = "base_link"
     chassis: Chassis
     suspension: Suspension
-    wheels: tuple[Wheel, ...]
-    drive: SkidSteer
+    wheels: Annotated[tuple[Wheel, ...], Meta(min_length=2)]
+    drive: Drive
+    battery: Battery | None = None
+    """None: never empty."""
+
     mounts: dict[str, Mount] = field(default_factory=dict)
     """Places for sensors, by name."""
 
@@ -90,11 +144,68 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     visuals: tuple[Solid, ...] = ()
     """What the base link looks like to sensors and people, in the base frame."""
 
+    materials: dict[str, Material] = field(default_factory=dict)
+    """What it brings along, for worlds that do not list them: a world's own win."""
+
+    def __post_init__(self) -> None:
+        names = [wheel.name for wheel in self.wheels]
+        if len(set(names)) < len(names):
+            raise ValueError("two `wheels` have one name; give each its own")
+        for wheel in self.wheels:
+            spring = wheel.suspension or self.suspension
+            # Of the wheel in the air, by the rule that keeps its motion from growing.
+            if (most := 1.5 * wheel.mass_kg / TICK_SECONDS) < spring.damping_nspm:
+                raise ValueError(
+                    f"the damper of `{wheel.name}` is too hard for its {wheel.mass_kg:g} kg; "
+                    f"expected `damping_nspm` of at most {most:.0f}, or a heavier wheel"
+                )
+            if (most := wheel.mass_kg / TICK_SECONDS**2) < spring.stiffness_npm:
+                raise ValueError(
+                    f"the spring of `{wheel.name}` is too stiff for its {wheel.mass_kg:g} kg; "
+                    f"expected `stiffness_npm` of at most {most:.0f}, or a heavier wheel"
+                )
+        self.drive.check(self.wheels)
+
     @property
     def base_height_m(self) -> float:
         """Of the base frame above level ground, with springs at their loaded rest."""
         return max(wheel.radius_m - wheel.center_m[2] for wheel in self.wheels)
 
+    def stands_on(self, wheel: Wheel) -> bool:
+        """Return whether a wheel touches level ground."""
+        return wheel.radius_m - wheel.center_m[2] > self.base_height_m - LOADED_M
+
     def link_names(self) -> tuple[str, ...]:
         """Return the links in the order of `VehicleState.link_poses`: base, then wheels."""
         return (self.base_frame, *(f"{wheel.name}_link" for wheel in self.wheels))
+
+    @property
+    def counted(self) -> tuple[Shaft, ...]:
+        """Shafts whose turns encoders count."""
+        return self.drive.counted(self.wheels)
+
+    @property
+    def least_radius_m(self) -> float:
+        """Of the narrowest circle of the base's origin; 0 for one that turns on the spot."""
+        drive = self.drive
+        return drive.least_radius_m(self.wheels) if isinstance(drive, Ackermann) else 0.0
+
+    @property
+    def top_speed_mps(self) -> float:
+        """The speed straight on at which a driven shaft turns as fast as it may."""
+        driven = (shaft for shaft in self.drive.shafts(self.wheels) if shaft.driven)
+        return self.drive.max_wheel_speed_radps * min(shaft.radius_m for shaft in driven)
+
+
+__all__ = [
+    "Ackermann",
+    "Battery",
+    "Chassis",
+    "Differential",
+    "Mount",
+    "SkidSteer",
+    "Suspension",
+    "Tracked",
+    "VehicleModel",
+    "Wheel",
+]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much room a solid takes: boxes along the world's axes around it.
 
-Rule: no answer is too small. Bounds around a turned box are wider than it; a cylinder or ball
+Rule: no answer is too small. Bounds around a turned box are wider than it; a cylinder, ball or mesh
 counts as the box around it, which is on the safe side for all who ask whether a place is free.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from groundlink.frames import Floats, matrix_from_quaternion
 
-from .solids import Box, Cylinder, Shape, Solid
+from .solids import Box, Cylinder, Mesh, Shape, Solid
 
 Bounds = tuple[Floats, Floats]
 """Lowest and highest corner, each of shape (3,), metres."""
@@ -23,12 +23,23 @@ def half_extents(shape: Shape) -> Floats:
         return np.array(shape.size_m) / 2
     if isinstance(shape, Cylinder):
         return np.array([shape.radius_m, shape.radius_m, shape.length_m / 2])
+    if isinstance(shape, Mesh):
+        return (np.array(shape.high_m) - shape.low_m) / 2
     return np.full(3, shape.radius_m)
+
+
+def middle(solid: Solid) -> Floats:
+    """Return the middle of a solid in the frame it is placed in, shape (3,), metres."""
+    position = np.array(solid.position_m)
+    if isinstance(solid.shape, Mesh):
+        in_solid = (np.array(solid.shape.high_m) + solid.shape.low_m) / 2
+        return position + matrix_from_quaternion(solid.orientation) @ in_solid
+    return position
 
 
 def bounds(solid: Solid) -> Bounds:
     """Return the corners of the box around a solid along the axes of the frame it is placed in."""
-    center = np.array(solid.position_m)
+    center = middle(solid)
     half = np.abs(matrix_from_quaternion(solid.orientation)) @ half_extents(solid.shape)
     return center - half, center + half
 
@@ -53,6 +64,6 @@ def intersect(first: Solid, second: Solid) -> bool:
     axes = np.vstack([a.T, b.T, across])
     reach = np.abs(axes @ a) @ half_extents(first.shape)
     reach += np.abs(axes @ b) @ half_extents(second.shape)
-    apart = np.abs(axes @ (np.array(second.position_m) - np.array(first.position_m)))
+    apart = np.abs(axes @ (middle(second) - middle(first)))
     # Parallel edges have no common normal: a row of zeros, which tells nothing.
     return bool(np.all((apart < reach) | (np.linalg.norm(axes, axis=1) < 1e-9)))

@@ -17,20 +17,22 @@ from zlib import crc32
 
 import msgspec
 import numpy as np
-from msgspec.structs import replace
 
 from groundlink.errors import UserError
-from groundlink.frames import multiply
 
+from . import terrain
+from .actors import Crate, Door, Form, Parts, Person
 from .bodies import link_bodies
-from .bounds import Bounds, bounds, intersect
+from .bounds import Bounds, bounds
+from .erect import erect
 from .furnish import Frame, Surface, door_frame, furnish, walls
 from .room import Room
 from .solids import Box, Solid
+from .start import start
 from .strew import NoRoom, strew
 
 if TYPE_CHECKING:
-    from groundlink.scenario.schema import Scenario, Vehicle
+    from groundlink.scenario.schema import Scenario
 
 STRIP_M = 0.45
 """Width of the strip of floor along the walls where clutter may lie."""
@@ -63,13 +65,13 @@ class UnknownMaterial(WorldError):
 
 
 def solids(scenario: Scenario) -> tuple[Solid, ...]:
-    """Return all static solids of a scenario's world, in the world's frame.
+    """Return all static solids of a scenario's world, in the world's frame, without its terrain.
 
     Raises
     ------
     WorldError
         when a material is not in `world.materials` (`UnknownMaterial`), two bodies have one name,
-        the clutter finds no place, or a vehicle starts inside something.
+        or the clutter finds no place.
     """
     _check_materials(scenario)
     world = scenario.world
@@ -79,6 +81,8 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
         parts, tops = furnish(index, furniture)
         built += parts
         surfaces += tops
+    for index, thing in enumerate(world.outdoors):
+        built += erect(index, thing)
     built += world.solids
     if world.clutter:
         # A stream of its own: what else the seed is used for does not move the clutter.
@@ -90,23 +94,28 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
             built += strew(world.clutter, surfaces, occupied, generator)
         except NoRoom as error:
             raise WorldError(("world", "clutter", "count"), str(error)) from None
-    names = set(link_bodies(scenario))
+    names = {terrain.BODY} if world.terrain else set()
+    for body in link_bodies(scenario):
+        if body in names:
+            raise WorldError(("world", "actors"), f"there are two bodies called `{body}`")
+        names.add(body)
     for solid in built:
         if solid.name in names:
             raise WorldError(("world", "solids"), f"there are two bodies called `{solid.name}`")
         names.add(solid.name)
-    _check_starts(scenario, built)
     return tuple(built)
 
 
 def world_hash(scenario: Scenario) -> str:
     """Return the sha256, in hexadecimal, of what physics and sensors must agree on.
 
-    These are the built solids, the materials, and each vehicle's model by its name, as canonical
-    MessagePack.
+    These are the built solids, the actors, the terrain, the materials, and each vehicle's model by
+    its name, as canonical MessagePack. Terrain and meshes are in it by the digests of their assets.
     """
     content = (
         solids(scenario),
+        scenario.world.actors,
+        scenario.world.terrain,
         scenario.world.materials,
         {vehicle.name: vehicle.model for vehicle in scenario.vehicles},
     )
@@ -130,10 +139,20 @@ def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
         yield ("world", "room", "floor_material"), room.floor_material
         if room.door:
             yield ("world", "room", "door", "material"), room.door.material
+    if world.terrain:
+        for i, material in enumerate(world.terrain.materials):
+            yield ("world", "terrain", "materials", i), material
     for i, furniture in enumerate(world.furniture):
         yield ("world", "furniture", i, "material"), furniture.material
+    for i, thing in enumerate(world.outdoors):
+        for field in thing.__struct_fields__:
+            if field.endswith("material"):
+                yield ("world", "outdoors", i, field), getattr(thing, field)
     for i, solid in enumerate(world.solids):
         yield ("world", "solids", i, "material"), solid.material
+    for i, actor in enumerate(world.actors):
+        for at, material in _of_form(actor.form):
+            yield ("world", "actors", i, "form", *at), material
     if world.clutter:
         for i, material in enumerate(world.clutter.materials):
             yield ("world", "clutter", "materials", i), material
@@ -142,39 +161,21 @@ def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
             yield ("vehicles", v, "model", "visuals", i, "material"), visual.material
         for i, wheel in enumerate(vehicle.model.wheels):
             yield ("vehicles", v, "model", "wheels", i, "material"), wheel.material
+            for j, visual in enumerate(wheel.visuals):
+                path = ("vehicles", v, "model", "wheels", i, "visuals", j, "material")
+                yield path, visual.material
 
 
-def _check_starts(scenario: Scenario, built: list[Solid]) -> None:
-    """Refuse a vehicle that starts inside something: physics would throw it about."""
-    there = list(built)
-    for index, vehicle in enumerate(scenario.vehicles):
-        parts = list(_bodies(vehicle))
-        for part in parts:
-            for solid in there:
-                if intersect(part, solid):
-                    raise WorldError(
-                        ("vehicles", index, "placement"),
-                        f"`{vehicle.name}` starts inside `{solid.name}`; move it",
-                    )
-        there += parts
-
-
-def _bodies(vehicle: Vehicle) -> Iterator[Solid]:
-    """Yield what of a vehicle at its start meets things, in the world, under its name."""
-    model, place = vehicle.model, vehicle.placement
-    start = Frame(
-        vehicle.name, place.x_m, place.y_m, place.z_m + model.base_height_m, place.yaw_deg
-    )
-    box = Box(size_m=model.chassis.size_m)
-    chassis = start.put("", box, model.chassis.center_m, "")
-    yield replace(chassis, name=vehicle.name)
-    for part in model.collisions:
-        yield replace(
-            part,
-            name=vehicle.name,
-            position_m=start.point(*part.position_m),
-            orientation=tuple(multiply(chassis.orientation, part.orientation).tolist()),
-        )
+def _of_form(form: Form) -> Iterator[tuple[Path, str]]:
+    match form:
+        case Parts(parts=parts):
+            for i, part in enumerate(parts):
+                yield ("parts", i, "material"), part.material
+        case Person():
+            for field in ("shirt", "trousers", "skin"):
+                yield (field,), getattr(form, field)
+        case Door() | Crate():
+            yield ("material",), form.material
 
 
 def _strips(room: Room) -> list[Surface]:
@@ -199,9 +200,9 @@ def _kept_free(scenario: Scenario) -> list[Bounds]:
     """Return boxes where no clutter may lie: around each vehicle's start and inside the door."""
     keep = []
     for vehicle in scenario.vehicles:
-        place, chassis = vehicle.placement, vehicle.model.chassis
+        chassis = vehicle.model.chassis
         reach = math.hypot(*chassis.size_m[:2]) / 2 + math.hypot(*chassis.center_m[:2])
-        at, to = np.array([place.x_m, place.y_m, place.z_m]), np.full(3, reach + START_CLEARANCE_M)
+        at, to = np.array(start(vehicle, None)[0]), np.full(3, reach + START_CLEARANCE_M)
         keep.append((at - to, at + to))
     room = scenario.world.room
     if room and room.door:

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from groundlink.frames import quaternion_from_rpy
+
 from .room import Cabinet, Chair, Door, Furniture, Pillar, Room, Shelf, Table
 from .solids import Box, Cylinder, Shape, Solid, Vector3
 
@@ -67,16 +69,27 @@ class Frame:
         )
 
     def put(
-        self, part: str, shape: Shape, at: Vector3, material: str, *, yaw_deg: float = 0.0
+        self,
+        part: str,
+        shape: Shape,
+        at: Vector3,
+        material: str,
+        *,
+        roll_deg: float = 0.0,
+        pitch_deg: float = 0.0,
+        yaw_deg: float = 0.0,
     ) -> Solid:
         """Return a part as a solid in the world, named `<frame>_<part>`."""
-        c, s = _cos_sin((self.yaw_deg + yaw_deg) / 2)
+        turn = quaternion_from_rpy(
+            *map(math.radians, (roll_deg, pitch_deg, self.yaw_deg + yaw_deg))
+        )
+        x, y, z, w = (round(part, 9) + 0.0 for part in turn)
         return Solid(
             name=f"{self.name}_{part}",
             shape=shape,
             material=material,
             position_m=self.point(*at),
-            orientation=(0.0, 0.0, round(s, 9) + 0.0, round(c, 9) + 0.0),
+            orientation=(x, y, z, w),
         )
 
     def surface(self, at: Vector3, length_m: float, width_m: float, clear_m: float) -> Surface:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a vehicle's links look like, for those who cast rays at them or draw them.
 
-Rule: wheels are cylinders about their link's y axis, base links are their visuals.
+Rule: base links are their visuals; so are wheels that have some, others are cylinders about their
+link's y axis.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 from .solids import Cylinder, Solid
 
 if TYPE_CHECKING:
-    from groundlink.scenario.vehicle import VehicleModel
+    from groundlink.scenario.vehicle import VehicleModel, Wheel
 
 _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Turns a cylinder's axis from z to y."""
@@ -20,10 +21,9 @@ _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 def links(model: VehicleModel) -> list[list[Solid]]:
     """Return the solids of each link in its frame, in the order of `VehicleState.link_poses`."""
-    wheels = []
-    for wheel in model.wheels:
-        tyre = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
-        wheels.append(
-            [Solid(name=wheel.name, shape=tyre, material=wheel.material, orientation=_Y_FROM_Z)]
-        )
-    return [list(model.visuals), *wheels]
+    return [list(model.visuals), *(list(wheel.visuals) or [_tyre(wheel)] for wheel in model.wheels)]
+
+
+def _tyre(wheel: Wheel) -> Solid:
+    shape = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
+    return Solid(name=wheel.name, shape=shape, material=wheel.material, orientation=_Y_FROM_Z)

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from groundlink.assets import Digest
 from groundlink.frames import IDENTITY_QUATERNION
 
 Positive = Annotated[float, Meta(gt=0)]
@@ -45,10 +46,41 @@ class Sphere(Spec, frozen=True, tag_field="kind", tag="sphere"):
     radius_m: Positive
 
 
-Shape = Box | Cylinder | Sphere
+class Mesh(Spec, frozen=True, tag_field="kind", tag="mesh"):
+    """A surface of triangles with colours of its own, open or closed, around wherever it likes."""
+
+    asset: Digest
+    """What `mesh_asset.surface` reads."""
+
+    low_m: Vector3
+    """Lowest corner of the box around it along its own axes."""
+
+    high_m: Vector3
+    """Highest corner of that box."""
 
 
-Texture = Literal["plain", "stained", "speckled", "wood", "brushed", "tiles", "bricks", "printed"]
+Shape = Box | Cylinder | Sphere | Mesh
+
+
+Texture = Literal[
+    "plain",
+    "stained",
+    "speckled",
+    "wood",
+    "brushed",
+    "tiles",
+    "bricks",
+    "printed",
+    "grass",
+    "soil",
+    "gravel",
+    "rock",
+    "water",
+    "leaves",
+    "bark",
+    "roof_tiles",
+    "snow",
+]
 """How cameras see a surface: what each pattern looks like is `services.sensors.rendering`'s."""
 
 RETROREFLECTION = 1000.0
@@ -93,3 +125,7 @@ class Solid(Spec, frozen=True):
     position_m: Vector3 = (0.0, 0.0, 0.0)
     orientation: Quaternion = IDENTITY_QUATERNION
     """Quaternion xyzw."""
+
+    drivable: bool = False
+    """Whether wheels roll on it however high it is. On what is as low as a vehicle's clearance, and
+    on boxes that lean as ramps do, they roll anyway; all else is met by chassis alone."""

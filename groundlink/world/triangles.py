@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solids as triangles, for those who cast rays at them or draw them.
 
-Rule: closed surfaces, wound so that normals point outwards, float32 vertices in the frame that the
-solid's pose is given in. Round shapes are inscribed: no vertex lies outside the true surface. A
-wheel of 0.2 m radius is 2 mm short at most. Nothing here knows materials or rays.
+Rule: closed surfaces, wound so that normals point outwards (a mesh is as its file has it), float32
+vertices in the frame that the solid's pose is given in. Round shapes are inscribed: no vertex lies
+outside the true surface. A wheel of 0.2 m radius is 2 mm short at most. Nothing here knows
+materials or rays.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 
 from groundlink.frames import Floats, matrix_from_quaternion
 
-from .solids import Box, Cylinder, Shape, Solid, Sphere
+from .mesh_asset import surface
+from .solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
+from .terrain import Ground
 
 FACETS = 24
 """Of a full turn: the chord is (1 - cos(pi / 24)) = 0.9 % of the radius inside the circle."""
@@ -43,6 +46,32 @@ class Triangles:
 
     labels: NDArray[np.int32]
     """Shape (F,), the number of the solid of each face."""
+
+
+def joined(*parts: Triangles) -> Triangles:
+    """Return surfaces as one; labels stay."""
+    first_vertex = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    return Triangles(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([p.faces + np.uint32(v) for p, v in zip(parts, first_vertex, strict=False)]),
+        np.concatenate([part.labels for part in parts]),
+    )
+
+
+def of_ground(ground: Ground, *, first_label: int) -> Triangles:
+    """Return all of a terrain; the label of a face is `first_label` + its material's number."""
+    rows, columns = ground.heights.shape
+    x = ground.x0_m + ground.cell_m * np.arange(columns)
+    y = ground.y0_m + ground.cell_m * np.arange(rows)
+    vertices = np.empty((rows, columns, 3), np.float32)
+    vertices[..., 0], vertices[..., 1], vertices[..., 2] = x, y[:, None], ground.heights
+    number = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    return Triangles(
+        vertices.reshape(-1, 3),
+        np.stack([a, b, c, d, c, b], axis=-1).reshape(-1, 3),
+        np.repeat(ground.surface.reshape(-1).astype(np.int32) + first_label, 2),
+    )
 
 
 def merged(solids: Sequence[Solid], *, first_label: int = 0) -> Triangles:
@@ -79,6 +108,9 @@ def _triangles(shape: Shape) -> tuple[Floats, NDArray[np.intp]]:
             profile = np.stack([np.cos(latitude), np.sin(latitude)], axis=-1)
             profile[[0, -1], 0] = 0.0
             return _revolved(shape.radius_m * profile)
+        case Mesh():
+            mesh = surface(shape.asset)
+            return mesh.vertices.astype(np.float64), mesh.faces.astype(np.intp)
 
 
 def _revolved(profile: Floats) -> tuple[Floats, NDArray[np.intp]]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Sequence
+from functools import partial
 from math import radians
 
 from groundlink import process
@@ -80,6 +81,11 @@ def _follower_maker(scenario: Scenario, vehicle: Vehicle, given: str | None) -> 
 
     The scenario's route begins at the placement, so that a restarted driver finds the same line.
     """
+    follower = partial(
+        Follower,
+        least_radius_m=vehicle.model.least_radius_m,
+        turns_radps2=vehicle.model.drive.max_angular_acceleration_radps2,
+    )
     if given is not None:
         if scenario.time.mode == "fast":
             raise UserError(
@@ -87,14 +93,14 @@ def _follower_maker(scenario: Scenario, vehicle: Vehicle, given: str | None) -> 
                 "later; write `route:` into the scenario's vehicle"
             )
         route = load_route(given, vehicle)
-        return lambda x, y, yaw: Follower(line(route, start_m=(x, y), heading_rad=yaw))
+        return lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))
     if vehicle.route is None:
         raise UserError(
             f"`{vehicle.name}` has no `route` in scenario `{scenario.name}`; give one by --route"
         )
     own, place = vehicle.route, vehicle.placement
     along = line(own, start_m=(place.x_m, place.y_m), heading_rad=radians(place.yaw_deg))
-    return lambda x, y, yaw: Follower(along)
+    return lambda x, y, yaw: follower(along)
 
 
 if __name__ == "__main__":

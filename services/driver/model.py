@@ -4,13 +4,14 @@
 Rule: pure, and all that it remembers is how far it has come. It heads for a point of the line some
 way ahead, on the arc that leads there (R. C. Coulter, "Implementation of the Pure Pursuit Path
 Tracking Algorithm", CMU-RI-TR-92-01, 1992). Where the line has a corner that no arc follows, it
-stops, turns on the spot and drives on. It sees nothing: what stands on its line is driven into.
+stops, turns on the spot and drives on; a vehicle that cannot rounds the corner as narrowly as it
+steers. It sees nothing: what stands on its line is driven into.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
-from math import atan2, cos, pi, sin, sqrt
+from math import atan2, copysign, cos, inf, pi, sin, sqrt
 
 import numpy as np
 
@@ -52,10 +53,23 @@ class Follower:
     ----------
     line
         what to follow, in the world.
+    least_radius_m
+        of the arcs that the vehicle can drive; with 0 it turns on the spot.
+    turns_radps2
+        how fast the vehicle's yaw rate grows. What is slow to turn looks farther ahead, and slows
+        its turns on the spot down earlier, or it would swing about the line.
     """
 
-    def __init__(self, line: Line) -> None:
-        self._legs = [_Leg(points, speeds) for points, speeds in _split(line)]
+    def __init__(
+        self, line: Line, *, least_radius_m: float = 0.0, turns_radps2: float = inf
+    ) -> None:
+        self._least_radius_m = least_radius_m
+        self._look_ahead_s = max(LOOK_AHEAD_S, TURN_RATE_RADPS / turns_radps2)
+        self._turn_gain = min(TURN_GAIN, turns_radps2 / TURN_RATE_RADPS)
+        # A point nearer than it can steer to would have it swing about the line.
+        self._look_ahead_m = LOOK_AHEAD_M + least_radius_m / 2
+        corner_rad = inf if least_radius_m else CORNER_RAD
+        self._legs = [_Leg(points, speeds) for points, speeds in _split(line, corner_rad)]
         self._leg = 0
         self._reached_m: float | None = None
         self._turning = True
@@ -88,17 +102,27 @@ class Follower:
     def _towards(self, leg: _Leg, reached_m: float, place: Floats, yaw_rad: float) -> Twist:
         speed = leg.speed_mps(reached_m)
         speed = min(speed, sqrt(2 * BRAKING_MPS2 * (leg.length_m - reached_m)))
-        goal = leg.point(reached_m + LOOK_AHEAD_M + LOOK_AHEAD_S * speed)
+        goal = leg.point(reached_m + self._look_ahead_m + self._look_ahead_s * speed)
         east, north = (goal - place).tolist()
         ahead = cos(yaw_rad) * east + sin(yaw_rad) * north
         left = cos(yaw_rad) * north - sin(yaw_rad) * east
+        if self._least_radius_m:
+            return self._arc(left, ahead, speed)
         aside_rad = atan2(left, ahead)
         self._turning = abs(aside_rad) > (ON_COURSE_RAD if self._turning else OFF_COURSE_RAD)
         if self._turning:
-            rate = min(TURN_RATE_RADPS, max(SLOWEST_TURN_RADPS, TURN_GAIN * abs(aside_rad)))
+            rate = max(SLOWEST_TURN_RADPS, self._turn_gain * abs(aside_rad))
+            rate = min(TURN_RATE_RADPS, rate)
             return 0.0, rate if aside_rad > 0 else -rate
+        return self._arc(left, ahead, speed)
+
+    def _arc(self, left: float, ahead: float, speed: float) -> Twist:
+        """Return the velocity along the arc to a point, as far as it can be driven."""
         # Coulter's (2 x / L^2): the arc through a point that lies x to the side, L away.
         curvature = 2 * left / (ahead * ahead + left * left)
+        if self._least_radius_m:
+            most = 1 / self._least_radius_m
+            curvature = max(-most, min(most, curvature if ahead > 0.0 else copysign(most, left)))
         if curvature:
             speed = min(speed, TURN_RATE_RADPS / abs(curvature))
         speed = max(speed, SLOWEST_MPS)
@@ -150,14 +174,14 @@ class _Leg:
         return min(piece, len(self._lengths) - 1)
 
 
-def _split(line: Line) -> list[tuple[Floats, Floats]]:
+def _split(line: Line, corner_rad: float) -> list[tuple[Floats, Floats]]:
     """Return the parts of a line between its corners: points and speeds of each."""
     moves = np.diff(line.points_m, axis=0)
     if not len(moves):
         return []
     headings = np.arctan2(moves[:, 1], moves[:, 0])
     bends = np.abs((np.diff(headings) + pi) % (2 * pi) - pi)
-    corners = [0, *(np.flatnonzero(bends > CORNER_RAD) + 1).tolist(), len(moves)]
+    corners = [0, *(np.flatnonzero(bends > corner_rad) + 1).tolist(), len(moves)]
     return [
         (line.points_m[start : end + 1], line.speeds_mps[start:end])
         for start, end in pairwise(corners)

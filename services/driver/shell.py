@@ -46,7 +46,7 @@ class DriverProcess:
         self._publish = publish
         self._acknowledge = acknowledge
         self._say = say
-        self._epoch_nanos: int | None = None
+        self._life: int | None = None
         self._follower: Follower | None = None
         self._done = False
         self._commanded_tick = -1
@@ -63,14 +63,14 @@ class DriverProcess:
         Without a predecessor the word is that of one who answered a period before the first state,
         so that no command has to be there but those that are.
         """
-        self._epoch_nanos = ack.epoch_nanos
+        self._life = ack.life
         self._answered_to = ack.tick if ack.tick >= 0 else -DRIVER_PERIOD_TICKS
-        self._acknowledge(Ack(ack.epoch_nanos, self._answered_to, ack.settled_tick))
+        self._acknowledge(Ack(ack.life, self._answered_to, ack.settled_tick))
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Look at one state; answer it when an answer is due."""
-        if state.epoch_nanos != self._epoch_nanos:
-            self._epoch_nanos, self._answered_to = state.epoch_nanos, -1
+        if state.life != self._life:
+            self._life, self._answered_to = state.life, -1
             self._follower, self._done, self.tick, self._due = None, False, -1, 0
             self._commanded_tick = -1
         elif state.tick <= self.tick:
@@ -88,7 +88,7 @@ class DriverProcess:
                 self.refused += 1
                 return
         if state.tick > self._answered_to:
-            self._acknowledge(Ack(state.epoch_nanos, state.tick, self._commanded_tick))
+            self._acknowledge(Ack(state.life, state.tick, self._commanded_tick))
 
     def _steer(self, state: State) -> None:
         vehicle = state.vehicles.get(self._vehicle)

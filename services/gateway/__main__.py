@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import threading
@@ -11,10 +12,9 @@ from collections.abc import Sequence
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Message
+from groundlink.messages import Ack, Clock
+from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Gateway as GatewaySettings
-from groundlink.topics import ACK, Delivery, link_key
 from udp_bridge.around import PeersOnly, Sealed
 from udp_bridge.header import BadMessage
 from udp_bridge.keys import BadKey, read_key
@@ -24,13 +24,9 @@ from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
 
 from .emulated import Emulated
 from .gateway import Gateway
+from .kept import NAME, Kept
 from .streams import repair_table, waiting_table
 from .subscriptions import Address
-
-NAME = "gateway"
-
-MESSAGES_KEPT = 4096
-"""Messages of the bus that may wait: some seconds of all streams together."""
 
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""
@@ -53,73 +49,88 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join(bus, options.run, stop)
-        bind = process.address(options.bind or scenario.gateway.bind)
-        peer = process.address(options.peer or scenario.gateway.peer)
-        inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
-        gateway = Gateway(
-            scenario,
-            run,
-            peer=peer,
-            publish=lambda key, message: publishers[key](message),
+        changed: Scenario | None = scenario
+        kept = Kept(bus, run)
+        while changed is not None:
+            changed = _carry(kept, changed, options, stop)
+
+
+def _carry(
+    kept: Kept, scenario: Scenario, options: argparse.Namespace, stop: threading.Event
+) -> Scenario | None:
+    """Carry a scenario's streams until `stop` is set, or the scenario has other vehicles.
+
+    Returns the scenario with these; streams begin anew with it, as after a restart.
+    """
+    inbox = kept.inbox
+    bind = process.address(options.bind or scenario.gateway.bind)
+    peer = process.address(options.peer or scenario.gateway.peer)
+    gateway = Gateway(
+        scenario,
+        kept.run,
+        peer=peer,
+        publish=lambda key, message: kept.publishers[key](message),
+    )
+    kept.declare(gateway)
+    around, emulated = sockets(scenario.gateway, bind, peer, options.key_file)
+    if emulated is not None:
+        kept.emulates(emulated)
+    try:
+        link = Link(
+            bind,
+            peer,
+            socket=around,
+            datagram=scenario.gateway.datagram,
+            signed_peer=scenario.gateway.signed_peer,
+            on_message=gateway.on_message,
+            report=True,
+            repair=repair_table(gateway.streams.values()),
+            large_waiting=waiting_table(gateway.streams.values()),
         )
-        publishers = {w.key: bus.publisher(w.key, Delivery.ALL) for w in gateway.incoming}
-        acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
-        around, emulated = sockets(scenario.gateway, bind, peer, options.key_file)
-        if emulated is not None:
-            bus.serve(link_key(run), emulated.answer)
-        try:
-            link = Link(
-                bind,
-                peer,
-                socket=around,
-                datagram=scenario.gateway.datagram,
-                signed_peer=scenario.gateway.signed_peer,
-                on_message=gateway.on_message,
-                report=True,
-                repair=repair_table(gateway.streams.values()),
-                large_waiting=waiting_table(gateway.streams.values()),
-            )
-        except BaseException as error:
-            around.close()
-            if isinstance(error, BadMessage):
-                raise UserError(str(error)) from None
-            raise
-        with link:
-            for key, stream in gateway.streams.items():
-                bus.subscribe(key, stream.message, inbox)
-            heartbeat = process.Heartbeat(bus, run, NAME)
-            # In real time the newest supersedes what waits; otherwise physics is held up.
-            waited_for = scenario.time.mode != "realtime"
-            tick = -1
-            while not stop.is_set():
-                if arrived := inbox.get(seconds=0.05):
-                    key, message = arrived
+    except BaseException as error:
+        around.close()
+        if isinstance(error, BadMessage):
+            raise UserError(str(error)) from None
+        raise
+    with link:
+        kept.subscribe(gateway)
+        heartbeat = kept.heartbeat
+        # In real time the newest supersedes what waits; otherwise physics is held up.
+        waited_for = scenario.time.mode != "realtime"
+        tick = -1
+        while not stop.is_set():
+            if arrived := inbox.get(seconds=0.05):
+                key, message = arrived
+                if key in gateway.streams:
                     gateway.forward(key, message, link)
-                    if waited_for:
-                        link.flush(FLUSH_SECONDS)
-                    if isinstance(message, Clock):
-                        if emulated is not None:
-                            emulated.at(message.stamp_nanos - message.epoch_nanos)
-                        tick = message.tick
-                        acknowledge(Ack(message.epoch_nanos, tick, tick))
-                if heartbeat.due():
-                    gateway.repeat(link)
-                    streams, counts = gateway.report(link)
-                    wire = link.counters()
-                    counts |= {
-                        "bus_dropped": inbox.dropped,
-                        "bus_refused": inbox.refused,
-                        "wire_refused": sum(wire["refused"].values()),
-                        **{f"wire_refused_{why}": n for why, n in wire["refused"].items()},
-                        "wire_superseded": wire["superseded"],
-                        "wire_stalls": wire["stalls"],
-                        "wire_kernel_drops": wire["kernel_drops"],
-                        "wire_resent": wire["resent"],
-                        "wire_resend_refused": wire["resend_refused"],
-                    }
+                if waited_for:
+                    link.flush(FLUSH_SECONDS)
+                if isinstance(message, Clock):
                     if emulated is not None:
-                        counts |= emulated.counters()
-                    heartbeat.beat(tick, counts, streams)
+                        emulated.at(message.stamp_nanos - message.epoch_nanos)
+                    tick = message.tick
+                    kept.acknowledge(Ack(message.life, tick, tick))
+            if heartbeat.due():
+                if changed := kept.changed(scenario, stop):
+                    return changed
+                gateway.repeat(link)
+                streams, counts = gateway.report(link)
+                wire = link.counters()
+                counts |= {
+                    "bus_dropped": inbox.dropped,
+                    "bus_refused": inbox.refused,
+                    "wire_refused": sum(wire["refused"].values()),
+                    **{f"wire_refused_{why}": n for why, n in wire["refused"].items()},
+                    "wire_superseded": wire["superseded"],
+                    "wire_stalls": wire["stalls"],
+                    "wire_kernel_drops": wire["kernel_drops"],
+                    "wire_resent": wire["resent"],
+                    "wire_resend_refused": wire["resend_refused"],
+                }
+                if emulated is not None:
+                    counts |= emulated.counters()
+                heartbeat.beat(tick, counts, streams)
+    return None
 
 
 def sockets(

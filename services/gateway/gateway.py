@@ -81,6 +81,7 @@ class Gateway:
         """Stamp of the newest clock message; None before the first."""
 
         self._epoch_nanos = 0
+        self._life: int | None = None
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
 
@@ -88,6 +89,10 @@ class Gateway:
         """Send a message of the bus to all that want it."""
         stamp = measured_nanos(message)
         if isinstance(message, Clock):
+            if message.life != self._life:
+                # Sim time begins again: nothing repeats itself.
+                self._life = message.life
+                self._newest.clear()
             self.clock_nanos, self._epoch_nanos = stamp, message.epoch_nanos
         elif self._is_stale(key, stamp):
             self.counts["stale"] += 1

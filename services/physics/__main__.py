@@ -9,56 +9,39 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 
 import msgspec
 from msgspec.structs import replace
 
-from groundlink import process
+from groundlink import asset_exchange, assets, process
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
+from groundlink.clock import TICK_SECONDS
+from groundlink.control import Remove, Spawn
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Command, State, encode
+from groundlink.messages import Ack, Command, WheelCommand
+from groundlink.questions import control_key, history_key, scenario_key
 from groundlink.scenario import Scenario, load
+from groundlink.scenario.change import with_more, without
 from groundlink.scenario.explain import nearest
-from groundlink.scenario.route import DRIVER_WINDOW_TICKS
-from groundlink.topics import (
-    ACK,
-    BODIES,
-    CLOCK,
-    COMMAND,
-    GROUND_TRUTH,
-    HEALTH,
-    STATE,
-    TRUE_WHEELS,
-    VITALS,
-    driver_name,
-    driver_names,
-    history_key,
-    scenario_key,
-)
-from groundlink.vitals import VITALS_HZ
-from groundlink.world.build import solids, world_hash
+from groundlink.topics import ACK, COMMAND, HEALTH, WHEEL_COMMAND
+from groundlink.world.build import world_hash
 
-from .pace import AsFastAsOthers, Promises, RealTime
-from .simulation import Simulation
-from .truth import BodyTruth, Truth
-
-HISTORY_TICKS = 1024
-"""States kept for sensors that rejoin: more than a window and the longest revolution together."""
+from .control import Control
+from .life import Life, outlets
 
 PATIENCE_SECONDS = 5.0
 """After this long without a step the processes that hold it up are named."""
 
-VITALS_TICKS = TICK_RATE_HZ // VITALS_HZ
+PAUSED_SECONDS = 0.01
+"""How often a run that is paused looks whether it shall go on."""
 
 NAME = "physics"
 
 
 class Physics:
-    """The run's authority: simulation, pace and the bus, one tick at a time.
+    """The run's authority: its lives, the bus, and who is waited for.
 
     Parameters
     ----------
@@ -69,149 +52,143 @@ class Physics:
     def __init__(
         self, scenario: Scenario, run: str, bus: Bus, *, others: Sequence[str] = ()
     ) -> None:
-        self._run = run
+        self._scenario, self._run, self._others = scenario, run, others
         self._awaited = frozenset(others)
-        self._follows_wall = scenario.time.epoch == "wall"
-        self._world_hash = world_hash(scenario)
-        static = solids(scenario)
-        self._simulation = Simulation(scenario, static)
-        self._clock = Schedule.at(scenario.time.clock_rate_hz)
-        self._next_clock = 0
-        self._history: deque[bytes] = deque(maxlen=HISTORY_TICKS)
-        self._acks: dict[str, Ack] = {}
-        self._publish_state = bus.publisher(STATE.key_in(run), STATE.delivery)
-        self._publish_clock = bus.publisher(CLOCK.key_in(run), CLOCK.delivery)
-        self._truths = [Truth(vehicle) for vehicle in scenario.vehicles]
-        self._bodies = BodyTruth(scenario, static)
-        self._publish_bodies = bus.publisher(BODIES.key_in(run), BODIES.delivery)
-        self._publish_truth, self._publish_wheels, self._publish_vitals = (
-            {
-                v.name: bus.publisher(row.key_in(run, vehicle=v.name), row.delivery)
-                for v in scenario.vehicles
-            }
-            for row in (GROUND_TRUTH, TRUE_WHEELS, VITALS)
-        )
-        self._promises = Promises({driver_name(v): v.name for v in scenario.vehicles})
-        self._commands: Inbox[Command] = Inbox(depth=1024)
+        self._commands: Inbox[Command | WheelCommand] = Inbox(depth=1024)
         self._arrived_acks: Inbox[Ack] = Inbox(depth=1024)
-        self._command_keys = {
-            COMMAND.key_in(run, vehicle=v.name): v.name for v in scenario.vehicles
-        }
-        for key in self._command_keys:
-            bus.subscribe(key, Command, self._commands)
+        self._bus = bus
+        self._command_keys: dict[str, str] = {}
+        self._obey(scenario)
         bus.subscribe(ACK.key_in(run), Ack, self._arrived_acks)
-        # Building the world and joining the bus take a while; sim time zero is when all is ready.
-        self.epoch_nanos = time.time_ns() if self._follows_wall else 0
-        self.pace = (
-            RealTime(scenario.time.factor)
-            if scenario.time.mode == "realtime"
-            else AsFastAsOthers(
-                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks)
-                | dict.fromkeys(driver_names(scenario), DRIVER_WINDOW_TICKS),
-                scenario.time.window_ticks,
-                self.epoch_nanos,
-            )
-        )
+        self._outlets = outlets(bus, run, scenario)
+        self._worlds = {world_hash(scenario): scenario}
+        self._changes = 0
+        self.life = self._new_life()
+        self.control = Control(self.reset, self.change)
+        self._has_begun = False
         self._ack_prefix = ACK.key_in(run, process="")
         self._health_prefix = HEALTH.key_in(run, process="")
         # Who is there already is told of at once, on another thread: what it needs stands above.
         bus.watch(HEALTH.key_in(run), self._on_liveliness)
-        bus.serve(history_key(run), self._missed_by)
-        bus.serve(scenario_key(run), lambda _: [msgspec.msgpack.encode(scenario)])
+        bus.serve(history_key(run), lambda name: self.life.missed_by(name))
+        bus.serve(control_key(run), self.control.answer)
+        asset_exchange.serve(bus, run, lambda: self._scenario)
+        bus.serve(scenario_key(run), self._scenario_of)
 
-    @property
-    def tick(self) -> int:
-        """The last tick that was stepped to."""
-        return self._simulation.tick
+    def _obey(self, scenario: Scenario) -> None:
+        """Take commands for a scenario's vehicles, where they are not taken yet."""
+        for vehicle in scenario.vehicles:
+            for row, message in ((COMMAND, Command), (WHEEL_COMMAND, WheelCommand)):
+                key = row.key_in(self._run, vehicle=vehicle.name)
+                if key not in self._command_keys:
+                    self._command_keys[key] = vehicle.name
+                    self._bus.subscribe(key, message, self._commands)
+
+    def _scenario_of(self, world: str) -> list[bytes]:
+        """Return the scenario of the world with this hash; of no hash, as it is now."""
+        found = self._worlds.get(world) if world else self._scenario
+        return [] if found is None else [msgspec.msgpack.encode(found)]
 
     def counters(self) -> dict[str, int]:
         """Return what a person who looks after the run wants to see."""
         return {
             "commands_dropped": self._commands.dropped,
             "refused": self._commands.refused + self._arrived_acks.refused,
+            "worlds": self._changes,
         }
 
     def hear(self) -> None:
-        """Take in what other processes have said."""
+        """Take in what other processes and people have said."""
         while len(self._arrived_acks) and (arrived := self._arrived_acks.get(seconds=0)):
-            name = arrived[0].removeprefix(self._ack_prefix)
-            self._acks[name] = arrived[1]
-            self._promises.given(name, arrived[1])
+            self.life.acknowledged(arrived[0].removeprefix(self._ack_prefix), arrived[1])
         while len(self._commands) and (command := self._commands.get(seconds=0)):
-            key, asked = command
-            since_start = replace(asked, stamp_nanos=asked.stamp_nanos - self.epoch_nanos)
-            vehicle = self._command_keys[key]
-            self._promises.commanded(vehicle, since_start.stamp_nanos // TICK_NANOS)
             try:
-                self._simulation.command(vehicle, since_start)
-            except ValueError:
+                self.life.command(self._command_keys[command[0]], command[1])
+            except (ValueError, KeyError):  # such as for a vehicle that was taken away
                 self._commands.refused += 1
-        for name, ack in self._promises.kept():
-            self.pace.acknowledged(name, ack)
+        self.life.settle()
+        self.control.fulfil()
 
     def missing(self) -> list[str]:
         """Return who is waited for: to be there once, and in a fast run to keep up."""
-        return sorted({*self.pace.missing(), *self._awaited})
+        return sorted({*self.life.pace.missing(), *self._awaited})
 
-    def begin(self) -> None:
-        """Publish the first state; where nobody has been told the epoch yet, it is now."""
-        if self._follows_wall and isinstance(self.pace, RealTime):
-            self.epoch_nanos = time.time_ns()
-        # Tick 0 is now: whatever comes before the first step must not make all stamps older.
-        self.pace.wait_seconds(0, time.monotonic())
-        self.publish()
+    def wait_seconds(self, now_seconds: float) -> float:
+        """Return how long to wait before the next step; 0 for not at all.
+
+        The first state is published as soon as all hear it who are waited for.
+        """
+        if not self._has_begun and not self.missing():
+            self._begin()
+        if not self._has_begun:
+            return 0.001
+        if self.control.paused:
+            self.life.pace.hold()
+            return PAUSED_SECONDS
+        return self.life.pace.wait_seconds(self.life.tick + 1, now_seconds)
 
     def step(self) -> None:
         """Step one tick and publish what has become of the world."""
-        self._simulation.step()
-        self.publish()
+        self.life.step()
+        self.control.stepped(self.life.tick)
 
-    def publish(self) -> None:
-        """Publish the state of this tick, and the clock and the ground truth when they are due."""
-        simulation = self._simulation
-        state = State(
-            self._run,
-            self.epoch_nanos,
-            simulation.tick,
-            simulation.tick * TICK_NANOS,
-            self._world_hash,
-            simulation.vehicle_states(),
+    def reset(self) -> None:
+        """Begin another life with everything at its start."""
+        self.life.end()
+        self.life = self._new_life()
+        self.control.stepped(0)
+        if self._has_begun:
+            # Others are there; a fast run waits for their words on its first state.
+            self._begin()
+
+    def change(self, wish: Spawn | Remove) -> None:
+        """Put something into the world or take it out.
+
+        Raises
+        ------
+        UserError
+            when that cannot be.
+        """
+        before, now = self._scenario, self.life
+        match wish:
+            case Spawn(more=more):
+                seconds = now.tick * TICK_SECONDS
+                if lacking := assets.missing(asset_exchange.needed(more)):
+                    raise UserError(
+                        f"this machine lacks the data {lacking[0][:12]}; spawn meshes from the "
+                        "machine where physics runs"
+                    )
+                scenario = with_more(before, more, now.moving(), seconds=seconds)
+            case Remove(name=name):
+                scenario = without(before, name)
+        self._obey(scenario)
+        self._outlets = outlets(self._bus, self._run, scenario, self._outlets)
+        self._worlds[world_hash(scenario)] = scenario
+        self._scenario = scenario
+        self._changes += 1
+        now.become(scenario, self._outlets)
+
+    def _begin(self) -> None:
+        self.life.begin(time.time_ns(), time.monotonic())
+        self._has_begun = True
+
+    def _new_life(self) -> Life:
+        return Life(
+            *(self._scenario, self._run, self._outlets),
+            others=self._others,
+            wall_nanos=time.time_ns(),
         )
-        self._history.append(self._publish_state(state))
-        if self._clock.tick(self._next_clock) <= simulation.tick:
-            self._next_clock += 1
-            self._publish_clock(Clock(state.stamp_nanos, self.epoch_nanos, simulation.tick))
-        for truth in self._truths:
-            if (stamp := truth.due(state)) is not None:
-                torques = simulation.motor_torques(truth.vehicle)
-                self._publish_truth[truth.vehicle](truth.odometry(state, stamp))
-                self._publish_wheels[truth.vehicle](truth.wheels(state, torques, stamp))
-        if bodies := self._bodies.poses(state):
-            self._publish_bodies(bodies)
-        if simulation.tick % VITALS_TICKS == 0:
-            for vitals in simulation.vitals(state.stamp_nanos):
-                self._publish_vitals[vitals.vehicle](vitals)
 
     def close(self) -> None:
         """End the simulation."""
-        self._simulation.close()
-
-    def _missed_by(self, name: str) -> list[bytes]:
-        """Answer a sensor that joins: where it resumes, and the states since then.
-
-        In real time nobody is waited for and what was missed is gone: the answer is empty.
-        """
-        if isinstance(self.pace, RealTime):
-            return []
-        resume = self._acks.get(name, Ack(self.epoch_nanos, -1, -1))
-        return [encode(resume), *self._history.copy()]
+        self.life.end()
 
     def _on_liveliness(self, key: str, there: bool) -> None:
         name = key.removeprefix(self._health_prefix)
         if there:
             self._awaited = self._awaited - {name}
         else:
-            self.pace.left(name)
+            self.life.pace.left(name)
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -258,27 +235,27 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 def _keep_stepping(
     physics: Physics, heartbeat: process.Heartbeat, stopped: Callable[[], bool]
 ) -> None:
-    """Step whenever the pace allows it, from a first state that all hear who are waited for."""
+    """Step whenever the pace and people allow it."""
     last_step = time.monotonic()
-    complained = has_begun = False
+    complained = False
     while not stopped():
         now = time.monotonic()
         if heartbeat.due():
-            heartbeat.beat(physics.tick, physics.counters())
+            heartbeat.beat(physics.life.tick, physics.counters())
         physics.hear()
-        if not has_begun and not physics.missing():
-            physics.begin()
-            has_begun = True
-        wait = physics.pace.wait_seconds(physics.tick + 1, now) if has_begun else 0.001
+        wait = physics.wait_seconds(now)
         if wait == 0.0:
             physics.step()
+        if wait == 0.0 or physics.control.paused:
             last_step, complained = now, False
-            continue
-        if physics.missing() and now - last_step > PATIENCE_SECONDS and not complained:
+        elif physics.missing() and now - last_step > PATIENCE_SECONDS and not complained:
             names = ", ".join(physics.missing())
-            print(f"{NAME}: tick {physics.tick} waits for {names}", file=sys.stderr, flush=True)
+            print(
+                f"{NAME}: tick {physics.life.tick} waits for {names}", file=sys.stderr, flush=True
+            )
             complained = True
-        time.sleep(min(wait, 0.05))
+        if wait:
+            time.sleep(min(wait, 0.05))
 
 
 if __name__ == "__main__":

@@ -1,32 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From velocity commands to the speed that each wheel is asked for.
+"""A vehicle's controller: from commands to what each driven shaft is asked for, tick by tick.
 
-Rule: pure; sim time comes in. A command acts in the step that begins at its stamp or after it,
-until a newer one does or it is older than the drive's timeout. How fast a wheel really turns is up
-to its motor and the ground.
+Rule: pure; sim time comes in. A command acts in the step that begins at its stamp (and its motor's
+latency) or after it, until a newer one does or it is older than the drive's timeout.
 """
 
 from __future__ import annotations
 
 from bisect import insort
-from math import isfinite
+from collections.abc import Sequence
+from math import isfinite, radians
+from typing import NamedTuple
 
 from groundlink.clock import NANOS, TICK_SECONDS
-from groundlink.messages import Command
+from groundlink.messages import Command, WheelCommand
+from groundlink.scenario.drives import Ackermann
 from groundlink.scenario.vehicle import VehicleModel
+
+from .steering import STANDSTILL, Speeds, Twist, steering
 
 MAX_WAITING = 1000
 """Commands that may wait for their instant; more means that a sender's clock is wrong."""
 
-Speeds = tuple[float, ...]
-Twist = tuple[float, float]
-"""Velocity along the base's x, m/s, and about its z, rad/s."""
 
-STANDSTILL: Twist = (0.0, 0.0)
+class Wheels(NamedTuple):
+    """What the wheels are asked for."""
+
+    speeds_radps: Speeds
+    """Of the driven shafts."""
+
+    angles_rad: tuple[float, ...]
+    """Of the steered wheels."""
 
 
-class SkidSteering:
-    """The drive of one vehicle.
+class Controller:
+    """The controller of one vehicle.
 
     Parameters
     ----------
@@ -37,70 +45,91 @@ class SkidSteering:
     """
 
     def __init__(self, model: VehicleModel, *, epoch_nanos: int = 0) -> None:
-        self._model = model
+        drive = model.drive
+        self._drive = drive
         self._epoch_nanos = epoch_nanos
-        self._timeout_nanos = round(model.drive.command_timeout_s * NANOS)
-        self._waiting: list[tuple[int, Twist]] = []
-        self._since_nanos = -1
-        self._asked = self._ramped = STANDSTILL
-        self._speeds = wheel_speeds(model, STANDSTILL)
+        self._timeout_nanos = round(drive.command_timeout_s * NANOS)
+        self._latency_nanos = round(drive.motor.latency_s * NANOS) if drive.motor else 0
+        self._steering = steering(model)
+        self.shafts = tuple(s.name for s in drive.shafts(model.wheels) if s.driven)
+        """Names of the driven shafts, in the order of their speeds."""
 
-    def command(self, command: Command) -> None:
+        self._steered = drive.steered if isinstance(drive, Ackermann) else ()
+        self._range = radians(drive.max_steering_deg) if isinstance(drive, Ackermann) else 0.0
+        self._linear_step = drive.max_acceleration_mps2 * TICK_SECONDS
+        self._angular_step = drive.max_angular_acceleration_radps2 * TICK_SECONDS
+        self._waiting: list[tuple[int, Twist | Wheels]] = []
+        self._since_nanos = -1
+        self._asked: Twist | Wheels = STANDSTILL
+        self._ramped: Twist | None = STANDSTILL
+        self._wheels = Wheels(self._steering.speeds(STANDSTILL), self._steering.angles(STANDSTILL))
+
+    def command(self, command: Command | WheelCommand) -> None:
         """Take a command; one that is older than what acts already changes nothing.
 
         Raises
         ------
         ValueError
-            when a number in it is not finite, or too many wait for their instant.
+            when a number in it is not finite, it names what there is not, or too many wait for
+            their instant.
         """
-        if not all(map(isfinite, (*command.linear_mps, *command.angular_radps))):
-            raise ValueError("a velocity that is not a finite number")
+        asked = (
+            self._velocity(command) if isinstance(command, Command) else self._each_wheel(command)
+        )
         if len(self._waiting) >= MAX_WAITING:
             raise ValueError(f"{MAX_WAITING} commands wait already: their stamps are in the future")
-        sim_nanos = command.stamp_nanos - self._epoch_nanos
+        sim_nanos = command.stamp_nanos - self._epoch_nanos + self._latency_nanos
         if sim_nanos >= self._since_nanos:
-            twist = within_limits(self._model, (command.linear_mps[0], command.angular_radps[2]))
-            insort(self._waiting, (sim_nanos, twist), key=lambda waiting: waiting[0])
+            insort(self._waiting, (sim_nanos, asked), key=lambda waiting: waiting[0])
 
-    def speeds(self, sim_nanos: int) -> Speeds:
-        """Return what each wheel is asked for in the tick from `sim_nanos`, rad/s, forward > 0.
+    def _velocity(self, command: Command) -> Twist:
+        if not all(map(isfinite, (*command.linear_mps, *command.angular_radps))):
+            raise ValueError("a velocity that is not a finite number")
+        return self._steering.within_limits((command.linear_mps[0], command.angular_radps[2]))
 
-        To be called once a tick: the velocity changes by what the drive's accelerations allow.
+    def _each_wheel(self, command: WheelCommand) -> Wheels:
+        most = self._drive.max_wheel_speed_radps
+        speeds = _in_order(command.speeds_radps, self.shafts, most)
+        return Wheels(speeds, _in_order(command.angles_rad, self._steered, self._range))
+
+    def wheels(self, sim_nanos: int, angles: Sequence[float] = ()) -> Wheels:
+        """Return what is asked of shafts (rad/s) and steered wheels (rad) from `sim_nanos` on.
+
+        To be called once a tick: a velocity changes by what the drive's accelerations allow. Wheels
+        that are commanded one by one are asked for their speeds at once.
+
+        Parameters
+        ----------
+        angles
+            of the steered wheels now.
         """
         while self._waiting and self._waiting[0][0] <= sim_nanos:
             self._since_nanos, self._asked = self._waiting.pop(0)
         if sim_nanos - self._since_nanos > self._timeout_nanos:
             self._asked = STANDSTILL
-        if self._ramped != self._asked:
-            drive = self._model.drive
-            (v, w), (asked_v, asked_w) = self._ramped, self._asked
+        asked = self._asked
+        if isinstance(asked, Wheels):
+            self._ramped, self._wheels = None, asked
+        elif self._ramped != asked or angles:
+            (v, w), (asked_v, asked_w) = self._ramped or STANDSTILL, asked
             self._ramped = (
-                _towards(v, asked_v, drive.max_acceleration_mps2 * TICK_SECONDS),
-                _towards(w, asked_w, drive.max_angular_acceleration_radps2 * TICK_SECONDS),
+                _towards(v, asked_v, self._linear_step),
+                _towards(w, asked_w, self._angular_step),
             )
-            self._speeds = wheel_speeds(self._model, within_limits(self._model, self._ramped))
-        return self._speeds
+            twist = self._steering.within_limits(self._ramped)
+            self._wheels = Wheels(
+                self._steering.speeds(twist, angles), self._steering.angles(asked)
+            )
+        return self._wheels
 
 
-def within_limits(model: VehicleModel, twist: Twist) -> Twist:
-    """Return a velocity for which no wheel turns too fast: slower, but on the same curve."""
-    fastest = max(map(abs, wheel_speeds(model, twist)))
-    share = min(1.0, model.drive.max_wheel_speed_radps / fastest) if fastest else 1.0
-    return twist[0] * share, twist[1] * share
-
-
-def wheel_speeds(model: VehicleModel, twist: Twist) -> Speeds:
-    """Return the speed of each wheel, rad/s, in the model's order, for a velocity of the base.
-
-    Wheels roll with v - w y k, with k the track multiplier: a skid-steered vehicle turns slower
-    than its geometry says, since its wheels slip sideways.
-    """
-    linear_mps, angular_radps = twist
-    k = model.drive.track_multiplier
-    return tuple(
-        (linear_mps - angular_radps * wheel.center_m[1] * k) / wheel.radius_m
-        for wheel in model.wheels
-    )
+def _in_order(given: dict[str, float], names: Sequence[str], most: float) -> tuple[float, ...]:
+    """Return the values of all names, within limits; what is not named is asked for zero."""
+    if strange := given.keys() - set(names):
+        raise ValueError(f"`{min(strange)}` is not to be commanded; there are {', '.join(names)}")
+    if not all(map(isfinite, given.values())):
+        raise ValueError("a value that is not a finite number")
+    return tuple(max(-most, min(most, given.get(name, 0.0))) for name in names)
 
 
 def _towards(value: float, target: float, most: float) -> float:

@@ -57,6 +57,9 @@ class Engine:
             # How deep things may sink in unopposed; with none, a vehicle put down stays put.
             contactSlop=0,
         )
+        self.unseen: int = self.createVisualShape(self.GEOM_SPHERE, radius=0.001)
+        """What a body of many triangles is to look like: without a word, the engine keeps them all
+        a second time to draw them, which nobody asks it to."""
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(pybullet, name)

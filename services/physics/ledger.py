@@ -14,7 +14,7 @@ import numpy as np
 from groundlink.clock import TICK_SECONDS
 from groundlink.frames import Floats, matrix_from_quaternion
 from groundlink.vitals import Contact
-from groundlink.world.solids import Box, Cylinder, Shape, Solid, Vector3
+from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Vector3
 
 Touch = tuple[int, int, Vector3, float]
 """Tick, number of the other body, point in the world (m), normal force (N)."""
@@ -29,30 +29,20 @@ class Ledger:
         self._driving = self._braking = 0.0
         self._touches: list[Touch] = []
 
-    def worked(self, before: Sequence[Sequence[float]], after: Sequence[Sequence[float]]) -> None:
-        """Add a tick: the engine's joint states of the axles at its begin and its end.
-
-        A motor's torque is the same all through a tick, so its work is the torque times the mean of
-        both speeds times the tick.
-        """
-        driving, braking = self._driving, self._braking
-        for old, new in zip(before, after):  # noqa: B905 - in each tick; the first has none before
-            power = new[3] * (old[1] + new[1])
-            if power > 0.0:
-                driving += power
-            else:
-                braking -= power
-        self._driving, self._braking = driving, braking
+    def worked(self, driving_w: float, braking_w: float) -> None:
+        """Add a tick: the power of the motors where they drive and where they brake."""
+        self._driving += driving_w
+        self._braking += braking_w
 
     @property
     def motor_work_j(self) -> float:
         """Work of the motors where they drive, J."""
-        return self._driving * TICK_SECONDS / 2
+        return self._driving * TICK_SECONDS
 
     @property
     def braked_j(self) -> float:
         """Work that they took up where they brake, J."""
-        return self._braking * TICK_SECONDS / 2
+        return self._braking * TICK_SECONDS
 
     def touched(self, touch: Touch) -> None:
         """Add a contact point of one tick."""
@@ -111,5 +101,7 @@ def _over(shape: Shape, local: Floats) -> Floats:
     if isinstance(shape, Cylinder):
         radial = np.linalg.norm(local[:, :2], axis=1) - shape.radius_m
         return np.stack([radial, np.abs(local[:, 2]) - shape.length_m / 2], axis=-1)
+    if isinstance(shape, Mesh):  # never one of several in a body
+        return np.concatenate([local - shape.high_m, shape.low_m - local], axis=-1)
     beyond: Floats = np.linalg.norm(local, axis=1, keepdims=True) - shape.radius_m
     return beyond

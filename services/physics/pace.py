@@ -7,7 +7,7 @@ wait itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from groundlink.clock import TICK_SECONDS
 from groundlink.messages import Ack
@@ -35,10 +35,17 @@ class RealTime:
             self.stretched_seconds -= ahead
         return max(ahead, 0.0)
 
+    def hold(self) -> None:
+        """Let the next tick be due at once when it is asked for again: time stood still."""
+        self._start = None
+
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Take note of nothing: in real time no sensor is waited for."""
 
     def left(self, process: str) -> None:
+        """Take note of nothing: in real time no sensor is waited for."""
+
+    def only(self, needed: Collection[str]) -> None:
         """Take note of nothing: in real time no sensor is waited for."""
 
     def missing(self) -> list[str]:
@@ -59,22 +66,31 @@ class AsFastAsOthers:
         first ack to their leave.
     """
 
-    def __init__(self, windows: Mapping[str, int], window_ticks: int, epoch_nanos: int) -> None:
-        self._windows = windows
+    def __init__(self, windows: Mapping[str, int], window_ticks: int, life: int) -> None:
+        self._windows = dict(windows)
         self._window = window_ticks
-        self._epoch_nanos = epoch_nanos
+        self._life = life
         self._reached: dict[str, int] = {}
         self._next_tick = 0
 
+    def hold(self) -> None:
+        """Take note of nothing: no clock runs on meanwhile."""
+
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Take note of how far a process has come in this life of the run."""
-        if ack.epoch_nanos == self._epoch_nanos:
+        if ack.life == self._life:
             self._reached[process] = ack.tick
 
     def left(self, process: str) -> None:
         """Stop waiting for a process that has gone, unless the run needs it."""
         if process not in self._windows:
             self._reached.pop(process, None)
+
+    def only(self, needed: Collection[str]) -> None:
+        """Wait no longer for processes that the run needed and that are not among these."""
+        for process in self._windows.keys() - needed:
+            self._reached.pop(process, None)
+        self._windows = {p: window for p, window in self._windows.items() if p in needed}
 
     def wait_seconds(self, tick: int, now_seconds: float) -> float:
         """Return 0 when the step to `tick` is granted, else how long to wait and ask again."""
@@ -108,6 +124,10 @@ class Promises:
         self._drivers = drivers
         self._held: dict[str, Ack] = {}
         self._commanded: dict[str, int] = {}
+
+    def change(self, drivers: Mapping[str, str]) -> None:
+        """Know other drivers from now on."""
+        self._drivers = drivers
 
     def commanded(self, vehicle: str, tick: int) -> None:
         """Take note of a command for `vehicle` that is stamped with `tick`."""

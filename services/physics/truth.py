@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from groundlink.clock import Schedule
-from groundlink.frames import matrix_from_quaternion
+from groundlink.frames import IDENTITY_QUATERNION, matrix_from_quaternion
 from groundlink.ground_truth import WORLD_FRAME, Bodies
 from groundlink.messages import State, floats
 from groundlink.navigation import COVARIANCE_6X6_BYTES, JointState, Odometry
@@ -91,11 +91,17 @@ class BodyTruth:
     """Where all bodies of the run are."""
 
     def __init__(self, scenario: Scenario, static: Sequence[Solid]) -> None:
+        self._events = _Events(scenario.bodies.rate_hz)
+        self.change(scenario, static)
+
+    def change(self, scenario: Scenario, static: Sequence[Solid]) -> None:
+        """Tell of the bodies of another world from now on."""
         self._vehicles = [vehicle.name for vehicle in scenario.vehicles]
         self._names = body_names(scenario, static)
         still = [(*solid.position_m, *solid.orientation) for solid in static]
+        if scenario.world.terrain:
+            still.append((*scenario.world.terrain.at_m, *IDENTITY_QUATERNION))
         self._still = np.array(still, np.float64).tobytes()
-        self._events = _Events(scenario.bodies.rate_hz)
 
     def poses(self, state: State) -> Bodies | None:
         """Return world_from_body of every body, if it is due."""
@@ -103,4 +109,5 @@ class BodyTruth:
         if stamp is None:
             return None
         moving = [state.vehicles[name].link_poses for name in self._vehicles]
-        return Bodies(stamp, self._names, memoryview(b"".join([*moving, self._still])))
+        all_poses = b"".join([*moving, state.actors, self._still])
+        return Bodies(stamp, self._names, memoryview(all_poses))

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The grip of a tyre on the ground: dry friction with an elastic tread.
 
-Rule: pure; slip and load in, force out, and the tread's deflection is all that is remembered.
+Rule: pure; motion over the ground and load in, force out, and the tread's deflection is all that is
+remembered.
 
 Bullet's own friction acts along the axes of the world, so that a skid-steered vehicle turns up to
 twice as fast on one heading as on another (measured, with and without its friction cone). Here the
@@ -16,13 +17,14 @@ from math import sqrt
 
 from groundlink.clock import TICK_SECONDS
 
-TREAD_STIFFNESS = 0.16
-"""Tangential, in units of the wheel's mass as the tread feels it over the tick squared: as stiff as
-an explicit step bears. The rover's comes to 30 kN/m, of the order of a small pneumatic tyre's; at
-135 N it gives way by 4 mm before it slips."""
+TREAD_STIFFNESS = 0.02
+"""Tangential, in units of the mass that rests on the wheel over the tick squared: a vehicle that
+rests on its treads swings at 9 Hz, which an explicit step bears though it rolls and yaws more
+easily than it slides. The rover's comes to 44 kN/m, of the order of a small pneumatic tyre's; at
+135 N it gives way by 3 mm before it slips."""
 
-TREAD_DAMPING = 0.8
-"""Likewise, in units of that mass over the tick; from 2 on, the wheel would rattle."""
+TREAD_DAMPING = 0.15
+"""Likewise, in units of that mass over the tick: half of what stops a swing at once."""
 
 
 class Tyre:
@@ -30,45 +32,94 @@ class Tyre:
 
     Parameters
     ----------
-    rim_mass_kg
-        what the tread has to push to turn the wheel: its inertia over its radius squared.
+    borne_kg
+        the mass that rests on it.
     axle_ratio
         friction along the axle as a share of that in rolling direction.
     """
 
-    __slots__ = ("_axle_ratio", "_damping", "_stiffness", "_x_m", "_y_m")
+    __slots__ = (
+        "_along_n",
+        "_aside_n",
+        "_axle_ratio",
+        "_stiffness",
+        "_x_m",
+        "_y_m",
+        "firmness",
+        "limit_n",
+        "resisting_n",
+    )
 
-    def __init__(self, *, rim_mass_kg: float, axle_ratio: float) -> None:
+    def __init__(self, *, borne_kg: float, axle_ratio: float) -> None:
         self._axle_ratio = axle_ratio
-        self._stiffness = TREAD_STIFFNESS * rim_mass_kg / TICK_SECONDS**2
-        self._damping = TREAD_DAMPING * rim_mass_kg / TICK_SECONDS
-        self._x_m = self._y_m = 0.0
+        self._stiffness = TREAD_STIFFNESS * borne_kg / TICK_SECONDS**2
+        self.firmness = self._stiffness * TICK_SECONDS + TREAD_DAMPING * borne_kg / TICK_SECONDS
+        """Force for each m/s of slip in a tick while it sticks, N s/m."""
 
-    def force(self, slip_x: float, slip_y: float, limit: float) -> tuple[float, float]:
-        """Return the ground's force on the tyre in this tick, N, forward and to the left.
+        self.limit_n = 0.0
+        """Friction times load: 0 off the ground."""
+
+        self._x_m = self._y_m = 0.0
+        self.lift()
+
+    def lift(self) -> None:
+        """Take it off the ground: there is no grip and no memory."""
+        self._x_m = self._y_m = self._along_n = self._aside_n = self.limit_n = 0.0
+        self.resisting_n = 0.0
+
+    def meet(
+        self, forward_mps: float, left_mps: float, limit_n: float, resisting_n: float = 0.0
+    ) -> None:
+        """Take how the wheel's hub moves over the ground in this tick.
 
         Parameters
         ----------
-        slip_x, slip_y
-            velocity of the tread over the ground, m/s, in rolling direction and to the left.
-        limit
-            friction times load, N: the most that it holds in rolling direction.
+        limit_n
+            friction times load: the most that it holds in rolling direction.
+        resisting_n
+            against rolling, which its shaft feels.
         """
+        # In coordinates where the ellipse of friction is a circle.
+        self._along_n = -self._stiffness * self._x_m - self.firmness * forward_mps
+        self._aside_n = -self._stiffness * self._y_m - self.firmness * left_mps * self._axle_ratio
+        self.limit_n = limit_n
+        self.resisting_n = resisting_n
+
+    @property
+    def rolling_mps(self) -> float:
+        """The speed of the tread at which it neither pushes nor brakes."""
+        return -self._along_n / self.firmness
+
+    def along(self, tread_mps: float) -> tuple[float, float]:
+        """Return the force forward, N, at a speed of the tread, and its gain with it, N s/m."""
+        forward, aside, limit = (
+            self._along_n + self.firmness * tread_mps,
+            self._aside_n,
+            self.limit_n,
+        )
+        square = forward * forward + aside * aside
+        if square <= limit * limit:
+            return forward, self.firmness
+        share = limit / sqrt(square)
+        return forward * share, self.firmness * share * aside * aside / square
+
+    def settle(self, tread_mps: float) -> tuple[float, float]:
+        """Return the ground's force on the tyre, N, forward and to the left, and remember it."""
+        limit, stiffness = self.limit_n, self._stiffness
         if limit <= 0.0:
-            self._x_m = self._y_m = 0.0
+            self.lift()
             return 0.0, 0.0
-        # In coordinates where the ellipse of friction is a circle; the flow rule of plasticity.
-        ratio, stiffness, damping = self._axle_ratio, self._stiffness, self._damping
-        x = self._x_m + slip_x * TICK_SECONDS
-        y = self._y_m + slip_y * ratio * TICK_SECONDS
-        fx = -stiffness * x - damping * slip_x
-        fy = -stiffness * y - damping * slip_y * ratio
-        size = sqrt(fx * fx + fy * fy)
+        forward, aside = self._along_n + self.firmness * tread_mps, self._aside_n
+        size = sqrt(forward * forward + aside * aside)
         if size > limit:
-            fx *= limit / size
-            fy *= limit / size
+            forward *= limit / size
+            aside *= limit / size
             # A tread that slips is bent by the force that it carries.
-            x = -fx / stiffness
-            y = -fy / stiffness
-        self._x_m, self._y_m = x, y
-        return fx, fy * ratio
+            self._x_m, self._y_m = -forward / stiffness, -aside / stiffness
+        else:
+            # What was sprung at the tick's begin, and the way that it slipped since then.
+            slip = -(forward + stiffness * self._x_m) / self.firmness
+            self._x_m += slip * TICK_SECONDS
+            slip = -(aside + stiffness * self._y_m) / self.firmness
+            self._y_m += slip * TICK_SECONDS
+        return forward, aside * self._axle_ratio

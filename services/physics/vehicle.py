@@ -8,8 +8,8 @@ centre of mass) and in the model's order of links and wheels.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
-from math import cos, radians, sin
+from collections.abc import Callable
+from math import cos, sin
 from pathlib import Path
 from struct import Struct
 
@@ -19,14 +19,22 @@ from groundlink.clock import TICK_NANOS
 from groundlink.messages import VehicleState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.solids import Material, Quaternion, Vector3
+from groundlink.world.mesh_asset import surface
+from groundlink.world.solids import Mesh, Quaternion, Vector3
+from groundlink.world.start import start
+from groundlink.world.terrain import Ground
 
-from .drive import SkidSteering, Speeds
+from .air import air
+from .drive import Controller
 from .engine import GRAVITY_MPS2, Engine
+from .gear import RunningGear, Touch
+from .hull import hull
 from .ledger import Ledger
 from .statics import CHASSIS, MEETS, WHEEL
-from .tyre import Tyre
-from .urdf import knuckle_joint, rim_mass, urdf
+from .urdf import hull_file, suspension_joint, urdf
+
+Friction = Callable[[int, Vector3], float]
+"""Coefficient of the ground, by the engine's number of a body and a point in the world."""
 
 
 class SimulatedVehicle:
@@ -38,10 +46,10 @@ class SimulatedVehicle:
         the world that it is put into.
     vehicle
         model and placement.
-    materials
-        of the world.
-    frictions
-        of the static bodies, by the engine's number.
+    friction
+        of what wheels roll on.
+    ground
+        the terrain that it starts on; None: flat ground.
     epoch_nanos
         stamp of sim time zero.
     """
@@ -50,42 +58,42 @@ class SimulatedVehicle:
         self,
         engine: Engine,
         vehicle: Vehicle,
-        materials: Mapping[str, Material],
-        frictions: Mapping[int, float],
+        friction: Friction,
         *,
+        ground: Ground | None = None,
         epoch_nanos: int = 0,
     ) -> None:
         self._engine = engine
         self._model = model = vehicle.model
-        self._frictions = frictions
-        self.drive = SkidSteering(model, epoch_nanos=epoch_nanos)
+        self._friction = friction
+        self.drive = Controller(model, epoch_nanos=epoch_nanos)
         self.ledger = Ledger()
-        self.body = body = _load(engine, vehicle, materials)
+        self.body = body = _load(engine, vehicle, ground)
         indices = {
             engine.getJointInfo(body, joint)[1].decode(): joint
             for joint in range(engine.getNumJoints(body))
         }
-        self._wheels = [indices[wheel.name] for wheel in model.wheels]
-        self._knuckles = [indices[knuckle_joint(wheel)] for wheel in model.wheels]
-        self._joints = self._knuckles + self._wheels
+        self._joints = [indices[suspension_joint(wheel)] for wheel in model.wheels]
+        self._place = {joint: place for place, joint in enumerate(self._joints)}
         self._count = count = len(model.wheels)
-        self._suspension = (model.suspension.stiffness_npm, model.suspension.damping_nspm)
-        self._preloads = _preloads(model)
-        self._tyres = [
-            (
-                Tyre(rim_mass_kg=rim_mass(wheel), axle_ratio=wheel.axle_friction_ratio),
-                link,
-                wheel.friction,
-                wheel.radius_m,
-                wheel.center_m,
-            )
-            for wheel, link in zip(model.wheels, self._wheels, strict=True)
+        preloads = _preloads(model)
+        springs = [wheel.suspension or model.suspension for wheel in model.wheels]
+        self._springs = [
+            (preload, spring.stiffness_npm, spring.damping_nspm)
+            for preload, spring in zip(preloads, springs, strict=True)
         ]
+        whole_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
+        self.gear = RunningGear(
+            model,
+            # A wheel that is held up bears what falls to each when it comes to it.
+            [
+                preload / GRAVITY_MPS2 + wheel.mass_kg if preload > 0.0 else whole_kg / count
+                for preload, wheel in zip(preloads, model.wheels, strict=True)
+            ],
+        )
         self._com = model.chassis.center_m
         self._centers = [wheel.center_m for wheel in model.wheels]
-        self._torques = [model.drive.max_wheel_torque_nm] * count
-        self._asked: Speeds = ()
-        self._axles: tuple[tuple[float, ...], ...] = ()
+        self._air = air(model)
         self._pack_links = Struct(f"<{7 * (count + 1)}d").pack
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
@@ -95,28 +103,25 @@ class SimulatedVehicle:
     def _set_dynamics(self) -> None:
         engine, body, chassis = self._engine, self.body, self._model.chassis
         for link in range(-1, engine.getNumJoints(body)):
-            # Bullet would damp every motion by 4 % a second.
+            # Bullet would damp every motion by 4 % a second; and what it damps more is not linear.
             engine.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0)
         engine.changeDynamics(
             body, -1, lateralFriction=chassis.friction, restitution=chassis.restitution
         )
         engine.setCollisionFilterGroupMask(body, -1, CHASSIS, MEETS[CHASSIS])
-        for link in self._wheels:
+        for wheel, link in zip(self._model.wheels, self._joints, strict=True):
             # Grip is the tyre's business; the engine's contact only carries.
-            engine.changeDynamics(body, link, lateralFriction=0, restitution=0)
+            engine.changeDynamics(body, link, lateralFriction=0, restitution=wheel.restitution)
             engine.setCollisionFilterGroupMask(body, link, WHEEL, MEETS[WHEEL])
         # Joints come with motors that hold them; those of the springs must let go.
         engine.setJointMotorControlArray(
-            body, self._knuckles, engine.VELOCITY_CONTROL, forces=[0] * self._count
+            body, self._joints, engine.VELOCITY_CONTROL, forces=[0] * self._count
         )
 
     def sense(self) -> None:
-        """Read from the engine where the base and the joints are, and how they move."""
+        """Read from the engine where the base and the springs are, and how they move."""
         engine, body = self._engine, self.body
-        states = engine.getJointStates(body, self._joints)
-        self._springs, axles = states[: self._count], states[self._count :]
-        self.ledger.worked(self._axles, axles)
-        self._axles = axles
+        self._sprung = engine.getJointStates(body, self._joints)
         center, self._quaternion = engine.getBasePositionAndOrientation(body)
         velocity, self._turn = engine.getBaseVelocity(body)
         # From Bullet's centre of mass to the base link's origin.
@@ -134,75 +139,66 @@ class SimulatedVehicle:
             velocity[2] + wx * dy - wy * dx,
         )
 
+    @property
+    def position_m(self) -> Vector3:
+        """The base's origin in the world."""
+        return self._origin
+
     def act(self, sim_nanos: int) -> None:
         """Set the forces of springs, tyres and motors for the step from `sim_nanos`."""
-        engine = self._engine
-        stiffness, damping = self._suspension
+        engine, gear = self._engine, self.gear
+        (a, b, c), (d, e, f), (g, h, i) = self._rows
+        (vx, vy, vz), (wx, wy, wz) = self._velocity, self._turn
+        vx, vy, vz = a * vx + d * vy + g * vz, b * vx + e * vy + h * vz, c * vx + f * vy + i * vz
+        turn = a * wx + d * wy + g * wz, b * wx + e * wy + h * wz, c * wx + f * wy + i * wz
+        (x, y, z), torque, along_springs = gear.go(
+            self.drive.wheels(sim_nanos, gear.angles()),
+            velocity=(vx, vy, vz),
+            turn=turn,
+            springs=self._sprung,
+            touches=self._touches(sim_nanos // TICK_NANOS),
+        )
+        self.ledger.worked(gear.driving_w, gear.braking_w)
+        if self._air:
+            (x, y, z), torque = self._air.slow((x, y, z), torque, (vx, vy, vz), turn)
+        engine.applyExternalForce(self.body, -1, (x, y, z), (0.0, 0.0, 0.0), engine.LINK_FRAME)
+        engine.applyExternalTorque(self.body, -1, torque, engine.LINK_FRAME)
         # Along the base's z on the wheel; a spring pushes it down by what rests on it.
-        forces = [
-            -preload - stiffness * spring[0] - damping * spring[1]
-            for preload, spring in zip(self._preloads, self._springs, strict=True)
-        ]
         engine.setJointMotorControlArray(
             self.body,
             self._joints,
             engine.TORQUE_CONTROL,
-            forces=forces + self._grip(sim_nanos // TICK_NANOS),
+            forces=[
+                force - preload - stiffness * spring[0] - damping * spring[1]
+                for force, (preload, stiffness, damping), spring in zip(
+                    along_springs, self._springs, self._sprung, strict=True
+                )
+            ],
         )
-        speeds = self.drive.speeds(sim_nanos)
-        if speeds != self._asked:
-            self._asked = speeds
-            engine.setJointMotorControlArray(
-                self.body,
-                self._wheels,
-                engine.VELOCITY_CONTROL,
-                targetVelocities=speeds,
-                forces=self._torques,
-            )
 
-    def _grip(self, tick: int) -> list[float]:
-        """Push the base as the tyres do, and return the torque that they put on each axle, N m.
-
-        The ground under a wheel is taken as parallel to the base's x and y. Forces act where the
-        tyres touch; of their moment, the part about an axle turns the wheel on it.
-        """
-        engine = self._engine
-        limits = dict.fromkeys(self._wheels, 0.0)
-        for contact in engine.getContactPoints(self.body):
-            # The body's link, the other body, the normal force.
-            if (link := contact[3]) in limits:
-                limits[link] += self._frictions[contact[2]] * contact[9]
-            elif contact[9] > 0.0:
-                self.ledger.touched((tick, contact[2], contact[6], contact[9]))
+    def _touches(self, tick: int) -> list[Touch | None]:
+        """Return what each wheel touched in the last step; what else did goes to the ledger."""
+        touches: list[Touch | None] = [None] * self._count
         (a, b, c), (d, e, f), (g, h, i) = self._rows
-        (vx, vy, vz), (wx, wy, wz) = self._velocity, self._turn
-        ux, uy = a * vx + d * vy + g * vz, b * vx + e * vy + h * vz
-        ox, oy, oz = a * wx + d * wy + g * wz, b * wx + e * wy + h * wz, c * wx + f * wy + i * wz
-        com_x, com_y, com_z = self._com
-        fx = fy = tx = ty = tz = 0.0
-        torques = []
-        for (tyre, link, friction, radius, (x, y, z)), axle in zip(
-            self._tyres, self._axles, strict=True
-        ):
-            z -= radius
-            forward, left = tyre.force(
-                ux + oy * z - oz * y - axle[1] * radius,
-                uy + oz * x - ox * z,
-                friction * limits[link],
-            )
-            fx += forward
-            fy += left
-            tx -= (z - com_z) * left
-            ty += (z - com_z) * forward
-            tz += (x - com_x) * left - (y - com_y) * forward
-            torques.append(-radius * forward)
-        engine.applyExternalForce(self.body, -1, (fx, fy, 0.0), (0.0, 0.0, 0.0), engine.LINK_FRAME)
-        engine.applyExternalTorque(self.body, -1, (tx, ty, tz), engine.LINK_FRAME)
-        return torques
+        for contact in self._engine.getContactPoints(self.body):
+            # The body's link, the other body, the point on it, the normal, its force.
+            _, _, other, link, _, _, point, (x, y, z), _, force, *_ = contact
+            if force <= 0.0:
+                continue
+            if (place := self._place.get(link)) is None:
+                self.ledger.touched((tick, other, point, force))
+                continue
+            grip = self._friction(other, point) * force
+            x, y, z = x * force, y * force, z * force
+            x, y, z = a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
+            if (before := touches[place]) is not None:
+                grip, x, y, z = grip + before[0], x + before[1], y + before[2], z + before[3]
+            touches[place] = grip, x, y, z
+        return touches
 
     def motor_torques(self) -> memoryview:
         """Return what each wheel's motor put on its axle in the last step: float64, N m."""
-        return memoryview(self._pack_wheels(*[axle[3] for axle in self._axles]))
+        return memoryview(self._pack_wheels(*[wheel.torque_nm for wheel in self.gear.wheels]))
 
     def state(self) -> VehicleState:
         """Return where everything is after the last step."""
@@ -211,26 +207,32 @@ class SimulatedVehicle:
         qx, qy, qz, qw = self._quaternion
         poses = [x, y, z, qx, qy, qz, qw]
         (a, b, c), (d, e, f), (g, h, i) = self._rows
-        for (cx, cy, cz), spring, axle in zip(
-            self._centers, self._springs, self._axles, strict=True
-        ):
+        wheels = self.gear.wheels
+        for (cx, cy, cz), spring, wheel in zip(self._centers, self._sprung, wheels, strict=True):
             cz += spring[0]
-            sine, cosine = sin(axle[0] / 2), cos(axle[0] / 2)
+            angle = wheel.angle_rad / 2
+            sine, cosine = sin(angle), cos(angle)
+            ux, uy, uz, uw = qx, qy, qz, qw
+            if wheel.knuckle:
+                # Steered: turned about z first.
+                half = wheel.knuckle.angle_rad / 2
+                s, k = sin(half), cos(half)
+                ux, uy, uz, uw = qx * k + qy * s, qy * k - qx * s, qz * k + qw * s, qw * k - qz * s
             poses += (
                 x + a * cx + b * cy + c * cz,
                 y + d * cx + e * cy + f * cz,
                 z + g * cx + h * cy + i * cz,
-                # base_from_wheel is a turn about y: (0, sine, 0, cosine).
-                qx * cosine - qz * sine,
-                qy * cosine + qw * sine,
-                qz * cosine + qx * sine,
-                qw * cosine - qy * sine,
+                # A turn about y: (0, sine, 0, cosine).
+                ux * cosine - uz * sine,
+                uy * cosine + uw * sine,
+                uz * cosine + ux * sine,
+                uw * cosine - uy * sine,
             )
         return VehicleState(
             memoryview(self._pack_links(*poses)),
             memoryview(self._pack_velocity(*self._velocity, *self._turn)),
-            memoryview(self._pack_wheels(*[axle[0] for axle in self._axles])),
-            memoryview(self._pack_wheels(*[axle[1] for axle in self._axles])),
+            memoryview(self._pack_wheels(*[wheel.angle_rad for wheel in wheels])),
+            memoryview(self._pack_wheels(*[wheel.speed_radps for wheel in wheels])),
         )
 
 
@@ -244,17 +246,19 @@ def _matrix(quaternion: Quaternion) -> tuple[Vector3, Vector3, Vector3]:
     )
 
 
-def _load(engine: Engine, vehicle: Vehicle, materials: Mapping[str, Material]) -> int:
+def _load(engine: Engine, vehicle: Vehicle, ground: Ground | None) -> int:
     """Put a vehicle into the engine with its wheels on the ground, and return its body."""
-    model, place = vehicle.model, vehicle.placement
-    half = radians(place.yaw_deg) / 2
+    model = vehicle.model
+    origin, turn = start(vehicle, ground)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f"{vehicle.name}.urdf")
-        file.write_text(urdf(model, materials))
+        file.write_text(urdf(model))
+        for mesh in {p.shape for p in model.collisions if isinstance(p.shape, Mesh)}:
+            Path(folder, hull_file(mesh)).write_text(hull(surface(mesh.asset).vertices))
         body: int = engine.loadURDF(
             str(file),
-            [place.x_m, place.y_m, place.z_m + model.base_height_m],
-            [0.0, 0.0, sin(half), cos(half)],
+            origin,
+            turn,
             flags=engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER,
         )
     return body
@@ -263,12 +267,15 @@ def _load(engine: Engine, vehicle: Vehicle, materials: Mapping[str, Material]) -
 def _preloads(model: VehicleModel) -> list[float]:
     """Return the force (N) with which each spring carries the chassis at rest.
 
-    Forces and their moments balance the chassis' weight; of all such loads, the one with the
-    smallest sum of squares, which springs of one stiffness take.
+    Forces and their moments balance the weight of the chassis and of the wheels that hang in the
+    air; of all such loads, the one with the smallest sum of squares, which springs of one stiffness
+    take. Springs of wheels in the air hold these up: less than nothing.
     """
-    centers = np.array([wheel.center_m[:2] for wheel in model.wheels])
-    balance = np.vstack([np.ones(len(centers)), centers.T])
-    weight = model.chassis.mass_kg * GRAVITY_MPS2
+    standing = np.array([model.stands_on(wheel) for wheel in model.wheels])
+    places = np.array([(1.0, *wheel.center_m[:2]) for wheel in model.wheels]).T
+    hanging = np.where(standing, 0.0, [wheel.mass_kg for wheel in model.wheels])
     x, y, _ = model.chassis.center_m
-    loads: list[float] = np.linalg.lstsq(balance, weight * np.array([1.0, x, y]))[0].tolist()
-    return loads
+    weights = GRAVITY_MPS2 * (model.chassis.mass_kg * np.array([1.0, x, y]) + places @ hanging)
+    loads = np.linalg.lstsq(places * standing, weights)[0] - GRAVITY_MPS2 * hanging
+    preloads: list[float] = loads.tolist()
+    return preloads

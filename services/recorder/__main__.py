@@ -15,11 +15,12 @@ from groundlink.clock import NANOS
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Health, Message, State, decode
+from groundlink.questions import history_key
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros_streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
-from groundlink.topics import ACK, HEALTH, history_key
+from groundlink.topics import ACK, HEALTH
 
 from .recorder import Recorder
 
@@ -109,9 +110,9 @@ def _record(
     acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
     if missed := list(bus.ask(history_key(run), NAME, seconds=2.0).values()):
         # Physics that waits for this process begins, or goes on, when it hears that it is there.
-        epoch = decode(missed[0], Ack).epoch_nanos
+        life = decode(missed[0], Ack).life
         tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
-        acknowledge(Ack(epoch, tick, tick))
+        acknowledge(Ack(life, tick, tick))
 
     next_commit = 0.0
     try:
@@ -129,7 +130,7 @@ def _record(
                     recorder = new(recorder.early)
                 recorder.take(key, message)
                 if isinstance(message, Clock):
-                    acknowledge(Ack(message.epoch_nanos, message.tick, message.tick))
+                    acknowledge(Ack(message.life, message.tick, message.tick))
             if (now := time.monotonic()) >= next_commit:
                 recorder.commit()
                 next_commit = now + COMMIT_SECONDS

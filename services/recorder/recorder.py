@@ -173,7 +173,7 @@ class Recorder:
         if not isinstance(message, Clock) or self.clock is None:
             return False
         jumped_back = message.stamp_nanos < self.clock.stamp_nanos
-        return jumped_back or message.epoch_nanos != self.clock.epoch_nanos
+        return jumped_back or message.life != self.clock.life
 
     @property
     def is_complete(self) -> bool:

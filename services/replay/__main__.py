@@ -19,15 +19,16 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from groundlink import process
+from groundlink import asset_exchange, process
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
 from groundlink.clock import NANOS
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Message
+from groundlink.questions import scenario_key
 from groundlink.recording.reading import Recording
 from groundlink.scenario import Scenario, load
-from groundlink.topics import ACK, HEALTH, TIME_KEEPERS, Delivery, scenario_key
+from groundlink.topics import ACK, HEALTH, TIME_KEEPERS, Delivery
 
 from .player import Player
 
@@ -88,6 +89,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                     raise UserError(
                         f"run `{run}` is on the bus already; end it or give --run another name"
                     )
+            asset_exchange.serve(bus, run, lambda: scenario)
             bus.serve(scenario_key(run), lambda _: [msgspec.msgpack.encode(scenario)])
             others = _Others(bus, run, scenario.time.window_ticks)
             replay = _Replay(bus, run, Player(recording, run), others, options.factor, stop)

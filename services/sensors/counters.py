@@ -49,8 +49,16 @@ class WheelCounters:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Encoders) -> None:
         self._vehicle = vehicle.name
-        self.names = tuple(wheel.name for wheel in vehicle.model.wheels)
-        """The wheels, in the order of their counters."""
+        model = vehicle.model
+        self.names = tuple(shaft.name for shaft in model.counted)
+        """Of wheels, or of tracks, in the order of their counters."""
+
+        # A track's wheels turn together, so any of them tells how its sprocket turns.
+        self._wheels = [shaft.wheels[0] for shaft in model.counted]
+        self._gears = [
+            model.wheels[shaft.wheels[0]].radius_m / shaft.radius_m for shaft in model.counted
+        ]
+        self._joints = len(model.wheels)
 
         self._lines_per_radian = spec.ticks_per_wheel_revolution / (2 * math.pi)
         self._signs = [-1 if name in spec.reversed_wheels else 1 for name in self.names]
@@ -87,11 +95,12 @@ class WheelCounters:
         """
         vehicle = state.vehicles.get(self._vehicle)
         angles = [] if vehicle is None else floats(vehicle.joint_positions).tolist()
-        if len(angles) != len(self.names):
+        if len(angles) != self._joints:
             raise BadMessage(
                 f"state of tick {state.tick}: {len(angles)} joint positions of `{self._vehicle}`, "
-                f"expected {len(self.names)}"
+                f"expected {self._joints}"
             )
+        angles = [angles[i] * gear for i, gear in zip(self._wheels, self._gears, strict=True)]
         last = self._angles or angles
         self._reset(state.tick, last)
         self._before = (last, list(self._memory.offsets))

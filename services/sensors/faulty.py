@@ -20,7 +20,7 @@ from groundlink.scenario.faults import Delay, Fault
 
 from .circumstances import Circumstances, Past
 from .faults import suffer
-from .model import Beside, RememberingModel, SensorModel, SkippingModel, parted
+from .model import Beside, Gone, RememberingModel, SensorModel, SkippingModel, parted
 from .streams import RandomStreams
 
 
@@ -80,6 +80,17 @@ class FaultyModel:
         self._of_scenario = faults
         self._streams = streams
         self.remember(b"")
+
+    def renew(self, inner: SensorModel) -> None:
+        """Go on with another sensor, which knows what the one before remembers."""
+        if isinstance(self._inner, RememberingModel) and isinstance(inner, RememberingModel):
+            inner.remember(self._inner.memory())
+        self._inner = inner
+
+    @property
+    def has_gone(self) -> bool:
+        """Whether there is no sensor any more."""
+        return isinstance(self._inner, Gone)
 
     def restart(self) -> None:
         """Forget earlier states; what is on its way still comes."""

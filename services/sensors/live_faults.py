@@ -74,7 +74,7 @@ class LiveFaults:
         self._report = report
         self._acknowledge = acknowledge
         self._turn = threading.Lock()
-        self._epoch_nanos: int | None = None
+        self._life: int | None = None
         self._told: tuple[Fault, ...] | None = None
 
     @property
@@ -91,15 +91,15 @@ class LiveFaults:
         """Go on where a predecessor stopped, which has told what was in effect."""
         with self._turn:
             self._sensor.resume(ack)
-            self._epoch_nanos = ack.epoch_nanos
+            self._life = ack.life
             self._told = self._model.active(ack.settled_tick)
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Take one state, in order; tell what has changed by it. So many more have arrived."""
         with self._turn:
             self._sensor.take(state, waiting)
-            if state.epoch_nanos != self._epoch_nanos:
-                self._epoch_nanos = state.epoch_nanos
+            if state.life != self._life:
+                self._life = state.life
                 # Who joins a run under way may follow on one that had faults.
                 self._told = None if state.tick else ()
             if self._sensor.tick == state.tick and self.active != self._told:

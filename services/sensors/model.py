@@ -55,6 +55,25 @@ class RememberingModel(SensorModel, Protocol):
         """Go on from a predecessor's memory; from an empty one, begin anew."""
 
 
+class Gone:
+    """Stands for a sensor whose vehicle was taken out of the world: it measures nothing."""
+
+    def __init__(self) -> None:
+        self._tick = -1
+
+    def restart(self) -> None:
+        """Do nothing."""
+
+    def readings(self, state: State) -> Iterable[Message | Beside]:
+        """Yield nothing."""
+        self._tick = state.tick
+        return ()
+
+    def settled_tick(self) -> int:
+        """Return the last tick."""
+        return self._tick
+
+
 @runtime_checkable
 class SkippingModel(SensorModel, Protocol):
     """A sensor that leaves out what would come late in real time, rather than queue it."""

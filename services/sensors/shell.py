@@ -16,16 +16,17 @@ from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.faults import counted
 from groundlink.messages import Ack, BadMessage, Message, State
+from groundlink.questions import faults_key
 from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor, WithNative
-from groundlink.topics import ACK, FAULTS, SENSOR_TOPICS, faults_key, sensor_outputs
+from groundlink.topics import ACK, FAULTS, SENSOR_TOPICS, sensor_outputs
 from groundlink.world.build import world_hash
 
 from .faulty import FaultyModel
 from .live_faults import LiveFaults
-from .model import Beside, NativeDevice, RememberingModel, SensorModel, SkippingModel, parted
+from .model import Beside, Gone, NativeDevice, RememberingModel, SensorModel, SkippingModel, parted
 from .native import NativeLink, NoLink
 from .streams import RandomStreams
 
@@ -36,24 +37,40 @@ S = TypeVar("S", bound=Sensor)
 M = TypeVar("M", bound=SensorModel)
 
 
+def _never(world: str) -> bool:
+    """Know of no other world."""
+    return False
+
+
 class SensorProcess:
-    """A model between the states of a run and its readings."""
+    """A model between the states of a run and its readings.
+
+    Parameters
+    ----------
+    expected_world_hash
+        Of the world that the model was made for.
+    renew
+        Makes the model one for the world of another hash; False where there is none.
+    """
 
     def __init__(
         self,
         model: SensorModel,
         *,
         expected_world_hash: str,
+        renew: Callable[[str], object] = _never,
         ack_ticks: int,
         publish: Callable[[Message | Beside], object],
         acknowledge: Callable[[Ack], object],
     ) -> None:
         self._model = model
-        self._expected_world_hash = expected_world_hash
+        self._expected_world_hash, self._renew = expected_world_hash, renew
+        self.worlds = 1
         self._ack_ticks = ack_ticks
         self._publish = publish
         self._acknowledge = acknowledge
-        self.epoch_nanos = -1
+        self.epoch_nanos = 0
+        self._life: int | None = None
         self._published_to = -1
         self.tick = -1
         self.readings = 0
@@ -62,7 +79,7 @@ class SensorProcess:
 
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped: what it has settled is not published again."""
-        self.epoch_nanos = ack.epoch_nanos
+        self._life = ack.life
         self._published_to = ack.settled_tick
         # Others may need earlier states; what is remembered here is of the settled tick.
         self.tick = max(ack.settled_tick, 0) - 1
@@ -79,13 +96,17 @@ class SensorProcess:
             when physics simulates another world than this replica holds.
         """
         if state.world_hash != self._expected_world_hash:
-            raise UserError(
-                f"the world differs: physics has {state.world_hash[:12]}, this process has "
-                f"{self._expected_world_hash[:12]}; run the same version of Groundlink on every "
-                "host, and restart this sensor after the scenario was changed"
-            )
-        if state.epoch_nanos != self.epoch_nanos:
-            self.epoch_nanos, self._published_to, self.tick = state.epoch_nanos, -1, -1
+            if not self._renew(state.world_hash):
+                raise UserError(
+                    f"the world differs: physics has {state.world_hash[:12]}, this process has "
+                    f"{self._expected_world_hash[:12]}; run the same version of Groundlink on "
+                    "every host, and restart this sensor after the scenario was changed"
+                )
+            self._expected_world_hash = state.world_hash
+            self.worlds += 1
+        self.epoch_nanos = state.epoch_nanos
+        if state.life != self._life:
+            self._life, self._published_to, self.tick = state.life, -1, -1
             self._model.restart()
             if isinstance(self._model, RememberingModel):
                 self._model.remember(b"")
@@ -113,16 +134,18 @@ class SensorProcess:
 
     def tell_progress(self) -> None:
         """Acknowledge the last state, with what a successor has to know."""
-        assert self.epoch_nanos >= 0, "no state was taken"
+        assert self._life is not None, "no state was taken"
         memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
         settled = self._model.settled_tick()
-        self._acknowledge(Ack(self.epoch_nanos, self.tick, settled, memory))
+        self._acknowledge(Ack(self._life, self.tick, settled, memory))
 
 
 def run(
     spec_type: type[S],
     make_model: Callable[[Scenario, Vehicle, S], M],
     native: Callable[[M, S], NativeDevice] | None = None,
+    *,
+    sees_world: bool = False,
 ) -> None:
     """Run the process of a sensor whose data are a `spec_type` until it is asked to end.
 
@@ -132,11 +155,13 @@ def run(
         What the scenario says of the sensor, and the model made of it.
     native
         Makes the device of a model, where the device's own form is known.
+    sees_world
+        Whether the model has a copy of the world, and so is made anew when that changes.
     """
     kind = SENSOR_TOPICS[spec_type].name
     process.run(
         f"sensors.{kind}",
-        lambda arguments, stop: _main(spec_type, make_model, native, arguments, stop),
+        lambda arguments, stop: _main(spec_type, make_model, native, sees_world, arguments, stop),
     )
 
 
@@ -144,6 +169,7 @@ def _main(
     spec_type: type[S],
     make_model: Callable[[Scenario, Vehicle, S], M],
     native: Callable[[M, S], NativeDevice] | None,
+    sees_world: bool,
     arguments: Sequence[str],
     stop: threading.Event,
 ) -> None:
@@ -161,7 +187,7 @@ def _main(
     options = parser.parse_args(arguments)
     endpoint = process.endpoint(options)
     with Bus(connect=endpoint) as bus:
-        run_name, scenario = process.join(bus, options.run, stop)
+        run_name, scenario = process.join_world(bus, options.run, stop)
         vehicle, spec = _find(scenario, options.name, spec_type)
         model = make_model(scenario, vehicle, spec)
         link: NativeLink | NoLink = NoLink()
@@ -186,9 +212,22 @@ def _main(
             messages={output.name: output.row.message for output in sensor_outputs(spec)},
             streams=RandomStreams(scenario.seed, options.name),
         )
+
+        def renew(world: str) -> bool:
+            changed = process.changed_world(bus, run_name, world)
+            if changed is None or world_hash(changed) != world:
+                return False
+            found = changed.sensor(options.name)
+            if found is None:
+                faulty.renew(Gone())
+            elif sees_world or faulty.has_gone:
+                faulty.renew(make_model(changed, found[0], spec))
+            return True
+
         sensor = SensorProcess(
             faulty,
             expected_world_hash=world_hash(scenario),
+            renew=renew,
             ack_ticks=scenario.time.window_ticks // ACKS_PER_WINDOW,
             publish=send,
             acknowledge=bus.publisher(ACK.key_in(run_name, process=options.name), ACK.delivery),
@@ -209,9 +248,10 @@ def _main(
                 "readings": sensor.readings,
                 "missed_ticks": sensor.missed_ticks,
                 "refused": sensor.refused,
+                "worlds": sensor.worlds,
             }
             if isinstance(model, SkippingModel):
-                counts["skipped"] = model.skipped
+                counts["skipped"] = faulty.skipped
             return counts | counted(live.active) | link.counters
 
         process.follow_states(bus, run_name, options.name, live, counters, stop.is_set)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's own copy of the world: what stands in it, and how its vehicles moved.
+"""A sensor's own copy of the world: what stands in it, and how its vehicles and actors moved.
 
 Rule: built from the scenario alone and moved by states alone; the same for every sensor that casts
 rays or draws pictures. How either is done is not known here.
@@ -15,9 +15,10 @@ from groundlink.clock import TICK_NANOS
 from groundlink.frames import Floats, matrix_from_quaternion, nlerp
 from groundlink.messages import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.world.actors import parts
 from groundlink.world.build import solids
 from groundlink.world.links import links as links_of
-from groundlink.world.solids import Box, Cylinder, Solid, Sphere, Vector3
+from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere, Vector3
 
 POSE_BYTES = 7 * 8
 """In a state: position and quaternion, float64."""
@@ -42,9 +43,9 @@ class Surroundings:
     static : tuple of Solid
         In the world.
     links : list of list of Solid
-        Those of all vehicles, in the scenario's order, each in its own frame.
-    vehicles : list of str
-        The vehicle of each link.
+        Those of all vehicles, then the actors, in the scenario's order, each in its own frame.
+    movers : list of str
+        The vehicle of each link, or the actor that it is.
     base : int
         Number of the link that the sensor is mounted on.
     """
@@ -52,7 +53,7 @@ class Surroundings:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
         self.static = solids(scenario)
         self.links: list[list[Solid]] = []
-        self.vehicles: list[str] = []
+        self.movers: list[str] = []
         self._bytes_of: dict[str, int] = {}
         for other in scenario.vehicles:
             base, *wheels = links_of(other.model)
@@ -60,9 +61,13 @@ class Surroundings:
                 self.base = len(self.links)
                 base = [solid for solid in base if not _encloses(solid, eye_in_base)]
             self.links += [base, *wheels]
-            self.vehicles += [other.name] * (1 + len(wheels))
+            self.movers += [other.name] * (1 + len(wheels))
             self._bytes_of[other.name] = POSE_BYTES * (1 + len(wheels))
-        self._sizes = list(self._bytes_of.values())
+        actors = scenario.world.actors
+        self.links += [parts(actor.form) for actor in actors]
+        self.movers += [actor.name for actor in actors]
+        self._bytes_of_actors = POSE_BYTES * len(actors)
+        self._sizes = [*self._bytes_of.values(), self._bytes_of_actors]
         self.restart()
 
     def restart(self) -> None:
@@ -76,12 +81,14 @@ class Surroundings:
         Raises
         ------
         BadMessage
-            when a vehicle or a link is missing.
+            when a vehicle, a link or an actor is missing.
         """
         vehicles = map(state.vehicles.get, self._bytes_of)
         rows = [vehicle.link_poses if vehicle else _NOTHING for vehicle in vehicles]
+        rows.append(state.actors)
         if [row.nbytes for row in rows] != self._sizes:
-            for row, (name, size) in zip(rows, self._bytes_of.items(), strict=True):
+            expected = {**self._bytes_of, "actors": self._bytes_of_actors}
+            for row, (name, size) in zip(rows, expected.items(), strict=True):
                 if row.nbytes != size:
                     raise BadMessage(
                         f"state of tick {state.tick}: expected {size // POSE_BYTES} link poses "
@@ -126,3 +133,5 @@ def _encloses(solid: Solid, point: Vector3) -> bool:
             return math.hypot(x, y) <= radius and abs(z) <= length / 2
         case Sphere(radius_m=radius):
             return math.hypot(x, y, z) <= radius
+        case Mesh(low_m=low, high_m=high):  # its box: a housing is hardly anything else
+            return all(a <= b <= c for a, b, c in zip(low, (x, y, z), high, strict=True))

@@ -19,6 +19,7 @@ from groundlink.errors import UserError
 from groundlink.messages import Health, Message, State
 from groundlink.ros_streams import RosStream
 from groundlink.scenario import Scenario
+from groundlink.world.build import world_hash
 
 from .intake import Intake
 
@@ -36,6 +37,9 @@ FOXGLOVE_PORT = 8765
 
 class Outlet(Protocol):
     """What shows a run."""
+
+    def change(self, scenario: Scenario) -> None:
+        """Show another world from now on: something came into it, or went."""
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take states, oldest first."""
@@ -65,18 +69,24 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     add_arguments(parser)
     options = parser.parse_args(arguments)
     with Bus(connect=process.endpoint(options), onlooker=True) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = process.join_world(bus, options.run, stop)
         intake = Intake(bus, scenario, run)
         outlet = _outlet(options, scenario, run, intake.streams)
         if options.save is None:
             _end_in_time()
         heartbeat = process.Heartbeat(bus, run, f"{NAME}/{os.getpid()}")
-        tick = -1
+        tick, world = -1, world_hash(scenario)
         try:
             due = time.monotonic()
             while not stop.wait(max(0.0, due - time.monotonic())) and outlet.alive():
                 due = max(due + FRAME_SECONDS, time.monotonic())
                 states = intake.states()
+                if states and states[-1].world_hash != world:
+                    world = states[-1].world_hash
+                    changed = process.changed_world(bus, run, world)
+                    if changed is not None and changed != scenario:
+                        scenario = changed
+                        outlet.change(scenario)
                 outlet.take_states(states)
                 tick = states[-1].tick if states else tick
                 for path, stream, message in intake.messages():

@@ -1,25 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world and the vehicles as a foxglove.SceneUpdate, for the 3D panel.
 
-Rule: each solid is the primitive of its shape, in the colour of its material. The ceiling is left
+Rule: each solid is the primitive of its shape, in the colour of its material; meshes and terrain
+are triangles in their own colours. The ceiling is left
 out, so that a room can be looked into. Wheels stand at rest: the tf tree has no frames for them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
 from foxglove.messages import (
     Color,
     CubePrimitive,
     CylinderPrimitive,
     Duration,
+    Point3,
     Pose,
     Quaternion,
     SceneEntity,
+    SceneEntityDeletion,
+    SceneEntityDeletionType,
     SceneUpdate,
     SpherePrimitive,
     Timestamp,
+    TriangleListPrimitive,
     Vector3,
 )
 from msgspec.structs import replace
@@ -27,11 +33,14 @@ from msgspec.structs import replace
 from groundlink.clock import NANOS
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
+from groundlink.world import actors
 from groundlink.world.build import solids
 from groundlink.world.links import links
 from groundlink.world.solids import Box, Cylinder, Material, Solid
+from groundlink.world.solids import Mesh as MeshShape
+from groundlink.world.terrain import BODY
 
-from .meshes import rgba
+from .meshes import Mesh, mesh, rgba, terrain
 
 WORLD = "world"
 CEILING = "room_ceiling"
@@ -42,10 +51,18 @@ def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
     materials = scenario.world.materials
     still = [solid for solid in solids(scenario) if solid.name != CEILING]
     entities = [_entity(WORLD, WORLD, still, materials, stamp_nanos)]
+    if ground := terrain(scenario):
+        entities.append(_entity(BODY, WORLD, (), materials, stamp_nanos, [ground]))
     for vehicle in scenario.vehicles:
         frame = vehicle.frame_prefix + vehicle.model.base_frame
         entities.append(_entity(vehicle.name, frame, _body(vehicle), materials, stamp_nanos))
-    return SceneUpdate(entities=entities)
+    for actor in scenario.world.actors:
+        it = actors.parts(actor.form)
+        entities.append(_entity(actor.name, actor.name, it, materials, stamp_nanos))
+    # What was told before and is not told now is there no more.
+    now = Timestamp(sec=stamp_nanos // NANOS, nsec=stamp_nanos % NANOS)
+    everything = SceneEntityDeletion(timestamp=now, type=SceneEntityDeletionType.All)
+    return SceneUpdate(deletions=[everything], entities=entities)
 
 
 def _body(vehicle: Vehicle) -> list[Solid]:
@@ -62,9 +79,14 @@ def _entity(
     parts: Iterable[Solid],
     materials: Mapping[str, Material],
     stamp_nanos: int,
+    meshes: Sequence[Mesh] = (),
 ) -> SceneEntity:
     cubes, cylinders, spheres = [], [], []
+    triangles = [_triangles(drawn) for drawn in meshes]
     for solid in parts:
+        if isinstance(solid.shape, MeshShape):
+            triangles.append(_triangles(mesh([solid], materials)))
+            continue
         x, y, z = solid.position_m
         qx, qy, qz, qw = solid.orientation
         pose = Pose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
@@ -96,4 +118,20 @@ def _entity(
         cubes=cubes,
         cylinders=cylinders,
         spheres=spheres,
+        triangles=triangles,
+    )
+
+
+def _triangles(drawn: Mesh) -> TriangleListPrimitive:
+    # A vertex of several faces is sent once: a quarter of the bytes.
+    corners = np.hstack([drawn.vertices, drawn.colours / np.float32(255)])
+    points, indices = np.unique(corners, axis=0, return_inverse=True)
+    return TriangleListPrimitive(
+        pose=Pose(
+            position=Vector3(x=0.0, y=0.0, z=0.0),
+            orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+        ),
+        points=[Point3(x=x, y=y, z=z) for x, y, z in points[:, :3].tolist()],
+        colors=[Color(r=r, g=g, b=b, a=a) for r, g, b, a in points[:, 3:].tolist()],
+        indices=indices.reshape(-1).tolist(),
     )

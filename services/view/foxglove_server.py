@@ -23,6 +23,7 @@ from groundlink.ros_streams import (
     TF_STATIC_TOPIC,
     TF_TOPIC,
     RosStream,
+    actor_transforms,
     static_transforms,
     true_transform,
 )
@@ -54,6 +55,7 @@ class FoxgloveServer(ServerListener):
         self._latched = {TF_STATIC_TOPIC, SCENE_TOPIC, *maps}
         self._maps: dict[str, OccupancyGrid] = {}
         self._epoch_nanos: int | None = None
+        self._newest_nanos = self._scene_nanos = 0
         self._is_owed = True
         self.refused = 0
         """Messages that no ROS type holds."""
@@ -79,11 +81,23 @@ class FoxgloveServer(ServerListener):
         """Where it listens."""
         return self._server.port
 
+    def change(self, scenario: Scenario) -> None:
+        """Show another world from now on."""
+        self._scenario = scenario
+        self._scene_nanos = self._newest_nanos
+        self._is_owed = True
+
     def take_states(self, states: Sequence[State]) -> None:
-        """Note the run's epoch."""
-        if states and states[-1].epoch_nanos != self._epoch_nanos:
-            self._epoch_nanos = states[-1].epoch_nanos
+        """Note the run's epoch, and tell where the actors are."""
+        if not states:
+            return
+        newest = states[-1]
+        self._newest_nanos = newest.stamp_nanos
+        if newest.epoch_nanos != self._epoch_nanos:
+            self._epoch_nanos = self._scene_nanos = newest.epoch_nanos
             self._is_owed = True
+        if newest.actors and self._scenario.world.actors:
+            self._log(self._tf, actor_transforms(self._scenario, newest))
 
     def take(self, path: str, stream: RosStream, message: Message) -> None:
         """Serve a message under its ROS topic."""
@@ -106,7 +120,8 @@ class FoxgloveServer(ServerListener):
                 self._log(self._tf_static, transforms)
             for path, message in self._maps.items():
                 self._log(self._channels[path], message)
-            self._scene.log(scene(self._scenario, self._epoch_nanos), log_time=self._epoch_nanos)
+            stamp_nanos = self._scene_nanos
+            self._scene.log(scene(self._scenario, stamp_nanos), log_time=stamp_nanos)
 
     def alive(self) -> bool:
         """Return that a server is always there."""

@@ -14,11 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.frames import Floats, matrix_from_quaternion
 from groundlink.scenario import Scenario
+from groundlink.world import mesh_asset
 from groundlink.world.build import solids
+from groundlink.world.colours import srgb
 from groundlink.world.furnish import walls
 from groundlink.world.solids import Material, Solid
+from groundlink.world.solids import Mesh as MeshShape
+from groundlink.world.terrain import BODY
 from groundlink.world.triangles import merged
+
+from . import landscape
 
 Reals = NDArray[np.float32]
 
@@ -39,23 +46,40 @@ class Mesh:
 
 def mesh(solids: Sequence[Solid], materials: Mapping[str, Material]) -> Mesh:
     """Return solids as one mesh in the frame of their poses."""
-    triangles = merged(solids)
-    corners = triangles.vertices[triangles.faces]
+    plain = [solid for solid in solids if not isinstance(solid.shape, MeshShape)]
+    triangles = merged(plain)
+    corners = [triangles.vertices[triangles.faces].astype(np.float64)]
+    colours = np.array([materials[solid.material].color for solid in plain]).reshape(-1, 3)
+    colours_of_faces = [colours[triangles.labels]]
+    for solid in solids:
+        if isinstance(solid.shape, MeshShape):
+            frame_from_solid = matrix_from_quaternion(solid.orientation)
+            surface = mesh_asset.surface(solid.shape.asset)
+            local, kept = landscape.coarse(surface)
+            placed = local @ frame_from_solid.T + solid.position_m
+            seen = landscape.face_colours(surface, materials[solid.material])[kept]
+            # Scans are open: what has no thickness is drawn on both sides.
+            corners += [placed, placed[:, ::-1]]
+            colours_of_faces += [seen, seen]
+    return _soup(np.concatenate(corners), np.concatenate(colours_of_faces))
+
+
+def _soup(corners: Floats, linear: Floats) -> Mesh:
+    """Return faces with corners, shape (F, 3, 3), and colours, shape (F, 3), as a mesh."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    colours = np.array([rgba(materials[s.material].color) for s in solids], np.uint8)
+    colours = np.full((len(corners), 4), 255, np.uint8)
+    colours[:, :3] = np.rint(255 * srgb(linear))
     return Mesh(
-        corners.reshape(-1, 3),
+        corners.reshape(-1, 3).astype(np.float32),
         np.repeat(normals, 3, axis=0).astype(np.float32),
-        np.repeat(colours.reshape(-1, 4)[triangles.labels], 3, axis=0),
+        np.repeat(colours, 3, axis=0),
     )
 
 
 def rgba(linear: Sequence[float]) -> tuple[int, int, int, int]:
-    """Return a linear colour, 0..1, as sRGB with full opacity (IEC 61966-2-1)."""
-    part = np.clip(np.asarray(linear, np.float64), 0, 1)
-    encoded = np.where(part <= 0.0031308, 12.92 * part, 1.055 * part ** (1 / 2.4) - 0.055)
-    red, green, blue = np.rint(255 * encoded).astype(int).tolist()
+    """Return a linear colour, 0..1, as sRGB with full opacity."""
+    red, green, blue = np.rint(255 * srgb(np.asarray(linear, np.float64))).astype(int).tolist()
     return red, green, blue, 255
 
 
@@ -72,7 +96,16 @@ def world(scenario: Scenario) -> dict[str, Mesh]:
     for solid in solids(scenario):
         if solid.name not in shell:
             things.setdefault(thing(solid.name), []).append(solid)
+    if ground := terrain(scenario):
+        meshes[BODY] = ground
     return meshes | {name: mesh(parts, materials) for name, parts in things.items()}
+
+
+def terrain(scenario: Scenario) -> Mesh | None:
+    """Return a world's terrain, if it has some."""
+    if scenario.world.terrain is None:
+        return None
+    return _soup(*landscape.terrain_faces(scenario, scenario.world.terrain))
 
 
 def thing(part: str) -> str:

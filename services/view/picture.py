@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run as a Rerun recording: the world at its start, then whatever the bus brings.
 
-Rule: states place the vehicles, at most 30 times a second; messages are drawn by the table in
-`forms`. Time is an argument, and where the recording goes is the business of `viewer`.
+Rule: states place vehicles and actors, at most 30 times a second; messages are drawn by the table
+in `forms`. Time is an argument, and where the recording goes is the business of `viewer`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from groundlink.messages import Health, Message, State, floats
 from groundlink.ros_streams import RosStream
 from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import Scenario
+from groundlink.world import actors
 from groundlink.world.links import links
 
 from . import link_panel
@@ -49,7 +50,8 @@ class Picture:
     Parameters
     ----------
     destination
-        asked for a recording for each life of the run's physics: sim time begins anew with it.
+        asked for a recording for each life of the run's physics, as sim time begins anew with it,
+        and for each world.
     """
 
     def __init__(
@@ -67,15 +69,23 @@ class Picture:
         self._next_frame_nanos = 0
         self._next_plot_nanos = 0
         self._sim_nanos = 0
+        self._life: int | None = None
+        self.canvas = self._begin()
+
+    def change(self, scenario: Scenario) -> None:
+        """Draw another world from now on, in a recording of its own."""
+        self.canvas.plots.flush()
+        self._scenario = scenario
         self.canvas = self._begin()
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take the states that have come; the newest of them is drawn when it is due."""
         for state in states:
-            if self.canvas.epoch_nanos != state.epoch_nanos:
-                if self.canvas.epoch_nanos is not None:
+            if state.life != self._life:
+                if self._life is not None:
                     self.canvas = self._begin()
-                self.canvas.epoch_nanos = state.epoch_nanos
+                self._life = state.life
+            self.canvas.epoch_nanos = state.epoch_nanos
             for name, seen in self.canvas.vehicles.items():
                 if name in state.vehicles:
                     seen.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
@@ -86,6 +96,9 @@ class Picture:
                 for name, seen in self.canvas.vehicles.items():
                     if name in states[-1].vehicles:
                         self._draw(states[-1], seen)
+                poses = floats(states[-1].actors).reshape(-1, 7).tolist()
+                for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
+                    self.canvas.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
 
     def take(self, path: str, stream: RosStream, message: Message) -> None:
         """Draw a message of a vehicle; without a state before it there is no sim time for it."""
@@ -136,6 +149,10 @@ class Picture:
         for name, solid in world(self._scenario).items():
             recording.log(f"world/{name}", _drawn(solid, WORLD_LIGHT), static=True)
         materials = self._scenario.world.materials
+        for actor in self._scenario.world.actors:
+            path = f"actors/{actor.name}"
+            canvas.in_frame(path, actor.name)
+            recording.log(path, _drawn(mesh(actors.parts(actor.form), materials)), static=True)
         for seen in canvas.vehicles.values():
             model, prefix = seen.spec.model, seen.spec.frame_prefix
             for link, parts in zip(model.link_names(), links(model), strict=True):

@@ -42,12 +42,12 @@ def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
         publish = sender.publisher(KEY, Delivery.ALL)
 
         def arrived() -> bool:
-            publish(Clock(0, 0, -1))
+            publish(Clock(0, 0, -1, 0))
             return len(inbox) > 0
 
         wait_for(arrived)
         for tick in range(500):
-            publish(Clock(tick, 0, tick))
+            publish(Clock(tick, 0, tick, 0))
         ticks = [-1]
         while ticks[-1] != 499:
             message = inbox.get(seconds=10)

@@ -93,6 +93,20 @@ def test_nlerp_takes_the_middle_and_keeps_the_ends() -> None:
         assert same_rotation(frames.nlerp(first[i], second[i], np.array(0.5)), middle)
 
 
+def test_rpy_from_matrix_turns_back_quaternion_from_rpy() -> None:
+    for angles in RANDOM.uniform((-3, -1.5, -3), (3, 1.5, 3), (200, 3)):
+        matrix = frames.matrix_from_quaternion(frames.quaternion_from_rpy(*angles))
+        np.testing.assert_allclose(frames.rpy_from_matrix(matrix), angles, atol=1e-9)
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])
+def test_rpy_from_matrix_where_x_is_upright(pitch: float) -> None:
+    given = frames.matrix_from_quaternion(frames.quaternion_from_rpy(0.4, pitch, 1.0))
+    angles = frames.rpy_from_matrix(given)
+    again = frames.matrix_from_quaternion(frames.quaternion_from_rpy(*angles))
+    np.testing.assert_allclose(again, given, atol=1e-12)
+
+
 def test_transform_maps_points() -> None:
     positions, points = RANDOM.normal(size=(2, 200, 3))
     world_from_body = frames.transform(positions, FIRST.as_quat())

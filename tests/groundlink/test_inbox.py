@@ -8,15 +8,15 @@ from groundlink.messages import Clock, encode
 
 
 def clock(tick: int) -> bytes:
-    return encode(Clock(tick * 10, 0, tick))
+    return encode(Clock(tick * 10, 0, tick, 0))
 
 
 def test_messages_come_out_in_order_with_their_keys() -> None:
     inbox: Inbox[Clock] = Inbox(depth=4)
     inbox.put("a", clock(1), Clock)
     inbox.put("b", clock(2), Clock)
-    assert inbox.get(seconds=0) == ("a", Clock(10, 0, 1))
-    assert inbox.get(seconds=0) == ("b", Clock(20, 0, 2))
+    assert inbox.get(seconds=0) == ("a", Clock(10, 0, 1, 0))
+    assert inbox.get(seconds=0) == ("b", Clock(20, 0, 2, 0))
     assert inbox.get(seconds=0) is None
 
 
@@ -35,7 +35,7 @@ def test_what_does_not_fit_is_counted_and_passed_over() -> None:
     inbox.put("bad", b"\xc1", Clock)
     inbox.put("worse", b"", Clock)
     inbox.put("good", clock(5), Clock)
-    assert inbox.get(seconds=0) == ("good", Clock(50, 0, 5))
+    assert inbox.get(seconds=0) == ("good", Clock(50, 0, 5, 0))
     assert inbox.refused == 2
     assert inbox.last_refusal.startswith("worse: not a Clock")
 

@@ -21,7 +21,7 @@ from groundlink.messages import (
     packed,
 )
 from groundlink.scenario.faults import Bias, Stuck
-from groundlink.vitals import Contact, Vitals
+from groundlink.vitals import BatteryState, Contact, Vitals
 
 TRUE_POINTS = np.zeros(2, ground_truth.TRUE_POINT)
 TRUE_POINTS["z"], TRUE_POINTS["body"] = [1.5, -2], [0, 2**32 - 1]
@@ -43,12 +43,14 @@ REPORT = messages.StreamReport(
     messages=99,
     lost=1,
 )
+CHARGE = BatteryState(0.75, 25.5, 12.0)
 COVARIANCE = packed(np.arange(36.0))
 EXAMPLES: list[Message] = [
-    messages.State("run", 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE}),
-    messages.State("run", 0, 0, 0, "", {}),
-    messages.Clock(2**62, 2**61, 3),
+    messages.State("run", 10**18, 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE}),
+    messages.State("run", 0, 0, 0, 0, "", {}, memoryview(bytes(2 * 7 * 8))),
+    messages.Clock(2**62, 2**61, 3, 2**61),
     messages.Command(5, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0)),
+    messages.WheelCommand(5, {"left_track": 1.5}, {"front_left_wheel": -0.1}),
     messages.Imu(7, "imu", (0.0, 0.0, 0.0, 1.0), (1.0, 2.0, 3.0), (0.0, 0.0, 9.8), 0.0, 1e-9, 1.0),
     messages.PointCloud(8, "lidar", packed(POINTS)),
     messages.PointCloud(8, "lidar", packed(POINTS[:0])),
@@ -89,7 +91,7 @@ EXAMPLES: list[Message] = [
     ground_truth.Bodies(21, ("rover/base_link", "wall"), packed(np.arange(14.0))),
     messages.Ack(10, 11, -1),
     messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,), "a-host"),
-    Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),)),
+    Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
     Faults(22, "rover/imu", 40, (Stuck(at_s=0.1), Bias(value=(0.0, 0.5, 0.0), for_s=2.0))),
     messages.WheelEncoders(9, "base", ("left",), (1,), clock_error_nanos=-5),
 ]
@@ -225,7 +227,11 @@ def test_every_cut_is_refused(message: Message) -> None:
         decode(payload + b"\x00", type(message))
 
 
-HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host"), ("Ack", "memory")}
+HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host"), ("Ack", "memory")} | {
+    ("Vitals", "battery"),
+    ("WheelCommand", "angles_rad"),
+    ("State", "actors"),
+}
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)

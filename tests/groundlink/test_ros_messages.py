@@ -82,7 +82,7 @@ def test_what_went_out_comes_back(name: str) -> None:
 @pytest.mark.parametrize(
     "message",
     [
-        Clock(2**62, 0, 0),
+        Clock(2**62, 0, 0, 0),
         Range(0, "f", "infrared", 1e300, 0.0, 1.0, 0.5, 0.0),
     ],
     ids=["a stamp after 2038", "beyond float32"],

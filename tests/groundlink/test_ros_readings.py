@@ -178,7 +178,7 @@ def test_what_was_recorded_becomes_the_same_bytes(message_type: type[Message]) -
 
 
 def test_a_clock_has_its_tick_again() -> None:
-    clock = Clock(5_000_000_123 + 77 * TICK_NANOS, 5_000_000_123, 77)
+    clock = Clock(5_000_000_123 + 77 * TICK_NANOS, 5_000_000_123, 77, 5_000_000_123)
     moment = Moment(clock.stamp_nanos, clock.epoch_nanos)
     assert from_cdr(to_cdr(clock), Clock, moment) == clock
 

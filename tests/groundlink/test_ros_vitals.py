@@ -8,13 +8,14 @@ import pytest
 from groundlink.ros_messages import to_cdr
 from groundlink.ros_types import STORE
 from groundlink.ros_vitals import from_vitals
-from groundlink.vitals import Contact, Vitals
+from groundlink.vitals import BatteryState, Contact, Vitals
 
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 CALM = Vitals(2_500_000_000, "rover", 1000, 35.114, 4.25, ())
 HIT = Vitals(
     *(2_600_000_000, "rover", 1040, 36.5, 4.25),
     (Contact("table_3_leg_1", 9681.88, 1036, 4), Contact("wall_east_whole", 0.5, 1020, 1)),
+    BatteryState(0.5, 24.5, 3.25),
 )
 
 

@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from groundlink.supervisor import Supervisor
 
 SLEEP = ["-c", "import time; print('up', flush=True); time.sleep(60)"]
@@ -79,15 +81,31 @@ def test_what_may_end_by_itself_is_done_then_and_others_are_restarted() -> None:
         supervisor.stop()
 
 
-def test_a_users_mistake_is_not_restarted() -> None:
+@pytest.mark.parametrize("code", [2, 3])
+def test_what_a_user_has_to_mend_is_not_restarted(code: int) -> None:
     lines = Lines()
-    supervisor = Supervisor(
-        {"a": ["-c", "import sys; print('mend me', file=sys.stderr); sys.exit(2)"]}, lines
-    )
+    tells = ["-c", f"import sys; print('mend me', file=sys.stderr); sys.exit({code})"]
+    supervisor = Supervisor({"a": tells}, lines)
     supervisor.start()
     assert tend_until(supervisor, lambda: False) == "a"
     supervisor.stop()
-    assert lines.count("a", "mend me") == 1
+    assert lines.heard == [("a", "mend me")]
+
+
+def test_where_a_machine_lacks_something_the_others_go_on() -> None:
+    lines = Lines()
+    lacking = ["-c", "import sys; print('no EGL', file=sys.stderr); sys.exit(3)"]
+    supervisor = Supervisor({"a": lacking, "b": SLEEP}, lines, dispensable={"a"})
+    supervisor.start()
+    try:
+        assert tend_until(supervisor, lambda: len(lines.heard) == 3) is None
+        left_out = "the others go on without it"
+        assert set(lines.heard) == {("a", "no EGL"), ("a", left_out), ("b", "up")}
+        assert supervisor.children["a"].last_exit == "left out"
+        assert supervisor.tend() is None
+        assert supervisor.children["a"].process is None
+    finally:
+        supervisor.stop()
 
 
 def test_a_child_that_crashes_at_every_start_is_given_up() -> None:

@@ -29,7 +29,7 @@ def test_every_message_of_the_bus_has_a_row() -> None:
 
 def test_first_words_of_keys_are_reserved() -> None:
     words = {topic.key.split("/")[0] for topic in TOPICS} - {"{vehicle}"}
-    assert words | {"scenario", "link"} == RESERVED_NAMES
+    assert words | {"scenario", "link", "control", "assets"} == RESERVED_NAMES
     last = {topic.key.split("/")[1] for topic in TOPICS if topic.key.startswith("{vehicle}/")}
     assert last - {"{sensor}"} | {"driver"} == RESERVED_SENSOR_NAMES
 
@@ -63,10 +63,11 @@ def test_processes_of_the_shipped_scenario() -> None:
         "rover/lidar": "services.sensors.lidar",
         "rover/imu": "services.sensors.imu",
         "rover/encoders": "services.sensors.encoders",
+        "rover/camera": "services.sensors.camera",
         "gateway": "services.gateway",
     }
     rates = [sensor_rate_hz(s) for s in scenario.vehicles[0].sensors]
-    assert rates == [10.0, 400.0, 50.0]
+    assert rates == [10.0, 400.0, 50.0, 30.0]
 
 
 def test_a_route_needs_a_driver() -> None:

@@ -18,6 +18,7 @@ from typing import Any
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 LAB = REPOSITORY / "scenarios" / "indoor_lab.yaml"
+"""The default scenario."""
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
@@ -36,10 +37,21 @@ def wait_for(condition: Callable[[], Any], seconds: float, what: str) -> Any:
     raise AssertionError(f"within {seconds} s: {what}")
 
 
-class Rig:
-    """Ports and names of one run, and the processes that were started for it."""
+def without_camera(scenario: str) -> str:
+    """Return the text of the default scenario without its camera, the last of its sensors."""
+    before, camera, after = scenario.partition("      - {kind: camera,")
+    assert camera
+    return before + after[after.index("}\n") + 2 :]
 
-    def __init__(self, folder: Path, *, time_section: str = "") -> None:
+
+class Rig:
+    """Ports and names of one run, and the processes that were started for it.
+
+    The run is that of the default scenario, without its camera where that is not asked for: it
+    takes half a core, which other tests need not spend.
+    """
+
+    def __init__(self, folder: Path, *, time_section: str = "", camera: bool = False) -> None:
         self.folder = folder
         self.bind = ("127.0.0.1", free_port())
         self.peer = ("127.0.0.1", free_port())
@@ -50,8 +62,9 @@ class Rig:
             "PYTHONUNBUFFERED": "1",
         }
         self.scenario = folder / "scenario.yaml"
+        scenario = LAB.read_text(encoding="utf-8")
         self.scenario.write_text(
-            LAB.read_text(encoding="utf-8")
+            (scenario if camera else without_camera(scenario))
             + f"\ngateway: {{bind: 127.0.0.1:{self.bind[1]}, peer: 127.0.0.1:{self.peer[1]}}}\n"
             + time_section,
             encoding="utf-8",
@@ -107,8 +120,8 @@ class Rig:
 
 
 @contextmanager
-def rig(folder: Path, *, time_section: str = "") -> Iterator[Rig]:
-    it = Rig(folder, time_section=time_section)
+def rig(folder: Path, *, time_section: str = "", camera: bool = False) -> Iterator[Rig]:
+    it = Rig(folder, time_section=time_section, camera=camera)
     try:
         yield it
     finally:

@@ -20,7 +20,14 @@ from groundlink_msgs.msg import WheelEncoders  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2  # noqa: E402
+from sensor_msgs.msg import (  # noqa: E402
+    CameraInfo,
+    CompressedImage,
+    Imu,
+    JointState,
+    LaserScan,
+    PointCloud2,
+)
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -41,6 +48,10 @@ def cloud(message: PointCloud2) -> dict[str, object]:
         "dense": message.is_dense,
         "data": len(message.data),
     }
+
+
+def header(message: CompressedImage | CameraInfo) -> dict[str, object]:
+    return {"stamp": nanos(message.header.stamp), "frame": message.header.frame_id}
 
 
 def scan(message: LaserScan) -> dict[str, object]:
@@ -95,6 +106,8 @@ TOPICS = (
     ("/points/truth", PointCloud2, cloud, BEST_EFFORT),
     ("/scan", LaserScan, scan, BEST_EFFORT),
     ("/scan_cheap", LaserScan, scan, BEST_EFFORT),
+    ("/camera/image_raw/compressed", CompressedImage, header, BEST_EFFORT),
+    ("/camera/camera_info", CameraInfo, header, BEST_EFFORT),
     ("/imu", Imu, imu, BEST_EFFORT),
     ("/wheel_encoders", WheelEncoders, encoders, BEST_EFFORT),
     ("/clock", Clock, clock, BEST_EFFORT),

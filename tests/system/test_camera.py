@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera in a run of real processes: every picture of a fast run, and the same bits each time."""
+"""The camera of the default scenario: every picture of a fast run, the same each time."""
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -16,11 +17,10 @@ from groundlink.recording.reading import Recording
 from groundlink.ros_readings import Moment, from_cdr
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 
-from .rig import REPOSITORY, free_port
+from .rig import LAB, Observer, free_port, rig, wait_for
 
 pytestmark = pytest.mark.system
 
-SCENARIO = REPOSITORY / "scenarios" / "indoor_camera.yaml"
 PICTURES, INFO = "/camera/image_raw/compressed", "/camera/camera_info"
 SECONDS = 2
 
@@ -30,7 +30,7 @@ def recorded(file: Path) -> tuple[list[CompressedImage], list[CameraInfo], int]:
     listen = f"tcp/127.0.0.1:{free_port()}"
     done = subprocess.run(
         [
-            *(sys.executable, "-m", "groundlink", "record", str(SCENARIO), "--out", str(file)),
+            *(sys.executable, "-m", "groundlink", "record", str(LAB), "--out", str(file)),
             *("--duration", str(SECONDS), "--listen", listen),
         ],
         capture_output=True,
@@ -49,6 +49,22 @@ def recorded(file: Path) -> tuple[list[CompressedImage], list[CameraInfo], int]:
             else:
                 infos.append(from_cdr(message.cdr, CameraInfo, moment))
     return pictures, infos, epoch_nanos
+
+
+def test_without_opengl_the_default_scenario_goes_on_without_its_camera(tmp_path: Path) -> None:
+    with rig(tmp_path, camera=True) as it:
+        it.environment["__EGL_VENDOR_LIBRARY_DIRS"] = str(tmp_path)  # no driver is there
+        observer = Observer(it)
+        up = it.up()
+        wait_for(lambda: observer.count("/points") > 20, 60, "clouds arrive in ROS")
+        up.send_signal(signal.SIGINT)
+        assert up.wait(10) == 1
+        assert observer.count(PICTURES) == 0
+        log = " ".join(it.log("up.log").split())
+        assert log.count("install Debian's libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri") == 1
+        assert log.count("rover/camera: the others go on without it") == 1
+        assert f"not kept: {PICTURES}: declared 30 Hz, measured none" in log
+        assert "not kept: /points" not in log
 
 
 def test_a_fast_run_has_every_picture_twice_alike(tmp_path: Path) -> None:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
+import os
 import random
+import signal
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,16 +16,18 @@ import pytest
 import zenoh
 
 from groundlink.bus import Bus
+from groundlink.clock import NANOS
 from groundlink.inbox import Inbox
 from groundlink.messages import Health, State
 from groundlink.scenario import load
 from groundlink.scenario.sensors import Encoders
 from groundlink.topics import HEALTH, STATE, TOPICS
 
-from .rig import Observer, Rig, rig, wait_for
+from .rig import Observer, Rig, children_of, rig, wait_for
 
 pytestmark = pytest.mark.system
 
+PICTURES, CAMERA_INFO = "/camera/image_raw/compressed", "/camera/camera_info"
 SENSOR_PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}
 
 
@@ -32,6 +36,9 @@ class Running:
     """A run that all tests of this module look at."""
 
     rig: Rig
+    supervisor: int
+    """Its process id."""
+
     observer: Observer
     bus: Bus
     states: Inbox[State]
@@ -52,9 +59,10 @@ class Running:
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with rig(tmp_path_factory.mktemp("run")) as it:
+    with rig(tmp_path_factory.mktemp("run"), camera=True) as it:
         observer = Observer(it)
-        it.up()
+        supervisor = it.up().pid
+        wait_for(lambda: observer.count(PICTURES) > 30, 60, "pictures arrive in ROS")
         wait_for(lambda: observer.count("/points") > 2, 60, "clouds arrive in ROS")
         wait_for(lambda: observer.count("/imu") > 100, 10, "IMU samples arrive in ROS")
         wait_for(lambda: observer.count("/wheel_encoders") > 10, 10, "encoders arrive in ROS")
@@ -63,19 +71,67 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
             health: Inbox[Health] = Inbox(depth=1000)
             bus.subscribe(STATE.key_in(it.run), State, states)
             bus.subscribe(HEALTH.key_in(it.run), Health, health)
-            yield Running(it, observer, bus, states, health)
+            yield Running(it, supervisor, observer, bus, states, health)
 
 
-def test_ten_seconds_arrive_whole(running: Running) -> None:
-    """Every cloud, sample and count of 10 s is there, in order, none twice, none missing."""
+def test_fifteen_seconds_arrive_whole(running: Running) -> None:
+    """Every cloud, sample and count of 15 s is there, in order, none twice, none missing.
+
+    Pictures are drawn beside them on the same cores. None is late where nobody else computes, as
+    docs/camera.md has it; here some may be left out, but not many.
+    """
     observer = running.observer
-    begin = {topic: observer.count(topic) for topic in SENSOR_PERIODS_NANOS}
-    wait_for(lambda: observer.count("/points") >= begin["/points"] + 101, 30, "100 clouds more")
-    for topic, period in SENSOR_PERIODS_NANOS.items():
+    topics = (*SENSOR_PERIODS_NANOS, PICTURES, CAMERA_INFO)
+    begin = {topic: observer.count(topic) for topic in topics}
+    end_nanos = observer.messages["/clock"][-1]["stamp"] + 15 * NANOS
+    wait_for(
+        lambda: all(observer.read()[topic][-1]["stamp"] > end_nanos for topic in topics),
+        45,
+        "15 s of all of them",
+    )
+    for topic in topics:
         stamps = np.array([m["stamp"] for m in observer.messages[topic][begin[topic] :]])
-        span = (stamps[-1] - stamps[0]) / 1e9
-        assert span > 9.5, f"{topic}: {span} s"
-        assert set(np.diff(stamps).tolist()) == {period}, topic
+        if period := SENSOR_PERIODS_NANOS.get(topic):
+            assert set(np.diff(stamps).tolist()) == {period}, topic
+        else:
+            assert np.diff(stamps).min() > 0, topic
+            rate_hz = (len(stamps) - 1) / (stamps[-1] - stamps[0]) * NANOS
+            print(f"{topic}: {rate_hz:.2f} Hz of sim time")
+            assert 25 < rate_hz <= 30.1, topic
+
+
+def test_a_picture_has_its_camera_info(running: Running) -> None:
+    observed = running.observer.read()
+    pictures, infos = (
+        {m["stamp"]: m["frame"] for m in observed[topic]} for topic in (PICTURES, CAMERA_INFO)
+    )
+    both = pictures.keys() & infos.keys()
+    assert len(both) > len(pictures) - 3  # the last may be on its way
+    assert {pictures[stamp] for stamp in both} == {"camera_optical_frame"}
+    assert {infos[stamp] for stamp in both} == {"camera_optical_frame"}
+
+
+def test_late_pictures_are_left_out_and_counted(running: Running) -> None:
+    """A camera that stood still for a second shows the present again, and tells what it skipped."""
+    children = children_of(running.supervisor)
+    camera = next(pid for pid, command in children.items() if "sensors.camera" in command)
+    before = running.counters("rover/camera")["skipped"]
+    observer = running.observer
+    clouds = observer.count("/points")
+    os.kill(camera, signal.SIGSTOP)
+    try:
+        wait_for(lambda: observer.count("/points") >= clouds + 10, 30, "a second passes")
+    finally:
+        os.kill(camera, signal.SIGCONT)
+    pictures = observer.count(PICTURES)
+    wait_for(lambda: observer.count(PICTURES) >= pictures + 30, 30, "pictures go on")
+    stamps = np.array([m["stamp"] for m in observer.messages[PICTURES][pictures - 2 :]])
+    longest = np.diff(stamps).max() / 1e9
+    left_out = round(longest * 30) - 1
+    assert left_out > 20
+    wait_for(
+        lambda: running.counters("rover/camera")["skipped"] >= before + left_out, 10, "it counts"
+    )
 
 
 def test_clouds_are_what_a_vlp16_driver_publishes(running: Running) -> None:
@@ -97,7 +153,7 @@ def test_a_resting_imu_feels_gravity(running: Running) -> None:
 
 def test_sensor_mounts_are_on_tf_static(running: Running) -> None:
     frames = running.observer.read()["/tf_static"][-1]["frames"]
-    assert frames == {"lidar_link": "base_link", "imu_link": "base_link"}
+    assert frames == dict.fromkeys(("lidar_link", "imu_link", "camera_optical_frame"), "base_link")
 
 
 def test_clock_follows_the_data(running: Running) -> None:

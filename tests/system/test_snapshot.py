@@ -17,7 +17,7 @@ from .rig import REPOSITORY
 
 pytestmark = pytest.mark.system
 
-SCENARIO = REPOSITORY / "scenarios" / "indoor_camera.yaml"
+SCENARIO = REPOSITORY / "scenarios" / "indoor_lab.yaml"
 
 
 def snapshot(*words: str) -> subprocess.CompletedProcess[str]:

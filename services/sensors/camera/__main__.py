@@ -22,4 +22,4 @@ def model(scenario: Scenario, vehicle: Vehicle, spec: Camera) -> SensorModel:
 
 
 if __name__ == "__main__":
-    run(Camera, model)
+    run(Camera, model, sees_world=True)

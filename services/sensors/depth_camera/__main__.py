@@ -22,4 +22,4 @@ def model(scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> SensorMode
 
 
 if __name__ == "__main__":
-    run(DepthCamera, model)
+    run(DepthCamera, model, sees_world=True)

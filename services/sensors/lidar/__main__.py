@@ -8,4 +8,4 @@ from .model import LidarModel
 from .vlp16 import Vlp16
 
 if __name__ == "__main__":
-    run(Lidar, LidarModel, native=lambda _, spec: Vlp16(spec))
+    run(Lidar, LidarModel, native=lambda _, spec: Vlp16(spec), sees_world=True)

@@ -7,4 +7,4 @@ from services.sensors.shell import run
 from .model import Lidar2dModel
 
 if __name__ == "__main__":
-    run(Lidar2d, Lidar2dModel)
+    run(Lidar2d, Lidar2dModel, sees_world=True)

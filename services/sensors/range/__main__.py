@@ -7,4 +7,4 @@ from services.sensors.shell import run
 from .model import RangeModel
 
 if __name__ == "__main__":
-    run(Range, RangeModel)
+    run(Range, RangeModel, sees_world=True)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rays against the triangles of a replicated world, at the instant of each ray."""
+"""Rays against the triangles and the terrain of a replicated world, at the instant of each ray."""

@@ -40,6 +40,16 @@ struct node {
 /* No tree is deeper than this. */
 #define MOST_DEPTH 64
 
+/* Heights on a square grid; a structure of the same name in `terrain.py` fills it. */
+struct terrain {
+    const float *heights;           /* one more in each direction than there are cells */
+    const uint8_t *surface;         /* of each cell, what is added to the first label */
+    const float *const *highest[2]; /* pyramids of the greatest heights, and upside down */
+    double origin[3], per_m[3];     /* of the first height's x and y; cells in a metre, and 1 */
+    double heights_within[2];       /* least and greatest */
+    int32_t cells[2];               /* eastwards, northwards */
+    int32_t first_label;
+};
 
 /* What is in the scene; a structure of the same name in `scene.py` fills it. */
 struct surroundings {
@@ -53,10 +63,15 @@ struct surroundings {
     const double *radii;           /* of the balls about the bodies' origins that hold their meshes */
     const struct node *nodes;      /* of the tree of these balls, each over its whole way */
     const int32_t *order;
+    const struct terrain *terrain; /* or NULL */
     int32_t steps, bodies;
 };
 
-/* The rays under way, and of each the nearest triangle so far, -1 for none, and its body. */
+/* Of what does not move, in place of a body's number. */
+enum { TERRAIN = -2, STATIC };
+
+/* The rays under way, and of each the nearest triangle so far, -1 for none, and its body; the
+ * terrain has triangles of its own. */
 struct rays {
     struct packet world; /* `far` is that triangle's */
     struct packet own;   /* the same rays in a body's frame */
@@ -110,6 +125,12 @@ static inline void find(const struct surroundings *around, ptrdiff_t scene, stru
     } coherent = {1 << 16, 0xFFFFFFFF, NULL, NULL, NULL};
     around->intersect(valid, around->scenes[scene], packet, &coherent);
 }
+
+/* Meet the terrain, before any body; in `terrain.c`. What was met there, its label and normal, is in
+ * `cells.c`. */
+void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays);
+int32_t groundlink_terrain_label(const struct terrain *terrain, int32_t triangle,
+                                 double normal[3]);
 
 /* Meet all bodies that some packets may meet; in `bodies.c`. */
 void groundlink_meet_bodies(const struct surroundings *around, struct rays *rays, int packets);

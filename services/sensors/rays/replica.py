@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ray sensor's own copy of the world, ready to cast rays into.
 
-Rule: every solid of the surroundings is a label of the scene and has a reflectivity; every link is
-a body of it.
+Rule: every solid of the surroundings and every material of the terrain is a label of the scene and
+has a reflectivity: first what stands still, then the terrain, then the links, each of which is a
+body of the scene.
 """
 
 from __future__ import annotations
@@ -13,10 +14,17 @@ from numpy.typing import NDArray
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.bodies import NO_BODY
 from groundlink.world.solids import Vector3
-from groundlink.world.triangles import merged
+from groundlink.world.terrain import ground
+from groundlink.world.triangles import joined, merged, of_ground
 from services.sensors.surroundings import Surroundings
 
 from .scene import Numbers, Scene
+from .terrain import Relief
+
+FEW_HEIGHTS = 600_000
+"""Up to so many a terrain is triangles like all that stands: a revolution in a million of them
+takes four fifths of the time, but a second and 100 MB to begin with. A larger one is met as
+heights."""
 
 
 class Replica(Surroundings):
@@ -32,18 +40,27 @@ class Replica(Surroundings):
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
         super().__init__(scenario, vehicle, eye_in_base)
-        everything = [*self.static, *(solid for link in self.links for solid in link)]
-        materials = scenario.world.materials
+        terrain, materials = scenario.world.terrain, scenario.world.materials
+        soils = terrain.materials if terrain else ()
+        of_links = [solid.material for link in self.links for solid in link]
+        everything = [*(solid.material for solid in self.static), *soils, *of_links]
         self.reflectivity: NDArray[np.float32] = np.array(
-            [materials[solid.material].reflectance for solid in everything], np.float32
+            [materials[material].reflectance for material in everything], np.float32
         )
-        first_label = np.cumsum([len(self.static), *map(len, self.links)])
+        first_label = np.cumsum([len(self.static) + len(soils), *map(len, self.links)])
         bodies = [
             merged(link, first_label=int(first))
             for link, first in zip(self.links, first_label, strict=False)
         ]
         self._bodies = len(bodies)
-        self.scene = Scene(merged(self.static), bodies)
+        still, relief = merged(self.static), None
+        if terrain:
+            land, first = ground(terrain), len(self.static)
+            if land.heights.size <= FEW_HEIGHTS:
+                still = joined(still, of_ground(land, first_label=first))
+            else:
+                relief = Relief(land, first_label=first)
+        self.scene = Scene(still, bodies, terrain=relief)
 
     def body_numbers(self, label: Numbers, body: Numbers) -> NDArray[np.uint32]:
         """Return what hits are on, as `groundlink.world.bodies` counts; `NO_BODY` for nothing.
@@ -53,5 +70,6 @@ class Replica(Surroundings):
         label, body : int32 arrays
             Of the same hits (`scene.Hits`).
         """
-        solid = np.where(label >= 0, label + self._bodies, NO_BODY)
-        return np.where(body >= 0, body, solid).astype(np.uint32)
+        # The terrain is one body, behind the solids, whatever its materials.
+        still = np.minimum(label, len(self.static)) + self._bodies
+        return np.where(body >= 0, body, np.where(label >= 0, still, NO_BODY)).astype(np.uint32)

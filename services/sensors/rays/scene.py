@@ -27,6 +27,7 @@ from .builtin import BuiltinEngine
 from .embree import EmbreeEngine, EngineUnavailableError, device
 from .engine import Engine, Meshes
 from .kernels import kernels
+from .terrain import Relief
 from .tree import Tree
 
 PACKET = 8
@@ -65,7 +66,7 @@ class _Surroundings(ctypes.Structure):
     _fields_ = (
         *((name, c_void_p) for name in ("intersect", "scenes")),
         *((name, c_void_p) for name in ("vertices", "faces", "labels", "first_triangle")),
-        *((name, c_void_p) for name in ("poses", "radii", "nodes", "order")),
+        *((name, c_void_p) for name in ("poses", "radii", "nodes", "order", "terrain")),
         *((name, c_int) for name in ("steps", "bodies")),
     )
 
@@ -82,7 +83,7 @@ def best_engine() -> type[Engine]:
 
 
 class Scene:
-    """A static world and moving bodies, all of them triangles.
+    """A static world, its terrain, and moving bodies, all of them triangles.
 
     Parameters
     ----------
@@ -92,6 +93,8 @@ class Scene:
         Each in its body's frame. Until the first `move` they are at the world's origin.
     engine
         Makes the engine; by default `best_engine()`.
+    terrain : Relief or None
+        Met as heights, by whatever engine.
     """
 
     def __init__(
@@ -99,7 +102,9 @@ class Scene:
         static: Triangles,
         bodies: Sequence[Triangles] = (),
         engine: type[Engine] | None = None,
+        terrain: Relief | None = None,
     ) -> None:
+        self._terrain = terrain
         self._meshes = Meshes.joined([static, *bodies])
         self._engine = (engine or best_engine())(self._meshes)
         self._scenes = (c_void_p * (1 + len(bodies)))(*self._engine.scenes)
@@ -150,6 +155,7 @@ class Scene:
             self._engine.intersect,
             ctypes.addressof(self._scenes),
             *(array.ctypes.data for array in (*known, *moved)),
+            None if self._terrain is None else ctypes.addressof(self._terrain.structure),
             *self._poses.shape[:2],
         )
         rays = [np.ascontiguousarray(array, np.float32) for array in (origins, directions, times)]

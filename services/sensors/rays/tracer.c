@@ -32,7 +32,7 @@ static inline void turn(const double q[4], double v[3])
         v[axis] += twice * outer[axis];
 }
 
-/* Return where exactly a lane met its triangle, and the triangle's unit normal in the world. */
+/* Return where exactly a lane met its triangle of a mesh, and the triangle's unit normal in the world. */
 static float met(const struct surroundings *around, const struct rays *rays, int lane,
                  float max_range, double normal[3])
 {
@@ -93,17 +93,20 @@ static void meet_world(const struct surroundings *around, size_t count, size_t f
     for (int lane = 0; lane < LANES; lane++) {
         const int hit = world->ids[GEOMETRY][lane] != -1;
         rays->triangle[lane] = hit ? world->ids[TRIANGLE][lane] : -1;
-        rays->body[lane] = world->ids[GEOMETRY][lane] = -1;
+        world->ids[GEOMETRY][lane] = -1;
+        rays->body[lane] = STATIC;
         if (hit) /* `fetch` needs it when bodies have been met */
             __builtin_prefetch(around->faces[rays->triangle[lane]]);
     }
+    if (around->terrain)
+        groundlink_meet_terrain(around->terrain, rays);
 }
 
 /* Have the corners of the triangles that were met at hand when `met` needs them. */
 static void fetch(const struct surroundings *around, const struct rays *rays)
 {
     for (int lane = 0; lane < LANES; lane++)
-        if (rays->triangle[lane] >= 0)
+        if (rays->triangle[lane] >= 0 && rays->body[lane] != TERRAIN)
             for (int corner = 0; corner < 3; corner++)
                 __builtin_prefetch(
                     around->vertices[around->faces[rays->triangle[lane]][corner]]);
@@ -132,11 +135,19 @@ void groundlink_trace(const struct surroundings *around, size_t count, size_t be
             fetch(around, &group[packet]);
         for (int i = 0; i < packets * LANES && begin < end; i++, begin++) {
             const struct rays *rays = &group[i / LANES];
-            const int lane = i % LANES, hit = rays->triangle[lane] >= 0;
+            const int lane = i % LANES, triangle = rays->triangle[lane], body = rays->body[lane];
             double normal[3] = {0, 0, 0};
-            range[begin] = hit ? met(around, rays, lane, max_range, normal) : INFINITY;
-            labels[begin] = hit ? around->labels[rays->triangle[lane]] : -1;
-            bodies[begin] = rays->body[lane];
+            if (triangle < 0) {
+                range[begin] = INFINITY;
+                labels[begin] = -1;
+            } else if (body == TERRAIN) {
+                range[begin] = rays->world.far[lane]; /* is exact */
+                labels[begin] = groundlink_terrain_label(around->terrain, triangle, normal);
+            } else {
+                range[begin] = met(around, rays, lane, max_range, normal);
+                labels[begin] = around->labels[triangle];
+            }
+            bodies[begin] = body < STATIC ? STATIC : body;
             for (size_t axis = 0; axis < 3; axis++)
                 normals[axis * count + begin] = (float)normal[axis];
         }

@@ -38,7 +38,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     from .snapshot import Snapshot
 
     with Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = process.join_world(bus, options.run, stop)
         vehicle, spec = scenario.sensor(options.name) or (None, None)
         if vehicle is None or not isinstance(spec, Optics):
             raise UserError(f"`{options.name}` is no camera of scenario `{scenario.name}`")

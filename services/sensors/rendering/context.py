@@ -9,17 +9,22 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from groundlink.errors import UserError
+from groundlink.errors import LackingError
 
 if TYPE_CHECKING:
     import moderngl
+
+    Picture = TypeVar("Picture", moderngl.Texture, moderngl.TextureArray)
 
 PACKAGES = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
 """Debian's, for rendering without a GPU; a GPU's driver brings its own."""
 
 _ADVICE = f"install Debian's {PACKAGES}, or the GPU's own EGL driver"
+
+ANISOTROPY = 8.0
+"""On a GPU; on a CPU it takes several times as long as all the rest."""
 
 _VERTEX = """#version 330
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
@@ -32,7 +37,7 @@ void main() { colour = vec4(0.2, 0.4, 0.8, 1.0); depth = 1234.5; }
 """
 
 
-class RenderingUnavailableError(UserError):
+class RenderingUnavailableError(LackingError):
     """There is no OpenGL 3.3 here, or none that draws."""
 
 
@@ -79,6 +84,19 @@ def open_context() -> moderngl.Context:
 def is_software(context: moderngl.Context) -> bool:
     """Return whether the CPU does the drawing: Mesa's llvmpipe or softpipe."""
     return "pipe" in context.info["GL_RENDERER"]
+
+
+def filtered(context: moderngl.Context, texture: Picture) -> Picture:
+    """Give a texture what keeps it smooth from near and from far; return it."""
+    import moderngl
+
+    texture.build_mipmaps()
+    if is_software(context):
+        texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+    else:
+        texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
+        texture.anisotropy = ANISOTROPY
+    return texture
 
 
 def _draws(context: moderngl.Context) -> bool:

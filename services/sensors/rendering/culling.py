@@ -33,8 +33,20 @@ class Boxes:
             np.vstack([self.middles, others.middles]), np.vstack([self.halves, others.halves])
         )
 
+    def picked(self, numbers: NDArray[np.intp]) -> Boxes:
+        """Return some of the boxes."""
+        return Boxes(self.middles[numbers], self.halves[numbers])
+
+    def away(self, point: Floats) -> Floats:
+        """Return how far each box is from a point at least, shape (N,); 0 for those around it."""
+        apart = np.maximum(np.abs(self.middles - point) - self.halves, 0)
+        distances: Floats = np.linalg.norm(apart, axis=1)
+        return distances
+
     def whole(self) -> Boxes:
-        """Return one box around all."""
+        """Return one box around all; none around none."""
+        if not len(self.middles):
+            return self
         low, high = self.middles - self.halves, self.middles + self.halves
         return Boxes.around(low.min(axis=0)[None], high.max(axis=0)[None])
 
@@ -57,6 +69,6 @@ def seen(boxes: Boxes, clip_from_world: Floats) -> NDArray[np.bool_]:
 def from_near_to_far(boxes: Boxes, shown: NDArray[np.bool_], eye: Floats) -> list[int]:
     """Return the numbers of the shown boxes, those near the eye first: they hide the others."""
     numbers = np.flatnonzero(shown)
-    away = np.maximum(np.abs(boxes.middles[numbers] - eye) - boxes.halves[numbers], 0)
-    order: list[int] = numbers[np.argsort((away**2).sum(axis=1), kind="stable")].tolist()
+    nearest_first = np.argsort(boxes.picked(numbers).away(eye), kind="stable")
+    order: list[int] = numbers[nearest_first].tolist()
     return order

@@ -8,7 +8,7 @@ piece of clutter. Its class is its name without a number.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 NONE = -1
 """The label of pixels that show no thing: the sky."""
@@ -16,6 +16,13 @@ NONE = -1
 
 class Labels:
     """Numbers of things, from 0 in the order of their first solids.
+
+    Parameters
+    ----------
+    own
+        solids that stand for themselves.
+    actors
+        what each actor is, by its name.
 
     Attributes
     ----------
@@ -25,8 +32,9 @@ class Labels:
         What it is: `table`.
     """
 
-    def __init__(self, own: Collection[str]) -> None:
+    def __init__(self, own: Collection[str], actors: Mapping[str, str]) -> None:
         self._own = frozenset(own)
+        self._actors = actors
         self.instances: list[str] = []
         self.classes: list[str] = []
         self._number: dict[str, int] = {}
@@ -36,9 +44,9 @@ class Labels:
         things = [_thing(name, self._own) for name in names]
         return [self._label(thing, re.sub(r"_\d+$", "", thing)) for thing in things]
 
-    def of_vehicle(self, name: str) -> int:
-        """Return the label of a vehicle."""
-        return self._label(name, "vehicle")
+    def of_mover(self, name: str) -> int:
+        """Return the label of a vehicle or an actor."""
+        return self._label(name, self._actors.get(name, "vehicle"))
 
     def _label(self, thing: str, kind: str) -> int:
         if thing not in self._number:

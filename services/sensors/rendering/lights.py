@@ -23,6 +23,20 @@ from groundlink.world.solids import Solid
 Colour = tuple[float, float, float]
 
 BELOW_CEILING_M = 0.04
+CLEAR_M = 40e3
+"""How far one sees on a clear day: far hills are paler than near ones."""
+
+HORIZON, ZENITH = (0.66, 0.72, 0.80), (0.16, 0.32, 0.66)
+"""A clear sky."""
+
+WIDE_M = 150.0
+"""In a wider world one map of all shadows would be too coarse for those near the eye."""
+
+WINDOW_M = 80.0
+
+DEEP_M = 400.0
+"""How high and low what throws shadows there may be; what is higher is as if it were as high."""
+
 REACH = 6.0
 """Tangent of the half angle in which a lamp casts shadows: 80 degrees."""
 
@@ -54,6 +68,9 @@ class Lighting:
     extinction_per_m: float
     """Of fog; 0 for none."""
 
+    window_m: float | None = None
+    """Side of what has sharper shadows around the eye; None where the world is small enough."""
+
 
 def lighting(world: World, static: Sequence[Solid]) -> Lighting:
     """Return the light of a world with everything that stands in it, and with its origin."""
@@ -61,9 +78,8 @@ def lighting(world: World, static: Sequence[Solid]) -> Lighting:
     low, high = corners.min(axis=0), corners.max(axis=0)
     light = world.light or _default(world)
     # Koschmieder 1924 with the 5 % of the meteorological optical range.
-    fog_m = world.weather.fog_visibility_m
+    fog_m = world.weather.fog_visibility_m or (world.terrain and CLEAR_M)
     extinction = math.log(20) / fog_m if fog_m else 0.0
-    sky = {"horizon": (0.66, 0.72, 0.80), "zenith": (0.16, 0.32, 0.66)}
     if isinstance(light, Sun):
         return Lighting(
             lights=(_sun(light, low, high),),
@@ -71,7 +87,9 @@ def lighting(world: World, static: Sequence[Solid]) -> Lighting:
             ambient_above=(0.26, 0.29, 0.36),
             ambient_below=(0.16, 0.15, 0.13),
             extinction_per_m=extinction,
-            **sky,
+            window_m=WINDOW_M if world.terrain or np.ptp(corners, axis=0).max() > WIDE_M else None,
+            horizon=HORIZON,
+            zenith=ZENITH,
         )
     return Lighting(
         lights=tuple(_lamp(at, low) for at in light.at_m),
@@ -80,7 +98,8 @@ def lighting(world: World, static: Sequence[Solid]) -> Lighting:
         ambient_above=(0.30, 0.30, 0.29),
         ambient_below=(0.34, 0.33, 0.31),
         extinction_per_m=extinction,
-        **sky,
+        horizon=HORIZON,
+        zenith=ZENITH,
     )
 
 
@@ -104,6 +123,21 @@ def _sun(sun: Sun, low: Floats, high: Floats) -> Light:
     clip_from_world[:3, 3] = -(most + least) / (most - least)
     x, y, z = towards.tolist()
     return Light((x, y, z, 0.0), (0.88, 0.84, 0.75), clip_from_world)
+
+
+def window(light: Light, side_m: float, eye: Floats) -> Floats:
+    """Return clip_from_world of the sun's shadows in a square around an eye, shape (4, 4).
+
+    It moves in steps, so that it is the same for many pictures.
+    """
+    light_from_world = _looking(-np.array(light.at[:3]))
+    step_m = side_m / 4
+    middle = np.rint(light_from_world @ eye / step_m) * step_m
+    halves = np.array([side_m, side_m, DEEP_M]) / 2
+    clip_from_world = np.eye(4)
+    clip_from_world[:3, :3] = light_from_world / halves[:, None]
+    clip_from_world[:3, 3] = -middle / halves
+    return clip_from_world
 
 
 def _lamp(at: tuple[float, float, float], low: Floats) -> Light:

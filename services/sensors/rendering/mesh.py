@@ -1,24 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangles with what makes them look like something: normals, colours, textures, labels.
 
-Rule: a mesh is what a renderer draws and nothing more; where it comes from (solids today) is its
-maker's business. Its triangles are those that rays meet: `groundlink.world.triangles`.
+Rule: a mesh is what a renderer draws and nothing more; where it comes from is its maker's business:
+`shapes` makes them of solids, `painted` of meshes that bring their own colours.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-
-from groundlink.frames import Floats, matrix_from_quaternion
-from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
-from groundlink.world.triangles import merged
-
-from .textures import texture
 
 VERTEX = np.dtype(
     [
@@ -30,9 +22,6 @@ VERTEX = np.dtype(
     ]
 )
 """Metres, unit vector, texture repetitions, linear colour, number of the thing."""
-
-TINT = 0.12
-"""Things of one material differ in brightness by up to so much: no two boxes are quite alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,92 +46,5 @@ class Mesh:
     """Shape (F, 3), anticlockwise seen from outside."""
 
     skin: Skin
-
-
-def meshes(
-    solids: Sequence[Solid],
-    labels: Sequence[int],
-    materials: Mapping[str, Material],
-    skins: dict[str, Skin],
-) -> list[Mesh]:
-    """Return solids in the frame of their poses, one mesh for each texture.
-
-    Parameters
-    ----------
-    labels
-        Of each solid.
-    skins
-        By texture; new ones are added.
-    """
-    corners: dict[str, list[NDArray[np.void]]] = {}
-    for solid, label in zip(solids, labels, strict=True):
-        material = materials[solid.material]
-        corners.setdefault(material.texture, []).append(_corners(solid, label, material))
-    made = []
-    for name, parts in corners.items():
-        skin = skins.setdefault(name, Skin(texture(name)))
-        vertices, faces = np.unique(np.concatenate(parts), return_inverse=True)
-        made.append(Mesh(vertices, faces.reshape(-1, 3).astype(np.uint32), skin))
-    return made
-
-
-def _corners(solid: Solid, label: int, material: Material) -> NDArray[np.void]:
-    """Return a solid's triangles as three vertices each, shape (3 F,)."""
-    triangles = merged([Solid("", solid.shape, "")])
-    local = triangles.vertices[triangles.faces].astype(np.float64)
-    normals, uv_m = _around(solid.shape, local)
-    frame_from_solid = matrix_from_quaternion(solid.orientation)
-    placed = merged([solid])
-    # Each solid has its own cut of the pattern, each thing its own brightness.
-    u, v, *_ = crc32(solid.name.encode()).to_bytes(4, "little")
-    shade, *_ = crc32(str(label).encode()).to_bytes(4, "little")
-    vertices = np.empty(3 * len(local), VERTEX)
-    vertices["position"] = placed.vertices[placed.faces].reshape(-1, 3)
-    vertices["normal"] = (normals @ frame_from_solid.T).reshape(-1, 3)
-    vertices["uv"] = (uv_m / material.texture_size_m).reshape(-1, 2) + np.array([u, v]) / 256
-    vertices["tint"] = np.array(material.color) * (1 + TINT * (shade / 127.5 - 1))
-    vertices["label"] = label
-    return vertices
-
-
-def _around(shape: Shape, corners: Floats) -> tuple[Floats, Floats]:
-    """Return normals, shape (F, 3, 3), and places on the surface in metres, shape (F, 3, 2).
-
-    All in the shape's frame, of the corners (F, 3, 3) of its triangles.
-    """
-    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    flat = np.repeat(flat[:, None], 3, axis=1)
-    if isinstance(shape, Box):
-        return flat, _unfolded(corners, flat, shape.size_m)
-    radius, angle = shape.radius_m, _angles(corners)
-    if isinstance(shape, Sphere):
-        latitude = np.arcsin(np.clip(corners[..., 2] / radius, -1, 1))
-        return corners / radius, np.stack([angle * radius, latitude * radius], -1)
-    assert isinstance(shape, Cylinder)
-    cap = np.abs(flat[..., 2:]) > 0.5
-    side = corners * (1, 1, 0) / radius
-    rolled_out = np.stack([corners[..., 2], angle * radius], -1)
-    return np.where(cap, flat, side), np.where(cap, corners[..., :2], rolled_out)
-
-
-def _unfolded(corners: Floats, flat: Floats, size_m: Sequence[float]) -> Floats:
-    """Return the two coordinates in a box's faces, the one along its longer edge first."""
-    uv = np.empty((*corners.shape[:2], 2))
-    facing = np.abs(flat[:, 0]).argmax(axis=1)
-    for axis in range(3):
-        along, across = sorted({0, 1, 2} - {axis}, key=lambda i: -size_m[i])
-        here = facing == axis
-        uv[here] = corners[here][..., [along, across]]
-    return uv
-
-
-def _angles(corners: Floats) -> Floats:
-    """Return the angle about z of each corner, without a jump within a triangle, shape (F, 3)."""
-    middle = corners.mean(axis=1)
-    about = np.arctan2(middle[:, 1], middle[:, 0])[:, None]
-    angle = np.arctan2(corners[..., 1], corners[..., 0]) - about
-    # A pole has no angle of its own.
-    pole = np.hypot(corners[..., 0], corners[..., 1]) < 1e-9
-    wrapped: Floats = np.where(pole, 0.0, (angle + np.pi) % (2 * np.pi) - np.pi) + about
-    return wrapped
+    is_open: bool = False
+    """It lies in one place with another that faces the other way, as the surface is open."""

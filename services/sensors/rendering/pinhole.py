@@ -34,6 +34,7 @@ class Pinhole:
     fy: float
     cx: float
     cy: float
+    near_m: float = NEAR_M
 
     @classmethod
     def of(cls, spec: Optics, *, radius: Callable[[float], float] = math.tan) -> Pinhole:
@@ -69,7 +70,7 @@ class Pinhole:
             [
                 [2 * self.fx / w, 0.0, 2 * (self.cx + 0.5) / w - 1, 0.0],
                 [0.0, 2 * self.fy / h, 2 * (self.cy + 0.5) / h - 1, 0.0],
-                [0.0, 0.0, 1.0, -2 * NEAR_M],
+                [0.0, 0.0, 1.0, -2 * self.near_m],
                 [0.0, 0.0, 1.0, 0.0],
             ]
         )

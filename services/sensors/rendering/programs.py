@@ -11,15 +11,19 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from . import surface_shader
+from . import ground_shader, surface_shader
 from .lights import Lighting
 from .textures import BRIGHTEST
-from .uniforms import put, put_matrix, put_unit
+from .uniforms import put, put_integers, put_matrix
 
-BASE, BUMPS, SHADOWS = range(3)
+BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS = range(7)
 """Units of textures."""
 
 LAMP_RADIUS_M = 0.2
+
+SHARPER = -0.7
+"""Levels of detail by which the ground's patterns are finer: one looks along it, and their levels
+are made for looking at it squarely."""
 
 DEVELOPED = """
 vec3 developed(vec3 light) {
@@ -92,6 +96,12 @@ class Programs(NamedTuple):
 
     shadow: moderngl.Program
     sky: moderngl.Program
+    ground: moderngl.Program | None
+    """For terrain, where there is one."""
+
+    def lit(self) -> list[moderngl.Program]:
+        """Return those that draw surfaces."""
+        return [self.surface, self.bumped, *([self.ground] if self.ground else [])]
 
 
 class Options(NamedTuple):
@@ -101,39 +111,61 @@ class Options(NamedTuple):
     sun: bool
     """The lights are the sun; if not, lamps."""
 
+    window: bool
+    """There is a map of the shadows around the eye."""
+
     fog: bool
     labels: bool
 
-    def source(self, text: str, *, bumps: bool = False) -> str:
-        """Return the whole text of a shader."""
-        switches = {"SUN": self.sun, "FOG": self.fog, "LABELS": self.labels, "BUMPS": bumps}
+    def source(self, text: str, *, bumps: int = 0, ground: int = 0) -> str:
+        """Return the whole text of a shader; `ground` is the number of a terrain's materials."""
+        switches = {"SUN": self.sun, "WINDOW": self.window, "FOG": self.fog}
+        switches |= {"LABELS": self.labels, "BUMPS": bool(bumps)}
         lines = ["#version 330", f"#define LIGHTS {self.lights}"]
+        lines += [f"#define MAPS {self.lights + self.window}"]
         lines += [f"#define {name}" for name, on in switches.items() if on]
+        lines += [f"#define GROUND {ground}"] if ground else []
         lines += [f"#define BRIGHTEST {BRIGHTEST}", f"#define LAMP_RADIUS_M {LAMP_RADIUS_M}"]
+        lines += [f"#define SHARPER {SHARPER}"]
         return "\n".join([*lines, text.replace("DEVELOPED;", DEVELOPED)])
 
 
-def programs(context: moderngl.Context, light: Lighting, *, with_labels: bool) -> Programs:
-    """Return the programs, told what never changes."""
+def programs(
+    context: moderngl.Context, light: Lighting, *, with_labels: bool, ground: int = 0
+) -> Programs:
+    """Return the programs, told what never changes.
+
+    Parameters
+    ----------
+    ground
+        Materials of the terrain; 0 where there is none.
+    """
     fog = light.extinction_per_m > 0
-    options = Options(len(light.lights), light.is_sun, fog, with_labels)
-    made = Programs(
-        *(
-            context.program(
-                vertex_shader=options.source(vertex, bumps=bumps),
-                fragment_shader=options.source(fragment, bumps=bumps),
-            )
-            for vertex, fragment, bumps in (
-                (surface_shader.VERTEX, surface_shader.FRAGMENT, False),
-                (surface_shader.VERTEX, surface_shader.FRAGMENT, True),
-                (SHADOW_VERTEX, SHADOW_FRAGMENT, False),
-                (SKY_VERTEX, SKY_FRAGMENT, False),
-            )
+    wide = light.window_m is not None
+    options = Options(len(light.lights), light.is_sun, wide, fog, with_labels)
+
+    def made(vertex: str, fragment: str, **switches: int) -> moderngl.Program:
+        return context.program(
+            vertex_shader=options.source(vertex, **switches),
+            fragment_shader=options.source(fragment, **switches),
         )
+
+    all_made = Programs(
+        surface=made(surface_shader.VERTEX, surface_shader.FRAGMENT),
+        bumped=made(surface_shader.VERTEX, surface_shader.FRAGMENT, bumps=1),
+        shadow=made(SHADOW_VERTEX, SHADOW_FRAGMENT),
+        sky=made(SKY_VERTEX, SKY_FRAGMENT),
+        ground=made(ground_shader.VERTEX, surface_shader.FRAGMENT, ground=ground)
+        if ground
+        else None,
     )
     # From -1..1 to 0..1, as textures are addressed.
     halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
-    for program in (made.surface, made.bumped, made.sky):
+    units = {
+        **{"base": BASE, "bumps": BUMPS, "shadow_map": SHADOWS},
+        **{"heights": HEIGHTS, "cells": CELLS, "kinds": KINDS, "patterns": PATTERNS},
+    }
+    for program in (*all_made.lit(), all_made.sky):
         maps = [halved @ one.clip_from_world for one in light.lights]
         put_matrix(program, "shadow_from_world", maps)
         put(program, "light_at", [one.at for one in light.lights])
@@ -141,6 +173,6 @@ def programs(context: moderngl.Context, light: Lighting, *, with_labels: bool) -
         for name in ("ambient_above", "ambient_below", "horizon", "zenith"):
             put(program, name, getattr(light, name))
         put(program, "extinction", light.extinction_per_m)
-        for name, unit in (("base", BASE), ("bumps", BUMPS), ("shadow_map", SHADOWS)):
-            put_unit(program, name, unit)
-    return made
+        for name, unit in units.items():
+            put_integers(program, name, unit)
+    return all_made

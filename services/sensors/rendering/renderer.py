@@ -16,22 +16,20 @@ from numpy.typing import NDArray
 
 from groundlink.frames import Floats
 from groundlink.scenario.schema import World
-from services.sensors.surroundings import Surroundings
+from groundlink.world.terrain import BODY, ground
 
-from .context import is_software, open_context
+from .context import filtered, open_context
 from .culling import from_near_to_far, seen
+from .ground import DrawnGround
 from .labels import Labels
 from .lights import lighting
 from .mesh import Mesh, Skin
 from .pinhole import Pinhole
 from .programs import BASE, SHADOWS, programs
 from .shadows import ShadowMaps
-from .stage import Part, Stage
+from .stage import Part, Stage, Things
 from .target import Frame, Target
 from .uniforms import put, put_matrix
-
-ANISOTROPY = 8.0
-"""On a GPU; on a CPU it takes several times as long as all the rest."""
 
 
 class Renderer:
@@ -41,7 +39,7 @@ class Renderer:
     ----------
     world : World
         Gives materials, light and fog.
-    around : Surroundings
+    around : Things
         What there is to see.
     pinhole : Pinhole
     with_labels : bool
@@ -63,18 +61,28 @@ class Renderer:
     """
 
     def __init__(
-        self, world: World, around: Surroundings, pinhole: Pinhole, *, with_labels: bool = False
+        self, world: World, around: Things, pinhole: Pinhole, *, with_labels: bool = False
     ) -> None:
         context = self._context = open_context()
         self.close = weakref.finalize(self, context.release)
-        context.depth_func = "<="  # the sky is at infinity, as far as an empty depth buffer
         context.front_face = "cw"  # pictures have their first row on top
         light = lighting(world, around.static)
-        self._programs = programs(context, light, with_labels=with_labels)
+        terrain = world.terrain and ground(world.terrain)
+        kinds = len(terrain.materials) if terrain else 0
+        self._programs = programs(context, light, with_labels=with_labels, ground=kinds)
         self._sky = context.vertex_array(self._programs.sky, [])
-        self.labels = Labels({solid.name for solid in world.solids})
+        self.labels = Labels(
+            {solid.name for solid in world.solids},
+            {actor.name: actor.kind for actor in world.actors},
+        )
         self._stage = Stage(context, self._programs, around, world.materials, self.labels)
-        self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light.lights)
+        self._ground: DrawnGround | None = None
+        if terrain and self._programs.ground:
+            number, *_ = self.labels.of_solids([BODY])
+            self._ground = DrawnGround(
+                context, self._programs.ground, terrain, world.materials, light, number
+            )
+        self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
         self._textures: dict[Skin, list[moderngl.Texture]] = {}
         self._pinhole = pinhole
         self._target = Target(context, pinhole.width, pinhole.height, with_labels=with_labels)
@@ -92,10 +100,9 @@ class Renderer:
         self._shadows.forget()
 
     def place(self, world_from_link: Floats) -> None:
-        """Put every link of the surroundings at a pose, shape (links, 7), and mend the shadows."""
+        """Put every link of the surroundings at a pose, shape (links, 7)."""
         with self._context:
             self._stage.place(world_from_link)
-            self._shadows.update()
 
     def draw(self, world_from_optical: Floats) -> Frame:
         """Return what is seen from a pose, shape (4, 4), with all links where they were placed."""
@@ -108,7 +115,11 @@ class Renderer:
         clip_from_turned[:, :3] @= world_from_turned.T
         clip_from_world = clip_from_turned.copy()
         clip_from_world[:, 3] -= clip_from_turned[:, :3] @ eye
-        for program in (self._programs.surface, self._programs.bumped):
+        self._shadows.update(eye)
+        shift, scale = self._shadows.window_from_map()
+        for program in self._programs.lit():
+            put(program, "window_shift", shift)
+            put(program, "window_scale", scale)
             put_matrix(program, "clip_from_turned", clip_from_turned)
             put(program, "eye", eye)
             put(program, "forward", world_from_turned[:, 2])
@@ -118,6 +129,8 @@ class Renderer:
         put(sky, "exposure", self.exposure)
 
         self._target.begin()
+        # Far off, depths are coarse: of two that are alike, the one drawn first is the nearer one.
+        self._context.depth_func = "<"
         self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._shadows.texture.use(SHADOWS)
         for part in self._stage.moving:
@@ -125,7 +138,10 @@ class Renderer:
         boxes = self._stage.boxes
         for number in from_near_to_far(boxes, seen(boxes, clip_from_world), eye):
             self._show(self._stage.standing[number])
+        if self._ground:
+            self._ground.draw(clip_from_world, eye, max(self._pinhole.fx, self._pinhole.fy))
         self._context.disable(moderngl.CULL_FACE)
+        self._context.depth_func = "<="  # the sky is as far as an empty depth buffer
         self._sky.render(vertices=3)
         return self._target.read()
 
@@ -145,10 +161,4 @@ def _texture(context: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.
     texture = context.texture((width, height), components, picture.tobytes(), alignment=1)
     if components == 1:
         texture.swizzle = "RRR1"
-    texture.build_mipmaps()
-    if is_software(context):
-        texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
-    else:
-        texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
-        texture.anisotropy = ANISOTROPY
-    return texture
+    return filtered(context, texture)

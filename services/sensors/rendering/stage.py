@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import moderngl
 import numpy as np
@@ -17,15 +17,18 @@ from msgspec.structs import replace
 
 from groundlink.frames import Floats, transform
 from groundlink.world.solids import Material, Solid
-from services.sensors.surroundings import Surroundings
 
 from .chunks import boxes_around, cut
 from .labels import Labels
-from .mesh import VERTEX, Mesh, Skin, meshes
+from .mesh import VERTEX, Mesh, Skin
 from .programs import Programs
+from .shapes import meshes
 
 CHUNK_M = 6.0
-"""Edge of the cells that what stands is cut into."""
+"""Least edge of the cells that what stands is cut into."""
+
+CHUNKS = 24
+"""Most of them along the world's longest side: each is a call."""
 
 _VERTICES = "3f 3f 2f 3f 1i"
 _INSTANCES = "16f 1i /i"
@@ -40,10 +43,27 @@ class Part:
     shadow: moderngl.VertexArray
     skin: Skin
     instances: int
+    is_open: bool
+
+
+class Things(Protocol):
+    """What there is to see; `Surroundings` are such."""
+
+    @property
+    def static(self) -> Sequence[Solid]:
+        """In the world."""
+
+    @property
+    def links(self) -> Sequence[Sequence[Solid]]:
+        """Those of all that moves, each in its own frame."""
+
+    @property
+    def movers(self) -> Sequence[str]:
+        """The vehicle of each link, or the actor that it is."""
 
 
 class Outline(NamedTuple):
-    """Where a vehicle is."""
+    """Where a vehicle or an actor is."""
 
     poses: Floats
     """world_from_link, shape (links, 7)."""
@@ -63,15 +83,15 @@ class Stage:
         Around each of `standing`.
     moving : list of Part
         One for each kind of link and texture.
-    vehicles : list of Outline
-        Where each one is now.
+    movers : list of Outline
+        Where each vehicle and actor is now.
     """
 
     def __init__(
         self,
         context: moderngl.Context,
         programs: Programs,
-        around: Surroundings,
+        around: Things,
         materials: Mapping[str, Material],
         labels: Labels,
     ) -> None:
@@ -81,10 +101,13 @@ class Stage:
         numbers = labels.of_solids(solid.name for solid in around.static)
         self.standing: list[Part] = []
         self.boxes = boxes_around([])
-        for mesh in meshes(around.static, numbers, materials, self._skins):
+        made = meshes(around.static, numbers, materials, self._skins)
+        extent = boxes_around(made).whole().halves.max(initial=0) * 2
+        self._chunk_m = max(CHUNK_M, extent / CHUNKS)
+        for mesh in made:
             self.add(mesh)
 
-        self._vehicle_labels = [labels.of_vehicle(name) for name in around.vehicles]
+        self._mover_labels = [labels.of_mover(name) for name in around.movers]
         self._groups: list[tuple[list[int], moderngl.Buffer]] = []
         self.moving: list[Part] = []
         corners = np.zeros((len(around.links), 8, 3))
@@ -99,14 +122,14 @@ class Stage:
             corners[links] = boxes_around(made).whole().corners()
         self._link_corners = corners
         self._links_of = [
-            [i for i, name in enumerate(around.vehicles) if name == vehicle]
-            for vehicle in dict.fromkeys(around.vehicles)
+            [i for i, name in enumerate(around.movers) if name == mover]
+            for mover in dict.fromkeys(around.movers)
         ]
-        self.vehicles: list[Outline] = []
+        self.movers: list[Outline] = []
 
     def add(self, mesh: Mesh) -> None:
         """Stand a mesh in the world that no solid is made of, in the world's frame."""
-        chunks = list(cut(mesh, CHUNK_M))
+        chunks = list(cut(mesh, self._chunk_m))
         self.standing += [self._part(chunk, self._at_rest, 1) for chunk in chunks]
         self.boxes = self.boxes.joined(boxes_around(chunks))
 
@@ -114,11 +137,11 @@ class Stage:
         """Put every link at a pose: position and quaternion, shape (links, 7)."""
         matrices = transform(world_from_link[:, :3], world_from_link[:, 3:])
         for links, buffer in self._groups:
-            numbers = [self._vehicle_labels[link] for link in links]
+            numbers = [self._mover_labels[link] for link in links]
             buffer.write(_instances(matrices[links], numbers).tobytes())
         corners = self._link_corners @ np.swapaxes(matrices[:, :3, :3], 1, 2)
         corners += matrices[:, None, :3, 3]
-        self.vehicles = [Outline(world_from_link[i], corners[i]) for i in self._links_of]
+        self.movers = [Outline(world_from_link[i], corners[i]) for i in self._links_of]
 
     def _part(self, mesh: Mesh, instances: moderngl.Buffer, count: int) -> Part:
         vertices = self._context.buffer(mesh.vertices.tobytes())
@@ -137,7 +160,7 @@ class Stage:
             )
             for program in (drawn, programs.shadow)
         ]
-        return Part(arrays[0], arrays[1], mesh.skin, count)
+        return Part(arrays[0], arrays[1], mesh.skin, count, mesh.is_open)
 
 
 def _instances(

@@ -17,7 +17,7 @@ in vec3 tint;
 in int label;
 in mat4 world_from_link;
 in int vehicle;
-out vec3 at;
+out vec3 seen;  // from the eye
 out vec3 outwards;
 out vec2 place;
 out vec3 paint;
@@ -27,8 +27,7 @@ flat out int thing;
 
 void main() {
     vec4 world = world_from_link * vec4(position, 1.0);
-    vec3 seen = world.xyz - eye;
-    at = world.xyz;
+    seen = world.xyz - eye;
     outwards = mat3(world_from_link) * normal;
     place = uv;
     paint = tint;
@@ -40,9 +39,22 @@ void main() {
 """
 
 FRAGMENT = """
+#ifdef GROUND
+uniform sampler2D cells;  // roots of colours, and the share of the sun's light
+uniform usampler2D kinds;  // materials of cells
+uniform sampler2DArray patterns;
+uniform vec4 patterns_at[GROUND];  // of materials: layer, repetitions a metre, the eye's place
+uniform vec4 cells_at;  // of the eye, and of a metre to the east and to the north
+#else
 uniform sampler2D base;
 uniform sampler2D bumps;
+in vec3 outwards;
+in vec2 place;
+in vec3 paint;
+#endif
 uniform sampler2DShadow shadow_map;
+uniform vec3 window_scale;  // from the sun's map to that around the eye
+uniform vec3 window_shift;
 uniform vec4 light_at[LIGHTS];
 uniform vec3 light_power[LIGHTS];
 uniform vec3 ambient_above;
@@ -51,10 +63,7 @@ uniform vec3 horizon;
 uniform vec3 eye;
 uniform float extinction;
 uniform float exposure;
-in vec3 at;
-in vec3 outwards;
-in vec2 place;
-in vec3 paint;
+in vec3 seen;
 in float ahead_m;
 in vec4 in_shadow_map[LIGHTS];
 flat in int thing;
@@ -69,13 +78,19 @@ DEVELOPED;
 float lit(int i) {
     // Beyond its map's edge a lamp's light comes in so flat that only what is higher is there.
     vec3 q = in_shadow_map[i].xyz / in_shadow_map[i].w;
-    return texture(shadow_map, vec3((clamp(q.x, 0.0, 1.0) + float(i)) / float(LIGHTS), q.yz));
+    float map = float(i);
+    q.x = clamp(q.x, 0.0, 1.0);
+#ifdef WINDOW
+    vec3 near = window_scale * in_shadow_map[i].xyz + window_shift;
+    if (all(lessThan(abs(near - 0.5), vec3(0.499)))) q = near, map += 1.0;
+#endif
+    return texture(shadow_map, vec3((q.x + map) / float(MAPS), q.yz));
 }
 
 #ifdef BUMPS
 vec3 bumped(vec3 n) {
     // The tangents that u and v have in the picture, by the chain rule.
-    vec3 dx = dFdx(at), dy = dFdy(at);
+    vec3 dx = dFdx(seen), dy = dFdy(seen);
     vec2 du = dFdx(place), dv = dFdy(place);
     vec3 across = cross(dy, n), along = cross(n, dx);
     vec3 t = across * du.x + along * dv.x;
@@ -88,19 +103,33 @@ vec3 bumped(vec3 n) {
 #endif
 
 void main() {
+#ifdef GROUND
+    vec3 n = vec3(0.0, 0.0, 1.0);  // the sun's share is known; all get alike of the sky
+#else
     vec3 n = outwards;
+#endif
 #ifdef BUMPS
     n = bumped(normalize(n));
 #endif
+#ifdef GROUND
+    vec2 cell = cells_at.xy + cells_at.zw * seen.xy;
+    vec4 here = texture(cells, cell);
+    vec4 pattern = patterns_at[texture(kinds, cell).r];
+    float factor = texture(patterns, vec3(seen.xy * pattern.y + pattern.zw, pattern.x), SHARPER).r;
+    vec3 albedo = here.rgb * here.rgb * (factor * factor * BRIGHTEST);
+#else
     vec3 factor = texture(base, place).rgb;
     vec3 albedo = paint * factor * factor * BRIGHTEST;
+#endif
     vec3 light = mix(ambient_below, ambient_above, n.z * 0.5 + 0.5);
     vec3 glow = vec3(0.0);
     for (int i = 0; i < LIGHTS; ++i) {
-#ifdef SUN
+#if defined(SUN) && defined(GROUND)
+        float share = here.a;
+#elif defined(SUN)
         float share = max(dot(n, light_at[i].xyz), 0.0);
 #else
-        vec3 to = light_at[i].xyz - at;
+        vec3 to = light_at[i].xyz - eye - seen;
         float squared = dot(to, to);
         // A flat lamp by Lambert's law, d^-4 for two cosines and the distance, taken back to d^-3:
         // what walls send on makes up for a part of what is lost on the way.
@@ -111,7 +140,7 @@ void main() {
     }
     vec3 c = albedo * light + glow;
 #ifdef FOG
-    c = mix(horizon, c, exp(-extinction * distance(at, eye)));
+    c = mix(horizon, c, exp(-extinction * length(seen)));
 #endif
     colour = vec4(developed(c), 1.0);
     depth = ahead_m;

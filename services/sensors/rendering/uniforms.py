@@ -21,9 +21,9 @@ def put_matrix(program: moderngl.Program, name: str, matrices: ArrayLike) -> Non
     put(program, name, np.swapaxes(np.asarray(matrices), -1, -2))
 
 
-def put_unit(program: moderngl.Program, name: str, unit: int) -> None:
-    """Say at which unit a sampler finds its texture."""
-    _write(program, name, np.int32(unit).tobytes())
+def put_integers(program: moderngl.Program, name: str, values: ArrayLike) -> None:
+    """Set a uniform of integers; of a sampler it is the unit at which it finds its texture."""
+    _write(program, name, np.asarray(values).astype(np.int32).tobytes())
 
 
 def _write(program: moderngl.Program, name: str, content: bytes) -> None:

@@ -22,4 +22,4 @@ def model(scenario: Scenario, vehicle: Vehicle, spec: StereoCamera) -> SensorMod
 
 
 if __name__ == "__main__":
-    run(StereoCamera, model)
+    run(StereoCamera, model, sees_world=True)

@@ -19,6 +19,7 @@ from groundlink import messages
 from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.errors import UserError
 from groundlink.navigation import Odometry
+from groundlink.scenario.drives import SideSteered
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 from services.sensors.counters import WheelCounters, wrapped
@@ -51,14 +52,15 @@ class WheelOdometryModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: WheelOdometry) -> None:
         encoders = next((s for s in vehicle.sensors if s.name == spec.encoders), None)
-        wheels = vehicle.model.wheels
-        lefts = [wheel.center_m[1] > 0 for wheel in wheels]
-        if not isinstance(encoders, Encoders) or len(set(lefts)) != 2:
+        if not isinstance(encoders, Encoders):
             raise UserError(
                 f"`{vehicle.name}/{spec.name}` needs `encoders` that names a sensor of kind "
-                f"`encoders`, and wheels on both sides"
+                "`encoders`"
             )
-        drive = vehicle.model.drive
+        drive, shafts = vehicle.model.drive, vehicle.model.counted
+        outward = [vehicle.model.wheels[shaft.wheels[0]].center_m[1] for shaft in shafts]
+        lefts = [y > 0 for y in outward]
+        self._pivot_x_m = drive.pivot_x_m(vehicle.model.wheels)
         self._frame = vehicle.frame_prefix + spec.frame
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
         self._due = Due(Schedule.at(spec.rate_hz))
@@ -66,18 +68,19 @@ class WheelOdometryModel:
         per_radian = encoders.ticks_per_wheel_revolution / (2 * math.pi)
         self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian
         # Rows left and right: a side's travel is the mean of its wheels'.
-        travels = np.zeros((2, len(wheels)))
-        for i, (wheel, left) in enumerate(zip(wheels, lefts, strict=True)):
-            radius = spec.wheel_radius_m or wheel.radius_m
-            sign = -1 if wheel.name in encoders.reversed_wheels else 1
+        travels = np.zeros((2, len(shafts)))
+        for i, (shaft, left) in enumerate(zip(shafts, lefts, strict=True)):
+            radius = spec.wheel_radius_m or shaft.radius_m
+            sign = -1 if shaft.name in encoders.reversed_wheels else 1
             travels[0 if left else 1, i] = sign * radius / per_radian / lefts.count(left)
         self._travels = travels
         # A difference of two counts is wrong by the rounding of both, 1/12 of a tick squared each.
         self._rounding = np.diag((travels**2).sum(axis=1) / 6)
-        outward = [wheel.center_m[1] for wheel in wheels]
         track = np.mean(outward, where=lefts) - np.mean(outward, where=np.logical_not(lefts))
+        # A car's rear wheels do not skid round.
+        multiplier = drive.track_multiplier if isinstance(drive, SideSteered) else 1.0
         self._reckoning = Reckoning(
-            track_m=float(track) * (spec.track_multiplier or drive.track_multiplier),
+            track_m=float(track) * (spec.track_multiplier or multiplier),
             travel_stddev=spec.travel_stddev,
             turn_stddev=spec.turn_stddev,
         )
@@ -134,16 +137,19 @@ class WheelOdometryModel:
             spread = (spread + from_sides @ self._rounding @ from_sides.T) / seconds**2
             speed, turn_rate = way / seconds, turn / seconds
         self._nanos, self._ticks = nanos, ticks
-        pose = self._reckoning.pose
+        pose, pivot = self._reckoning.pose, self._pivot_x_m
+        along, across = pivot * math.cos(pose.yaw_rad), pivot * math.sin(pose.yaw_rad)
+        # The pivot goes where the wheels roll; the base is carried round it.
+        carried = np.array([[1.0, 0.0, across], [0.0, 1.0, -along], [0.0, 0.0, 1.0]])
         return Odometry(
             stamp_nanos=epoch_nanos + nanos,
             frame=self._frame,
             child_frame=self._child_frame,
-            position_m=(pose.x_m, pose.y_m, 0.0),
+            position_m=(pose.x_m + pivot - along, pose.y_m - across, 0.0),
             orientation=(0.0, 0.0, math.sin(pose.yaw_rad / 2), math.cos(pose.yaw_rad / 2)),
-            linear_mps=(speed, 0.0, 0.0),
+            linear_mps=(speed, -pivot * turn_rate, 0.0),
             angular_radps=(0.0, 0.0, turn_rate),
-            pose_covariance=_in_space(np.array(pose.covariance), (0, 1, 5)),
+            pose_covariance=_in_space(carried @ np.array(pose.covariance) @ carried.T, (0, 1, 5)),
             twist_covariance=_in_space(spread, (0, 5)),
         )
 

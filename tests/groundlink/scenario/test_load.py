@@ -120,6 +120,17 @@ MISTAKES = [
         18,
         ["99 is less than a period of the clock"],
     ),
+    ("mode: fast", "mode: fast\n  window_ticks: 983", 17, ["`lidar`", "expected 982 or less"]),
+    (
+        "rate_hz: 100}\ntime:\n",
+        "rate_hz: 100}\n"
+        "      - {kind: camera, name: eye, topic: /eye, frame: eye, rate_hz: 5.0,\n"
+        "         imager: {exposure_s: 0.1, readout_s: 0.1, poses: 4},\n"
+        "         faults: [{kind: delay, delay_s: 1.0}]}\n"
+        "time:\n  window_ticks: 600\n",
+        19,
+        ["600 and a measurement of `eye`", "expected 542 or less"],
+    ),
     (
         "{kind: imu, name: imu, topic: /imu, frame: imu_link, rate_hz: 100}",
         "{kind: gnss, name: gnss, topic: /fix, frame: gnss_link}",
@@ -152,6 +163,10 @@ MISTAKES = [
         ["`vehicles[0].route.speed_mps`: 2 m/s is more than the 1.50 m/s that `rover` can drive"],
     ),
     ("rover.yaml", "rover.yaml\n    route: tour", 7, ["no file `routes/tour.yaml`"]),
+    ("model:", "vehicle:", 6, ["`vehicles[0].vehicle`; did you mean `model`, which is missing?"]),
+    ("model:", "urdf:", 6, ["`vehicles[0].urdf`; did you mean `model`, which is missing?"]),
+    ("model:", "modle:", 6, ["`vehicles[0].modle`; did you mean `model`?"]),
+    ("rover.yaml", "rover.yaml\n    urdf: a.urdf", 7, ["`vehicles[0].urdf`; expected one of"]),
     ("seed: 3", "seed: [3", 3, ["not valid YAML"]),
     ("vehicles:", "vehicels:", 4, ["unknown key `vehicels`", "`vehicles`?"]),
 ]
@@ -220,10 +235,15 @@ def test_every_shipped_scenario_is_valid(file: Path) -> None:
     assert load(file).name == file.stem
 
 
-@pytest.mark.parametrize(("name", "drives"), [("indoor_lab", False), ("indoor_lab_tour", True)])
-def test_the_laboratory_has_its_sensors_and_the_tour_a_route(name: str, drives: bool) -> None:
+@pytest.mark.parametrize(
+    ("name", "more", "drives"),
+    [("indoor_lab", ["rover/camera"], False), ("indoor_lab_tour", [], True)],
+)
+def test_the_laboratory_has_its_sensors_and_the_tour_a_route(
+    name: str, more: list[str], drives: bool
+) -> None:
     scenario = load(SHIPPED / f"{name}.yaml")
-    assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders"]
+    assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders", *more]
     assert (scenario.vehicles[0].route is not None) is drives
 
 

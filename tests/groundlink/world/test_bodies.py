@@ -9,9 +9,11 @@ from msgspec.structs import replace
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Placement
+from groundlink.world.actors import Actor, Crate, Free
 from groundlink.world.bodies import body_names, link_bodies
-from groundlink.world.build import WorldError, solids
+from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Box, Solid
+from groundlink.world.starts import check_starts
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -39,3 +41,26 @@ def test_a_solid_cannot_take_the_name_of_a_link(two: Scenario) -> None:
     world = replace(two.world, solids=(*two.world.solids, box))
     with pytest.raises(WorldError, match="two bodies called `second/base_link`"):
         solids(replace(two, world=world))
+
+
+def test_actors_come_after_links(two: Scenario) -> None:
+    crate = Actor(
+        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+    )
+    made = replace(two, world=replace(two.world, actors=(crate,)))
+    assert link_bodies(made) == [*link_bodies(two), "crate"]
+    assert world_hash(made) != world_hash(two)
+    twice = replace(made, world=replace(made.world, actors=(crate, crate)))
+    with pytest.raises(WorldError, match="two bodies called `crate`"):
+        solids(twice)
+    other = replace(crate, form=Crate(material="jelly"))
+    with pytest.raises(WorldError, match=r"`world.actors\[0\].form.material`: no material `jelly`"):
+        solids(replace(two, world=replace(two.world, actors=(other,))))
+
+
+def test_nobody_starts_in_an_actor(two: Scenario) -> None:
+    at_m = (two.vehicles[0].placement.x_m, two.vehicles[0].placement.y_m, 0.0)
+    crate = Actor(name="crate", form=Crate(material="wood"), motion=Free(at_m=at_m, mass_kg=1.0))
+    made = replace(two, world=replace(two.world, actors=(crate,)))
+    with pytest.raises(WorldError, match="`rover` starts inside `crate`"):
+        check_starts(made, solids(made))

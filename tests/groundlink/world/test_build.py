@@ -21,6 +21,7 @@ from groundlink.world.bounds import bounds, intersect, overlap
 from groundlink.world.build import UnknownMaterial, WorldError, solids, world_hash
 from groundlink.world.room import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
+from groundlink.world.starts import check_starts
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 
@@ -260,16 +261,20 @@ def test_a_start_inside_something_is_refused(
 ) -> None:
     rover = replace(lab.vehicles[0], placement=placement)
     with pytest.raises(WorldError, match=rf"vehicles\[0\].placement.*`rover`.*`{what}"):
-        solids(replace(lab, vehicles=(rover,)))
+        started(replace(lab, vehicles=(rover,)))
+
+
+def started(scenario: Scenario) -> None:
+    check_starts(scenario, solids(scenario))
 
 
 def test_two_vehicles_on_one_spot_are_refused(lab: Scenario) -> None:
     rover = lab.vehicles[0]
     beside = replace(rover, name="second", placement=Placement(x_m=-4.6, y_m=0.7))
-    solids(replace(lab, vehicles=(rover, beside)))
+    started(replace(lab, vehicles=(rover, beside)))
     within = replace(rover, name="second", placement=Placement(x_m=-4.2, y_m=0.3, yaw_deg=45.0))
     with pytest.raises(WorldError, match="`second` starts inside `rover`"):
-        solids(replace(lab, vehicles=(rover, within)))
+        started(replace(lab, vehicles=(rover, within)))
 
 
 def box(

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, pi, radians, sin
+from collections.abc import Sequence
+from math import atan2, cos, hypot, inf, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from groundlink.clock import TICK_NANOS
 from groundlink.messages import Command
 from groundlink.routes import Line, line
 from groundlink.scenario import Scenario, load
+from groundlink.scenario.document import read
+from groundlink.scenario.explain import convert
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.route import (
     COMMAND_AHEAD_TICKS,
@@ -24,7 +27,9 @@ from groundlink.scenario.route import (
     ThereAndBack,
 )
 from groundlink.scenario.schema import Placement
+from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.build import solids
+from groundlink.world.solids import Box, Solid
 from services.driver.model import Follower
 from services.physics.simulation import Simulation
 
@@ -39,10 +44,18 @@ def distance_m(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.linalg.norm(place - feet, axis=1).min())
 
 
-def drive(scenario: Scenario, made: Line, seconds: float) -> np.ndarray:
+def drive(
+    scenario: Scenario,
+    made: Line,
+    seconds: float,
+    *,
+    floor: Sequence[Solid] = (),
+    least_radius_m: float = 0.0,
+) -> np.ndarray:
     """Return x, y, yaw at each command until the line is driven."""
-    follower, rows = Follower(made), []
-    with Simulation(scenario, [s for s in solids(scenario) if s.name == "room_floor"]) as it:
+    follower, rows = Follower(made, least_radius_m=least_radius_m), []
+    floor = floor or [s for s in solids(scenario) if s.name == "room_floor"]
+    with Simulation(scenario, floor) as it:
         while not follower.finished:
             assert it.tick < seconds * 400, "the end is not reached"
             if it.tick % DRIVER_PERIOD_TICKS == 0:
@@ -78,21 +91,45 @@ def test_figures_are_driven_on_the_line_to_their_end(route: Route, within_m: flo
     assert gone == pytest.approx(made.length_m, rel=0.05)
 
 
-def rolled(follower: Follower, pose: tuple[float, float, float]) -> list[tuple[float, float]]:
+def rolled(
+    follower: Follower, pose: tuple[float, float, float], turns_radps2: float = inf
+) -> list[tuple[float, float]]:
     """Return where an ideal vehicle comes from a pose until the line is driven."""
     x, y, yaw = pose
-    places = []
+    places, rate = [], 0.0
     for _ in range(10_000):
         linear, angular = follower.twist(x, y, yaw)
         if follower.finished:
             return places
-        yaw += angular * PERIOD_S
+        most = turns_radps2 * PERIOD_S
+        rate += max(-most, min(most, angular - rate))
+        yaw += rate * PERIOD_S
         x, y = x + linear * cos(yaw) * PERIOD_S, y + linear * sin(yaw) * PERIOD_S
         places.append((x, y))
     raise AssertionError("the end is not reached")
 
 
 STRAIGHT = Line(np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([0.5]))
+
+
+BENDS = np.radians([0.0, 23.0, 46.0, 69.0])
+WINDING = Line(
+    np.cumsum([(0.0, 0.0), *(10 * np.array([cos(a), sin(a)]) for a in BENDS)], axis=0),
+    np.full(4, 2.4),
+)
+
+
+def test_what_is_slow_to_turn_does_not_swing_about_the_line() -> None:
+    places = np.array(rolled(Follower(WINDING, turns_radps2=1.0), (0.0, 0.0, 0.0), 1.0))
+    assert max(distance_m(WINDING.points_m, place) for place in places) < 0.35
+    # All the way it comes ahead, so it is as fast as it is asked to be.
+    assert len(places) < 1.1 * WINDING.length_m / 2.4 / PERIOD_S + 150
+
+
+def test_what_is_slow_to_turn_does_not_turn_too_far_on_the_spot() -> None:
+    corner = Line(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 3.0]]), np.array([0.8, 0.8]))
+    places = rolled(Follower(corner, turns_radps2=0.5), (0.0, 0.0, 0.0), 0.5)
+    assert max(distance_m(corner.points_m, np.array(place)) for place in places) < 0.05
 
 
 @pytest.mark.parametrize("pose", [(0, 1, 0), (0, -0.5, pi), (-1, 0, -2), (0, 0, pi / 2)])
@@ -140,3 +177,25 @@ def test_the_curvature_is_that_of_the_arc_to_the_point_ahead() -> None:
     assert angular < 0
     radius = linear / -angular
     assert hypot(ahead, radius + left) == pytest.approx(radius)
+
+
+@pytest.mark.parametrize(
+    ("route", "within_m"),
+    [
+        (Circle(radius_m=8.0, speed_mps=3.0), 0.6),
+        (FigureEight(radius_m=8.0, speed_mps=3.0), 1.0),
+        (Square(side_m=20.0, speed_mps=4.0), 3.0),
+    ],
+)
+def test_a_car_follows_as_narrowly_as_it_steers(route: Route, within_m: float) -> None:
+    lab = load(SHIPPED / "indoor_lab.yaml")
+    car = convert(read(SHIPPED / "vehicles" / "car.yaml"), VehicleModel)
+    vehicle = replace(lab.vehicles[0], model=car, placement=Placement())
+    floor = Solid("room_floor", Box(size_m=(200.0, 200.0, 1.0)), "linoleum", (0.0, 0.0, -0.5))
+    scenario = replace(lab, vehicles=(vehicle,))
+    made = line(route, start_m=(0.0, 0.0), heading_rad=0.0)
+    seconds = 1.5 * made.length_m / route.speed_mps + 20
+    driven = drive(scenario, made, seconds, floor=[floor], least_radius_m=car.least_radius_m)
+    apart = [distance_m(made.points_m, place) for place in driven[:, :2]]
+    assert max(apart) < within_m
+    assert hypot(*(driven[-1, :2] - made.points_m[-1])) < 1.0

@@ -19,7 +19,7 @@ def state(tick: int, x_m: float = 0.0, *, epoch: int = EPOCH, name: str = "rover
     pose = np.array([x_m, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0])
     nothing = packed(np.zeros(6))
     vehicle = VehicleState(packed(pose), nothing, packed(np.zeros(4)), packed(np.zeros(4)))
-    return State("run", epoch, tick, tick * TICK_NANOS, "hash", {name: vehicle})
+    return State("run", epoch, epoch, tick, tick * TICK_NANOS, "hash", {name: vehicle})
 
 
 class Rover:

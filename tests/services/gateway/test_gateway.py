@@ -117,6 +117,8 @@ def test_every_stream_is_known_by_key() -> None:
         ("groundlink/lab/rover/lidar", "/points", 1, 10.0),
         ("groundlink/lab/rover/imu", "/imu", 2, 400.0),
         ("groundlink/lab/rover/encoders", "/wheel_encoders", 5, 50.0),
+        ("groundlink/lab/rover/camera", "/camera/image_raw/compressed", 3, 30.0),
+        ("groundlink/lab/rover/camera/camera_info", "/camera/camera_info", 34, 30.0),
         ("groundlink/lab/rover/ground_truth", "/ground_truth/odom", 36, 50.0),
         ("groundlink/lab/rover/ground_truth/wheels", "/ground_truth/wheels", 37, 50.0),
         ("groundlink/lab/bodies", "/ground_truth/bodies", 35, 10.0),
@@ -166,7 +168,7 @@ def test_encoder_counts_become_a_ros_message(bench: Bench) -> None:
 def test_transforms_and_wishes_are_repeated_once_time_is_known(bench: Bench) -> None:
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
     assert bench.link.sent == []
-    bench.forward("clock", Clock(10**9 + 5, 5, 400))
+    bench.forward("clock", Clock(10**9 + 5, 5, 400, 5))
     bench.link.sent.clear()
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
     wish, transforms = bench.link.sent[0], bench.link.sent[-1]
@@ -176,20 +178,21 @@ def test_transforms_and_wishes_are_repeated_once_time_is_known(bench: Bench) -> 
     assert (transforms["msg_type"], transforms["topic"]) == (TF_MESSAGE, "/tf_static")
     message: Any = STORE.deserialize_cdr(transforms["body"], "tf2_msgs/msg/TFMessage")
     frames = {t.child_frame_id: t.header.frame_id for t in message.transforms}
-    assert frames == {"lidar_link": "base_link", "imu_link": "base_link"}
+    mounted = ("lidar_link", "imu_link", "camera_optical_frame")
+    assert frames == dict.fromkeys(mounted, "base_link")
 
 
 def test_a_twist_becomes_a_command_of_now(bench: Bench) -> None:
     bench.hear(TWIST, "/cmd_vel", twist(0.5, 0, 0, 0, 0, 0.25))
     assert bench.commands == [], "before the run's time is known nothing can be commanded"
-    bench.forward("clock", Clock(10**9, 0, 400))
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
     bench.hear(TWIST, "/cmd_vel", twist(0.5, 0, 0, 0, 0, 0.25))
     command = Command(10**9, (0.5, 0.0, 0.0), (0.0, 0.0, 0.25))
     assert bench.commands == [("groundlink/lab/rover/command", command)]
 
 
 def test_what_a_slam_stack_tells_is_on_the_bus(bench: Bench) -> None:
-    bench.forward("clock", Clock(10**9, 0, 400))
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
     for name, msg_type in (("pose", 10), ("map", 11)):
         sent = EXAMPLES[name].message
         bench.hear(msg_type, f"/{name}", bytes(to_cdr(sent)))
@@ -198,7 +201,7 @@ def test_what_a_slam_stack_tells_is_on_the_bus(bench: Bench) -> None:
 
 
 def test_poses_and_maps_are_wished_for_and_a_map_anew_at_the_begin(bench: Bench) -> None:
-    bench.forward("clock", Clock(10**9, 0, 400))
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
     wishes = []
     for _ in range(2):
         bench.link.sent.clear()
@@ -277,7 +280,7 @@ def test_what_ros_cannot_hold_is_counted(bench: Bench) -> None:
 def test_what_makes_no_sense_is_counted(
     bench: Bench, msg_type: int, topic: str, body: bytes
 ) -> None:
-    bench.forward("clock", Clock(10**9, 0, 400))
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
     bench.hear(msg_type, topic, body)
     assert bench.commands == []
     assert bench.report()[1]["refused"] == 1
@@ -317,12 +320,12 @@ def test_repeated_stamps_are_dropped_and_jumps_back_in_time_are_not(bench: Bench
     def stamps() -> list[int]:
         return [sent["stamp"] for sent in bench.link.sent if sent["topic"] == "/imu"]
 
-    bench.forward("clock", Clock(10**10, 0, 4000))
+    bench.forward("clock", Clock(10**10, 0, 4000, 0))
     for stamp in (10**10, 10**10 + 5, 10**10, 10**10 + 5, 10**10 + 10):
         bench.forward("rover/imu", imu(stamp))
     assert stamps() == [10**10, 10**10 + 5, 10**10 + 10]
     assert bench.report()[1]["stale"] == 2
-    bench.forward("clock", Clock(0, 0, 0))
+    bench.forward("clock", Clock(0, 0, 0, 0))
     bench.forward("rover/imu", imu(5))
     assert stamps()[-1] == 5
 

@@ -7,10 +7,12 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.clock import TICK_NANOS
-from groundlink.messages import Command
+from groundlink.messages import Command, WheelCommand
 from groundlink.scenario import Scenario
+from groundlink.scenario.drives import Motor
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.drive import MAX_WAITING, SkidSteering, wheel_speeds, within_limits
+from services.physics.drive import MAX_WAITING, Controller, Wheels
+from services.physics.steering import steering
 
 STILL = (0.0, 0.0, 0.0, 0.0)
 
@@ -27,65 +29,53 @@ def twist(stamp_nanos: int, linear: float, angular: float = 0.0) -> Command:
     return Command(stamp_nanos, (linear, 0.0, 0.0), (0.0, 0.0, angular))
 
 
-def test_straight_on_all_wheels_turn_alike(model: VehicleModel) -> None:
-    assert wheel_speeds(model, (0.5, 0.0)) == pytest.approx([0.5 / 0.1651] * 4)
+def speeds(drive: Controller, sim_nanos: int) -> tuple[float, ...]:
+    return drive.wheels(sim_nanos).speeds_radps
 
 
-def test_to_the_left_the_right_wheels_turn_forward(model: VehicleModel) -> None:
-    speed = 0.2854 * model.drive.track_multiplier / 0.1651
-    left_right_left_right = [-speed, speed, -speed, speed]
-    assert wheel_speeds(model, (0.0, 1.0)) == pytest.approx(left_right_left_right)
-
-
-@pytest.mark.parametrize("asked", [(9.0, 0.0), (-9.0, 0.0), (0.0, 50.0), (3.0, 4.0), (1e300, 1.0)])
-def test_too_fast_is_slowed_on_the_same_curve(
-    model: VehicleModel, asked: tuple[float, float]
-) -> None:
-    linear, angular = within_limits(model, asked)
-    fastest = max(map(abs, wheel_speeds(model, (linear, angular))))
-    assert fastest == pytest.approx(model.drive.max_wheel_speed_radps)
-    assert linear * asked[1] == pytest.approx(angular * asked[0])
+def wheel_speeds(model: VehicleModel, twist: tuple[float, float]) -> tuple[float, ...]:
+    return steering(model).speeds(twist)
 
 
 @pytest.mark.parametrize("epoch_nanos", [0, 1_700_000_000_000_000_000])
 def test_a_command_acts_from_its_stamp_until_the_timeout(
     model: VehicleModel, epoch_nanos: int
 ) -> None:
-    drive = SkidSteering(model, epoch_nanos=epoch_nanos)
+    drive = Controller(model, epoch_nanos=epoch_nanos)
     stamp = 10 * TICK_NANOS
     drive.command(twist(epoch_nanos + stamp, 0.5))
-    assert drive.speeds(stamp - TICK_NANOS) == STILL
+    assert speeds(drive, stamp - TICK_NANOS) == STILL
     moving = wheel_speeds(model, (0.5, 0.0))
-    assert drive.speeds(stamp) == moving
-    assert drive.speeds(stamp + 500_000_000) == moving
-    assert drive.speeds(stamp + 500_000_000 + TICK_NANOS) == STILL
+    assert speeds(drive, stamp) == moving
+    assert speeds(drive, stamp + 500_000_000) == moving
+    assert speeds(drive, stamp + 500_000_000 + TICK_NANOS) == STILL
 
 
 def test_an_older_command_changes_nothing(model: VehicleModel) -> None:
-    drive = SkidSteering(model)
+    drive = Controller(model)
     drive.command(twist(100, 0.5))
-    before = drive.speeds(200)
+    before = speeds(drive, 200)
     drive.command(twist(50, -0.5))
-    assert drive.speeds(300) == before
+    assert speeds(drive, 300) == before
 
 
 def test_commands_act_in_the_order_of_their_stamps(model: VehicleModel) -> None:
-    drive = SkidSteering(model)
+    drive = Controller(model)
     for stamp, linear in ((300, 0.3), (100, 0.1), (200, 0.2)):
         drive.command(twist(stamp, linear))
     for now, linear in ((150, 0.1), (250, 0.2), (350, 0.3)):
-        assert drive.speeds(now) == wheel_speeds(model, (linear, 0.0))
+        assert speeds(drive, now) == wheel_speeds(model, (linear, 0.0))
 
 
 def test_of_two_commands_of_one_instant_the_later_one_counts(model: VehicleModel) -> None:
-    drive = SkidSteering(model)
+    drive = Controller(model)
     drive.command(twist(0, 0.5))
     drive.command(twist(0, 0.1))
-    assert drive.speeds(0) == wheel_speeds(model, (0.1, 0.0))
+    assert speeds(drive, 0) == wheel_speeds(model, (0.1, 0.0))
 
 
 def test_a_flood_from_the_future_is_refused(model: VehicleModel) -> None:
-    drive = SkidSteering(model)
+    drive = Controller(model)
     for stamp in range(MAX_WAITING):
         drive.command(twist(10**18 + stamp, 0.5))
     with pytest.raises(ValueError, match="future"):
@@ -94,10 +84,46 @@ def test_a_flood_from_the_future_is_refused(model: VehicleModel) -> None:
 
 def test_velocity_ramps(lab: Scenario) -> None:
     model = lab.vehicles[0].model
-    drive = SkidSteering(model)
+    drive = Controller(model)
     drive.command(twist(0, 1.0))
-    ramp = [drive.speeds(tick * TICK_NANOS)[0] * 0.1651 for tick in range(200)]
+    ramp = [speeds(drive, tick * TICK_NANOS)[0] * 0.1651 for tick in range(200)]
     per_tick = model.drive.max_acceleration_mps2 * TICK_NANOS * 1e-9
     assert ramp[:3] == pytest.approx([per_tick, 2 * per_tick, 3 * per_tick])
     assert ramp[-1] == pytest.approx(1.0)
     assert max(ramp) <= 1.0 + 1e-12
+
+
+def test_a_motors_latency_delays_what_it_is_asked_for(model: VehicleModel) -> None:
+    slow = Motor(stall_torque_nm=1.0, no_load_speed_radps=1.0, latency_s=0.05)
+    drive = Controller(replace(model, drive=replace(model.drive, motor=slow)))
+    drive.command(twist(0, 0.5))
+    assert speeds(drive, 50_000_000 - TICK_NANOS) == STILL
+    assert speeds(drive, 50_000_000) == wheel_speeds(model, (0.5, 0.0))
+
+
+def test_wheels_can_be_commanded_one_by_one(model: VehicleModel) -> None:
+    drive = Controller(model)
+    names = [wheel.name for wheel in model.wheels]
+    drive.command(WheelCommand(0, {names[0]: 1.0, names[3]: -99.0}))
+    most = model.drive.max_wheel_speed_radps
+    assert drive.wheels(0) == Wheels((1.0, 0.0, 0.0, -most), ())
+    drive.command(twist(TICK_NANOS, 0.5))
+    assert speeds(drive, TICK_NANOS) == wheel_speeds(model, (0.5, 0.0))
+    drive.command(WheelCommand(2 * TICK_NANOS, {names[0]: 1.0}))
+    assert speeds(drive, 2 * TICK_NANOS) == (1.0, 0.0, 0.0, 0.0)
+    assert speeds(drive, 600_000_000) == STILL
+
+
+@pytest.mark.parametrize(
+    ("speeds", "angles", "says"),
+    [
+        ({"front_left_whel": 1.0}, {}, "`front_left_whel` is not to be commanded"),
+        ({}, {"front_left_wheel": 0.1}, "`front_left_wheel` is not to be commanded"),
+        ({"front_left_wheel": float("nan")}, {}, "finite"),
+    ],
+)
+def test_commands_of_wheels_that_cannot_be_are_refused(
+    model: VehicleModel, speeds: dict[str, float], angles: dict[str, float], says: str
+) -> None:
+    with pytest.raises(ValueError, match=says):
+        Controller(model).command(WheelCommand(0, speeds, angles))

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from groundlink.scenario.schema import Placement
@@ -129,12 +128,8 @@ def test_the_largest_force_is_told_with_its_tick() -> None:
     assert ledger.contacts({1: NAMED[:1]}) == ()
 
 
-def test_work_is_counted_for_each_motor() -> None:
-    """Torque 2 N m at 10 rad/s for a tick drives, the same against the motion brakes."""
+def test_power_adds_up_to_work() -> None:
     ledger = Ledger()
-    axle = np.array([[0.0, 10.0, 0.0, 2.0], [0.0, -10.0, 0.0, 2.0]]).tolist()
-    ledger.worked((), axle)
-    assert ledger.motor_work_j == 0.0
-    ledger.worked(axle, axle)
-    assert ledger.motor_work_j == pytest.approx(2.0 * 10.0 * 0.0025)
-    assert ledger.braked_j == pytest.approx(2.0 * 10.0 * 0.0025)
+    for _ in range(400):
+        ledger.worked(20.0, 5.0)
+    assert (ledger.motor_work_j, ledger.braked_j) == pytest.approx((20.0, 5.0))

@@ -140,3 +140,15 @@ def test_a_drivers_word_counts_when_its_command_is_here() -> None:
     promises.commanded("rover", 16)
     assert list(promises.kept()) == [("rover/driver", Ack(EPOCH, 8, 16))]
     assert list(promises.kept()) == []
+
+
+def test_who_is_not_needed_any_more_is_not_waited_for() -> None:
+    pace = AsFastAsOthers({"rover/imu": 8, "second/imu": 8}, 8, EPOCH)
+    for name in ("rover/imu", "second/imu"):
+        pace.acknowledged(name, Ack(EPOCH, 0, 0))
+    assert pace.wait_seconds(9, 0.0) > 0
+    assert pace.missing() == ["rover/imu", "second/imu"]
+    pace.only(("rover/imu",))
+    assert pace.missing() == ["rover/imu"]
+    pace.acknowledged("rover/imu", Ack(EPOCH, 8, 8))
+    assert pace.wait_seconds(9, 0.0) == 0

@@ -11,8 +11,10 @@ import pytest
 
 from groundlink.bus import REPLIES_KEPT
 from groundlink.clock import NANOS
-from groundlink.messages import Message, encode
+from groundlink.inbox import Inbox
+from groundlink.messages import Message, WheelCommand, encode, floats
 from groundlink.scenario import load
+from groundlink.scenario.fast_fit import HISTORY_TICKS
 from services.physics import __main__ as process
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
@@ -54,12 +56,12 @@ def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
     bus: Any = SlowBus(clocks)
     physics = process.Physics(load(str(SCENARIO)), "run", bus)
     clocks.nanos += 40_000_000  # until all are there that are waited for
-    physics.begin()
+    physics.life.begin(clocks.time_ns(), clocks.monotonic())
     clocks.nanos += 20_000_000
     physics.close()
-    wait_nanos = round(physics.pace.wait_seconds(400, clocks.monotonic()) * NANOS)
-    assert clocks.time_ns() + wait_nanos - physics.epoch_nanos == pytest.approx(NANOS, abs=10)
-    assert clocks.time_ns() > physics.epoch_nanos
+    wait_nanos = round(physics.life.pace.wait_seconds(400, clocks.monotonic()) * NANOS)
+    assert clocks.time_ns() + wait_nanos - physics.life.epoch_nanos == pytest.approx(NANOS, abs=10)
+    assert clocks.time_ns() > physics.life.epoch_nanos
 
 
 class PresentBus(SlowBus):
@@ -79,4 +81,39 @@ def test_who_is_there_already_is_not_waited_for() -> None:
 def test_what_a_sensor_has_missed_fits_into_what_it_takes_of_one_answer() -> None:
     """Where it does not, a sensor that rejoins may wait for itself for ever; see `Bus.ask`."""
     where_it_resumes = 1
-    assert where_it_resumes + process.HISTORY_TICKS <= REPLIES_KEPT
+    assert where_it_resumes + HISTORY_TICKS <= REPLIES_KEPT
+
+
+class TalkingBus(SlowBus):
+    """A bus on which a test says something."""
+
+    def __init__(self, clocks: Clocks) -> None:
+        super().__init__(clocks)
+        self._inboxes: dict[str, tuple[type[Message], Inbox[Any]]] = {}
+
+    def subscribe(self, key: str, message_type: type[Message], inbox: Inbox[Any]) -> None:
+        self._inboxes[key] = message_type, inbox
+
+    def say(self, key: str, message: Message) -> None:
+        message_type, inbox = self._inboxes[key]
+        inbox.put(key, encode(message), message_type)
+
+
+def test_wheels_are_commanded_one_by_one_over_the_bus() -> None:
+    clocks = Clocks()
+    bus: Any = TalkingBus(clocks)
+    scenario = load(str(SCENARIO))
+    physics = process.Physics(scenario, "run", bus)
+    physics.life.begin(clocks.time_ns(), clocks.monotonic())
+    speeds = [-1.0, 2.0, -1.0, 2.0]
+    names = [wheel.name for wheel in scenario.vehicles[0].model.wheels]
+    key = "groundlink/run/rover/command/wheels"
+    bus.say(key, WheelCommand(physics.life.epoch_nanos, dict(zip(names, speeds, strict=True))))
+    bus.say(key, WheelCommand(physics.life.epoch_nanos, {"no_wheel": 1.0}))
+    physics.hear()
+    for _ in range(40):
+        physics.step()
+    state = physics.life._simulation.vehicle_states()["rover"]
+    physics.close()
+    assert floats(state.joint_velocities) == pytest.approx(speeds, abs=0.1)
+    assert physics.counters()["refused"] == 1

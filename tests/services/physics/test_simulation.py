@@ -203,7 +203,7 @@ def record(scenario: Scenario) -> list[bytes]:
                     simulation.command(name, Command(stamp, (twist[0], 0, 0), (0, 0, twist[1])))
             simulation.step()
             states = simulation.vehicle_states()
-            payloads.append(encode(State("r", 0, tick, simulation.sim_nanos, "", states)))
+            payloads.append(encode(State("r", 0, 0, tick, simulation.sim_nanos, "", states)))
     return payloads
 
 

@@ -26,7 +26,7 @@ def engine() -> Iterator[Engine]:
 
 def test_every_solid_is_met_where_it_stands(lab: Scenario, engine: Engine) -> None:
     built = solids(lab)
-    statics = add_statics(engine, built, lab.world.materials, ground_below_m=0.13)
+    statics = add_statics(engine, built, lab.world.materials, clearance_m=0.13)
     for solid in built:
         low, high = bounds(solid)
         center = (low + high) / 2
@@ -42,7 +42,7 @@ def test_every_solid_is_met_where_it_stands(lab: Scenario, engine: Engine) -> No
 def test_static_bodies_are_few(lab: Scenario, engine: Engine) -> None:
     built = solids(lab)
     assert len(built) >= 120
-    assert len(add_statics(engine, built, lab.world.materials, ground_below_m=0.13)) < 40
+    assert len(add_statics(engine, built, lab.world.materials, clearance_m=0.13)) < 40
 
 
 @pytest.mark.parametrize("alone", [True, False])
@@ -66,7 +66,7 @@ def test_shapes_are_placed_and_turned(
         orientation=quaternion_from_rpy(np.pi / 2, 0.0, 0.0),
     )
     far = Solid(name="far", shape=shape, material="m", position_m=(4.0, 2.0, 3.0))
-    add_statics(engine, [solid] if alone else [solid, far], {"m": Material()}, ground_below_m=0.0)
+    add_statics(engine, [solid] if alone else [solid, far], {"m": Material()}, clearance_m=0.0)
     [(_, _, _, point, _)] = engine.rayTest([1.0, 2.0, 5.0], [1.0, 2.0, 3.0])
     assert point == pytest.approx((1.0, 2.0, 3.0 + expected), abs=1e-3)
     [(_, _, _, point, _)] = engine.rayTest([1.0, 0.0, 3.0], [1.0, 2.0, 3.0])

@@ -13,8 +13,10 @@ from msgspec.structs import replace
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import State, VehicleState, floats, packed
 from groundlink.scenario import Scenario, load
+from groundlink.scenario.change import with_more
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import BodyPoses, GroundTruth, Vehicle
+from groundlink.scenario.spawned import At, addition
 from groundlink.world.build import solids
 from services.physics.simulation import Simulation
 from services.physics.truth import BodyTruth, Truth
@@ -22,6 +24,7 @@ from services.physics.truth import BodyTruth, Truth
 from .conftest import run
 
 EPOCH = 10**18
+FIELDS = State.__struct_fields__
 LEFT = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
 """Turned by 90 degrees: the base's x is the world's y."""
 
@@ -42,7 +45,7 @@ def state(tick: int, *names: str) -> State:
         )
         for i, name in enumerate(names or ("rover",))
     }
-    return State("run", EPOCH, tick, tick * TICK_NANOS, "", vehicles)
+    return State("run", EPOCH, EPOCH, tick, tick * TICK_NANOS, "", vehicles)
 
 
 def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
@@ -108,3 +111,21 @@ def test_the_bodies_are_all_links_and_all_solids_where_they_are(lab: Scenario) -
     for solid in static:
         assert where[solid.name] == [*solid.position_m, *solid.orientation]
     assert len(where) == 10 + len(static)
+
+
+def test_a_changed_world_has_its_bodies_told_at_the_same_instants(lab: Scenario) -> None:
+    truth = BodyTruth(replace(lab, bodies=BodyPoses(rate_hz=100.0)), solids(lab))
+    told = [truth.poses(state(tick)) for tick in range(4)]
+    _, more = addition("crate", at=At(1.0, 0.0), name=None, taken=(), ground=None)
+    changed = with_more(lab, more, (), seconds=0.0)
+    truth.change(changed, solids(changed))
+    where = [7.0, 8.0, 9.0, *LEFT]
+    for tick in range(4, 9):
+        now = State(*(getattr(state(tick), f) for f in FIELDS[:-1]), packed(np.array(where)))
+        told.append(truth.poses(now))
+    stamps = [bodies.stamp_nanos - EPOCH for bodies in told if bodies is not None]
+    assert stamps == [0, 10**7, 2 * 10**7]
+    assert told[8] is not None
+    bodies = dict(zip(told[8].names, told[8].world_from_body().tolist(), strict=True))
+    assert bodies["crate"] == where
+    assert list(bodies)[5] == "crate"

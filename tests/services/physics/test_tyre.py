@@ -10,19 +10,21 @@ import pytest
 from services.physics.tyre import TREAD_STIFFNESS, Tyre
 
 STEP = 0.0025
-STIFFNESS_NPM = TREAD_STIFFNESS * 1.2 / STEP**2
+BORNE_KG = 14.0
+STIFFNESS_NPM = TREAD_STIFFNESS * BORNE_KG / STEP**2
 
 
 def tyre_of(axle_ratio: float = 1.0) -> Tyre:
-    return Tyre(rim_mass_kg=1.2, axle_ratio=axle_ratio)
+    return Tyre(borne_kg=BORNE_KG, axle_ratio=axle_ratio)
 
 
 def slide(
-    tyre: Tyre, x: float, y: float, *, limit: float = 100.0, steps: int = 400
+    tyre: Tyre, x: float, y: float, *, limit: float = 100.0, steps: int = 400, tread: float = 0.0
 ) -> tuple[float, float]:
     force = (0.0, 0.0)
     for _ in range(steps):
-        force = tyre.force(x, y, limit)
+        tyre.meet(x, y, limit)
+        force = tyre.settle(tread)
     return force
 
 
@@ -30,6 +32,11 @@ def slide(
 def test_a_sliding_tyre_is_braked_against_its_slip_with_all_it_has(degrees: int) -> None:
     x, y = cos(radians(degrees)), sin(radians(degrees))
     assert slide(tyre_of(), x, y) == pytest.approx((-100 * x, -100 * y), abs=1e-6)
+
+
+def test_a_tread_that_turns_pushes_and_one_that_rolls_does_not() -> None:
+    assert slide(tyre_of(), 1.0, 0.0, tread=2.0) == pytest.approx((100.0, 0.0))
+    assert slide(tyre_of(), 1.0, 0.0, tread=1.0) == pytest.approx((0.0, 0.0))
 
 
 def test_along_the_axle_it_holds_less_where_told_so() -> None:
@@ -41,9 +48,9 @@ def test_along_the_axle_it_holds_less_where_told_so() -> None:
 
 def test_it_sticks_below_its_limit() -> None:
     tyre = tyre_of()
-    # Bent by 2 mm, then at rest: a spring that does not let go.
-    slide(tyre, 0.0, 0.002 / (10 * STEP), steps=10)
-    assert slide(tyre, 0.0, 0.0) == pytest.approx((0.0, -0.002 * STIFFNESS_NPM))
+    # Bent by a millimetre, then at rest: a spring that does not let go.
+    slide(tyre, 0.0, 0.001 / (10 * STEP), steps=10)
+    assert slide(tyre, 0.0, 0.0) == pytest.approx((0.0, -0.001 * STIFFNESS_NPM))
 
 
 def test_after_slipping_it_does_not_spring_back_further_than_it_was_bent() -> None:
@@ -57,5 +64,14 @@ def test_after_slipping_it_does_not_spring_back_further_than_it_was_bent() -> No
 def test_in_the_air_there_is_no_grip_and_no_memory(limit: float) -> None:
     tyre = tyre_of()
     slide(tyre, 1.0, 1.0)
-    assert tyre.force(1.0, 1.0, limit) == (0.0, 0.0)
-    assert tyre.force(0.0, 0.0, 100.0) == (0.0, 0.0)
+    assert slide(tyre, 1.0, 1.0, limit=limit, steps=1) == (0.0, 0.0)
+    assert slide(tyre, 0.0, 0.0, steps=1) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("tread", [-1.0, 0.0, 0.3, 0.5, 0.7, 2.0])
+def test_its_gain_is_the_slope_of_its_force(tread: float) -> None:
+    tyre = tyre_of()
+    tyre.meet(0.5, 0.1, 100.0)
+    below, above = tyre.along(tread - 1e-6)[0], tyre.along(tread + 1e-6)[0]
+    assert tyre.along(tread)[1] == pytest.approx((above - below) / 2e-6, rel=1e-4, abs=1e-6)
+    assert tyre.along(tyre.rolling_mps)[0] == pytest.approx(0.0)

@@ -17,7 +17,7 @@ from services.physics.urdf import urdf
 
 @pytest.fixture
 def robot(lab: Scenario) -> ElementTree.Element:
-    return ElementTree.fromstring(urdf(lab.vehicles[0].model, lab.world.materials))
+    return ElementTree.fromstring(urdf(lab.vehicles[0].model))
 
 
 def numbers(element: ElementTree.Element | None, key: str) -> list[float]:
@@ -48,22 +48,39 @@ def test_every_inertia_is_one_that_a_body_can_have(robot: ElementTree.Element) -
         assert 0 < x <= y <= z <= x + y + 1e-12
 
 
-def test_wheels_are_spheres_to_touch_and_cylinders_to_look_at(robot: ElementTree.Element) -> None:
+def test_a_geared_wheel_is_none_that_bullet_takes_for_a_mistake(lab: Scenario) -> None:
+    model = lab.vehicles[0].model
+    wheels = tuple(replace(wheel, inertia_kgm2=1.0) for wheel in model.wheels)
+    test_every_inertia_is_one_that_a_body_can_have(
+        ElementTree.fromstring(urdf(replace(model, wheels=wheels)))
+    )
+
+
+def test_wheels_are_balls_that_slide_upwards(robot: ElementTree.Element) -> None:
     wheel = robot.find("link[@name='front_left_wheel_link']")
     assert wheel is not None
     assert numbers(wheel.find("collision/geometry/sphere"), "radius") == [0.1651]
-    assert numbers(wheel.find("visual/geometry/cylinder"), "length") == [0.1143]
-    axle = robot.find("joint[@name='front_left_wheel']")
-    assert axle is not None
-    assert axle.attrib["type"] == "continuous"
-    assert numbers(axle.find("axis"), "xyz") == [0, 1, 0]
+    slide = robot.find("joint[@name='front_left_wheel_suspension']")
+    assert slide is not None
+    assert slide.attrib["type"] == "prismatic"
+    assert numbers(slide.find("axis"), "xyz") == [0, 0, 1]
+    assert numbers(slide.find("limit"), "upper") == [0.06]
 
 
-def test_visuals_have_a_colour_each(robot: ElementTree.Element) -> None:
-    defined = {material.attrib["name"] for material in robot.findall("material")}
-    used = {material.attrib["name"] for material in robot.iterfind(".//visual/material")}
-    assert used
-    assert used <= defined
+def test_inertia_is_the_boxs_unless_it_has_its_own(lab: Scenario) -> None:
+    model = lab.vehicles[0].model
+    own = replace(model, chassis=replace(model.chassis, inertia_kgm2=(1.0, 2.0, 2.5)))
+    for each, expected in ((model, 44.45 * (0.69**2 + 0.26**2) / 12), (own, 1.0)):
+        inertia = ElementTree.fromstring(urdf(each)).find("link/inertial/inertia")
+        assert numbers(inertia, "ixx") == pytest.approx([expected])
+
+
+def test_a_box_that_does_not_collide_is_left_out(lab: Scenario) -> None:
+    model = lab.vehicles[0].model
+    hollow = replace(model, chassis=replace(model.chassis, collides=False))
+    base = ElementTree.fromstring(urdf(hollow)).find("link")
+    assert base is not None
+    assert [part.tag for part in base.iterfind("collision/geometry/*")] == ["cylinder"]
 
 
 @pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -0.7, 2.5), (-1.0, 1.2, -3.0)])
@@ -74,8 +91,8 @@ def test_turned_parts_stay_turned(lab: Scenario, rpy: tuple[float, float, float]
         material="metal",
         orientation=quaternion_from_rpy(*rpy),
     )
-    model = replace(lab.vehicles[0].model, visuals=(part,))
-    origin = ElementTree.fromstring(urdf(model, lab.world.materials)).find("link/visual/origin")
+    model = replace(lab.vehicles[0].model, collisions=(part,))
+    origin = ElementTree.fromstring(urdf(model)).findall("link/collision/origin")[1]
     written = quaternion_from_rpy(*numbers(origin, "rpy"))
     np.testing.assert_allclose(
         matrix_from_quaternion(written), matrix_from_quaternion(part.orientation), atol=1e-12

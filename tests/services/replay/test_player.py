@@ -37,7 +37,7 @@ MS = 1_000_000
 
 
 def clock(ms: int) -> Clock:
-    return Clock(EPOCH + ms * MS, EPOCH, ms * MS // TICK_NANOS)
+    return Clock(EPOCH + ms * MS, EPOCH, ms * MS // TICK_NANOS, EPOCH)
 
 
 def imu(ms: int) -> Imu:

@@ -123,7 +123,7 @@ def faulty(
 
 def states(ticks: Iterable[int]) -> Iterator[State]:
     for tick in ticks:
-        yield State("run", EPOCH_NANOS, tick, tick * TICK_NANOS, HASH, {})
+        yield State("run", EPOCH_NANOS, EPOCH_NANOS, tick, tick * TICK_NANOS, HASH, {})
 
 
 def suffered(model: RememberingModel, ticks: int) -> list[tuple[int, Message]]:

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 def scenario(*, seed: int = 1, frame_prefix: str = "") -> Scenario:
     """Return a scenario with one two-wheeled vehicle, `rover`, in an empty world."""
-    wheel = {"center_m": [0, 0, 0], "radius_m": 0.1, "width_m": 0.05, "mass_kg": 1}
+    wheel = {"radius_m": 0.1, "width_m": 0.05, "mass_kg": 1}
     document: dict[str, Any] = {
         "name": "test",
         "seed": seed,
@@ -35,7 +35,10 @@ def scenario(*, seed: int = 1, frame_prefix: str = "") -> Scenario:
                     "name": "cart",
                     "chassis": {"mass_kg": 10, "size_m": [1, 1, 1]},
                     "suspension": {},
-                    "wheels": [{"name": name, **wheel} for name in WHEELS],
+                    "wheels": [
+                        {"name": name, "center_m": [0, y, 0], **wheel}
+                        for name, y in zip(WHEELS, (0.25, -0.25), strict=True)
+                    ],
                     "drive": {
                         "kind": "skid_steer",
                         "max_wheel_torque_nm": 10,
@@ -71,6 +74,7 @@ def states(
         joints = np.asarray(joint_positions[i] if len(joint_positions) else (), np.float64)
         yield State(
             run="test",
+            life=EPOCH_NANOS,
             epoch_nanos=EPOCH_NANOS,
             tick=first_tick + i,
             sim_nanos=(first_tick + i) * TICK_NANOS,

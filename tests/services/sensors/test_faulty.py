@@ -26,7 +26,7 @@ from groundlink.scenario.faults import (
 from services.sensors.encoders.model import EncodersModel
 from services.sensors.faulty import FaultyModel
 from services.sensors.imu.model import ImuModel
-from services.sensors.model import Beside, SensorModel, parted
+from services.sensors.model import Beside, Gone, SensorModel, parted
 from services.sensors.streams import RandomStreams
 
 from .broken import READINGS, Counts, Line, Repeats, faulty, stamped
@@ -192,3 +192,21 @@ def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
 
 def faulty_free() -> FaultyModel:
     return FaultyModel(Films(), faults=(), messages={}, streams=RandomStreams(1, "rover/camera"))
+
+
+def test_a_sensor_that_is_made_anew_keeps_its_faults_until_its_vehicle_has_gone() -> None:
+    inner, message = lidar()
+    it = faulty(inner, message, Off(at_s=1.0, for_s=0.5))
+    ticks = []
+    for state in STATES:
+        if state.tick == 410:
+            it.renew(lidar()[0])
+        ticks += [state.tick for _ in it.readings(state)]
+    assert min(ticks) < 400
+    assert not [tick for tick in ticks if 450 < tick < 600]
+    assert max(ticks) > 650
+    assert not it.has_gone
+    it.renew(Gone())
+    assert it.has_gone
+    assert not list(it.readings(STATES[7]))
+    assert it.settled_tick() == 7

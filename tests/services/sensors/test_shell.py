@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import pytest
 
@@ -33,7 +33,7 @@ class EveryFortyTicks:
         self._expected = state.tick + 1
         if state.tick % PERIOD == 0:
             if self._settled >= 0:
-                yield Clock(state.tick - PERIOD, state.epoch_nanos, state.tick)
+                yield Clock(state.tick - PERIOD, state.epoch_nanos, state.tick, state.epoch_nanos)
             self._settled = state.tick
 
     def settled_tick(self) -> int:
@@ -59,21 +59,28 @@ class Counts(EveryFortyTicks):
 
 
 class Bench:
-    def __init__(self, model: EveryFortyTicks | None = None) -> None:
+    def __init__(self, model: EveryFortyTicks | None = None, worlds: Sequence[str] = ()) -> None:
         self.model = model or EveryFortyTicks()
+        self.asked: list[str] = []
+        self.worlds = worlds
         self.published: list[Message] = []
         self.acks: list[Ack] = []
         self.sensor = SensorProcess(
             self.model,
             expected_world_hash=HASH,
+            renew=self._renew,
             ack_ticks=ACK_TICKS,
             publish=self.published.append,
             acknowledge=self.acks.append,
         )
 
+    def _renew(self, world: str) -> bool:
+        self.asked.append(world)
+        return world in self.worlds
+
     def take(self, ticks: Iterable[int], epoch: int = 0) -> None:
         for tick in ticks:
-            self.sensor.take(State("run", epoch, tick, tick * 2_500_000, HASH, {}))
+            self.sensor.take(State("run", epoch, epoch, tick, tick * 2_500_000, HASH, {}))
 
     def stamps(self) -> list[int]:
         return [m.stamp_nanos for m in self.published if isinstance(m, Clock)]
@@ -134,7 +141,20 @@ def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
 
 def test_another_world_is_refused(bench: Bench) -> None:
     with pytest.raises(UserError, match="the world differs: physics has cdcdcdcdcdcd"):
-        bench.sensor.take(State("run", 0, 0, 0, "cd" * 32, {}))
+        bench.sensor.take(State("run", 0, 0, 0, 0, "cd" * 32, {}))
+
+
+def test_a_changed_world_is_asked_for_once_and_then_known() -> None:
+    other = "cd" * 32
+    bench = Bench(worlds=[other])
+    bench.take(range(50))
+    for tick in range(50, 140):
+        bench.sensor.take(State("run", 0, 0, tick, tick * 2_500_000, other, {}))
+    assert bench.asked == [other]
+    assert (bench.sensor.worlds, bench.sensor.missed_ticks) == (2, 0)
+    assert bench.stamps() == [0, 40, 80]
+    with pytest.raises(UserError, match="physics has efefefefefef, this process has cdcdcdcdcdcd"):
+        bench.sensor.take(State("run", 0, 0, 140, 0, "ef" * 32, {}))
 
 
 def test_what_a_model_remembers_goes_with_its_progress() -> None:
@@ -177,5 +197,5 @@ def test_a_model_that_skips_is_told_how_far_behind_it_is() -> None:
     model = Skips()
     bench = Bench(model)
     for tick, waiting in enumerate((0, 3, 41)):
-        bench.sensor.take(State("run", 0, tick, tick * 2_500_000, HASH, {}), waiting)
+        bench.sensor.take(State("run", 0, 0, tick, tick * 2_500_000, HASH, {}), waiting)
     assert model.told == [0, 3, 41]

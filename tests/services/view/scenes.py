@@ -31,7 +31,7 @@ def state(tick: int, *, epoch: int = EPOCH, yaw: float = 0.0) -> State:
     vehicle = VehicleState(
         packed(poses), packed(np.array([1.0, 0, 0, 0, 0, 0])), *(packed(np.zeros(4)),) * 2
     )
-    return State("run", epoch, tick, tick * TICK_NANOS, "hash", {"rover": vehicle})
+    return State("run", epoch, epoch, tick, tick * TICK_NANOS, "hash", {"rover": vehicle})
 
 
 class Remembering:

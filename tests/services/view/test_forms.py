@@ -27,7 +27,9 @@ from groundlink.messages import (
 )
 from groundlink.ros_streams import RosStream
 from groundlink.scenario import Scenario
+from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
+from groundlink.scenario.spawned import At, addition
 from groundlink.topics import (
     COMMAND,
     FROM_ROS,
@@ -36,6 +38,7 @@ from groundlink.topics import (
     TRUE_POINTS,
     TRUE_WHEELS,
 )
+from groundlink.world.actors import Actor, Crate, Free
 from services.view.canvas import MOST_POINTS, Trail
 from services.view.forms import FORMS
 from services.view.picture import Picture
@@ -346,3 +349,30 @@ def test_a_trail_is_bounded_and_keeps_its_ends() -> None:
     assert len(trail.points) <= MOST_POINTS
     assert trail.points[0] == (0.0, 0.0, 0.0)
     assert trail.points[-1][0] > 0.99 * 20_000 * 0.02
+
+
+def test_actors_are_drawn_where_the_state_says() -> None:
+    crate = Actor(
+        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+    )
+    scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
+    nowhere = Nowhere()
+    it = Picture(scenario, "run", colouring="intensity", destination=nowhere)
+    it.take_states([replace(state(0), actors=packed(np.array([1.0, 2.0, 0.5, *UP])))])
+    (recording,) = nowhere.recordings
+    assert any(isinstance(what, rr.Mesh3D) for what in recording.logged["actors/crate"])
+    (moved,) = recording.logged["tf/crate"]
+    assert moved.translation.as_arrow_array().to_pylist() == [[1.0, 2.0, 0.5]]
+
+
+def test_a_changed_world_gets_a_recording_of_its_own() -> None:
+    nowhere = Nowhere()
+    it = Picture(SCENARIO, "run", colouring="intensity", destination=nowhere)
+    it.take_states([state(0)])
+    _, more = addition("crate", at=At(1.0, 0.0), name=None, taken=(), ground=None)
+    it.change(with_more(SCENARIO, more, (), seconds=0.0))
+    it.take_states([replace(state(40), actors=packed(np.array([1.0, 0.0, 0.0, *UP])))])
+    first, second = nowhere.recordings
+    assert "actors/crate" not in first.logged
+    assert second.logged["actors/crate"]
+    assert second.logged["tf/crate"]

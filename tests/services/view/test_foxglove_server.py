@@ -10,11 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from groundlink.errors import UserError
 from groundlink.messages import POINT, Clock, PointCloud, packed
 from groundlink.navigation import OccupancyGrid, Odometry
 from groundlink.ros_messages import to_cdr
+from groundlink.ros_streams import actor_transforms
+from groundlink.world.actors import Actor, Crate, Free
+from services.view.foxglove_scene import scene
 from services.view.foxglove_server import FoxgloveServer
 from services.view.intake import streams_of
 from tests.system.rig import free_port
@@ -64,6 +68,8 @@ def test_topics_are_those_of_ros_with_whole_definitions(
     assert kinds == {
         "/clock": "rosgraph_msgs/msg/Clock",
         "/points": "sensor_msgs/msg/PointCloud2",
+        "/camera/image_raw/compressed": "sensor_msgs/msg/CompressedImage",
+        "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
         "/imu": "sensor_msgs/msg/Imu",
         "/wheel_encoders": "groundlink_msgs/msg/WheelEncoders",
         "/ground_truth/odom": "nav_msgs/msg/Odometry",
@@ -116,7 +122,7 @@ def test_what_seldom_changes_is_told_to_each_who_comes(
     say(server, client, {}, 3)
     assert {topic for topic, _, _ in client.got} == set(topics)
     children = {t.child_frame_id for t in client.decoded("/tf_static").transforms}
-    assert children == {"lidar_link", "imu_link"}
+    assert children == {"lidar_link", "imu_link", "camera_optical_frame"}
     with joined(server.port) as again:
         again.subscribe(*topics)
         say(server, again, {}, 3)
@@ -124,7 +130,7 @@ def test_what_seldom_changes_is_told_to_each_who_comes(
 
 def test_the_clock_is_the_servers_time(served: tuple[FoxgloveServer, Client]) -> None:
     server, client = served
-    server.take("clock", STREAMS["clock"], Clock(EPOCH + 10**9, EPOCH, 400))
+    server.take("clock", STREAMS["clock"], Clock(EPOCH + 10**9, EPOCH, 400, EPOCH))
     client.read()
     assert client.times == [EPOCH + 10**9]
 
@@ -145,3 +151,16 @@ def test_an_address_in_use_is_the_users_to_mend(served: tuple[FoxgloveServer, Cl
     server, _ = served
     with pytest.raises(UserError, match=r"cannot serve on 127.0.0.1:\d+: .*--port"):
         FoxgloveServer(SCENARIO, "run", STREAMS, "127.0.0.1", server.port)
+
+
+def test_actors_are_in_the_scene_and_on_tf() -> None:
+    crate = Actor(
+        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+    )
+    scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
+    assert b"crate" in scene(scenario, 0).encode()
+    assert b"crate" not in scene(SCENARIO, 0).encode()
+    told = replace(state(0), actors=packed(np.array([1.0, 2.0, 0.5, *UP])))
+    (transform,) = actor_transforms(scenario, told).transforms
+    assert (transform.parent, transform.child) == ("world", "crate")
+    assert (transform.translation_m, transform.rotation) == ((1.0, 2.0, 0.5), UP)

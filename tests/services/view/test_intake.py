@@ -49,6 +49,7 @@ def test_everything_that_ros_sees_is_subscribed_to() -> None:
     keys = {key.removeprefix("groundlink/run/") for key in bus.inboxes}
     assert keys == {
         *("state", "health/**", "clock", "rover/lidar", "rover/imu", "rover/encoders"),
+        *("rover/camera", "rover/camera/camera_info"),
         *("rover/ground_truth", "rover/ground_truth/wheels", "bodies"),
         *("rover/command", "rover/from_ros/pose", "rover/from_ros/map"),
     }

@@ -13,6 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from groundlink import messages
 from groundlink.messages import BadMessage, State, encode
 from groundlink.scenario import sensors
+from groundlink.scenario.document import read
+from groundlink.scenario.explain import convert
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.vehicle import VehicleModel
 from services.sensors.encoders.model import EncodersModel
 from services.sensors.model import SensorModel
 from tests.services.sensors.states import EPOCH_NANOS, WHEELS, scenario, states
@@ -159,3 +163,22 @@ def test_a_state_without_the_wheels_is_refused() -> None:
 def test_the_frame_has_the_vehicles_prefix() -> None:
     (reading,) = readings(encoders(frame_prefix="rover/"), turned([0.0]))
     assert reading.frame == "rover/base_link"
+
+
+def test_a_track_is_counted_by_its_sprocket() -> None:
+    run = scenario()
+    model = convert(read(SHIPPED / "vehicles" / "tank.yaml"), VehicleModel)
+    tank = replace(run.vehicles[0], model=model)
+    spec = sensors.Encoders(name="encoders", topic="/e", frame="base_link", rate_hz=400)
+    sprocket_m = model.counted[0].radius_m
+    way_m = 2 * math.pi * sprocket_m
+    angles = [
+        [0.0] * len(model.wheels),
+        [(way_m if w.center_m[1] > 0 else -2 * way_m) / w.radius_m for w in model.wheels],
+    ]
+    taken = readings(
+        EncodersModel(replace(run, vehicles=(tank,)), tank, spec),
+        states(np.zeros((2, 3)), joint_positions=angles),
+    )
+    assert taken[-1].names == ("left_track", "right_track")
+    assert taken[-1].ticks == (4096, -8192)

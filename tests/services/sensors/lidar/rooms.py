@@ -27,7 +27,7 @@ MATERIALS = {
     **{"x": {"reflectivity": 0.8}, "y": {"reflectivity": 0.6}, "z": {"reflectivity": 0.4}},
     **{"dark": {"reflectivity": 0.1}, "rubber": {"reflectivity": 0.05}},
 }
-WHEELS = ((0.3, 0.0, 0.0), (-0.3, 0.0, 0.0))
+WHEELS = ((0.3, 0.1, 0.0), (0.3, -0.1, 0.0), (-0.3, 0.0, 0.0))
 
 Floats = NDArray[np.float64]
 Way = Callable[[float], tuple[Sequence[float], Sequence[float]]]
@@ -134,7 +134,7 @@ def states(
             vehicles[vehicle.name] = VehicleState(
                 packed(np.array(poses[:links])), packed(np.zeros(6)), none, none
             )
-        yield State("test", EPOCH_NANOS, tick, tick * TICK_NANOS, "", vehicles)
+        yield State("test", EPOCH_NANOS, EPOCH_NANOS, tick, tick * TICK_NANOS, "", vehicles)
 
 
 def model(made: Scenario) -> LidarModel:

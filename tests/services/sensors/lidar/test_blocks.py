@@ -61,7 +61,7 @@ def states(first_tick: int = 0, last_tick: int = REVOLUTIONS * 40) -> Iterator[S
             joint_velocities=packed(np.zeros(4)),
         )
         sim_nanos = tick * TICK_NANOS
-        yield State("test", EPOCH_NANOS, tick, sim_nanos, "", {"rover": vehicle})
+        yield State("test", EPOCH_NANOS, EPOCH_NANOS, tick, sim_nanos, "", {"rover": vehicle})
 
 
 def clouds(spec: Lidar, first_tick: int = 0) -> list[tuple[int, PointCloud]]:

@@ -222,6 +222,7 @@ def test_a_state_that_lacks_links_restarts_the_model() -> None:
         ),
         ({"min_range_m": 5.0, "max_range_m": 4.0}, "`min_range_m` is 5; expected less than"),
         ({"rays_per_beam": 8, "divergence_mrad": [3.0, 1.5]}, "is 8; expected a square"),
+        ({"firings_per_azimuth": 7}, "is 360; expected a multiple of `firings_per_azimuth`, 7"),
         ({"rays_per_beam": 16}, "`rays_per_beam` is 16, but `divergence_mrad` is zero"),
         ({"field_of_view_deg": 270.0, "block_deg": 100.0}, "expected 0 or 270 divided by"),
         ({"returns": "first"}, "Invalid enum value 'first'"),

@@ -219,7 +219,7 @@ def test_a_state_without_the_vehicle_is_refused() -> None:
     made = planes.scenario()
     model = planes.model(made)
     (state,) = rooms.states(made, rooms.at_rest, 1)
-    with pytest.raises(BadMessage, match="tick 0: expected 3 link poses of `rover`"):
+    with pytest.raises(BadMessage, match="tick 0: expected 4 link poses of `rover`"):
         model.readings(replace(state, vehicles={}))
     assert model.settled_tick() == -1
 
@@ -228,6 +228,7 @@ def test_a_state_without_the_vehicle_is_refused() -> None:
     ("wrong", "told"),
     [
         ({"elevations_deg": (0.0, 1.0)}, "`elevations_deg` is for LiDARs of kind `lidar`"),
+        ({"azimuth_resolution_deg": 0.1}, "`azimuth_resolution_deg` is for LiDARs of kind `lidar`"),
         ({"returns": "dual"}, "`returns` is `dual`, but a scan holds one range a ray"),
         ({"block_deg": 100.0}, "`block_deg` is 100"),
     ],

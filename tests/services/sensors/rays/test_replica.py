@@ -41,12 +41,12 @@ def test_links_are_where_the_state_says() -> None:
 
 def test_wheels_are_cylinders_about_y() -> None:
     seen = replica(hull=BOX)
-    # Wheel 1 is 0.3 m ahead of the base, radius 0.1 m, 0.06 m wide.
-    top, body, label = height(seen, 1.0, 0.8)
+    # Wheel 0 is 0.3 m ahead of the base and 0.1 m to its left, radius 0.1 m, 0.06 m wide.
+    top, body, label = height(seen, 0.9, 0.8)
     assert (round(top, 3), body, label) == (0.3, 1, 7)
-    assert height(seen, 1.025, 0.8)[1] == 1
-    assert height(seen, 1.035, 0.8)[1] == -1
-    assert height(seen, 1.0, 0.89)[1] == 1
+    assert height(seen, 0.925, 0.8)[1] == 1
+    assert height(seen, 0.935, 0.8)[1] == -1
+    assert height(seen, 0.9, 0.89)[1] == 1
     assert seen.reflectivity[[4, 6, 7]] == pytest.approx([0.4, 0.1, 0.05])
 
 
@@ -75,14 +75,14 @@ def test_what_encloses_is_told_by_shape(shape: dict[str, object], inside: bool) 
     turned = {"orientation": [0.5**0.5, 0.0, 0.0, 0.5**0.5]}
     visual = {"shape": shape, "material": "dark", "position_m": [0.0, 0.0, 0.5 - 0.105], **turned}
     without = replica(thing=visual).reflectivity
-    assert len(without) == (8 if inside else 9)
+    assert len(without) == (9 if inside else 10)
 
 
 def test_a_state_without_a_link_is_refused() -> None:
     scenario = rooms.scenario()
     made = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 0.5))
     (state,) = rooms.states(scenario, rooms.at_rest, 1, links=1)
-    with pytest.raises(BadMessage, match=r"tick 0: expected 3 link poses of `rover`"):
+    with pytest.raises(BadMessage, match=r"tick 0: expected 4 link poses of `rover`"):
         made.take(state)
 
 
@@ -95,7 +95,7 @@ def test_motion_is_what_was_taken() -> None:
     made.forget(5)
     made.forget(15)
     motion = made.motion(20, 25)
-    assert motion.shape == (6, 3, 7)
+    assert motion.shape == (6, 4, 7)
     np.testing.assert_allclose(motion[3, 0, :3], way(23 * 0.0025)[0], atol=1e-12)
     made.forget(1000)
     for state in rooms.states(scenario, way, 5, first_tick=40):

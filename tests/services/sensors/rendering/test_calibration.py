@@ -23,7 +23,9 @@ from services.sensors.streams import RandomStreams
 from . import views
 from .test_renderer import lit
 
-PINHOLE = Pinhole(640, 480, 420.0, 424.0, 325.0, 236.0)
+PINHOLE = Pinhole(1280, 960, 840.0, 848.0, 650.0, 472.0)
+"""Fine enough for corners: a drawn edge jumps from pixel to pixel."""
+
 SQUARE_M = 0.03
 INNER = (11, 8)
 """Corners along x and y of the board, whose middle is at the origin."""
@@ -32,7 +34,10 @@ CORNERS = np.array(
     [((x - 5) * SQUARE_M, (y - 3.5) * SQUARE_M, 0.0) for y in range(INNER[1]) for x in range(11)],
     np.float32,
 )
-VIEWS = 16
+VIEWS = 28
+REACH = 0.8
+"""Of half the picture's diagonal: each view has a corner beyond, where the lens bends most."""
+
 FRINGES = {"chromatic_aberration": 0.001, "vignetting": 0.3}
 WORLD_FROM_BOARD = transform(np.array([0.0, 0.0, 2.0]), np.array([0.0, 0.0, 0.0, 1.0]))
 
@@ -57,10 +62,20 @@ def chessboard() -> Mesh:
     )
 
 
+def projected(spec: lenses.Lens, points: Floats, optical_from_board: Floats) -> Floats:
+    """Return the pixels of points of the board, shape (N, 2), by OpenCV's own formula."""
+    project = cv2.projectPoints if spec.model == "plumb_bob" else cv2.fisheye.projectPoints
+    turn, place = cv2.Rodrigues(optical_from_board[:3, :3])[0], optical_from_board[:3, 3]
+    coefficients = np.array(spec.coefficients)
+    flat, _ = project(points[:, None], turn, place, PINHOLE.matrix(), coefficients)
+    return np.asarray(flat[:, 0], np.float64)
+
+
 def poses(spec: lenses.Lens, away_m: float) -> list[Floats]:
     """Return board_from_optical of cameras whose pictures have the whole board, up to the rim."""
-    generator = np.random.default_rng(3)
-    project = cv2.projectPoints if spec.model == "plumb_bob" else cv2.fisheye.projectPoints
+    generator = np.random.default_rng(5)
+    board = np.asarray(1.2 * CORNERS, np.float64)
+    middle, diagonal_px = (PINHOLE.cx, PINHOLE.cy), np.hypot(PINHOLE.width, PINHOLE.height)
     made: list[Floats] = []
     while len(made) < VIEWS:
         tilt = generator.uniform(-0.7, 0.7, 2)
@@ -68,20 +83,15 @@ def poses(spec: lenses.Lens, away_m: float) -> list[Floats]:
         pose = np.eye(4)
         pose[:3, :3] = turn @ cv2.Rodrigues(np.array([np.pi, 0.0, 0.0]))[0]
         pose[:3, :3] @= cv2.Rodrigues(np.array([*tilt, 0.0]))[0]
-        place = [*generator.uniform(-0.5, 0.5, 2), -1.0]
+        place = [*generator.uniform(-1.0, 1.0, 2), -1.0]
         pose[:3, 3] = away_m * generator.uniform(0.8, 1.4) * (pose[:3, :3] @ place)
         optical_from_board = np.linalg.inv(pose)
-        board = (1.2 * CORNERS.astype(np.float64))[:, None]
-        if (board[:, 0] @ optical_from_board[2, :3] + optical_from_board[2, 3]).min() < 0.05:
+        if (board @ optical_from_board[2, :3] + optical_from_board[2, 3]).min() < 0.05:
             continue
-        flat, _ = project(
-            board,
-            cv2.Rodrigues(optical_from_board[:3, :3])[0],
-            optical_from_board[:3, 3],
-            PINHOLE.matrix(),
-            np.array(spec.coefficients),
-        )
-        if ((flat > 4) & (flat < (PINHOLE.width - 5, PINHOLE.height - 5))).all():
+        flat = projected(spec, board, optical_from_board)
+        if not ((flat > 4) & (flat < (PINHOLE.width - 5, PINHOLE.height - 5))).all():
+            continue
+        if np.linalg.norm(flat - middle, axis=1).max() > REACH * diagonal_px / 2:
             made.append(pose)
     return made
 
@@ -94,7 +104,7 @@ def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[
     renderer.place(views.parked(views.surroundings(scenario), (0.0, 0.0, -400.0)))
     grain = Electronics(
         lenses.Imager(full_well_electrons=20000.0, read_noise_electrons=5.0),
-        640 * 480,
+        PINHOLE.width * PINHOLE.height,
         RandomStreams(1, "rover/camera"),
     )
     pictures = []
@@ -105,30 +115,55 @@ def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[
 
 
 def found(pictures: list[NDArray[np.uint8]]) -> tuple[list[Any], list[Any]]:
-    """Return corners in the board and in the pictures, of those in which all are seen."""
+    """Return corners in the board and in the pictures, of those in which all are seen.
+
+    The detector is off by 0.02 to 0.04 pixels towards the middle, whatever draws the board, so it
+    only finds where `cornerSubPix` begins.
+    """
     solid, flat = [], []
     for picture in pictures:
-        seen, corners = cv2.findChessboardCornersSB(picture, INNER, flags=cv2.CALIB_CB_ACCURACY)
+        small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        seen, corners = cv2.findChessboardCornersSB(small, INNER, flags=cv2.CALIB_CB_ACCURACY)
         if seen:
+            soft = cv2.GaussianBlur(picture, (0, 0), 2.0)
+            begun = (2 * corners + 0.5).astype(np.float32)
+            rows = begun.reshape(*INNER[::-1], 2)
+            steps = [np.linalg.norm(np.diff(rows, axis=axis), axis=2).min() for axis in (0, 1)]
+            half = int(np.clip(0.35 * min(steps), 3, 9))  # without the next corner's edges
+            corners = cv2.cornerSubPix(soft, begun, (half, half), (-1, -1), (3, 50, 1e-4))
             solid.append(CORNERS[None])
             flat.append(corners.reshape(1, -1, 2))
     return solid, flat
 
 
+def seen_points(spec: lenses.Lens) -> Floats:
+    """Return what a lens puts on pixels all over the picture, in its frame, shape (N, 3)."""
+    undistort = cv2.undistortPoints if spec.model == "plumb_bob" else cv2.fisheye.undistortPoints
+    flat = np.ascontiguousarray(PINHOLE.rays()[::24, ::24, :2]).reshape(-1, 1, 2)
+    rays = undistort(flat, np.eye(3), np.array(spec.coefficients))[:, 0]
+    return np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+
+
+def displacements(spec: lenses.Lens, points: Floats) -> Floats:
+    """Return by how many pixels the coefficients of a lens move points, shape (N, 2)."""
+    ideal = lenses.Lens(model=spec.model)
+    return projected(spec, points, np.eye(4)) - projected(ideal, points, np.eye(4))
+
+
 @pytest.mark.parametrize(
     ("fields", "away_m"),
     [
-        ({"distortion": (-0.20, 0.08, 0.003, -0.004), **FRINGES}, 0.42),
-        ({"distortion": (0.15, -0.05)}, 0.42),
-        ({"model": "equidistant", "distortion": (-0.05, 0.02)}, 0.25),
+        ({"distortion": (-0.25, 0.10, 0.010, -0.012), **FRINGES}, 0.42),
+        ({"distortion": (0.25, -0.12)}, 0.42),
+        ({"model": "equidistant", "distortion": (-0.08, 0.04)}, 0.25),
     ],
     ids=["barrel", "pincushion", "fisheye"],
 )
 def test_a_chessboard_calibrates_to_camera_info(fields: dict[str, Any], away_m: float) -> None:
-    """K within 0.5 %; the distortion within 2 % of its largest coefficient's shift."""
+    """K within 0.5 %; every coefficient, and what they do anywhere in the picture, within 2 %."""
     spec = lenses.Lens(**fields)
     solid, flat = found(drawn(lit(), spec, away_m))
-    assert len(solid) >= 12
+    assert len(solid) >= 0.6 * VIEWS
     size = (PINHOLE.width, PINHOLE.height)
     if spec.model == "plumb_bob":
         flags = cv2.CALIB_FIX_K3
@@ -139,10 +174,17 @@ def test_a_chessboard_calibrates_to_camera_info(fields: dict[str, Any], away_m: 
         error, k, d, *_ = cv2.fisheye.calibrate(
             solid, flat, size, np.eye(3), np.zeros(4), flags=flags
         )
-    print(f"{error=:.3f}", k.tolist(), d.ravel().tolist())
-    assert error < 0.2
+    told, calibrated = spec.coefficients, tuple(d.ravel().tolist()[: len(spec.coefficients)])
+    print(f"{error=:.3f}", len(solid), k.tolist(), calibrated)
+    assert error < 0.4
     assert np.diag(k)[:2] == pytest.approx([PINHOLE.fx, PINHOLE.fy], rel=0.005)
     assert k[:2, 2] == pytest.approx([PINHOLE.cx, PINHOLE.cy], rel=0.005)
-    wanted = np.array(spec.coefficients)
-    assert d.ravel()[0] == pytest.approx(wanted[0], rel=0.02)
-    assert d.ravel()[2:4] == pytest.approx(wanted[2:4], abs=0.02 * abs(wanted[0]))
+    # Where a coefficient is zero, what is found must be small beside the others.
+    assert calibrated == pytest.approx(told, rel=0.02, abs=0.005 * abs(told[0]))
+    points = seen_points(spec)
+    wanted = displacements(spec, points)
+    found_px = displacements(lenses.Lens(model=spec.model, distortion=calibrated), points)
+    shift_px = np.linalg.norm(wanted, axis=1)
+    off_px = np.linalg.norm(found_px - wanted, axis=1)
+    counts = shift_px > 0.1 * shift_px.max()
+    assert (off_px[counts] / shift_px[counts]).max() < 0.02

@@ -60,7 +60,7 @@ def test_a_driver_that_draws_nothing(
     assert DEBIAN in text
 
 
-def test_a_process_ends_with_one_line_and_2() -> None:
+def test_a_process_ends_with_one_line_and_3() -> None:
     broken = (
         "import moderngl, threading\n"
         "def missing(**_): raise Exception('no EGL')\n"
@@ -72,6 +72,6 @@ def test_a_process_ends_with_one_line_and_2() -> None:
     done = subprocess.run(
         [sys.executable, "-c", broken], capture_output=True, text=True, timeout=60, check=False
     )
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert done.stderr.startswith("sensors.camera: cameras need OpenGL 3.3")
     assert done.stderr.count("\n") == 1

@@ -63,7 +63,7 @@ def test_depth_agrees_with_rays(world: str) -> None:
     made = Renderer(scenario.world, around, PINHOLE, with_labels=True)
     made.place(poses)
     things = made.labels.of_solids(solid.name for solid in around.static)
-    vehicles = [made.labels.of_vehicle(name) for name in around.vehicles]
+    vehicles = [made.labels.of_mover(name) for name in around.movers]
     of_label = np.array(
         [
             *things,

@@ -13,8 +13,10 @@ from groundlink.world.triangles import merged
 from services.sensors.rendering.chunks import boxes_around, cut
 from services.sensors.rendering.culling import Boxes, from_near_to_far, seen
 from services.sensors.rendering.labels import Labels
-from services.sensors.rendering.mesh import Mesh, meshes
-from services.sensors.rendering.textures import BRIGHTEST, TEXELS, texture
+from services.sensors.rendering.mesh import Mesh
+from services.sensors.rendering.patterns import TEXELS
+from services.sensors.rendering.shapes import meshes
+from services.sensors.rendering.textures import BRIGHTEST, texture
 
 TURNED = (0.0, 0.0, 0.3826834, 0.9238795)
 SHAPES: dict[str, Shape] = {
@@ -70,6 +72,10 @@ def test_things_of_one_material_differ_a_little() -> None:
     assert len(corners) > 4 * 15
 
 
+JOINTED = ("tiles", "printed", "bricks", "roof_tiles")
+"""Textures with edges in them, one of which may be the picture's."""
+
+
 @pytest.mark.parametrize("name", get_args(Texture))
 def test_a_texture_repeats_without_a_seam(name: Texture) -> None:
     picture = texture(name)
@@ -83,7 +89,7 @@ def test_a_texture_repeats_without_a_seam(name: Texture) -> None:
     # From the last row to the first is no more of a step than from one row to the next.
     for axis in (0, 1):
         steps = np.abs(np.diff(factors, axis=axis, append=factors.take([0], axis))).mean(1 - axis)
-        assert steps[-1] < 4 * np.median(steps) + 0.01 or name in ("tiles", "printed", "bricks")
+        assert steps[-1] < 4 * np.median(steps) + 0.01 or name in JOINTED
 
 
 def test_cutting_loses_nothing() -> None:
@@ -122,16 +128,22 @@ def test_boxes_in_view_are_seen_and_those_behind_are_not() -> None:
 
 
 def test_things_have_names_and_classes() -> None:
-    labels = Labels({"north_west_post"})
+    labels = Labels({"north_west_post"}, {})
     names = [
         *("room_floor", "wall_north_left", "wall_north_right", "table_0_leg_1", "table_0_top"),
         *("table_1_top", "clutter_3", "clutter_4", "north_west_post"),
     ]
     assert labels.of_solids(names) == [0, 1, 1, 2, 2, 3, 4, 5, 6]
-    assert labels.of_vehicle("rover") == labels.of_vehicle("rover") == 7
+    assert labels.of_mover("rover") == labels.of_mover("rover") == 7
     assert labels.instances[2:] == [
         *("table_0", "table_1", "clutter_3", "clutter_4", "north_west_post", "rover")
     ]
     assert labels.classes == [
         *("floor", "wall", "table", "table", "clutter", "clutter", "north_west_post", "vehicle")
     ]
+
+
+def test_actors_are_things_of_their_kind() -> None:
+    labels = Labels((), {"visitor": "person"})
+    assert [labels.of_mover(name) for name in ("rover", "visitor", "rover")] == [0, 1, 0]
+    assert labels.classes == ["vehicle", "person"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera's process without a package that cameras need: one line and exit 2."""
+"""A camera's process without a package that cameras need: one line and exit code 3."""
 
 from __future__ import annotations
 
@@ -50,4 +50,4 @@ def test_a_missing_package_is_one_line(kind: str, package: str) -> None:
     assert done.stderr.count("\n") == 1, done.stderr
     assert f"need the package `{package}`" in done.stderr
     assert "pip install groundlink[camera]" in done.stderr
-    assert done.returncode == 2
+    assert done.returncode == 3

@@ -138,7 +138,7 @@ def test_a_vehicle_stands_in_the_shade() -> None:
         made.place(views.parked(around, (2.0, 0.0, 0.17)))
         frame = made.draw(views.looking((4.0, 0.0, 1.0), yaw_deg=180.0, pitch_deg=20.0))
         assert frame.labels is not None
-        rover = frame.labels == made.labels.of_vehicle("rover")
+        rover = frame.labels == made.labels.of_mover("rover")
         assert rover.sum() > 500
         brightnesses.append(float(frame.colour[rover].mean()))
     assert brightnesses[1] < 0.9 * brightnesses[0]

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a terrain against those of the laboratory: `python -m benchmarks.camera_terrain`.
+
+Rule: 640 x 480, colour and depth, no lens, turn by turn in one process; the terrain is hills of
+15 x 15 km in cells of 10 m, with four materials. Figures are medians over places of the processor's
+time over all threads; `start` is from the world's data to the first picture, `memory` what that
+adds, the same for both worlds but for what they are made of.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.frames import Floats, multiply, quaternion_from_rpy, transform
+from groundlink.importing import terrain
+from groundlink.importing.files import silent
+from groundlink.importing.terrain_specs import Hills, Where
+from groundlink.scenario import Scenario, load
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
+from groundlink.world.solids import Material
+from groundlink.world.terrain import ground
+from services.sensors.rendering.pinhole import Pinhole
+from services.sensors.rendering.renderer import Renderer
+from services.sensors.surroundings import Surroundings
+
+PINHOLE = Pinhole(640, 480, 415.0, 415.0, 319.5, 239.5)
+HILLS = Hills(
+    seed=4,
+    size_m=(15_000.0, 15_000.0),
+    cell_m=10.0,
+    height_m=900.0,
+    longest_m=6000.0,
+    material="meadow",
+    where=(
+        Where(material="soil", slope_deg=(14.0, 90.0)),
+        Where(material="rock", slope_deg=(22.0, 90.0)),
+        Where(material="snow", slope_deg=(0.0, 25.0), height_m=(700.0, 2000.0)),
+    ),
+)
+MATERIALS = {
+    "meadow": Material(color=(0.11, 0.15, 0.045), texture="grass", texture_size_m=3.0),
+    "soil": Material(color=(0.20, 0.14, 0.09), texture="soil", texture_size_m=3.0),
+    "rock": Material(color=(0.28, 0.27, 0.26), texture="rock", texture_size_m=4.0),
+    "snow": Material(color=(0.80, 0.82, 0.86), texture="snow", texture_size_m=4.0),
+}
+ROUNDS = 8
+
+
+def looking(x: float, y: float, z: float, yaw_deg: float) -> Floats:
+    """Return world_from_optical of a camera that is tilted down a little."""
+    turn = quaternion_from_rpy(0.0, np.radians(5.0), np.radians(yaw_deg))
+    return transform(np.array([x, y, z]), multiply(turn, MOUNT_FROM_OPTICAL))
+
+
+def hilly(scenario: Scenario) -> Scenario:
+    """Return the scenario on the terrain."""
+    built = terrain.build(HILLS, Path(), silent)
+    materials = {**scenario.world.materials, **MATERIALS}
+    world = replace(
+        scenario.world,
+        **{"terrain": built, "materials": materials, "light": None},
+        **{"room": None, "furniture": (), "clutter": None, "solids": ()},
+    )
+    return replace(scenario, world=world)
+
+
+def resident_mb() -> float:
+    """Return the memory of this process."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * 4096 / 1e6
+
+
+class Place:
+    """A world and where to look from."""
+
+    def __init__(self, scenario: Scenario, poses: list[Floats]) -> None:
+        before, since = resident_mb(), time.process_time()
+        around = Surroundings(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+        self._poses, self._renderer = poses, Renderer(scenario.world, around, PINHOLE)
+        parked = np.tile([0.0, 0.0, -400.0, 0.0, 0.0, 0.0, 1.0], (len(around.links), 1))
+        self._renderer.place(parked)
+        self.milliseconds(0)
+        self.start_seconds = time.process_time() - since
+        self.memory_mb = resident_mb() - before
+
+    def milliseconds(self, number: int) -> float:
+        """Return what a picture took."""
+        since = time.process_time()
+        self._renderer.draw(self._poses[number % len(self._poses)])
+        return 1e3 * (time.process_time() - since)
+
+
+def main() -> int:
+    """Measure and print."""
+    lab = load(SHIPPED / "indoor_lab.yaml")
+    hills = hilly(lab)
+    assert hills.world.terrain
+    relief = ground(hills.world.terrain)
+    spots = [(0.0, 0.0, 1.2), (-1800.0, 2600.0, 1.2), (4000.0, -3000.0, 3.0), (500.0, 5000.0, 60.0)]
+    outside = [
+        looking(x, y, float(relief.height_at(x, y)) + up, yaw)
+        for x, y, up in spots
+        for yaw in (0.0, 100.0, 230.0)
+    ]
+    inside = [looking(x, 0.0, 0.5, yaw) for x in (-4.0, 0.0) for yaw in (0.0, 100.0, 230.0)]
+    places = {"laboratory": Place(lab, inside), "terrain": Place(hills, outside)}
+    spent = {name: np.empty(0) for name in places}
+    for number in range(ROUNDS * len(outside)):
+        for name, place in places.items():
+            spent[name] = np.append(spent[name], place.milliseconds(number))
+    medians = {name: float(np.median(times)) for name, times in spent.items()}
+    for name, place in places.items():
+        print(
+            f"{name:10} cpu_ms={medians[name]:.1f} worst_ms={spent[name].max():.1f} "
+            f"start_cpu_s={place.start_seconds:.2f} memory_mb={place.memory_mb:.0f}"
+        )
+    print(f"ratio={medians['terrain'] / medians['laboratory']:.2f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink pause`, `resume`, `step`, `reset`: a run under way does what a person says.
+
+Rule: one table of commands; what each does is physics' business, whose answer is told.
+"""
+
+from __future__ import annotations
+
+import argparse
+import threading
+import time
+
+import msgspec
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.clock import TICK_SECONDS
+from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.errors import UserError
+from groundlink.questions import control_key
+
+ANSWER_SECONDS = 5.0
+
+POLL_SECONDS = 0.05
+"""How often a run is asked whether its steps are done."""
+
+WISHES: dict[str, tuple[type[AnyWish], str]] = {
+    "pause": (Pause, "let the sim time of a run stand still"),
+    "resume": (Resume, "let the sim time of a run go on"),
+    "step": (Step, "let sim time stand still again after some ticks of 2.5 ms"),
+    "reset": (Reset, "begin a run again, everything at its start"),
+}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands to the command line."""
+    for name, (wish, help_text) in WISHES.items():
+        parser = subparsers.add_parser(name, help=help_text)
+        if wish is Step:
+            parser.add_argument("ticks", nargs="?", type=int, default=1, help="how many (1)")
+        parser.add_argument("--run", help="name of the run; needed only where several run")
+        parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
+        parser.set_defaults(command=control, wish=wish)
+
+
+def control(options: argparse.Namespace) -> int:
+    """Ask a run's physics to do a wish, and tell what became of it."""
+    if options.wish is Step and options.ticks < 1:
+        raise UserError(f"{options.ticks} ticks: expected 1 or more")
+    wish = Step(options.ticks) if options.wish is Step else options.wish()
+    with Bus(connect=process.endpoint(options)) as bus:
+        run, _ = process.join(bus, options.run, threading.Event())
+        answer = ask(bus, run, wish)
+        while isinstance(wish, Step) and not answer.paused:
+            time.sleep(POLL_SECONDS)
+            answer = ask(bus, run)
+    state = "paused" if answer.paused else "running"
+    print(f"run `{run}` is {state} at tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s)")
+    return 0
+
+
+def ask(bus: Bus, run: str, wish: AnyWish | None = None) -> ControlAnswer:
+    """Return physics' answer to a wish, or how it is.
+
+    Raises
+    ------
+    UserError
+        when there is none, or the wish could not be done.
+    """
+    asked = msgspec.json.encode(wish).decode() if wish is not None else ""
+    replies = bus.ask(control_key(run), asked, seconds=ANSWER_SECONDS)
+    if not replies:
+        raise UserError(f"physics of run `{run}` does not answer; is its process running?")
+    answer = msgspec.json.decode(next(iter(replies.values())), type=ControlAnswer)
+    if answer.error:
+        raise UserError(f"run `{run}`: {answer.error}")
+    return answer

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink spawn` and `groundlink remove`: things come into a run under way, and go.
+
+Rule: files are read here, so physics is sent what they mean. Whether there is room, physics says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.clock import TICK_SECONDS
+from groundlink.control import ControlAnswer, Remove, Spawn
+from groundlink.errors import UserError
+from groundlink.scenario.spawned import KINDS, At, addition
+from groundlink.world.bodies import link_bodies
+from groundlink.world.build import solids
+from groundlink.world.starts import ground_of
+
+from .control import ask
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands to the command line."""
+    put = subparsers.add_parser("spawn", help="put a vehicle or an obstacle into a run under way")
+    put.add_argument(
+        "what",
+        metavar="FILE.yaml|KIND",
+        help=f"a vehicle, a world with solids or actors, or one of {', '.join(KINDS)}",
+    )
+    put.add_argument("--name", help="what it is to be called (after what it is)")
+    put.add_argument(
+        "--at",
+        metavar="X,Y[,Z[,YAW]]",
+        default="0,0",
+        help="where: metres, z above the ground, degrees; --at=-1,2 where x is negative",
+    )
+    put.set_defaults(command=spawn)
+    take = subparsers.add_parser("remove", help="take a vehicle or an obstacle out of a run")
+    take.add_argument("name", help="of a vehicle, an actor, a solid or what its parts begin with")
+    take.set_defaults(command=remove)
+    for parser in (put, take):
+        parser.add_argument("--run", help="name of the run; needed only where several run")
+        parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
+
+
+def spawn(options: argparse.Namespace) -> int:
+    """Put something into a run."""
+    at = _place(options.at)
+    with Bus(connect=process.endpoint(options)) as bus:
+        run, scenario = process.join_world(bus, options.run, threading.Event())
+        names = [vehicle.name for vehicle in scenario.vehicles]
+        names += [solid.name for solid in solids(scenario)]
+        name, more = addition(
+            options.what,
+            at=at,
+            name=options.name,
+            taken=[*link_bodies(scenario), *names],
+            ground=ground_of(scenario),
+            tell=lambda line: print(line, file=sys.stderr),
+        )
+        answer = ask(bus, run, Spawn(more))
+    print(f"run `{run}` has `{name}` {_from(answer)}")
+    return 0
+
+
+def remove(options: argparse.Namespace) -> int:
+    """Take something out of a run."""
+    with Bus(connect=process.endpoint(options)) as bus:
+        run, _ = process.join(bus, options.run, threading.Event())
+        answer = ask(bus, run, Remove(options.name))
+    print(f"run `{run}` is without `{options.name}` {_from(answer)}")
+    return 0
+
+
+def _from(answer: ControlAnswer) -> str:
+    tick = answer.tick + 1
+    return f"from tick {tick} ({tick * TICK_SECONDS:.4f} s) on"
+
+
+def _place(text: str) -> At:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        if not 2 <= len(numbers) <= 4 or not all(abs(number) < 1e9 for number in numbers):
+            raise ValueError
+    except ValueError:
+        raise UserError(f"--at {text}: expected X,Y or X,Y,Z or X,Y,Z,YAW") from None
+    return At(*numbers)

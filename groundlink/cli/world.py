@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink world import FILE`: make a world of a heightmap or a mesh, and say what it holds.
+
+`groundlink world show WHAT`: a picture of a world, a vehicle or a scenario.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from groundlink.errors import UserError
+from groundlink.importing import heightmaps, mesh_files, world_files
+from groundlink.importing.mesh_specs import MeshFile
+from groundlink.importing.terrain import BadTerrain
+from groundlink.importing.terrain_specs import HeightmapFile
+
+S = TypeVar("S", MeshFile, HeightmapFile)
+
+MOST_PIXELS = 4096
+"""Along a side of a picture."""
+
+_FORMATS = (*heightmaps.FORMATS, *mesh_files.FORMATS)
+
+_FIELDS = ("heights_m", "cell_m", "size_m", "scale", "up")
+"""Fields of descriptions that are options here."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("world", help="make worlds of files, draw pictures of them")
+    more = parser.add_subparsers(required=True, metavar="import|show")
+    _add_import(more)
+    shown = more.add_parser("show", help="draw a picture of a world, a vehicle or a scenario")
+    add_show_arguments(shown)
+    shown.set_defaults(command=show)
+
+
+def add_show_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `show`, which the process that draws takes, too."""
+    parser.add_argument(
+        "what", metavar="WORLD|VEHICLE|SCENARIO", help="file (YAML), or the name of a shipped one"
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE.png", help="default WHAT.png")
+    parser.add_argument(
+        *("--from",),
+        type=_direction,
+        dest="point",
+        metavar="AZIMUTH,ELEVATION",
+        help="where the eye is: degrees clockwise from north, and up",
+    )
+    parser.add_argument(
+        *("--size",),
+        type=_size,
+        default=(960, 640),
+        metavar="WIDTHxHEIGHT",
+        help="of the picture, pixels (default 960x640)",
+    )
+
+
+def show(options: argparse.Namespace) -> int:
+    """Have a picture drawn."""
+    words = [options.what, "--size", "{}x{}".format(*options.size)]
+    words += ["--out", str(options.out)] if options.out else []
+    words += ["--from={:g},{:g}".format(*options.point)] if options.point else []
+    module = "services.sensors.rendering.portrait"
+    return subprocess.run([sys.executable, "-m", module, *words], check=False).returncode
+
+
+def _direction(text: str) -> tuple[float, float]:
+    azimuth, _, elevation = text.partition(",")
+    try:
+        found = float(azimuth), float(elevation)
+    except ValueError:
+        found = (math.nan, math.nan)
+    if not (abs(found[0]) <= 360 and 0 <= found[1] <= 90):
+        raise argparse.ArgumentTypeError(f"`{text}`: expected AZIMUTH,ELEVATION such as 200,35")
+    return found
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 16 <= min(int(width), int(height))):
+        raise argparse.ArgumentTypeError(f"`{text}`: expected WIDTHxHEIGHT such as 960x640")
+    if max(int(width), int(height)) > MOST_PIXELS:
+        raise argparse.ArgumentTypeError(f"`{text}`: at most {MOST_PIXELS} pixels along a side")
+    return int(width), int(height)
+
+
+def _add_import(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser(
+        "import", help="make a world of a heightmap, a mesh or a scan, and say what it holds"
+    )
+    parser.add_argument("file", type=Path, help=f"one of {', '.join(_FORMATS)}")
+    parser.add_argument("--out", type=Path, metavar="WORLD.yaml", help="write a world file")
+    of_map = parser.add_argument_group("heightmaps")
+    of_map.add_argument(
+        "--heights-m",
+        type=float,
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="heights that black and white of a PNG stand for",
+    )
+    of_map.add_argument("--cell-m", type=float, metavar="M", help="side of a cell")
+    of_map.add_argument(
+        "--size-m", type=float, nargs=2, metavar=("X", "Y"), help="instead: lengths of the map"
+    )
+    of_mesh = parser.add_argument_group("meshes and scans")
+    of_mesh.add_argument("--scale", type=float, metavar="S", help="metres in a unit of the file")
+    of_mesh.add_argument("--up", choices=("y", "z"), help="the file's axis that points up")
+    parser.set_defaults(command=import_)
+
+
+def import_(options: argparse.Namespace) -> int:
+    """Print what a file holds, and write a world file if that is asked for.
+
+    Raises
+    ------
+    UserError
+        when the file is wrong, or the world's file is there already.
+    """
+    file, out = options.file, options.out
+    folder = Path() if out is None else out.parent
+    if out is not None and out.exists():
+        raise UserError(f"--out {out}: is there already; delete it or give another name")
+    if not folder.is_dir():
+        raise UserError(f"--out {out}: there is no folder {folder}")
+    if file.suffix.lower() not in _FORMATS:
+        raise UserError(f"{file}: no such file is known; expected one of {', '.join(_FORMATS)}")
+    named = os.path.relpath(file, folder)
+    print(f"{file}:", flush=True)
+    if file.suffix.lower() in mesh_files.FORMATS:
+        mesh = _spec(options, MeshFile, ("scale", "up"))
+        text = world_files.of_mesh(mesh, named, _say, _warn)
+    else:
+        heightmap = _spec(
+            options, HeightmapFile, ("heights_m", "cell_m", "size_m"), material=world_files.MATERIAL
+        )
+        try:
+            text = world_files.of_heightmap(heightmap, named, _say, _warn)
+        except BadTerrain as error:
+            raise UserError(f"{file}: {_option(error.field)}: {error.problem}") from None
+    if out is not None:
+        out.write_text(text, encoding="utf-8")
+        _say(f"written: {out}; a scenario beside it has it by `world: {out.name}`")
+    return 0
+
+
+def _spec(options: argparse.Namespace, spec: type[S], fields: tuple[str, ...], **fixed: Any) -> S:
+    """Return what the options ask for; those that do not belong to this kind are refused."""
+    given = {name: getattr(options, name) for name in _FIELDS if getattr(options, name) is not None}
+    if wrong := given.keys() - set(fields):
+        raise UserError(f"{_option(min(wrong))}: {options.file} has no use for it; leave it out")
+    kind = spec.__struct_config__.tag
+    try:
+        return msgspec.convert({"kind": kind, "file": str(options.file)} | given | fixed, spec)
+    except msgspec.ValidationError as error:
+        problem, _, where = str(error).partition(" - at `$.")
+        field = where.strip("`").partition("[")[0]
+        raise UserError(f"{_option(field)}: {problem[:1].lower()}{problem[1:]}") from None
+
+
+def _option(field: str) -> str:
+    return f"--{field.replace('_', '-')}"
+
+
+def _say(line: str) -> None:
+    print(f"  {line}", flush=True)
+
+
+def _warn(line: str) -> None:
+    print(f"groundlink: warning: {line}", file=sys.stderr)

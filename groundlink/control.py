@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run under way may be told: to pause, go on, step, begin again, take in or give up things.
+
+Rule: a wish and its answer, as JSON in a query of `control_key` and its reply. Physics does what is
+wished between two ticks; sensors see nothing of a pause but that no state comes.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from groundlink.scenario.change import Addition
+
+
+class Wish(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
+    """What somebody wants of a run."""
+
+
+class Pause(Wish, frozen=True, tag="pause"):
+    """Let sim time stand still."""
+
+
+class Resume(Wish, frozen=True, tag="resume"):
+    """Let sim time go on, as the scenario's mode has it."""
+
+
+class Step(Wish, frozen=True, tag="step"):
+    """Let sim time stand still after so many ticks more."""
+
+    ticks: Annotated[int, msgspec.Meta(ge=1, le=10**9)] = 1
+
+
+class Reset(Wish, frozen=True, tag="reset"):
+    """Begin again at tick 0 with everything at its start; a run that was paused is so still."""
+
+
+class Spawn(Wish, frozen=True, tag="spawn"):
+    """Put something into the world; after a reset it is there from the start."""
+
+    more: Addition
+
+
+class Remove(Wish, frozen=True, tag="remove"):
+    """Take a vehicle, an actor or a solid out of the world; a reset does not bring it back."""
+
+    name: str
+
+
+AnyWish = Pause | Resume | Step | Reset | Spawn | Remove
+
+
+class ControlAnswer(msgspec.Struct, frozen=True):
+    """What became of a wish."""
+
+    error: str
+    """Why it could not be done; empty where it was."""
+
+    tick: int = -1
+    """The last one that was stepped to."""
+
+    paused: bool = False

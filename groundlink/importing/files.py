@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What reading a file of others has in common: how it fails, and how it tells what it doubts.
+
+Rule: the libraries that read such files fail in many ways on broken ones, so whatever they raise is
+a `BadFile`. What a file declares is checked against what it can hold before anything is allocated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from groundlink.errors import UserError
+
+Tell = Callable[[str], None]
+"""Takes one line about a file that a person should know of."""
+
+
+class BadFile(UserError):
+    """A file of others that cannot be used."""
+
+
+def silent(line: str) -> None:
+    """Drop a line, where nobody wants to know."""
+
+
+@contextmanager
+def reading(file: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a library raises into one line about `file`, which should be a `kind`."""
+    if file.exists() and not file.is_file():
+        raise BadFile(f"{file}: no file, but a folder, a pipe or a device")
+    try:
+        yield
+    except (BadFile, KeyboardInterrupt):
+        raise
+    except ModuleNotFoundError as error:
+        if error.name not in ("PIL", "trimesh"):  # what trimesh itself does without
+            raise BadFile(f"{file}: not a valid {kind}") from None
+        raise BadFile(
+            f"{file}: reading a {kind} needs `{error.name}`; pip install 'groundlink[physics]'"
+        ) from None
+    except FileNotFoundError:
+        raise BadFile(f"{file}: there is no such file") from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadFile(f"{file}: not a whole {kind}: {one_line(reason)}") from None
+    except MemoryError:
+        raise BadFile(f"{file}: too large for this machine's memory") from None
+    except (LookupError, TypeError, AssertionError):
+        # What these say is about the reader's own lists, not about the file.
+        raise BadFile(f"{file}: not a valid {kind}") from None
+    except Exception as error:
+        # Readers of broken files raise nearly everything: ValueError, struct.error, SyntaxError.
+        reason = str(error) or type(error).__name__
+        raise BadFile(f"{file}: not a valid {kind}: {one_line(reason)}") from None
+
+
+def one_line(text: str) -> str:
+    """Return text from a file or a library as a line can hold it."""
+    text = " ".join(text.split())
+    return text if len(text) <= 120 else f"{text[:117]}..."

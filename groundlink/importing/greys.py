@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PNG and TIFF pictures of one channel, as arrays of numbers.
+
+Rule: what a picture declares is weighed before it is unpacked; a colour picture is refused.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .files import BadFile
+
+MOST_VALUES = 2**27
+"""Half a gigabyte of float32: 15 km x 15 km at 1.3 m."""
+
+MOST_COMPRESSION = 1100
+"""Deflate makes data 1032 times smaller at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grey:
+    """A picture of one channel."""
+
+    values: NDArray[Any]
+    """Shape (rows, columns); row 0 is the lowest of the picture, the south of a map."""
+
+    mode: str
+    """Of Pillow: `L` or `P` for 8 bits."""
+
+    is_png: bool
+    tags: dict[int, Any]
+    """Of a TIFF."""
+
+
+def read(file: Path) -> Grey:
+    """Return the picture in a file.
+
+    Raises
+    ------
+    BadFile
+        when it is in colour or declares more than it can hold.
+    """
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of sizes that are checked here
+            image = Image.open(file, formats=("PNG", "TIFF"))
+    except Image.DecompressionBombError:
+        raise BadFile(f"{file}: more than {MOST_VALUES // 10**6} million pixels") from None
+    with image:
+        columns, rows = image.size
+        check_count(file, rows, columns)
+        if rows * columns > MOST_COMPRESSION * file.stat().st_size:
+            raise BadFile(
+                f"{file}: declares {columns} x {rows} pixels, which a file of "
+                f"{file.stat().st_size} bytes cannot hold"
+            )
+        if image.mode not in ("L", "P", "I", "F") and not image.mode.startswith("I;16"):
+            raise BadFile(
+                f"{file}: a picture in colour (mode {image.mode}); expected one grey channel"
+            )
+        return Grey(
+            values=np.asarray(image)[::-1],
+            mode=image.mode,
+            is_png=image.format == "PNG",
+            tags=dict(getattr(image, "tag_v2", {})),
+        )
+
+
+def check_count(file: Path, rows: int, columns: int) -> None:
+    """Refuse what is too large to be used."""
+    if rows * columns > MOST_VALUES:
+        raise BadFile(
+            f"{file}: {columns} x {rows} values are more than {MOST_VALUES // 10**6} million; "
+            "use a coarser map or a part of it"
+        )

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Heightmaps in files: PNG, GeoTIFF, ESRI ASCII grids and .npy.
+
+Rule: what comes out has its rows from south to north, NaN where the file has no height. Pictures,
+GeoTIFFs and ESRI grids have their first row in the north; a .npy file is as arrays here are, its
+first row in the south. A map has 2 x 2 heights or more and 134 million at most.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import greys
+from .files import BadFile, Tell, reading
+
+_MODEL_TYPE, _PIXEL_SCALE, _KEYS, _NO_DATA = 1024, 33550, 34735, 42113
+"""A key and tags of GeoTIFF 1.1 (OGC 19-008r4), and GDAL's tag for places without data."""
+
+_GEOGRAPHIC = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """What a file says."""
+
+    values: NDArray[Any]
+    """Shape (rows, columns), numbers; floats may be NaN. Row 0 is in the south."""
+
+    full_scale: int | None = None
+    """What stands for the upper end of a range, 255 or 65535; None: values are metres."""
+
+    cell_m: float | None = None
+    """None: the file does not say."""
+
+
+def read(file: Path, tell: Tell) -> Map:
+    """Return the heightmap in a file.
+
+    Raises
+    ------
+    BadFile
+        when there is none.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in FORMATS:
+        raise BadFile(f"{file}: no heightmap that is known; expected {', '.join(FORMATS)}")
+    name, read_format = FORMATS[suffix]
+    with reading(file, name), np.errstate(all="ignore"):
+        found = read_format(file, tell)
+        _check_size(file, found.values.shape)
+    return found
+
+
+def _check_size(file: Path, shape: tuple[int, ...]) -> None:
+    if len(shape) != 2:
+        raise BadFile(f"{file}: expected heights in rows and columns, has {len(shape)} dimensions")
+    rows, columns = shape
+    if min(shape) < 2:
+        raise BadFile(f"{file}: {columns} x {rows} heights; expected 2 x 2 or more")
+    greys.check_count(file, rows, columns)
+
+
+def _read_picture(file: Path, tell: Tell) -> Map:
+    """Return a PNG's or GeoTIFF's values."""
+    grey = greys.read(file)
+    if grey.mode == "P":
+        raise BadFile(f"{file}: a picture of a palette of colours; expected one grey channel")
+    if grey.is_png:
+        return Map(grey.values, full_scale=255 if grey.mode == "L" else 65535)
+    values = _without(grey.values, grey.tags.get(_NO_DATA))
+    return Map(values, cell_m=_cell_m(file, grey.tags, tell))
+
+
+def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
+    """Return values with NaN in the place of what stands for no height."""
+    if no_data is None:
+        return values
+    marker = np.float32(str(no_data).strip("\0 "))
+    floats = values.astype(np.float32)
+    floats[floats == marker] = np.nan
+    return floats
+
+
+def _cell_m(file: Path, tags: dict[int, Any], tell: Tell) -> float | None:
+    """Return the length of a GeoTIFF's cell in metres, or None where it says none."""
+    scale = tags.get(_PIXEL_SCALE)
+    if scale is None:
+        return None
+    keys = np.array(tags.get(_KEYS, ())[4:], np.int64)
+    keys = keys[: len(keys) // 4 * 4].reshape(-1, 4)
+    if any(key == _MODEL_TYPE and value == _GEOGRAPHIC for key, _, _, value in keys):
+        tell(f"{file}: cells in degrees, not metres; project it first, or give `cell_m`")
+        return None
+    across, along = float(scale[0]), float(scale[1])
+    if not (across > 0 and abs(across - along) <= 1e-3 * across):
+        tell(f"{file}: cells of {across:g} x {along:g} m; resample it to square ones")
+        return None
+    return across
+
+
+def _read_npy(file: Path, tell: Tell) -> Map:
+    """Return a .npy file's array; one that would need unpickling is refused."""
+    # Not `np.load`, which takes pickles and archives too.
+    values = np.lib.format.open_memmap(file, mode="r")
+    if values.dtype.kind not in "iuf":
+        raise BadFile(f"{file}: an array of {values.dtype}; expected numbers, best float32")
+    return Map(values)
+
+
+_HEADER_LINE = re.compile(r"\s*([a-zA-Z_]+)\s+(\S+)\s*$")
+
+
+def _read_esri(file: Path, tell: Tell) -> Map:
+    """Return an ESRI ASCII grid: lines of a key and a value, then rows from north to south."""
+    header: dict[str, float] = {}
+    with file.open(encoding="ascii", errors="strict") as lines:
+        while match := _HEADER_LINE.match(first := lines.readline(1000)):
+            header[match[1].lower()] = float(match[2])
+        missing = {"ncols", "nrows"} - header.keys()
+        if missing:
+            raise BadFile(f"{file}: the header has no {', '.join(sorted(missing))}")
+        rows, columns = header["nrows"], header["ncols"]
+        if not (rows.is_integer() and columns.is_integer()):
+            raise BadFile(f"{file}: the header has {columns:g} x {rows:g} heights")
+        _check_size(file, (int(rows), int(columns)))
+        if 2 * rows * columns > file.stat().st_size + 1:
+            raise BadFile(
+                f"{file}: the header declares {columns:.0f} x {rows:.0f} heights, the file of "
+                f"{file.stat().st_size} bytes cannot hold them"
+            )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # what is no number is one of numpy's warnings
+            values = np.fromstring(first + lines.read(), np.float32, sep=" ")
+    if values.size != rows * columns:
+        raise BadFile(
+            f"{file}: {values.size} heights, but the header declares {columns:.0f} x {rows:.0f}"
+        )
+    cell_m = header.get("cellsize")
+    if cell_m is not None and not (0 < cell_m < np.inf):
+        raise BadFile(f"{file}: the header has a cellsize of {cell_m:g}")
+    grid = values.reshape(int(rows), int(columns))[::-1]
+    return Map(_without(grid, header.get("nodata_value")), cell_m=cell_m)
+
+
+FORMATS = {
+    ".png": ("PNG picture", _read_picture),
+    ".tif": ("GeoTIFF", _read_picture),
+    ".tiff": ("GeoTIFF", _read_picture),
+    ".asc": ("ESRI ASCII grid", _read_esri),
+    ".npy": (".npy file", _read_npy),
+}

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes and scans in files: OBJ, PLY, STL, glTF and GLB by `trimesh`, PCD by `pcd`.
+
+Rule: a file's pieces as it has them, each in the file's own frame and units: nothing is checked or
+changed here but what is needed to read them at all. Pictures stay the bytes that they are. What a
+file names beside itself is taken from its own folder and the one that the caller trusts, and from
+nowhere else, links followed: a mesh from a stranger shall not carry off what is none of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.frames import Floats
+from groundlink.world.colours import linear
+from groundlink.world.solids import Vector3
+
+from . import pcd
+from .files import BadFile, Tell, one_line, reading
+
+FORMATS = {
+    ".obj": "OBJ mesh",
+    ".ply": "PLY mesh",
+    ".stl": "STL mesh",
+    ".gltf": "glTF scene",
+    ".glb": "GLB scene",
+    ".pcd": "PCD point cloud",
+}
+
+MOST_FACES = 20_000_000
+
+Paint = tuple[Vector3 | None, bytes | None, bytes | None]
+"""As `mesh_asset.Part` has them: colour, picture and normals."""
+
+UNPAINTED: Paint = (None, None, None)
+
+
+@dataclass(eq=False, kw_only=True)
+class Piece:
+    """Triangles, or without faces points, that are painted alike."""
+
+    vertices: Floats
+    """Shape (V, 3)."""
+
+    faces: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    """Shape (F, 3)."""
+
+    uv: Floats | None = None
+    """Shape (V, 2)."""
+
+    colors: Floats | None = None
+    """Of each vertex, shape (V, 3): sRGB, 0..1."""
+
+    paint: Paint = UNPAINTED
+
+
+def read(file: Path, folder: Path, tell: Tell) -> list[Piece]:
+    """Return the pieces of a file, of which others may lie in `folder` or beside it.
+
+    Raises
+    ------
+    BadFile
+        when it cannot be read.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in FORMATS:
+        raise BadFile(f"{file}: no mesh or scan that is known; expected {', '.join(FORMATS)}")
+    with reading(file, FORMATS[suffix]), np.errstate(all="ignore"):
+        if suffix == ".pcd":
+            points, colors = pcd.read(file)
+            return [Piece(vertices=points, colors=colors)]
+        return list(_pieces(file, suffix, folder, tell))
+
+
+def _pieces(file: Path, suffix: str, folder: Path, tell: Tell) -> Iterator[Piece]:
+    import trimesh
+
+    scene, lacking = _scene(file, suffix, folder)
+    for problem in dict.fromkeys(lacking):
+        tell(f"{file}: {problem}; what it holds is left out")
+    pictures = _Pictures(file, tell)
+    faces_so_far = 0
+    for name, scene_from_part in _placed(scene):
+        part = scene.geometry[name]
+        faces_so_far += len(getattr(part, "faces", ()))
+        if faces_so_far > MOST_FACES:
+            raise BadFile(
+                f"{file}: more than {MOST_FACES // 10**6} million triangles; simplify the mesh"
+            )
+        vertices = np.asarray(part.vertices, np.float64)
+        vertices = vertices @ scene_from_part[:3, :3].T + scene_from_part[:3, 3]
+        if isinstance(part, trimesh.PointCloud):
+            colors = np.asarray(part.colors)
+            fits = colors.shape[:1] == vertices.shape[:1] and colors.shape[1] >= 3
+            yield Piece(vertices=vertices, colors=colors[:, :3] / 255.0 if fits else None)
+        elif isinstance(part, trimesh.Trimesh):
+            faces = np.asarray(part.faces, np.int64)
+            if np.linalg.det(scene_from_part[:3, :3]) < 0:
+                faces = faces[:, ::-1]  # A mirror turns surfaces inside out.
+            yield _painted_as(part.visual, Piece(vertices=vertices, faces=faces), pictures)
+
+
+def _placed(scene: Any) -> Iterator[tuple[str, Floats]]:
+    """Yield the parts of a scene and where they are, shape (4, 4).
+
+    From the root downwards: trimesh itself goes up from each part, which for a chain of a thousand
+    parts takes a minute.
+    """
+    forest = scene.graph.transforms
+    waiting: list[tuple[str, Floats]] = [(scene.graph.base_frame, np.eye(4))]
+    below = defaultdict(list)
+    for (parent, child), edge in forest.edge_data.items():
+        below[parent].append((child, edge.get("matrix", np.eye(4))))
+    while waiting:
+        node, scene_from_node = waiting.pop()
+        if (name := forest.node_data[node].get("geometry")) in scene.geometry:
+            yield name, scene_from_node
+        waiting += [(child, scene_from_node @ at) for child, at in below.pop(node, [])]
+
+
+def _scene(file: Path, suffix: str, folder: Path) -> tuple[Any, list[str]]:
+    """Return a trimesh scene, and what is wrong with files that it wanted and did not get."""
+    import trimesh
+
+    lacking: list[str] = []
+    allowed = [folder.resolve(), file.parent.resolve(), file.resolve().parent]
+
+    class Beside(trimesh.resolvers.FilePathResolver):
+        def get(self, name: str) -> bytes:
+            problem = "is missing"
+            with suppress(OSError, ValueError):  # Of names that no file can have.
+                # A name from another machine means the file that was brought along.
+                paths = [(file.parent / part).resolve() for part in (name.strip(), Path(name).name)]
+                inside = [path for path in paths if any(map(path.is_relative_to, allowed))]
+                for path in filter(Path.is_file, inside):
+                    content = path.read_bytes()
+                    return _utf8(content) if name.lower().endswith(".mtl") else content
+                if paths[0] not in inside:
+                    problem = "lies outside its folder"
+            lacking.append(f"its `{one_line(name)}` {problem}")
+            raise FileNotFoundError(name)
+
+    content = file.read_bytes()
+    if suffix in (".gltf", ".glb"):
+        _check_gltf(file, content)
+    if suffix == ".ply":
+        _check_ply(file, content)
+    # What it cannot read it says in its log, to which nobody listens here.
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
+    try:
+        scene = trimesh.load_scene(
+            BytesIO(_utf8(content) if suffix == ".obj" else content),
+            file_type=suffix[1:],
+            resolver=Beside(str(file)),
+            process=False,
+        )
+    except Exception:
+        if lacking:
+            raise BadFile(f"{file}: {lacking[0]}; put it beside it") from None
+        raise
+    return scene, lacking
+
+
+def _check_gltf(file: Path, content: bytes) -> None:
+    """Refuse what trimesh takes for zeros: packed numbers, and such as are only declared."""
+    text = content
+    if content[:4] == b"glTF":
+        text = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    header = json.loads(text)
+    packed = [name for name in header.get("extensionsRequired", []) if "compression" in name]
+    if packed:
+        raise BadFile(f"{file}: its meshes are packed by {packed[0]}; export it without")
+    for accessor in header.get("accessors", []):
+        if "bufferView" not in accessor and accessor["count"] > len(content):
+            raise BadFile(f"{file}: declares {accessor['count']} numbers that it does not hold")
+
+
+def _check_ply(file: Path, content: bytes) -> None:
+    """Refuse text that was cut off, of which trimesh takes faces for points."""
+    head, _, body = content.partition(b"end_header")
+    words = [line.split() for line in head.splitlines()]
+    if not any(line[:2] == [b"format", b"ascii"] for line in words):
+        return
+    declared = sum(int(line[2]) for line in words if line[:1] == [b"element"])
+    held = sum(1 for line in body.splitlines() if line.strip())
+    if declared > held:
+        raise BadFile(f"{file}: declares {declared} vertices and faces, but has {held}")
+
+
+def _utf8(text: bytes) -> bytes:
+    """Return text that may be of any encoding: what is not UTF-8 is a comment or a name."""
+    return text.decode("utf-8", errors="replace").encode()
+
+
+class _Pictures:
+    """Gives pictures as bytes, each broken one told once."""
+
+    def __init__(self, file: Path, tell: Tell) -> None:
+        self._file = file
+        self._tell = tell
+        self._known: dict[int, bytes | None] = {}
+
+    def content(self, image: Any) -> bytes | None:
+        """Return a Pillow image as PNG or JPEG: the bytes that it came as, if it can be."""
+        if image is None:
+            return None
+        if id(image) not in self._known:
+            try:
+                self._known[id(image)] = _encoded(image)
+            except Exception:
+                self._known[id(image)] = None
+                self._tell(f"{self._file}: a picture in it cannot be read and is left out")
+        return self._known[id(image)]
+
+
+def _encoded(image: Any) -> bytes:
+    stream = getattr(image, "fp", None)
+    original = stream.getvalue() if isinstance(stream, BytesIO) else None
+    image.load()
+    if original is not None and image.format in ("PNG", "JPEG"):
+        return original
+    file = BytesIO()
+    image.convert("RGBA" if "A" in image.mode else "RGB").save(file, "PNG")
+    return file.getvalue()
+
+
+def _painted_as(visual: Any, piece: Piece, pictures: _Pictures) -> Piece:
+    """Give a piece the colours that trimesh found."""
+    if visual.kind == "vertex":
+        piece.colors = np.asarray(visual.vertex_colors)[:, :3] / 255.0
+    elif visual.kind == "face":
+        piece.vertices = piece.vertices[piece.faces].reshape(-1, 3)
+        piece.faces = np.arange(len(piece.vertices)).reshape(-1, 3)
+        piece.colors = (np.asarray(visual.face_colors)[:, :3] / 255.0).repeat(3, axis=0)
+    elif visual.kind == "texture":
+        material = visual.material
+        if hasattr(material, "baseColorFactor"):
+            factor, image = material.baseColorFactor, material.baseColorTexture
+            normals = pictures.content(material.normalTexture)
+            color = None if factor is None else np.asarray(factor)[:3] / 255.0
+        else:
+            image, normals = material.image, None
+            # What a picture is multiplied by in OBJ is a matter of taste: nothing.
+            color = None if image is not None else linear(np.asarray(material.diffuse)[:3] / 255.0)
+        picture = pictures.content(image)
+        if picture is not None and color is None:
+            color = np.ones(3)
+        uv = None if visual.uv is None else np.asarray(visual.uv, np.float64)
+        if uv is None or len(uv) != len(piece.vertices) or not np.isfinite(uv).all():
+            uv = picture = normals = None
+        piece.uv = uv
+        piece.paint = (None if color is None else _vector(color), picture, normals)
+    return piece
+
+
+def _vector(color: Floats) -> Vector3:
+    red, green, blue = np.clip(color, 0, 1).round(6).tolist()
+    return red, green, blue

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a mesh's file to a shape: checked, in metres, z up, with its asset in the store.
+
+Rule: what cannot be right (no faces, no numbers) is a `BadFile`; what may be, such as a size that
+looks like millimetres, is told and goes on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink import assets
+from groundlink.frames import Floats
+from groundlink.world.mesh_asset import Part, asset_of
+from groundlink.world.solids import Mesh, Vector3
+
+from . import scans
+from .files import BadFile, Tell
+from .mesh_files import Paint, Piece, read
+from .mesh_specs import MeshFile
+from .palette import painted
+
+FARTHEST_M = 100_000.0
+"""There float32 keeps a centimetre."""
+
+SCANS = (".ply", ".pcd")
+"""Files whose points without faces are a scan's."""
+
+LARGE_M, SMALL_M = 500.0, 0.005
+"""Longest sides beyond which a unit is doubted."""
+
+_Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A surface that is ready to be an asset."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    uv: NDArray[np.float32] | None
+    parts: tuple[Part, ...]
+    points: int
+    """That became discs."""
+
+    def shape(self) -> Mesh:
+        """Put it in the store and return it as a shape."""
+        return Mesh(
+            asset=assets.keep(asset_of(self.vertices, self.faces, self.uv, self.parts)),
+            low_m=_vector(self.vertices.min(axis=0)),
+            high_m=_vector(self.vertices.max(axis=0)),
+        )
+
+
+def make(spec: MeshFile, folder: Path, tell: Tell) -> Made:
+    """Return the surface that a mesh's description asks for.
+
+    Parameters
+    ----------
+    folder
+        where the file is that it names, and all that this one names in turn.
+    tell
+        takes what is doubtful.
+
+    Raises
+    ------
+    BadFile
+        when the file is wrong.
+    """
+    file = folder / spec.file
+    pieces = read(file, folder, tell)
+    up = spec.up or ("y" if file.suffix.lower() in (".gltf", ".glb") else "z")
+    turn = spec.scale * (_Z_UP_FROM_Y_UP if up == "y" else np.eye(3))
+    for piece in pieces:
+        _check_numbers(file, piece, tell)
+        far_m = spec.scale * float(np.abs(piece.vertices).max(initial=0.0))
+        if far_m > FARTHEST_M:
+            raise BadFile(
+                f"{file}: vertices {far_m:.3g} m from its origin; subtract the offset of its "
+                "coordinates, or correct `scale`"
+            )
+        if piece.faces.min(initial=0) < 0 or piece.faces.max(initial=-1) >= len(piece.vertices):
+            raise BadFile(f"{file}: faces with vertices that there are not; export it again")
+        piece.vertices = piece.vertices @ turn.T
+    cloud = [piece for piece in pieces if not len(piece.faces)]
+    pieces = [piece for piece in pieces if len(piece.faces)]
+    points = 0
+    if cloud and not pieces and file.suffix.lower() in SCANS:
+        points = sum(len(piece.vertices) for piece in cloud)
+        pieces = [_discs(cloud, spec)] if points else []
+        kept = sum(len(piece.faces) for piece in pieces) // (scans.CORNERS - 2)
+        if kept < points:
+            tell(f"{file}: {points} points were thinned to {kept} discs")
+    if not pieces:
+        raise BadFile(f"{file}: no triangles; export it as triangles, or a scan as PLY or PCD")
+    made = _joined(file, pieces, points, tell)
+    _check_size(file, np.ptp(made.vertices, axis=0), spec, tell)
+    return made
+
+
+def _check_numbers(file: Path, piece: Piece, tell: Tell) -> None:
+    """Leave out places of a scan where its scanner saw nothing; refuse them in a mesh."""
+    broken = (~np.isfinite(piece.vertices)).any(axis=1)
+    wrong, count = int(broken.sum()), len(piece.vertices)
+    if not wrong:
+        return
+    if len(piece.faces) or wrong == count:
+        raise BadFile(f"{file}: {wrong} of {count} vertices are not numbers; mend the mesh")
+    tell(f"{file}: {wrong} of {count} points are not numbers and were left out")
+    piece.vertices = piece.vertices[~broken]
+    if piece.colors is not None:
+        piece.colors = piece.colors[~broken]
+
+
+def _discs(cloud: list[Piece], spec: MeshFile) -> Piece:
+    """Return discs in the place of the points of a scan."""
+    grey = [np.full((len(piece.vertices), 3), 0.5) for piece in cloud]
+    colors = [g if p.colors is None else p.colors for g, p in zip(grey, cloud, strict=True)]
+    points, mean_colors, apart_m = scans.thinned(
+        np.concatenate([piece.vertices for piece in cloud]),
+        np.concatenate(colors),
+        spec.most_points,
+    )
+    radius_m = spec.disc_m or scans.WIDER * apart_m
+    vertices, faces = scans.discs(points, scans.normals(points, apart_m), radius_m)
+    painted_at_all = any(piece.colors is not None for piece in cloud)
+    by_vertex = mean_colors.repeat(scans.CORNERS, axis=0) if painted_at_all else None
+    return Piece(vertices=vertices, faces=faces, colors=by_vertex)
+
+
+def _joined(file: Path, pieces: list[Piece], points: int, tell: Tell) -> Made:
+    """Return pieces as one surface, those that are painted alike behind each other."""
+    pieces = [painted(piece) if piece.colors is not None else piece for piece in pieces]
+    alike: dict[Paint, list[Piece]] = {}
+    for piece in pieces:
+        alike.setdefault(piece.paint, []).append(piece)
+    vertices, faces, uv = [], [], []
+    parts: list[Part] = []
+    count = first = without_area = 0
+    for (color, picture, normals), members in alike.items():
+        begin = first
+        for piece in members:
+            corners = piece.vertices[piece.faces]
+            across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            kept = piece.faces[across.any(axis=1)]
+            vertices.append(piece.vertices)
+            faces.append(kept + count)
+            uv.append(np.zeros((len(piece.vertices), 2)) if piece.uv is None else piece.uv)
+            count += len(piece.vertices)
+            first += len(kept)
+            without_area += len(piece.faces) - len(kept)
+        if first > begin:
+            size = first - begin
+            parts.append(
+                Part(first=begin, count=size, color=color, picture=picture, normals=normals)
+            )
+    if not first:
+        raise BadFile(f"{file}: no triangle has an area; export it again")
+    if without_area:
+        tell(f"{file}: {without_area} triangles without area were left out")
+    has_pictures = any(part.picture or part.normals for part in parts)
+    return Made(
+        vertices=np.concatenate(vertices).astype(np.float32),
+        faces=np.concatenate(faces).astype(np.uint32),
+        uv=np.concatenate(uv).astype(np.float32) if has_pictures else None,
+        parts=tuple(parts),
+        points=points,
+    )
+
+
+def _check_size(file: Path, size: Floats, spec: MeshFile, tell: Tell) -> None:
+    """Tell of units that look wrong."""
+    told = " x ".join(f"{length:.4g}" for length in size)
+    if size.max() > LARGE_M:
+        tell(
+            f"{file}: {told} m is large; is its unit the millimetre? `scale: {spec.scale / 1000:g}`"
+        )
+    if size.max() < SMALL_M:
+        tell(f"{file}: {told} m is small; correct `scale`, which is {spec.scale:g}")
+
+
+def _vector(point: NDArray[np.float32]) -> Vector3:
+    x, y, z = point.tolist()
+    return x, y, z

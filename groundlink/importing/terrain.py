@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a world file's description of its terrain to assets and what a resolved scenario holds.
+
+Rule: first the ground as it comes, then level places, then roads; materials by rules see the ground
+before roads. Everybody else gets numbers that are final.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink import assets
+from groundlink.errors import UserError
+from groundlink.world.terrain import Terrain, asset_of
+
+from . import carving, greys, heightmaps, hills
+from .carving import Canvas
+from .files import BadFile, Tell, reading
+from .terrain_specs import GroundSpec, HeightmapFile, Hills, SurfaceMap, TerrainSpec
+
+HIGHEST_M = 20_000.0
+"""Twice what there is on Earth, from the deepest place in the sea."""
+
+SQUARE = 1e-3
+"""How much a cell's sides may differ, as a share: what people round lengths to."""
+
+
+class BadTerrain(UserError):
+    """A description of terrain that cannot be followed.
+
+    Attributes
+    ----------
+    field
+        the key at fault.
+    problem
+        what is wrong with it.
+    """
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(f"`{field}`: {problem}")
+        self.field = field
+        self.problem = problem
+
+
+def build(spec: TerrainSpec, folder: Path, tell: Tell) -> Terrain:
+    """Return resolved terrain, whose assets are in the store.
+
+    Parameters
+    ----------
+    folder
+        where files are that the description names.
+    tell
+        takes what is doubtful.
+
+    Raises
+    ------
+    BadFile, BadTerrain
+        when a file or a field is wrong.
+    """
+    if isinstance(spec, Hills):
+        count = np.prod([size / spec.cell_m + 1 for size in spec.size_m])
+        if count > greys.MOST_VALUES or min(spec.size_m) < spec.cell_m:
+            raise BadTerrain(
+                "size_m",
+                f"{count:.0f} heights; expected 2 x 2 or more, and "
+                f"{greys.MOST_VALUES // 10**6} million at most",
+            )
+        heights, cell_m = hills.heights(spec), spec.cell_m
+    else:
+        heights, cell_m = _from_file(spec, folder / spec.file, tell)
+    rows, columns = heights.shape
+    canvas = Canvas(
+        heights=heights,
+        surface=np.zeros((rows - 1, columns - 1), np.uint8),
+        cell_m=cell_m,
+        x0_m=spec.at_m[0] - (columns - 1) * cell_m / 2,
+        y0_m=spec.at_m[1] - (rows - 1) * cell_m / 2,
+    )
+    materials = _cover(canvas, spec, folder)
+    low, high = float(canvas.heights.min()), float(canvas.heights.max())
+    x_m, y_m, z_m = spec.at_m
+    half_x, half_y = (columns - 1) * cell_m / 2, (rows - 1) * cell_m / 2
+    return Terrain(
+        heights=assets.keep(asset_of(canvas.heights)),
+        surface=assets.keep(asset_of(canvas.surface)) if canvas.surface.any() else None,
+        cell_m=cell_m,
+        at_m=spec.at_m,
+        low_m=(x_m - half_x, y_m - half_y, z_m + low),
+        high_m=(x_m + half_x, y_m + half_y, z_m + high),
+        materials=materials,
+    )
+
+
+def _from_file(spec: HeightmapFile, file: Path, tell: Tell) -> tuple[NDArray[np.float32], float]:
+    """Return a file's heights without gaps, and the length of a cell."""
+    found = heightmaps.read(file, tell)
+    heights = _metres(found, spec, file, tell)
+    cell_m = _cell_m(found, spec, file)
+    if np.isinf(heights).any():
+        raise BadFile(f"{file}: heights that are infinite; mend it or mark them as no data")
+    gaps = int(np.isnan(heights).sum())
+    if gaps > heights.size / 2:
+        raise BadFile(f"{file}: {gaps} of {heights.size} places have no height; use a part of it")
+    if gaps:
+        tell(f"{file}: {gaps} places without a height were filled from their surroundings")
+        heights = _filled(heights)
+    if max(-heights.min(), heights.max()) > HIGHEST_M:
+        raise BadFile(
+            f"{file}: heights from {heights.min():g} to {heights.max():g}, which are no metres; "
+            "is there a value that stands for no data?"
+        )
+    return heights, cell_m
+
+
+def _metres(
+    found: heightmaps.Map, spec: HeightmapFile, file: Path, tell: Tell
+) -> NDArray[np.float32]:
+    """Return a map's values as metres, in an array of their own."""
+    if found.full_scale is None:
+        if spec.heights_m is not None:
+            raise BadTerrain("heights_m", f"{file} is in metres already; leave this out")
+        with np.errstate(over="ignore"):
+            return found.values.astype(np.float32, order="C")
+    if spec.heights_m is None:
+        raise BadTerrain(
+            "heights_m",
+            f"is missing; give the two heights in metres that 0 and {found.full_scale} of "
+            f"{file.name} stand for",
+        )
+    low, high = spec.heights_m
+    if not low < high:
+        raise BadTerrain("heights_m", "expected the lower height first")
+    step_m = (high - low) / found.full_scale
+    if found.full_scale == 255:
+        tell(
+            f"{file}: 8 bits a height: the ground has steps of {step_m:.3g} m; save it with 16 bits"
+        )
+    return (low + found.values * step_m).astype(np.float32)
+
+
+def _cell_m(found: heightmaps.Map, spec: HeightmapFile, file: Path) -> float:
+    """Return the length of a cell: as given, or else as the file says."""
+    rows, columns = found.values.shape
+    if spec.size_m is not None:
+        if spec.cell_m is not None:
+            raise BadTerrain("size_m", "`cell_m` is given too; choose one")
+        across, along = spec.size_m[0] / (columns - 1), spec.size_m[1] / (rows - 1)
+        if abs(across - along) > SQUARE * across:
+            raise BadTerrain(
+                "size_m",
+                f"{columns} x {rows} heights would have cells of {across:.4g} x {along:.4g} m; "
+                "expected square ones",
+            )
+        return float(across)
+    cell_m = spec.cell_m or found.cell_m
+    if cell_m is None:
+        raise BadTerrain(
+            "cell_m", f"is missing, and {file.name} does not say it; add the metres of a cell"
+        )
+    return cell_m
+
+
+def _filled(heights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return heights whose gaps have means of what is around them, the wider the gap the wider.
+
+    Means of 2 x 2 of what there is, over and over, until no gap is left; then gaps take the value
+    of the coarser map.
+    """
+    missing = np.isnan(heights)
+    if not missing.any():
+        return heights
+    rows, columns = heights.shape
+    even = np.pad(heights, ((0, rows % 2), (0, columns % 2)), constant_values=np.nan)
+    blocks = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2)
+    known = (~np.isnan(blocks)).sum(axis=(1, 3))
+    sums = np.nansum(blocks, axis=(1, 3))
+    coarse = np.full(known.shape, np.nan, np.float32)
+    np.divide(sums, known, out=coarse, where=known > 0)
+    coarse = _filled(coarse)
+    wide = coarse.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
+    return np.where(missing, wide, heights)
+
+
+def _cover(canvas: Canvas, spec: GroundSpec, folder: Path) -> tuple[str, ...]:
+    """Shape the canvas and number its materials; return their names by number."""
+    materials = [spec.material]
+
+    def number(material: str) -> int:
+        if material not in materials:
+            materials.append(material)
+        return materials.index(material)
+
+    if spec.surface is not None:
+        numbers = np.array([number(name) for name in spec.surface.materials], np.uint8)
+        canvas.surface[:] = numbers[_surface_map(spec.surface, folder, canvas.surface.shape)]
+    if spec.where:
+        slope_deg, middle_m = _slopes(canvas)
+        for rule in spec.where:
+            fits = (slope_deg >= rule.slope_deg[0]) & (slope_deg <= rule.slope_deg[1])
+            fits &= (middle_m >= rule.height_m[0]) & (middle_m <= rule.height_m[1])
+            canvas.surface[fits] = number(rule.material)
+    for level in spec.levels:
+        carving.level(canvas, level, None if level.material is None else number(level.material))
+    for road in spec.roads:
+        carving.road(canvas, road, number(road.material))
+    return tuple(materials)
+
+
+def _slopes(canvas: Canvas) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the slope in degrees and the height of each cell's middle."""
+    a, b = canvas.heights[:-1, :-1], canvas.heights[:-1, 1:]
+    c, d = canvas.heights[1:, :-1], canvas.heights[1:, 1:]
+    across, along = (b - a + d - c) / 2, (c - a + d - b) / 2
+    rise = np.hypot(across, along) / np.float32(canvas.cell_m)
+    return np.degrees(np.arctan(rise)), (b + c) / 2
+
+
+def _surface_map(surface: SurfaceMap, folder: Path, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return a picture's numbers for cells, from south to north."""
+    file = folder / surface.file
+    with reading(file, "picture"):
+        grey = greys.read(file)
+    if grey.mode not in ("L", "P"):
+        raise BadFile(f"{file}: a picture of mode {grey.mode}; expected 8-bit grey")
+    rows, columns = shape
+    if grey.values.shape not in (shape, (rows + 1, columns + 1)):
+        raise BadFile(
+            f"{file}: {grey.values.shape[1]} x {grey.values.shape[0]} pixels; expected one for "
+            f"each cell, {columns} x {rows}, or for each height, {columns + 1} x {rows + 1}"
+        )
+    # With a pixel for each height, a cell is as the height in its south-west.
+    numbers: NDArray[np.uint8] = grey.values[:rows, :columns]
+    if numbers.max() >= len(surface.materials):
+        raise BadFile(
+            f"{file}: the number {numbers.max()}, but `materials` has {len(surface.materials)}, "
+            "counted from 0"
+        )
+    return numbers

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What vehicles bring along into the world of a scenario: their materials.
+
+Rule: a vehicle looks like itself in every world, so it may list the materials that it is made of.
+Where the world lists one of that name, the world's counts; two vehicles may share a name only for
+the same material.
+"""
+
+from __future__ import annotations
+
+from .document import DataPath, Document, ScenarioError
+
+
+def bring_materials(document: Document) -> None:
+    """Add the materials of all vehicles to those of the world.
+
+    Raises
+    ------
+    ScenarioError
+        when two vehicles mean different things by one name.
+    """
+    world: DataPath = ("world", "materials")
+    listed, vehicles = document.at(world), document.at(("vehicles",))
+    if not isinstance(listed, dict) or not isinstance(vehicles, list):
+        return
+    brought: dict[str, DataPath] = {}
+    for v in range(len(vehicles)):
+        path: DataPath = ("vehicles", v, "model", "materials")
+        own = document.at(path)
+        for name, material in own.items() if isinstance(own, dict) else ():
+            here = (*path, name)
+            if name not in listed:
+                marks = {p[len(here) :]: m for p, m in document.marks.items() if p[:5] == here}
+                document.put((*world, name), Document(material, marks))
+                brought[name] = here
+            elif name in brought and document.at(brought[name]) != material:
+                raise ScenarioError(
+                    f"{document.mark(here)}: another `{name}` is brought by the vehicle at "
+                    f"{document.mark(brought[name])}; rename one, or list `{name}` in the "
+                    "world's materials, which then counts for both"
+                )

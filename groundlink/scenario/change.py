@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scenario of a run under way with something more in it, or something less.
+
+Rule: pure; a changed world is another scenario with another hash. Clutter becomes plain solids
+first, so that nothing is strewn anew. What is added has to have a name and a place of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+from msgspec.structs import replace
+
+from groundlink.errors import UserError
+from groundlink.world import motion
+from groundlink.world.actors import Actor, Free
+from groundlink.world.build import solids
+from groundlink.world.solids import Material, Solid
+from groundlink.world.starts import (
+    actor_bodies,
+    check_vehicle,
+    check_way,
+    ground_of,
+    in_the_way,
+)
+
+from .explain import nearest
+from .schema import RESERVED_NAMES, Scenario, Vehicle
+
+RESTS_M = 0.01
+"""How far what is put down may be in what it stands on."""
+
+
+class Addition(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is added to a scenario."""
+
+    solids: tuple[Solid, ...] = ()
+    actors: tuple[Actor, ...] = ()
+    vehicles: tuple[Vehicle, ...] = ()
+    materials: dict[str, Material] = {}
+    """What it is made of; where the world has one of that name, the world's counts."""
+
+    def names(self) -> list[str]:
+        """Return what its things are called."""
+        vehicles, actors = (v.name for v in self.vehicles), (a.name for a in self.actors)
+        return [*vehicles, *actors, *(solid.name for solid in self.solids)]
+
+
+def with_more(
+    scenario: Scenario, more: Addition, moving: Sequence[Solid], *, seconds: float
+) -> Scenario:
+    """Return a scenario to which something was added at a sim time.
+
+    Parameters
+    ----------
+    moving
+        what of vehicles and actors meets things, where they are now.
+
+    Raises
+    ------
+    UserError
+        when a name is taken, a material is unknown, or a place is occupied.
+    """
+    standing = solids(scenario)
+    taken = [*_names(scenario), *(solid.name for solid in standing)]
+    for name in more.names():
+        if name in taken:
+            raise UserError(f"the name `{name}` is taken; give another one by --name")
+        taken.append(name)
+    for vehicle in more.vehicles:
+        if vehicle.name in RESERVED_NAMES:
+            raise UserError(f"`{vehicle.name}` names a key of the bus; give another by --name")
+    frozen = _frozen(scenario)
+    world = frozen.world
+    changed = replace(
+        frozen,
+        vehicles=(*frozen.vehicles, *more.vehicles),
+        world=replace(
+            world,
+            materials=more.materials | world.materials,
+            solids=(*world.solids, *more.solids),
+            actors=(*world.actors, *more.actors),
+        ),
+    )
+    solids(changed)
+    _check_room(changed, more, standing, moving, seconds)
+    return changed
+
+
+def without(scenario: Scenario, name: str) -> Scenario:
+    """Return a scenario from which a vehicle, an actor or a solid was taken.
+
+    All solids that begin with the name and an underscore are parts of the same thing.
+
+    Raises
+    ------
+    UserError
+        when there is no such thing, or it is one that has to stay.
+    """
+    frozen = _frozen(scenario)
+    world = frozen.world
+    vehicles = tuple(vehicle for vehicle in frozen.vehicles if vehicle.name != name)
+    if not vehicles:
+        raise UserError(f"`{name}` is the run's only vehicle; spawn another one first")
+    actors = tuple(actor for actor in world.actors if actor.name != name)
+    left = tuple(solid for solid in world.solids if not f"{solid.name}_".startswith(f"{name}_"))
+    changed = replace(frozen, vehicles=vehicles, world=replace(world, actors=actors, solids=left))
+    if changed == frozen:
+        if any(f"{solid.name}_".startswith(f"{name}_") for solid in solids(scenario)):
+            raise UserError(
+                f"`{name}` is of the room, the furniture or what stands outdoors, which stays"
+            )
+        known = [*_names(frozen), *(solid.name for solid in world.solids)]
+        raise UserError(f"there is no `{name}`; {nearest(name, known)}")
+    return changed
+
+
+def _names(scenario: Scenario) -> list[str]:
+    vehicles = (vehicle.name for vehicle in scenario.vehicles)
+    return [*vehicles, *(actor.name for actor in scenario.world.actors)]
+
+
+def _frozen(scenario: Scenario) -> Scenario:
+    """Return a scenario whose clutter stands among its solids, in the same order."""
+    world = replace(scenario.world, clutter=None)
+    strewn = solids(scenario)[len(solids(replace(scenario, world=world))) :]
+    return replace(scenario, world=replace(world, solids=(*world.solids, *strewn)))
+
+
+def _check_room(
+    changed: Scenario,
+    more: Addition,
+    standing: Sequence[Solid],
+    moving: Sequence[Solid],
+    seconds: float,
+) -> None:
+    """Refuse what would be put into something; what stands may be in what stands."""
+    ground = ground_of(changed)
+    there = [*standing, *moving]
+    for solid in more.solids:
+        _check_free(solid.name, [solid], moving)
+        there.append(solid)
+    for actor in more.actors:
+        check_way(changed.world.actors.index(actor), actor, ground)
+        place = motion.start(actor.motion, ground, seconds)
+        bodies = actor_bodies(actor, place.position_m, place.orientation)
+        _check_free(actor.name, bodies, there if isinstance(actor.motion, Free) else moving)
+        there += bodies
+    for vehicle in more.vehicles:
+        there += check_vehicle(changed.vehicles.index(vehicle), vehicle, ground, there)
+
+
+def _check_free(name: str, bodies: Sequence[Solid], there: Sequence[Solid]) -> None:
+    lifted = []
+    for body in bodies:
+        x, y, z = body.position_m
+        lifted.append(replace(body, position_m=(x, y, z + RESTS_M)))
+    if (other := in_the_way(lifted, there)) is not None:
+        raise UserError(f"`{name}` would be inside `{other}`; choose another place by --at")

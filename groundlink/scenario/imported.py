@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Terrain and meshes that a scenario describes, in the place of which their assets are put.
+
+Rule: what says `file`, or how hills are made, is imported and replaced; what names assets already,
+as a resolved scenario does, stays. Files are looked for beside the file that names them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from groundlink.importing import meshes, terrain
+from groundlink.importing.files import BadFile, Tell
+from groundlink.importing.mesh_specs import MeshFile
+from groundlink.importing.terrain_specs import TerrainSpec
+
+from .document import DataPath, Document, ScenarioError
+from .explain import convert, dotted
+
+TERRAIN: DataPath = ("world", "terrain")
+
+
+class _Terrain(msgspec.Struct):
+    """What terrain is checked as, so that errors name `terrain`."""
+
+    terrain: TerrainSpec
+
+
+class _Shape(msgspec.Struct):
+    shape: MeshFile
+
+
+def bring_assets(document: Document, tell: Tell) -> None:
+    """Import everything that is to be imported; `tell` takes what is doubtful.
+
+    Raises
+    ------
+    ScenarioError
+        when a description or a file is wrong.
+    """
+    described = document.at(TERRAIN)
+    if isinstance(described, dict) and "heights" not in described:
+        ground = convert(document.alone(TERRAIN), _Terrain).terrain
+        folder = document.mark(TERRAIN).file.parent
+        try:
+            built = terrain.build(ground, folder, tell)
+        except terrain.BadTerrain as error:
+            mark = document.mark((*TERRAIN, error.field))
+            raise ScenarioError(f"{mark}: `terrain`: {error}") from None
+        except BadFile as error:
+            raise ScenarioError(f"{document.mark(TERRAIN)}: `terrain`: {error}") from None
+        document.put(TERRAIN, Document(msgspec.to_builtins(built)))
+    known: dict[tuple[str, MeshFile], Any] = {}
+    for path in list(_mesh_files(document.value, ())):
+        mesh = convert(document.alone(path), _Shape).shape
+        mark = document.mark((*path, "file"))
+        key = str(mark.file.parent), mesh
+        if key not in known:
+            try:
+                known[key] = msgspec.to_builtins(meshes.make(mesh, mark.file.parent, tell).shape())
+            except BadFile as error:
+                raise ScenarioError(f"{mark}: `{dotted(path)}`: {error}") from None
+        document.put(path, Document(known[key]))
+
+
+def _mesh_files(value: Any, path: DataPath) -> Iterator[DataPath]:
+    """Yield where in plain data the files of meshes are named."""
+    if isinstance(value, dict):
+        if value.get("kind") == "mesh" and "asset" not in value:
+            yield path
+        for key, part in value.items():
+            yield from _mesh_files(part, (*path, key))
+    elif isinstance(value, list):
+        for index, part in enumerate(value):
+            yield from _mesh_files(part, (*path, index))

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names that keep vehicles apart in ROS: a namespace for topics, a prefix for tf frames.
+
+Rule: as in ROS, a topic that begins with a slash is meant as it stands, any other stands in its
+vehicle's namespace. A vehicle that is alone has neither namespace nor prefix; where it has company
+both are its name, unless the scenario gives others.
+"""
+
+from __future__ import annotations
+
+import re
+
+from .document import DataPath, Document, ScenarioError
+from .explain import dotted
+from .schema import NAMESPACE
+
+COMMAND_TOPIC = "cmd_vel"
+
+
+def into_namespaces(document: Document) -> None:
+    """Give every vehicle its namespace and prefix, and every topic of it its full name.
+
+    Raises
+    ------
+    ScenarioError
+        when a namespace is none.
+    """
+    vehicles = document.at(("vehicles",))
+    if not isinstance(vehicles, list):
+        return
+    for v, vehicle in enumerate(vehicles):
+        if not isinstance(vehicle, dict):
+            continue
+        name = vehicle.get("name") if len(vehicles) > 1 else None
+        vehicle.setdefault("namespace", f"/{name}" if name else "")
+        vehicle.setdefault("frame_prefix", f"{name}/" if name else "")
+        vehicle.setdefault("command_topic", COMMAND_TOPIC)
+        namespace = vehicle["namespace"]
+        if not re.fullmatch(NAMESPACE, str(namespace)):
+            here: DataPath = ("vehicles", v, "namespace")
+            raise ScenarioError(
+                f"{document.mark(here)}: `{dotted(here)}`: expected words with a slash before "
+                f"each, such as /fleet/rover (given: {namespace!r})"
+            )
+        _absolute(document, ("vehicles", v), namespace)
+
+
+def _absolute(document: Document, path: DataPath, namespace: str) -> None:
+    """Write topics in full, at a place and in all that is in it."""
+    value = document.at(path)
+    if isinstance(value, dict):
+        for key in value:
+            _absolute(document, (*path, key), namespace)
+    elif isinstance(value, list):
+        for index in range(len(value)):
+            _absolute(document, (*path, index), namespace)
+    elif isinstance(value, str) and _is_topic(path) and not value.startswith("/"):
+        document.at(path[:-1])[path[-1]] = f"{namespace}/{value}"
+
+
+def _is_topic(path: DataPath) -> bool:
+    *_, holder, key = path
+    return holder == "from_ros" or str(key) == "topic" or str(key).endswith("_topic")

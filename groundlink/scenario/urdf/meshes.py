@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mesh files that a URDF names.
+
+Rule: their axes are the link's, whatever the format says of up and down, as RViz has it. `package://`
+is looked for around the URDF before it is where ROS is installed, so that a copied folder works.
+A mesh's own files may lie in the whole package, by custom `materials/textures` beside `meshes`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from groundlink.importing.files import BadFile, Tell
+from groundlink.importing.mesh_specs import MeshFile
+from groundlink.importing.meshes import make
+from groundlink.world.solids import Mesh
+
+from .elements import Element
+
+Scale = tuple[float, ...]
+
+
+class Meshes:
+    """The meshes of one URDF; one that is named twice is read once.
+
+    `tell` takes what is doubtful about their files.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._made: dict[tuple[Path, Scale], Mesh] = {}
+
+    def get(self, element: Element) -> Mesh:
+        """Return what a `<mesh>` names.
+
+        Raises
+        ------
+        ScenarioError
+            when there is no such file, or none that can be used.
+        """
+        folder, name = _file(element)
+        file = folder / name
+        scale = element.numbers("scale", 3, (1.0, 1.0, 1.0))
+        if 0 in scale:
+            raise element.mistake(f'scale="{element.text("scale")}" makes it flat')
+        if (file, scale) not in self._made:
+            try:
+                made = make(MeshFile(file=name, up="z"), folder, self._tell)
+            except BadFile as error:
+                raise element.mistake(str(error)) from None
+            # A mirror turns faces inside out.
+            faces = made.faces if np.prod(scale) > 0 else made.faces[:, ::-1]
+            scaled = (made.vertices * scale).astype(np.float32)
+            self._made[file, scale] = replace(made, vertices=scaled, faces=faces).shape()
+        return self._made[file, scale]
+
+
+def _file(element: Element) -> tuple[Path, str]:
+    """Return the folder that a mesh is from, and the name of its file therein."""
+    name = element.text("filename")
+    scheme, has_scheme, rest = name.partition("://")
+    urdf = element.mark.file
+    if not has_scheme:
+        candidates = [(urdf.parent, name)]
+    elif scheme == "file":
+        candidates = [(Path(rest).parent, Path(rest).name)]
+    elif scheme in ("package", "model"):
+        package, _, path = rest.partition("/")
+        candidates = [(folder, path) for folder in _packages(urdf.resolve(), package)]
+    else:
+        raise element.mistake(f"`{name}`: expected a file's name, package:// or file://")
+    for folder, inside in candidates:
+        if (file := folder / inside).is_file():
+            if file.suffix.lower() == ".dae":
+                raise element.mistake(
+                    f"{file}: Collada is not read; convert it to GLB or OBJ, as Blender does"
+                )
+            return folder, inside
+    if scheme in ("package", "model") and has_scheme:
+        raise element.mistake(
+            f"no `{path}` in a folder `{package}` around {urdf.parent} or in AMENT_PREFIX_PATH; "
+            "copy the package there"
+        )
+    raise element.mistake(f"there is no file `{Path(*candidates[0])}`; correct its name")
+
+
+def _packages(urdf: Path, name: str) -> Iterator[Path]:
+    """Yield the folders that may be a package's, the nearest first."""
+    for folder in urdf.parents:
+        if folder.name == name:
+            yield folder
+        yield folder / name
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        yield Path(prefix, "share", name)

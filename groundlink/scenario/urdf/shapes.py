@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shapes of a URDF as solids, and its colours as materials.
+
+Rule: a solid is in the frame that it is asked for. URDF says what a surface looks like and nothing
+else of it, so reflectivity is taken from the colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy, rpy_from_matrix
+from groundlink.world.bounds import bounds, half_extents
+from groundlink.world.mesh_asset import surface
+from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
+
+from .bodies import Placed
+from .elements import Element
+from .meshes import Meshes
+
+LARGEST_M = 20.0
+"""Of a part of a vehicle: longer than any, and as a number of millimetres shorter than any."""
+
+UNCOLOURED = (0.7, 0.7, 0.7, 1.0)
+DARKEST, LIGHTEST = 0.05, 0.9
+"""Diffuse reflectances: of black rubber and of white paint."""
+
+
+def solids(
+    placed: Iterable[Placed], name: str, meshes: Meshes
+) -> tuple[list[Solid], dict[str, Material]]:
+    """Return shapes as solids called `name`, `name_2` and so on, and the materials they are of."""
+    made, materials = [], {}
+    for number, (pose, geometry) in enumerate(placed, 1):
+        material, materials[material] = _material(geometry.color or UNCOLOURED)
+        made.append(
+            Solid(
+                name if number == 1 else f"{name}_{number}",
+                _in_metres(geometry.element, _shape(geometry.element, meshes)),
+                material,
+                (float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
+                quaternion_from_rpy(*rpy_from_matrix(pose[:3, :3])),
+            )
+        )
+    return made, materials
+
+
+def _shape(element: Element, meshes: Meshes) -> Shape:
+    match element.tag:
+        case "box":
+            x, y, z = element.positive("size", 3)
+            return Box(size_m=(x, y, z))
+        case "cylinder":
+            (radius_m,), (length_m,) = element.positive("radius"), element.positive("length")
+            return Cylinder(radius_m=radius_m, length_m=length_m)
+        case "sphere":
+            return Sphere(radius_m=element.positive("radius")[0])
+    return meshes.get(element)
+
+
+def _in_metres(element: Element, shape: Shape) -> Shape:
+    """Return a shape, if it is as large as a part of a vehicle may be."""
+    size_m = 2 * half_extents(shape)
+    if max(size_m) > LARGEST_M:
+        large = " x ".join(f"{length:.4g}" for length in size_m)
+        mend = ' or set scale="0.001 0.001 0.001"' if element.tag == "mesh" else ""
+        raise element.mistake(
+            f"it is {large} m large; a URDF is in metres, this looks like millimetres: "
+            f"divide them by 1000{mend}"
+        )
+    return shape
+
+
+def _material(rgba: tuple[float, ...]) -> tuple[str, Material]:
+    """Return the name and the material of a gamma-coded colour: the same for the same one."""
+    coded = [round(part * 255) for part in rgba[:3]]
+    # IEC 61966-2-1, which screens show URDF's colours by.
+    red, green, blue = (
+        c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+        for c in (part / 255 for part in coded)
+    )
+    light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    reflectivity = min(max(light, DARKEST), LIGHTEST)
+    name = "urdf_{:02x}{:02x}{:02x}".format(*coded)
+    return name, Material(reflectivity=reflectivity, color=(red, green, blue), friction=0.5)
+
+
+def round_about_y(parts: Iterable[Solid]) -> tuple[float, float, float]:
+    """Return radius, width and middle along y of solids that turn about their frame's y axis."""
+    radius, low, high = 0.0, np.inf, -np.inf
+    for part in parts:
+        corners = bounds(part)
+        turn = matrix_from_quaternion(part.orientation)
+        match part.shape:
+            case Cylinder(radius_m=own, length_m=length) if abs(turn[1, 2]) > 0.99:
+                y, half = part.position_m[1], length / 2
+                corners = np.array([-own, y - half, -own]), np.array([own, y + half, own])
+            case Mesh(asset=asset):
+                points = surface(asset).vertices @ turn.T + part.position_m
+                reach = float(np.hypot(points[:, 0], points[:, 2]).max())
+                y_low, y_high = points[:, 1].min(), points[:, 1].max()
+                corners = np.array([-reach, y_low, -reach]), np.array([reach, y_high, reach])
+        radius = max(radius, *(corners[1] - corners[0])[[0, 2]] / 2)
+        low, high = min(low, corners[0][1]), max(high, corners[1][1])
+    return float(radius), float(high - low), float(high + low) / 2

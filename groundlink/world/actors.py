@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies that move by themselves: people, doors, carts, and what can be pushed about.
+
+Rule: an actor is one rigid body, made of solids in a frame of its own whose z is up; how it moves
+is a tagged union. Where it is at a time, `motion` says of those that go their own way, physics of
+those that are pushed.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from typing import Annotated
+
+from msgspec import Meta
+from msgspec.structs import replace
+
+from .solids import Box, Cylinder, NonNegative, Positive, Size3, Solid, Spec, Sphere, Vector3
+
+MOST_PARTS = 16
+"""Of one body: what physics can join."""
+
+ActorName = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
+Point = tuple[float, float]
+
+
+class Parts(Spec, frozen=True, tag_field="kind", tag="parts", kw_only=True):
+    """Solids of one's own; what rolls or stands on the ground has it at z = 0."""
+
+    parts: Annotated[tuple[Solid, ...], Meta(min_length=1, max_length=MOST_PARTS)]
+    """In the actor's frame. Physics meets meshes as the boxes around them."""
+
+
+class Person(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True):
+    """A figure in mid-stride that faces along x, its feet at z = 0."""
+
+    height_m: Positive = 1.75
+    shirt: str
+    """Name of a material, as are `trousers` and `skin`."""
+
+    trousers: str
+    skin: str
+
+
+class Door(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
+    """A leaf from its hinge at the origin along x, its lower edge at z = 0."""
+
+    width_m: Positive = 0.9
+    height_m: Positive = 2.0
+    thickness_m: Positive = 0.04
+    material: str
+
+
+class Crate(Spec, frozen=True, tag_field="kind", tag="crate", kw_only=True):
+    """A box that stands on z = 0, amid x and y."""
+
+    size_m: Size3 = (0.4, 0.4, 0.4)
+    material: str
+
+
+Form = Parts | Person | Door | Crate
+
+
+class Along(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True):
+    """From point to point and back again for ever, upright, x ahead; it gives way to nothing."""
+
+    points_m: Annotated[tuple[Point, ...], Meta(min_length=2, max_length=1000)]
+    """In the world, x and y; at time zero it is at the first."""
+
+    speed_mps: Positive = 1.2
+    closed: bool = False
+    """From the last point to the first; if not, the same way back."""
+
+    pause_s: NonNegative = 0.0
+    """At every point, before it turns towards the next."""
+
+    start_s: NonNegative = 0.0
+    """Sim time at which it sets out."""
+
+    z_m: float = 0.0
+    """Above the ground: the terrain, or z = 0."""
+
+    def __post_init__(self) -> None:
+        closing = self.points_m[:1] if self.closed else ()
+        way = (*self.points_m, *closing)
+        if any(here == there for here, there in pairwise(way)):
+            raise ValueError("two neighbours of `points_m` are the same; leave one out")
+
+
+class Swing(Spec, frozen=True, kw_only=True):
+    """A turn of a hinge."""
+
+    at_s: NonNegative
+    """Sim time at which it begins."""
+
+    angle_deg: float
+    """How far it is open in the end; anticlockwise > 0, 0 is shut."""
+
+    for_s: Positive = 1.0
+    """How long it takes."""
+
+
+class Hinge(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True):
+    """About an upright axis at the origin, opened and shut at set times whatever is in the way."""
+
+    at_m: Vector3
+    """Where the hinge is in the world, z above the ground there."""
+
+    yaw_deg: float = 0.0
+    """Of x while it is shut."""
+
+    start_deg: float = 0.0
+    """How far it is open at time zero."""
+
+    swings: tuple[Swing, ...] = ()
+    every_s: Positive | None = None
+    """After so long all swings come again; None: they come once."""
+
+    def __post_init__(self) -> None:
+        free_s = 0.0
+        for swing in self.swings:
+            if swing.at_s < free_s:
+                raise ValueError("`swings` are to follow each other; one begins before its turn")
+            free_s = swing.at_s + swing.for_s
+        if self.every_s is None:
+            return
+        if self.every_s < free_s:
+            raise ValueError("`every_s` is less than all `swings` take")
+        if self.swings and self.swings[-1].angle_deg != self.start_deg:
+            raise ValueError("with `every_s` the last swing has to end at `start_deg`")
+
+
+class Free(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):
+    """Falls, rests, and is pushed about."""
+
+    at_m: Vector3
+    """Where its origin starts in the world, z above the ground there."""
+
+    yaw_deg: float = 0.0
+    mass_kg: Positive
+    friction: NonNegative = 0.6
+    """Coulomb coefficient of its surface; a contact has the product of both surfaces'."""
+
+    restitution: Annotated[float, Meta(ge=0, le=1)] = 0.0
+
+
+Motion = Along | Hinge | Free
+
+
+class Actor(Spec, frozen=True, kw_only=True):
+    """Something that moves by itself, or when it is pushed."""
+
+    name: ActorName
+    form: Form
+    motion: Motion
+
+    @property
+    def kind(self) -> str:
+        """What it is: its form's kind, or its own name without a number."""
+        if isinstance(self.form, Parts):
+            return re.sub(r"_\d+$", "", self.name)
+        return type(self.form).__name__.lower()
+
+
+def parts(form: Form) -> list[Solid]:
+    """Return what an actor is made of, in its frame; its parts are named after what they are."""
+    match form:
+        case Parts(parts=solids):
+            return list(solids)
+        case Person():
+            return _figure(form)
+        case Door(width_m=width, height_m=height):
+            leaf = Box(size_m=(width, form.thickness_m, height))
+            return [Solid("leaf", leaf, form.material, (width / 2, 0.0, height / 2))]
+        case Crate(size_m=size):
+            return [Solid("crate", Box(size_m=size), form.material, (0.0, 0.0, size[2] / 2))]
+
+
+_STRIDE = (0.0, 0.1305, 0.0, 0.9914)
+"""A limb turned by 15 degrees about y: its lower end points back."""
+
+_BACK = (0.0, -0.1305, 0.0, 0.9914)
+
+
+def _figure(person: Person) -> list[Solid]:
+    """Return a person of 1.75 m, made larger or smaller."""
+    shirt, trousers, skin = person.shirt, person.trousers, person.skin
+    leg, arm = Cylinder(radius_m=0.075, length_m=0.86), Cylinder(radius_m=0.05, length_m=0.62)
+    shoe, hand = Box(size_m=(0.27, 0.1, 0.08)), Sphere(radius_m=0.055)
+    figure = [
+        Solid("left_shoe", shoe, trousers, (-0.19, 0.1, 0.04)),
+        Solid("right_shoe", shoe, trousers, (0.25, -0.1, 0.04)),
+        Solid("left_leg", leg, trousers, (-0.11, 0.1, 0.47), _STRIDE),
+        Solid("right_leg", leg, trousers, (0.11, -0.1, 0.47), _BACK),
+        Solid("hips", Box(size_m=(0.22, 0.34, 0.2)), trousers, (0.0, 0.0, 0.92)),
+        Solid("trunk", Box(size_m=(0.2, 0.38, 0.48)), shirt, (0.0, 0.0, 1.2)),
+        Solid("left_arm", arm, shirt, (0.08, 0.25, 1.13), _BACK),
+        Solid("right_arm", arm, shirt, (-0.08, -0.25, 1.13), _STRIDE),
+        Solid("left_hand", hand, skin, (0.17, 0.25, 0.8)),
+        Solid("right_hand", hand, skin, (-0.17, -0.25, 0.8)),
+        Solid("neck", Cylinder(radius_m=0.06, length_m=0.12), skin, (0.0, 0.0, 1.49)),
+        Solid("head", Sphere(radius_m=0.115), skin, (0.01, 0.0, 1.635)),
+    ]
+    return [_scaled(part, person.height_m / 1.75) for part in figure]
+
+
+def _scaled(solid: Solid, by: float) -> Solid:
+    x, y, z = solid.position_m
+    shape: Box | Cylinder | Sphere
+    match solid.shape:
+        case Box(size_m=(length, width, height)):
+            shape = Box(size_m=(length * by, width * by, height * by))
+        case Cylinder(radius_m=radius, length_m=length):
+            shape = Cylinder(radius_m=radius * by, length_m=length * by)
+        case Sphere(radius_m=radius):
+            shape = Sphere(radius_m=radius * by)
+        case _:
+            raise AssertionError("a figure has no meshes")
+    return replace(solid, shape=shape, position_m=(x * by, y * by, z * by))

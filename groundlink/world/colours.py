@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Colours as light, which adds up, and as pictures hold them (sRGB, IEC 61966-2-1); both 0..1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from groundlink.frames import Floats
+
+
+def srgb(linear: Floats) -> Floats:
+    """Return linear colours as pictures hold them."""
+    part = np.clip(linear, 0, 1)
+    return np.where(part <= 0.0031308, 12.92 * part, 1.055 * part ** (1 / 2.4) - 0.055)
+
+
+def linear(srgb: Floats) -> Floats:
+    """Return the linear colours of pictures."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

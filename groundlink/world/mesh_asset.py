@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes as assets hold them: triangles, what is painted on them, and nothing to look up elsewhere.
+
+Rule: vertices are in metres, x forward, y left, z up, as in the frame of the solid that they are
+the shape of. Reading needs no library of a file format: `groundlink.importing` has done that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink import assets
+from groundlink.assets import MissingAsset
+
+from .solids import Vector3
+
+D = TypeVar("D", bound=np.generic)
+
+_CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
+
+
+class Part(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """Faces that follow each other and are painted alike."""
+
+    first: int
+    """Number of the first face."""
+
+    count: int
+    """Of faces."""
+
+    color: Vector3 | None = None
+    """Linear red, green, blue, 0..1, by which a picture is multiplied; None: the material's."""
+
+    picture: bytes | None = None
+    """PNG or JPEG, gamma-coded: the colour at `Surface.uv`."""
+
+    normals: bytes | None = None
+    """PNG or JPEG: unit normals as (n + 1) / 2 along u, along v and outwards."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A mesh that is at hand."""
+
+    vertices: NDArray[np.float32]
+    """Shape (V, 3), metres, read-only."""
+
+    faces: NDArray[np.uint32]
+    """Shape (F, 3), rows of three vertex numbers, anticlockwise seen from outside, read-only."""
+
+    uv: NDArray[np.float32] | None
+    """Shape (V, 2): where on its picture a vertex is: (0, 0) is its lower left corner, (1, 1) its
+    upper right one, and beyond it repeats."""
+
+    parts: tuple[Part, ...]
+    """Together all faces, in order."""
+
+
+class _File(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag="mesh-1"):
+    """What an asset holds, as MessagePack; numbers are little-endian."""
+
+    vertices: memoryview
+    faces: memoryview
+    uv: memoryview | None
+    parts: tuple[Part, ...]
+
+
+@lru_cache(maxsize=256)
+def surface(asset: str) -> Surface:
+    """Return the mesh that an asset is.
+
+    Raises
+    ------
+    MissingAsset
+        when the store does not hold it, or what it holds is no mesh.
+    """
+    try:
+        file = msgspec.msgpack.decode(assets.mapped(asset), type=_File)
+        vertices = _array(file.vertices, np.float32, 3)
+        faces = _array(file.faces, np.uint32, 3)
+        uv = None if file.uv is None else _array(file.uv, np.float32, 2)
+        if faces.max(initial=0) >= len(vertices) or (uv is not None and len(uv) != len(vertices)):
+            raise ValueError
+        if sum(part.count for part in file.parts) != len(faces):
+            raise ValueError
+    except (msgspec.MsgspecError, ValueError):
+        raise MissingAsset(f"the world's data {asset[:12]} are no mesh") from None
+    return Surface(vertices=vertices, faces=faces, uv=uv, parts=file.parts)
+
+
+def asset_of(
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.uint32],
+    uv: NDArray[np.float32] | None = None,
+    parts: Sequence[Part] = (),
+) -> bytes:
+    """Return a mesh as an asset holds it: the same bytes for the same values everywhere.
+
+    Without `parts` all faces are one that has no colour of its own.
+    """
+    file = _File(
+        vertices=memoryview(np.ascontiguousarray(vertices, "<f4").tobytes()),
+        faces=memoryview(np.ascontiguousarray(faces, "<u4").tobytes()),
+        uv=None if uv is None else memoryview(np.ascontiguousarray(uv, "<f4").tobytes()),
+        parts=tuple(parts) or (Part(first=0, count=len(faces)),),
+    )
+    return _CANONICAL.encode(file)
+
+
+def _array(content: memoryview, dtype: type[D], columns: int) -> NDArray[D]:
+    """Return rows of numbers, read-only; a copy, since in the file they are not aligned."""
+    array = np.frombuffer(content, dtype).reshape(-1, columns).copy()
+    array.flags.writeable = False
+    return array

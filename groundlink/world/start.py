@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a vehicle stands at its start: on its wheels, upright on flat ground, askew on a slope.
+
+Rule: pure, and one answer for physics, pictures and those who ask whether the place is free. On
+terrain the vehicle leans as the plane does that fits best under its wheels, and stands as high as
+it takes for nothing of it to be in the ground; the rest is up to its springs.
+"""
+
+from __future__ import annotations
+
+from math import atan, cos, radians, sin
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from groundlink.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
+
+from .bounds import bounds
+from .solids import Box, Quaternion, Solid, Vector3
+from .terrain import Ground
+
+if TYPE_CHECKING:
+    from groundlink.scenario.schema import Vehicle
+    from groundlink.scenario.vehicle import VehicleModel
+
+SAMPLES = 9
+"""Along each side of what might be in the ground."""
+
+Pose = tuple[Vector3, Quaternion]
+
+
+def touching(model: VehicleModel) -> list[Solid]:
+    """Return what of a vehicle meets things, beside its wheels, in its base frame."""
+    chassis = Solid("chassis", Box(size_m=model.chassis.size_m), "", model.chassis.center_m)
+    return [*([chassis] if model.chassis.collides else []), *model.collisions]
+
+
+def start(vehicle: Vehicle, ground: Ground | None) -> Pose:
+    """Return world_from_base of a vehicle at its start.
+
+    Parameters
+    ----------
+    ground
+        the world's terrain; None: flat ground at z = 0.
+    """
+    model, place = vehicle.model, vehicle.placement
+    if ground is None:
+        half = radians(place.yaw_deg) / 2
+        upright = (place.x_m, place.y_m, place.z_m + model.base_height_m)
+        return upright, (0.0, 0.0, sin(half), cos(half))
+    centers = np.array([wheel.center_m for wheel in model.wheels])
+    radii = np.array([wheel.radius_m for wheel in model.wheels])
+    yaw = radians(place.yaw_deg)
+    along, across = np.array([cos(yaw), sin(yaw)]), np.array([-sin(yaw), cos(yaw)])
+    at = centers[:, :1] * along + centers[:, 1:2] * across + (place.x_m, place.y_m)
+    standing = np.array([model.stands_on(wheel) for wheel in model.wheels])
+    # z = height + slope_x x + slope_y y, with x forward and y to the left.
+    plane = np.column_stack([np.ones(len(centers)), centers[:, :2]])[standing]
+    under = _height(ground, at[standing])
+    height, slope_x, slope_y = np.linalg.lstsq(plane, under)[0].tolist()
+    pitch = -atan(slope_x)
+    turn = quaternion_from_rpy(atan(slope_y * cos(pitch)), pitch, yaw)
+    rotation = matrix_from_quaternion(turn)
+    origin = np.array([place.x_m, place.y_m, height]) + rotation[:, 2] * model.base_height_m
+    lowest = [_bottom(solid) for solid in touching(model)]
+    points = np.concatenate([*lowest, np.empty((0, 3))]) @ rotation.T + origin
+    hubs = centers @ rotation.T + origin
+    grid = np.linspace(-1, 1, SAMPLES)
+    disc = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    disc = disc[(disc**2).sum(axis=1) <= 1]
+    rims = hubs[:, None, :2] + disc * radii[:, None, None]
+    rim_z = hubs[:, 2:] - np.sqrt(1 - (disc**2).sum(axis=1)) * radii[:, None]
+    in_ground = np.concatenate(
+        [_height(ground, points) - points[:, 2], (_height(ground, rims) - rim_z).ravel()]
+    )
+    x, y, z = origin.tolist()
+    return (x, y, z + max(0.0, float(in_ground.max())) + place.z_m), turn
+
+
+def _height(ground: Ground, points: Floats) -> Floats:
+    """Return the ground's z at points, shape (..., 2) or more; beside the map that of its edge."""
+    rows, columns = ground.heights.shape
+    x = np.clip(points[..., 0], ground.x0_m, ground.x0_m + (columns - 1) * ground.cell_m)
+    y = np.clip(points[..., 1], ground.y0_m, ground.y0_m + (rows - 1) * ground.cell_m)
+    return ground.height_at(x, y)
+
+
+def _bottom(solid: Solid) -> Floats:
+    """Return points of the lower side of the box around a solid, shape (N, 3)."""
+    low, high = bounds(solid)
+    x, y = (np.linspace(low[axis], high[axis], SAMPLES) for axis in (0, 1))
+    return np.stack(np.meshgrid(x, y, low[2]), axis=-1).reshape(-1, 3)

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ground that is not flat: heights on a square grid, and the triangles between them.
+
+Rule: everybody sees the same triangles. Rows run along +y (north), columns along +x (east). With
+a = [row, column], b = [row, column + 1], c = [row + 1, column] and d = [row + 1, column + 1], every
+cell is two triangles, (a, b, c) and (d, c, b), anticlockwise seen from above: the cut runs from b,
+south-east, to c, north-west.
+
+That is how Bullet's height fields cut their cells, found by casting rays at one of random heights:
+0.1 um off these triangles, and up to the heights' own differences off those of the other cut.
+PyBullet's `GEOM_HEIGHTFIELD` takes a block `heights` of R rows and C columns as
+`heightfieldData=heights.ravel()`, `numHeightfieldRows=C`, `numHeightfieldColumns=R` (x is fastest)
+and `meshScale=(cell_m, cell_m, 1)`. The body's origin is the middle of the block in x and y, and in
+z (lowest + highest) / 2, where it has to be put. It takes 2,097,152 heights at most and says
+nothing when there are more.
+
+Nothing here reads the files of others: `groundlink.importing` does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from io import BytesIO
+from typing import Annotated, TypeVar
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import ArrayLike, NDArray
+
+from groundlink import assets
+from groundlink.assets import Digest, MissingAsset
+from groundlink.frames import Floats
+
+from .solids import Positive, Spec, Vector3
+
+D = TypeVar("D", bound=np.generic)
+
+HEAD_BYTES = 256
+"""More than the head of a .npy file of a map has."""
+
+BODY = "terrain"
+"""The name of the terrain among bodies."""
+
+
+class Terrain(Spec, frozen=True, kw_only=True):
+    """What of a world's terrain its scenario holds: where it lies, and which assets it is."""
+
+    heights: Digest
+    """A .npy file of float32, shape (rows, columns), metres above `at_m`."""
+
+    surface: Digest | None = None
+    """A .npy file of uint8, shape (rows - 1, columns - 1): numbers of `materials`; None: all 0."""
+
+    cell_m: Positive
+    """Length of a cell's side."""
+
+    at_m: Vector3
+    """Where in the world the middle of the map is, and what is added to its heights."""
+
+    low_m: Vector3
+    """Lowest corner of the box around it, in the world."""
+
+    high_m: Vector3
+    """Highest corner of that box."""
+
+    materials: Annotated[tuple[str, ...], Meta(min_length=1, max_length=256)]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Terrain that is at hand: heights in the world and the surface's materials."""
+
+    heights: NDArray[np.float32]
+    """Shape (rows, columns), metres in the world, read-only and C-contiguous."""
+
+    surface: NDArray[np.uint8]
+    """Shape (rows - 1, columns - 1): numbers of `materials`, read-only and C-contiguous."""
+
+    cell_m: float
+    x0_m: float
+    """Of the vertex [0, 0], in the world, as is `y0_m`."""
+
+    y0_m: float
+    materials: tuple[str, ...]
+
+    def height_at(self, x_m: ArrayLike, y_m: ArrayLike) -> Floats:
+        """Return the triangles' z at points of the world; NaN beside the map."""
+        row, column, v, u = self._cell(x_m, y_m)
+        b, c = self.heights[row, column + 1], self.heights[row + 1, column]
+        south_west = u + v <= 1
+        corner = np.where(south_west, self.heights[row, column], self.heights[row + 1, column + 1])
+        along_x = np.where(south_west, u, 1 - v)  # the weight of b
+        along_y = np.where(south_west, v, 1 - u)  # the weight of c
+        height = corner.astype(np.float64)
+        height = height + along_x * (b - height) + along_y * (c - height)
+        return np.where(self.inside(x_m, y_m), height, np.nan)
+
+    def material_at(self, x_m: ArrayLike, y_m: ArrayLike) -> NDArray[np.uint8]:
+        """Return the numbers of the materials at points of the world; beside the map its edge's."""
+        row, column, _, _ = self._cell(x_m, y_m)
+        return np.asarray(self.surface[row, column])
+
+    def inside(self, x_m: ArrayLike, y_m: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether points of the world lie on the map."""
+        rows, columns = self.heights.shape
+        u, v = self._steps(x_m, y_m)
+        return np.asarray((u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1))
+
+    def _steps(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[Floats, Floats]:
+        """Return how many cells points are from the vertex [0, 0], along x and y."""
+        x, y = np.asarray(x_m, np.float64), np.asarray(y_m, np.float64)
+        return (x - self.x0_m) / self.cell_m, (y - self.y0_m) / self.cell_m
+
+    def _cell(
+        self, x_m: ArrayLike, y_m: ArrayLike
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
+        """Return row and column of the cells of points, and where in them along y and x, 0..1."""
+        rows, columns = self.heights.shape
+        u, v = np.broadcast_arrays(*self._steps(x_m, y_m))
+        u, v = (np.nan_to_num(np.clip(a, 0, n - 1)) for a, n in ((u, columns), (v, rows)))
+        column = np.minimum(u.astype(np.intp), columns - 2)
+        row = np.minimum(v.astype(np.intp), rows - 2)
+        return row, column, v - row, u - column
+
+
+@lru_cache(maxsize=8)
+def ground(terrain: Terrain) -> Ground:
+    """Return a world's terrain, mapped from the store where nothing has to be added to it.
+
+    Raises
+    ------
+    MissingAsset
+        when the store does not hold it, or what it holds is no terrain.
+    """
+    heights = _array(terrain.heights, np.float32)
+    rows, columns = heights.shape
+    if min(rows, columns) < 2:
+        raise MissingAsset(f"the terrain's heights {terrain.heights[:12]} are no map of 2 x 2")
+    if terrain.at_m[2]:
+        heights = heights + np.float32(terrain.at_m[2])
+        heights.flags.writeable = False
+    if terrain.surface is None:
+        surface = np.zeros((rows - 1, columns - 1), np.uint8)
+        surface.flags.writeable = False
+    else:
+        surface = _array(terrain.surface, np.uint8)
+        if surface.shape != (rows - 1, columns - 1) or surface.max() >= len(terrain.materials):
+            raise MissingAsset(f"the terrain's surface {terrain.surface[:12]} does not fit it")
+    return Ground(
+        heights=heights,
+        surface=surface,
+        cell_m=terrain.cell_m,
+        x0_m=terrain.at_m[0] - (columns - 1) * terrain.cell_m / 2,
+        y0_m=terrain.at_m[1] - (rows - 1) * terrain.cell_m / 2,
+        materials=terrain.materials,
+    )
+
+
+def asset_of(array: NDArray[np.float32] | NDArray[np.uint8]) -> bytes:
+    """Return a map as an asset holds it: the same bytes for the same values everywhere."""
+    file = BytesIO()
+    np.lib.format.write_array(file, np.ascontiguousarray(array), version=(1, 0), allow_pickle=False)
+    return file.getvalue()
+
+
+def _array(digest: str, dtype: type[D]) -> NDArray[D]:
+    """Return the map that an asset is, read-only, without a copy.
+
+    Raises
+    ------
+    MissingAsset
+        when there is none.
+    """
+    content = assets.mapped(digest)
+    try:
+        head = BytesIO(content[:HEAD_BYTES])
+        np.lib.format.read_magic(head)
+        shape, by_columns, of = np.lib.format.read_array_header_1_0(head)
+        flat = np.frombuffer(content, of, offset=head.tell())
+        if of != dtype or by_columns or len(shape) != 2:
+            raise ValueError
+        return flat.reshape(shape)
+    except (ValueError, TypeError):
+        raise MissingAsset(f"the world's data {digest[:12]} are no map") from None

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a gateway keeps while vehicles come into its run and go.
+
+Rule: what is declared on the bus is declared once; whether there are other vehicles is asked when
+physics says that the world has changed, and not before.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import cached_property
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.messages import Health, Message
+from groundlink.questions import link_key
+from groundlink.scenario import Scenario
+from groundlink.topics import ACK, HEALTH, Delivery
+
+from .emulated import Emulated
+from .gateway import Gateway
+
+NAME = "gateway"
+
+MESSAGES_KEPT = 4096
+"""Messages of the bus that may wait: some seconds of all streams together."""
+
+
+class Kept:
+    """What a gateway keeps of a run whose vehicles change: what it has declared on the bus."""
+
+    def __init__(self, bus: Bus, run: str) -> None:
+        self.bus, self.run = bus, run
+        self.inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
+        self.publishers: dict[str, Callable[[Message], bytes]] = {}
+        self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
+        self.emulated: Emulated | None = None
+        self._subscribed: set[str] = set()
+        self._physics: Inbox[Health] = Inbox(depth=16)
+        self._worlds: int | None = None
+        bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)
+
+    @cached_property
+    def heartbeat(self) -> process.Heartbeat:
+        """By which others know that it is there: to be asked for when it hears all."""
+        return process.Heartbeat(self.bus, self.run, NAME)
+
+    def declare(self, gateway: Gateway) -> None:
+        """Publish and subscribe what a gateway carries, where that is not done yet."""
+        for wish in gateway.incoming:
+            if wish.key not in self.publishers:
+                self.publishers[wish.key] = self.bus.publisher(wish.key, Delivery.ALL)
+
+    def subscribe(self, gateway: Gateway) -> None:
+        """Hear what a gateway carries to ROS."""
+        for key, stream in gateway.streams.items():
+            if key not in self._subscribed:
+                self._subscribed.add(key)
+                self.bus.subscribe(key, stream.message, self.inbox)
+
+    def emulates(self, emulated: Emulated) -> None:
+        """Let the emulated link be changed and told by queries."""
+        if self.emulated is None:
+            self.bus.serve(link_key(self.run), self._answer)
+        self.emulated = emulated
+
+    def _answer(self, wish: str) -> list[bytes]:
+        return self.emulated.answer(wish) if self.emulated is not None else []
+
+    def changed(self, scenario: Scenario, stop: threading.Event) -> Scenario | None:
+        """Return the run's scenario where other vehicles are in it now."""
+        worlds = self._worlds
+        while len(self._physics) and (arrived := self._physics.get(seconds=0)):
+            worlds = arrived[1].counters.get("worlds")
+        if worlds == self._worlds:
+            return None
+        self._worlds = worlds
+        _, now = process.join(self.bus, self.run, stop)
+        return None if _names(now) == _names(scenario) else now
+
+
+def _names(scenario: Scenario) -> list[str]:
+    return [vehicle.name for vehicle in scenario.vehicles]

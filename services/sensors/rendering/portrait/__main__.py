@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.sensors.rendering.portrait WHAT --out FILE.png``.
+
+Rule: takes part in no run: loads files, draws once, and ends. `groundlink world show` starts it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from groundlink import process
+from groundlink.cli.world import add_show_arguments
+from groundlink.errors import UserError
+from groundlink.scenario.part import Kind, load_part
+from services.sensors.rendering.context import require
+
+PROCESS = "world show"
+
+FROM_DEG = {Kind.WORLD: (200.0, 38.0), Kind.SCENARIO: (200.0, 38.0), Kind.VEHICLE: (130.0, 27.0)}
+"""Where the eye is if nothing else is asked for: the sun is behind it, a vehicle looks east."""
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Write a picture."""
+    parser = argparse.ArgumentParser(prog="groundlink world show", description="Draw a picture.")
+    add_show_arguments(parser)
+    options = parser.parse_args(arguments)
+    require("cv2", "moderngl")
+    import cv2
+
+    from .picture import portrait
+
+    kind, scenario = load_part(options.what, tell=_warn)
+    out = options.out or Path(f"{Path(options.what).stem}.png")
+    picture = portrait(kind, scenario, options.point or FROM_DEG[kind], options.size)
+    try:
+        out.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
+    except OSError as error:
+        raise UserError(f"--out {out}: {(error.strerror or str(error)).lower()}") from None
+    print(out)
+
+
+def _warn(line: str) -> None:
+    print(f"groundlink: warning: {line}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    process.run(PROCESS, main)

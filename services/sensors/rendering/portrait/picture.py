@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The portrait of a world, a vehicle or a scenario.
+
+Rule: the same files and the same direction give the same picture, for one driver's version.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.scenario.part import Kind
+from groundlink.scenario.schema import Scenario
+from services.sensors.rendering.renderer import Renderer
+
+from .marks import mark
+from .scene import scene
+from .viewpoint import direction, view
+
+INDOORS = 1.5
+"""Exposure in rooms, whose corners are dark."""
+
+FINER = 2
+"""Pixels drawn along each side of one in the picture: edges come out smooth."""
+
+
+def portrait(
+    kind: Kind, scenario: Scenario, from_deg: tuple[float, float], size: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """Return a picture, shape (height, width, 3): red, green, blue.
+
+    Parameters
+    ----------
+    from_deg
+        Where the eye is: clockwise from north, and up.
+    size
+        Width and height, pixels.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        when OpenGL is missing here or does not draw (a `UserError`).
+    """
+    towards_eye = direction(*from_deg)
+    shown = scene(kind, scenario, towards_eye)
+    pinhole, world_from_optical = view(shown.corners, towards_eye, *size)
+    fine = replace(
+        pinhole,
+        width=FINER * pinhole.width,
+        height=FINER * pinhole.height,
+        fx=FINER * pinhole.fx,
+        fy=FINER * pinhole.fy,
+        cx=FINER * (pinhole.cx + 0.5) - 0.5,
+        cy=FINER * (pinhole.cy + 0.5) - 0.5,
+    )
+    renderer = Renderer(shown.world, shown, fine)
+    renderer.place(shown.poses)
+    if shown.world.room:
+        renderer.exposure = INDOORS
+    drawn = renderer.draw(world_from_optical).colour
+    picture = np.asarray(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA), np.uint8)
+    mark(picture, shown.frames, shown.axis_m, pinhole, world_from_optical)
+    return picture

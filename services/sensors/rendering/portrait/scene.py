@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a world, vehicle or scenario a portrait shows, and where its frames are.
+
+Rule: everything stands as it does at the start of a run. What would hide the rest is left out: the
+ceiling and the walls towards the eye, as of a doll's house. Weather is, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.frames import Floats, transform
+from groundlink.scenario.part import Kind
+from groundlink.scenario.schema import Scenario, Vehicle, World
+from groundlink.world import motion
+from groundlink.world.actors import parts
+from groundlink.world.bounds import bounds
+from groundlink.world.build import solids
+from groundlink.world.furnish import WALLS
+from groundlink.world.links import links
+from groundlink.world.solids import Box, Solid
+from groundlink.world.start import start
+from groundlink.world.terrain import Ground, ground
+from groundlink.world.weather import Weather
+from services.sensors.rendering.culling import Boxes
+
+FLOOR = 17.0
+"""Length of the floor under a vehicle, in those of its longest side."""
+
+CLEAR_M = 1e7
+"""How far one sees."""
+
+AXES = {Kind.VEHICLE: 0.15, Kind.WORLD: 0.06, Kind.SCENARIO: 0.06}
+"""Length of frames' axes, as a share of the diagonal of what is shown."""
+
+
+@dataclass(frozen=True)
+class NamedFrame:
+    """A frame to be drawn."""
+
+    name: str
+    world_from_frame: Floats
+    """Shape (4, 4)."""
+
+    def ends(self, axis_m: float) -> Floats:
+        """Return its origin and the ends of its axes in the world, shape (4, 3)."""
+        origin, axes = self.world_from_frame[:3, 3], self.world_from_frame[:3, :3]
+        return np.vstack([origin, origin + axis_m * axes.T])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What there is to see (`stage.Things`)."""
+
+    world: World
+    static: tuple[Solid, ...]
+    links: list[list[Solid]]
+    movers: list[str]
+    poses: Floats
+    """world_from_link, shape (links, 7)."""
+
+    corners: Floats
+    """Points around all that should be in the picture, shape (N, 3)."""
+
+    frames: list[NamedFrame]
+    axis_m: float
+    """Length of the frames' axes."""
+
+
+def scene(kind: Kind, scenario: Scenario, towards_eye: Floats) -> Scene:
+    """Return what a portrait shows from a direction, a unit vector in the world."""
+    terrain = ground(scenario.world.terrain) if scenario.world.terrain else None
+    built, names, poses, frames = [], [], [np.empty((0, 7))], []
+    if kind is not Kind.VEHICLE:
+        frames.append(NamedFrame("world", np.eye(4)))
+    for vehicle in scenario.vehicles:
+        there = links(vehicle.model)
+        built += there
+        names += [vehicle.name] * len(there)
+        poses.append(_standing(vehicle, terrain))
+        frames += _frames(vehicle, poses[-1][0], alone=kind is Kind.VEHICLE)
+    for actor in scenario.world.actors:
+        place = motion.start(actor.motion, terrain)
+        built.append(parts(actor.form))
+        names.append(actor.name)
+        poses.append(np.array([[*place.position_m, *place.orientation]]))
+    world_from_link = np.concatenate(poses)
+    static = _open(scenario, towards_eye)
+    around = [
+        *_outline(scenario.world, static),
+        *(
+            _corners([solid]) @ matrix[:3, :3].T + matrix[:3, 3]
+            for part, matrix in zip(
+                built, transform(world_from_link[:, :3], world_from_link[:, 3:]), strict=True
+            )
+            for solid in part
+        ),
+    ]
+    size_m = np.ptp(np.concatenate(around), axis=0)
+    axis_m = AXES[kind] * float(np.linalg.norm(size_m))
+    around += [frame.ends(axis_m) for frame in frames if kind is Kind.VEHICLE]
+    if kind is Kind.VEHICLE:
+        floor = Box(size_m=(FLOOR * size_m.max(), FLOOR * size_m.max(), 0.1))
+        static = (Solid("floor", floor, "floor", position_m=(0.0, 0.0, -0.05)),)
+    return Scene(
+        world=replace(scenario.world, weather=Weather(fog_visibility_m=CLEAR_M)),
+        static=static,
+        links=built,
+        movers=names,
+        poses=world_from_link,
+        corners=np.concatenate(around),
+        frames=frames,
+        axis_m=axis_m,
+    )
+
+
+def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
+    """Return world_from_link of a vehicle on its springs where it starts, shape (links, 7)."""
+    position, turn = start(vehicle, terrain)
+    base = transform(position, turn)
+    in_base = np.array([(0.0, 0.0, 0.0), *(wheel.center_m for wheel in vehicle.model.wheels)])
+    positions = in_base @ base[:3, :3].T + base[:3, 3]
+    return np.hstack([positions, np.tile(turn, (len(positions), 1))])
+
+
+def _frames(vehicle: Vehicle, base: Floats, *, alone: bool) -> list[NamedFrame]:
+    """Return the frames of a vehicle by itself: its base and its mounts; in a world its base's."""
+    if not alone:
+        return [NamedFrame(vehicle.name, transform(base[:3], base[3:]))]
+    mounts = [
+        NamedFrame(
+            name,
+            transform(base[:3], base[3:]) @ transform(mount.xyz_m, mount.quaternion()),
+        )
+        for name, mount in vehicle.model.mounts.items()
+    ]
+    return [NamedFrame(vehicle.model.base_frame, transform(base[:3], base[3:])), *mounts]
+
+
+def _open(scenario: Scenario, towards_eye: Floats) -> tuple[Solid, ...]:
+    """Return what stands, without the ceiling and the walls of a room that are towards the eye."""
+    hidden = ["room_ceiling"]
+    for name, (yaw_deg, _) in WALLS.items():
+        yaw = np.radians(yaw_deg)
+        outwards = np.array([-np.sin(yaw), np.cos(yaw)])
+        if outwards @ towards_eye[:2] > 1e-6:
+            hidden.append(f"wall_{name}")
+            door = scenario.world.room and scenario.world.room.door
+            if door and door.wall == name:
+                hidden.append("door_leaf")
+    own = {solid.name for solid in scenario.world.solids}
+    shown = []
+    for solid in solids(scenario):
+        if scenario.world.room and solid.name not in own:
+            if solid.name.startswith(tuple(hidden)):
+                continue
+            if solid.name == "room_floor":
+                # It goes on outside, where nothing is to be seen.
+                length, width, _ = scenario.world.room.size_m
+                thick = scenario.world.room.wall_thickness_m
+                size = (length + 2 * thick, width + 2 * thick, thick)
+                solid = replace(solid, shape=Box(size_m=size))
+        shown.append(solid)
+    return tuple(shown)
+
+
+def _outline(world: World, static: tuple[Solid, ...]) -> list[Floats]:
+    """Return points around what stands, and the terrain."""
+    around = [_corners(list(static))]
+    if world.terrain:
+        low, high = np.array(world.terrain.low_m), np.array(world.terrain.high_m)
+        around.append(Boxes.around(low[None], high[None]).corners().reshape(-1, 3))
+    return around
+
+
+def _corners(some: list[Solid]) -> Floats:
+    """Return the corners of the boxes around solids, shape (8 N, 3)."""
+    lows, highs = (np.reshape([bounds(solid)[i] for solid in some], (-1, 3)) for i in (0, 1))
+    return Boxes.around(lows, highs).corners().reshape(-1, 3)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From where a portrait is taken: a direction, and as near as everything is in the picture.
+
+Rule: geometry alone. Directions are as of the sun: azimuth clockwise from north, elevation up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from groundlink.frames import Floats
+from services.sensors.rendering.pinhole import Pinhole
+
+FIELD_DEG = 34.0
+"""From the upper edge to the lower one: narrow, so that near things do not look too large."""
+
+MARGIN = 0.90
+"""Share of the picture's width and height that is filled at most."""
+
+NEAR = 0.02
+"""Where the view begins, as a share of the distance."""
+
+
+def direction(azimuth_deg: float, elevation_deg: float) -> Floats:
+    """Return the unit vector towards a direction, shape (3,): east, north, up."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    level = math.cos(elevation)
+    return np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
+
+
+def view(points: Floats, towards_eye: Floats, width: int, height: int) -> tuple[Pinhole, Floats]:
+    """Return a camera that sees all points, and world_from_optical of it, shape (4, 4)."""
+    focal = height / 2 / math.tan(math.radians(FIELD_DEG) / 2)
+    helper = np.array([0.0, 0.0, 1.0]) if abs(towards_eye[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(helper, towards_eye)
+    right /= np.linalg.norm(right)
+    world_from_optical = np.eye(4)
+    world_from_optical[:3, :3] = np.stack(
+        [right, np.cross(-towards_eye, right), -towards_eye], axis=-1
+    )
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    x, y, z = ((points - middle) @ world_from_optical[:3, :3]).T
+    shift, away = [], []
+    for across, size in ((x, width), (y, height)):
+        # The planes at the picture's edges, each through the outermost point.
+        slope = MARGIN * size / 2 / focal
+        most, least = (across - slope * z).max(), (-across - slope * z).max()
+        shift.append((most - least) / 2)
+        away.append((most + least) / 2 / slope)
+    distance = max(*away, 1e-3 - z.min())
+    world_from_optical[:3, 3] = middle + world_from_optical[:3, :3] @ (*shift, -distance)
+    pinhole = Pinhole(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+    return replace(pinhole, near_m=NEAR * (distance + z.min())), world_from_optical

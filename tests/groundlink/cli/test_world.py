@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink world import`: says what it finds, and the world that it writes can be used."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from groundlink.__main__ import main
+from groundlink.importing.world_files import open_edges
+from groundlink.scenario import load
+from groundlink.world.mesh_asset import surface
+from groundlink.world.terrain import ground
+from tests.groundlink.importing.files import HEIGHTMAPS, MESHES, png, sixteen_bits, write
+
+SCENARIO = "name: it\nworld: worlds/new.yaml\nvehicles: [{name: rover, model: rover}]\n"
+MAP = ("--heights-m", "0", "100", "--cell-m", "2.5")
+
+
+def imported(folder: Path, name: str, content: bytes, *options: str) -> Path:
+    """Write a file, import it into a world in another folder, return a scenario there."""
+    for part in ("files", "worlds"):
+        (folder / part).mkdir()
+    write(folder / "files", name, content)
+    os.chdir(folder)
+    assert main(["world", "import", f"files/{name}", "--out", "worlds/new.yaml", *options]) == 0
+    text = (folder / "worlds/new.yaml").read_text()
+    materials = "materials:\n  rubber: {}\n  yellow_paint: {}\n  dark_metal: {}\n"
+    (folder / "worlds/new.yaml").write_text(text.replace("materials:\n", materials))
+    (folder / "it.yaml").write_text(SCENARIO)
+    return folder / "it.yaml"
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_heightmap_becomes_a_world_with_the_origin_on_the_ground(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = load(imported(tmp_path, "it's a map.png", HEIGHTMAPS["map.png"], *MAP))
+    said = capsys.readouterr().out
+    assert "9 x 6 heights, cells of 2.5 m: 20 x 12.5 m" in said
+    assert "80 triangles" in said
+    assert scenario.world.name == "it_s_a_map"
+    assert scenario.world.terrain is not None
+    here = ground(scenario.world.terrain)
+    assert here.height_at(0.0, 0.0) == pytest.approx(0.0, abs=1e-3)
+    assert here.cell_m == 2.5
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_a_mesh_or_scan_becomes_a_world(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    content = MESHES[name]
+    content = content if isinstance(content, bytes) else content.encode()
+    scenario = load(imported(tmp_path, name, content))
+    said = capsys.readouterr().out
+    assert ("points without faces" in said) == (name.partition(".")[0] in ("cloud", "packed")
+                                                or name == "ascii.pcd")  # fmt: skip
+    floor, mesh = scenario.world.solids
+    assert floor.name == "floor"
+    low, high = mesh.shape.low_m, mesh.shape.high_m  # type: ignore[union-attr]
+    assert mesh.position_m[2] + low[2] == pytest.approx(0.0, abs=1e-3)
+    assert mesh.position_m[0] + (low[0] + high[0]) / 2 == pytest.approx(0.0, abs=1e-3)
+
+
+def test_units_are_as_told(tmp_path: Path) -> None:
+    scenario = load(imported(tmp_path, "box.stl", MESHES["box.stl"], "--scale", "0.5", "--up", "y"))
+    shape = scenario.world.solids[1].shape
+    assert shape.high_m == pytest.approx((0.25, 0.75, 0.5))  # type: ignore[union-attr]
+
+
+def test_holes_are_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ball = trimesh.creation.icosphere(2)
+    top, bottom = ball.vertices[:, 2].argmax(), ball.vertices[:, 2].argmin()
+    around = [int((ball.faces == v).any(axis=1).sum()) for v in (top, bottom)]
+    ball.update_faces(~((ball.faces == top) | (ball.faces == bottom)).any(axis=1))
+    scenario = load(imported(tmp_path, "ball.stl", ball.export(file_type="stl")))
+    assert f"open: {sum(around)} edges" in capsys.readouterr().out
+    shape = scenario.world.solids[1].shape
+    assert open_edges(surface(shape.asset)) == (sum(around), 2)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("map.png",), "--heights-m: is missing"),
+        (("map.png", *MAP, "--scale", "2"), "--scale: map.png has no use for it"),
+        (("box.stl", "--cell-m", "2"), "--cell-m: box.stl has no use for it"),
+        (("box.stl", "--scale", "-2"), "--scale: expected `float` > 0.0"),
+        (("box.stl", "--out", "box.stl"), "is there already"),
+        (("box.stl", "--out", "none/w.yaml"), "there is no folder none"),
+        (("none.stl",), "none.stl: there is no such file"),
+        (("new.yaml",), "new.yaml: no such file is known; expected one of .png"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], problem: str
+) -> None:
+    write(tmp_path, "map.png", png(sixteen_bits()))
+    write(tmp_path, "box.stl", MESHES["box.stl"])
+    assert main(["world", "import", *arguments]) == 2
+    said = capsys.readouterr().err
+    assert problem in said
+    assert said.count("\n") == 1

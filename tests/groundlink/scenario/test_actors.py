@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Actors in files: what is allowed, and what a mistake is told as."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from groundlink.errors import UserError
+from groundlink.scenario import load
+from groundlink.scenario.json_schema import json_schema
+from groundlink.scenario.load import SHIPPED
+from groundlink.world.bodies import link_bodies
+from groundlink.world.build import solids
+
+ACTORS = """
+- name: visitor
+  form: {kind: person, shirt: plastic, trousers: cardboard, skin: plaster}
+  motion: {kind: along, points_m: [[-2, -2], [3, -2]], speed_mps: 1.2, pause_s: 2}
+- name: gate
+  form: {kind: door, width_m: 0.9, height_m: 2.0, material: wood}
+  motion:
+    kind: hinge
+    at_m: [2.0, 0.5, 0]
+    swings: [{at_s: 5, angle_deg: 90, for_s: 2}, {at_s: 12, angle_deg: 0, for_s: 2}]
+    every_s: 20
+- name: parcel
+  form:
+    kind: parts
+    parts: [{name: lid, shape: {kind: box, size_m: [0.4, 0.3, 0.3]}, material: cardboard}]
+  motion: {kind: free, at_m: [1.0, 0.0, 0.2], mass_kg: 6}
+"""
+
+
+def written(folder: Path, *changes: tuple[tuple[str | int, ...], Any]) -> Path:
+    """Write a scenario of the laboratory with these actors, changed at some places."""
+    world = yaml.safe_load((SHIPPED / "worlds" / "lab.yaml").read_text())
+    world["actors"] = yaml.safe_load(ACTORS)
+    for path, value in changes:
+        part = world["actors"]
+        for step in path[:-1]:
+            part = part[step]
+        part[path[-1]] = value
+    vehicle = {"name": "rover", "model": "rover", "placement": {"x_m": -4.6}}
+    scenario = {"name": "it", "world": world, "vehicles": [vehicle]}
+    file = folder / "it.yaml"
+    file.write_text(yaml.safe_dump(scenario, sort_keys=False))
+    return file
+
+
+def test_actors_of_all_kinds_are_read(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    scenario = load(file)
+    assert [actor.name for actor in scenario.world.actors] == ["visitor", "gate", "parcel"]
+    assert [actor.kind for actor in scenario.world.actors] == ["person", "door", "parcel"]
+    assert link_bodies(scenario)[-3:] == ["visitor", "gate", "parcel"]
+    assert "visitor" not in {solid.name for solid in solids(scenario)}
+    validator = jsonschema.Draft202012Validator(json_schema("scenario"))
+    assert not list(validator.iter_errors(yaml.safe_load(file.read_text())))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "problem"),
+    [
+        ((0, "form", "kind"), "persn", "person"),
+        ((0, "form", "shirt"), "plastik", "did you mean `plastic`"),
+        ((0, "motion", "speed_mps"), 0, "speed_mps"),
+        ((0, "motion", "points_m"), [[0, 0]], "points_m"),
+        ((0, "motion", "points_m"), [[1, 1], [1, 1]], "two neighbours of `points_m` are the same"),
+        ((0, "name"), "gate", "two bodies called `gate`"),
+        ((1, "motion", "every_s"), 3, "`every_s` is less than all `swings` take"),
+        ((2, "motion", "mass_kg"), -1, "mass_kg"),
+        ((2, "motion", "at_m"), [-4.6, 0, 0.2], "`rover` starts inside `parcel`"),
+        ((2, "form", "parts"), [], "parts"),
+    ],
+)
+def test_a_mistake_has_one_line(
+    tmp_path: Path, path: tuple[str | int, ...], value: object, problem: str
+) -> None:
+    file = written(tmp_path, (path, value))
+    with pytest.raises(UserError) as caught:
+        load(file)
+    line = str(caught.value)
+    assert problem in line
+    assert line.startswith(f"{file}:")
+    assert "\n" not in line

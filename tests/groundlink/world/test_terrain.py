@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Terrain: heights on the very triangles that Bullet has, from the store and in the world."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from groundlink import assets
+from groundlink.assets import MissingAsset
+from groundlink.world.terrain import Ground, Terrain, asset_of, ground
+from services.physics.engine import Engine
+
+ROWS, COLUMNS, CELL_M = 5, 7, 0.5
+HEIGHTS = np.random.default_rng(7).uniform(0, 3, (ROWS, COLUMNS)).astype(np.float32)
+SURFACE = np.arange((ROWS - 1) * (COLUMNS - 1), dtype=np.uint8).reshape(ROWS - 1, -1) % 3
+AT_M = (10.0, -20.0, 1.5)
+
+
+def terrain() -> Terrain:
+    return Terrain(
+        heights=assets.keep(asset_of(HEIGHTS)),
+        surface=assets.keep(asset_of(SURFACE)),
+        cell_m=CELL_M,
+        at_m=AT_M,
+        low_m=(8.5, -21.0, 1.5),
+        high_m=(11.5, -19.0, 4.5),
+        materials=("grass", "rock", "water"),
+    )
+
+
+def places(count: int) -> np.ndarray:
+    """Return random points of the map, x and y in the world, away from its very edge."""
+    half = np.array([COLUMNS - 1, ROWS - 1]) * CELL_M / 2 - 1e-4
+    return np.random.default_rng(1).uniform(-half, half, (count, 2)) + AT_M[:2]
+
+
+def test_heights_are_those_that_bullet_has_between_the_vertices() -> None:
+    here = ground(terrain())
+    engine = Engine()
+    shape = engine.createCollisionShape(
+        engine.GEOM_HEIGHTFIELD,
+        meshScale=[CELL_M, CELL_M, 1.0],
+        heightfieldData=here.heights.ravel().astype(float).tolist(),
+        numHeightfieldRows=COLUMNS,
+        numHeightfieldColumns=ROWS,
+    )
+    middle = (float(here.heights.min()) + float(here.heights.max())) / 2
+    engine.createMultiBody(0, shape, basePosition=[AT_M[0], AT_M[1], middle])
+    for x, y in places(500):
+        ((body, _, _, at, _),) = engine.rayTest([x, y, 50.0], [x, y, -50.0])
+        assert body >= 0
+        assert here.height_at(x, y) == pytest.approx(at[2], abs=1e-5)
+    engine.close()
+
+
+def test_heights_and_materials_of_vertices_and_cells_are_their_own() -> None:
+    here = ground(terrain())
+    row, column = np.indices(HEIGHTS.shape)
+    x, y = here.x0_m + column * CELL_M, here.y0_m + row * CELL_M
+    assert here.height_at(x, y) == pytest.approx(HEIGHTS + AT_M[2], abs=1e-6)
+    cells = SURFACE.shape
+    middle = x[: cells[0], : cells[1]] + CELL_M / 2, y[: cells[0], : cells[1]] + CELL_M / 2
+    assert (here.material_at(*middle) == SURFACE).all()
+
+
+def test_beside_the_map_there_is_no_height() -> None:
+    here = ground(terrain())
+    assert np.isnan(here.height_at([8.49, 10.0, np.nan], [-20.0, -18.99, -20.0])).all()
+    assert np.isfinite(here.height_at([8.5, 11.5], [-21.0, -19.0])).all()
+    assert here.material_at(1e9, -20.0) == here.material_at(11.4, -20.0)
+
+
+def test_arrays_are_read_only_and_mapped_where_nothing_is_added() -> None:
+    flat = replace(terrain(), at_m=(0.0, 0.0, 0.0), surface=None)
+    for made in (ground(terrain()), ground(flat)):
+        assert made.heights.dtype == np.float32
+        assert made.heights.flags.c_contiguous
+        assert made.surface.flags.c_contiguous
+        for array in (made.heights, made.surface):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0, 0] = 1
+    assert not ground(flat).heights.flags.owndata
+    assert not ground(flat).surface.any()
+    assert ground(flat) is ground(flat)
+
+
+@pytest.mark.parametrize(
+    ("field", "content", "problem"),
+    [
+        ("heights", None, "are not in"),
+        ("heights", asset_of(SURFACE), "are no map"),
+        ("heights", asset_of(HEIGHTS.ravel()), "are no map"),
+        ("heights", asset_of(HEIGHTS[:1]), "are no map of 2 x 2"),
+        ("heights", b"\x93NUMPY\x01\x00v\x00{'descr'", "are no map"),
+        ("heights", asset_of(HEIGHTS)[:-1], "are no map"),
+        ("surface", asset_of(SURFACE[1:]), "does not fit"),
+        ("surface", asset_of(SURFACE + np.uint8(1)), "does not fit"),
+    ],
+)
+def test_what_is_no_terrain_is_one_line(field: str, content: bytes | None, problem: str) -> None:
+    digest = "0" * 64 if content is None else assets.keep(content)
+    with pytest.raises(MissingAsset, match=problem):
+        ground(replace(terrain(), **{field: digest}))
+
+
+def test_a_map_is_the_same_bytes_however_it_lies_in_memory() -> None:
+    across = np.asfortranarray(HEIGHTS)
+    assert asset_of(across) == asset_of(HEIGHTS)
+    assert isinstance(ground(terrain()), Ground)

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every shipped vehicle can: drive, turn, climb, stand, and stay in the world."""
+
+from __future__ import annotations
+
+from math import asin, degrees, radians, tan
+
+import numpy as np
+import pytest
+
+from groundlink.clock import TICK_SECONDS
+from groundlink.messages import Command, State, encode, floats
+from groundlink.scenario.drives import SideSteered
+from groundlink.scenario.schema import Placement
+from groundlink.world.solids import Material
+
+from . import terrains
+from .grounds import NAME, STEEP_DEG, VEHICLES, drive, put, rubble, shipped, slope, travels, wall
+
+pytestmark = pytest.mark.parametrize("name", VEHICLES)
+
+STILL = (0.0, 0.0)
+
+ROUGH_SECONDS = 30.0
+"""Of random commands on rubble; 600 s a vehicle hold too, and take twenty times as long."""
+
+
+def cruising_mps(name: str) -> float:
+    return min(shipped(name).top_speed_mps / 2, 2.5)
+
+
+def acceleration_s(name: str, speed: float) -> float:
+    return speed / shipped(name).drive.max_acceleration_mps2
+
+
+def test_stands_still_without_a_sound(name: str) -> None:
+    with put(shipped(name)) as simulation:
+        before = simulation.vehicle_states()[NAME].poses()[0].copy()
+        stood = drive(simulation, 2.0)
+    noise = np.abs(np.diff(stood.velocity[:, :3], axis=0)).max() / TICK_SECONDS
+    assert noise < 0.05
+    np.testing.assert_allclose(stood.pose[-1], before, atol=1e-3)
+
+
+def test_drives_straight_as_its_odometry_says(name: str) -> None:
+    model, speed = shipped(name), cruising_mps(name)
+    with put(model, at=Placement(x_m=-10.0)) as simulation:
+        drive(simulation, 0.5)
+        driven = drive(simulation, 10.0 / speed + acceleration_s(name, speed), (speed, 0.0))
+    way = float(np.hypot(*(driven.pose[-1] - driven.pose[0])[:2]))
+    left, right = travels(model, driven)
+    assert way > 10.0
+    assert (left + right) / 2 == pytest.approx(way, rel=0.01)
+    assert abs(driven.pose[-1, 1]) < 0.01 * way
+    assert driven.speed == pytest.approx(speed, rel=0.01)
+
+
+def test_turns_as_it_is_asked_with_the_effective_track_of_its_drive(name: str) -> None:
+    model = shipped(name)
+    on_the_spot = model.least_radius_m == 0.0
+    speed = 0.0 if on_the_spot else 2.0
+    rate = 0.6 if on_the_spot else speed / (1.2 * model.least_radius_m)
+    with put(model) as simulation:
+        drive(simulation, 3.0, (speed, rate))
+        turned = drive(simulation, 3.0, (speed, rate))
+    yaw = turned.velocity[:, 5].mean() * 3.0
+    assert yaw == pytest.approx(3.0 * rate, rel=0.01)
+    sides = [model.wheels[shaft.wheels[0]].center_m[1] for shaft in model.counted]
+    left, right = travels(model, turned)
+    multiplier = model.drive.track_multiplier if isinstance(model.drive, SideSteered) else 1.0
+    assert (right - left) / yaw / (max(sides) - min(sides)) == pytest.approx(multiplier, rel=0.01)
+    if on_the_spot:
+        wandered = np.linalg.norm(turned.pose[:, :2] - turned.pose[0, :2], axis=1)
+        assert wandered.max() < 0.1
+
+
+def test_climbs_a_slope_and_holds_on_it(name: str) -> None:
+    speed = min(cruising_mps(name), 1.0)
+    with put(shipped(name), *slope(4.0), at=Placement(x_m=-1.0)) as simulation:
+        climbed = drive(simulation, 20.0 / speed, (speed, 0.0))
+        drive(simulation, 4.0)
+        held = drive(simulation, 10.0)
+    assert climbed.pose[-1, 2] > 2.5
+    assert np.linalg.norm(held.pose[-1, :3] - held.pose[0, :3]) < 0.005
+    assert degrees(2 * asin(-held.pose[-1, 4])) == pytest.approx(STEEP_DEG, abs=5.0)
+
+
+def test_stands_across_a_slope_of_grass(name: str) -> None:
+    across = np.linspace(-20.0, 20.0, 81)[:, None] * np.full(81, tan(radians(STEEP_DEG)))
+    grass = {"ground": Material(friction=0.8)}
+    with terrains.put(terrains.terrain(across, 0.5), shipped(name), materials=grass) as simulation:
+        before = simulation.vehicle_states()[NAME].poses()[0].copy()
+        stood = drive(simulation, 8.0)
+    assert degrees(2 * asin(before[3])) == pytest.approx(STEEP_DEG, abs=0.1)
+    assert np.linalg.norm(stood.pose[:, :3] - before[:3], axis=1).max() < 0.1
+
+
+def test_survives_a_fall(name: str) -> None:
+    with put(shipped(name), at=Placement(z_m=0.5)) as simulation:
+        fallen = drive(simulation, 5.0)
+    rest = shipped(name).base_height_m
+    np.testing.assert_allclose(fallen.pose[-1, 2], rest, atol=2e-3)
+    assert fallen.pose[:, 2].min() > 0.3 * rest
+    assert np.abs(fallen.pose[-1, 3:5]).max() < 0.01
+    assert np.abs(fallen.velocity[-1]).max() < 0.01
+
+
+def test_survives_a_wall_at_full_speed(name: str) -> None:
+    model = shipped(name)
+    top = model.top_speed_mps
+    way = 1.3 * top * acceleration_s(name, top)
+    with put(model, wall(0.0), at=Placement(x_m=-way - 8.0)) as simulation:
+        hit = drive(simulation, 2.5 * acceleration_s(name, top) + 10.0 / top + 1.0, (top, 0.0))
+        after = drive(simulation, 4.0)
+    assert hit.velocity[:, 0].max() > 0.7 * top, "was not fast"
+    assert hit.pose[:, 0].max() < 0.0, "is in the wall"
+    assert after.pose[-1, 2] == pytest.approx(model.base_height_m, abs=0.1)
+    assert after.speed < 0.01
+
+
+def test_random_commands_on_rubble_break_nothing(name: str) -> None:
+    random = np.random.default_rng(1)
+    top = min(shipped(name).top_speed_mps, 5.0)
+    twist, rows = STILL, []
+    with put(shipped(name), *rubble(0)) as simulation:
+        for tick in range(round(ROUGH_SECONDS * 400)):
+            if tick % 800 == 0:
+                way = random.choice([-1.0, 1.0, 1.0]) * random.uniform(0.2, 1.0)
+                twist = top * way, random.uniform(-1.0, 1.0)
+            if tick % 20 == 0:
+                stamp = simulation.sim_nanos
+                simulation.command(NAME, Command(stamp, (twist[0], 0.0, 0.0), (0.0, 0.0, twist[1])))
+            simulation.step()
+            if tick % 8 == 0:
+                state = simulation.vehicle_states()[NAME]
+                rows.append(
+                    np.concatenate(
+                        (
+                            state.poses()[0, :3],
+                            floats(state.base_velocity),
+                            floats(state.joint_velocities),
+                        )
+                    )
+                )
+    history = np.array(rows)
+    assert np.isfinite(history).all()
+    assert np.abs(history[:, :2]).max() < 18.0, "left the world"
+    assert history[:, 2].min() > -1.0, "fell through the ground"
+    assert history[:, 2].max() < 5.0, "was thrown up"
+    assert np.abs(history[:, 3:6]).max() < 3 * top + 3.0
+    assert np.ptp(history[:, :2], axis=0).max() > 2.0, "did not move"
+
+
+def test_same_calls_give_the_same_bytes(name: str) -> None:
+    def played() -> list[bytes]:
+        with put(shipped(name), *rubble(0)) as simulation:
+            return [
+                encode(State("", 0, 0, 0, 0, "", simulation.vehicle_states()))
+                for _ in range(20)
+                if len(drive(simulation, 0.1, (1.0, 0.5)).pose)
+            ]
+
+    assert played() == played()

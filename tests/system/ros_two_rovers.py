@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS 2 user's node with two rovers: drives the second, and writes a JSON line for what both say.
+
+Run as ``python -m tests.system.ros_two_rovers FILE``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+
+from udp_bridge_ros2.environment import apply_defaults
+
+apply_defaults(os.environ)
+
+import rclpy  # noqa: E402
+from geometry_msgs.msg import Twist  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
+from tf2_msgs.msg import TFMessage  # noqa: E402
+
+NAMESPACES = ("first", "second")
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def main(file: str) -> None:
+    rclpy.init()
+    node = Node("fleet")
+    with open(file, "w", encoding="utf-8", buffering=1) as lines:
+
+        def note(topic: str, **fields: object) -> None:
+            lines.write(json.dumps({"topic": topic, **fields}) + "\n")
+
+        def odometry(namespace: str, message: Odometry) -> None:
+            at = message.pose.pose.position
+            frames = [message.header.frame_id, message.child_frame_id]
+            note(f"/{namespace}/odom", frames=frames, at=[at.x, at.y])
+
+        def frames(message: TFMessage) -> None:
+            note(
+                "/tf_static",
+                frames={t.child_frame_id: t.header.frame_id for t in message.transforms},
+            )
+
+        for namespace in NAMESPACES:
+            node.create_subscription(
+                Odometry, f"/{namespace}/odom", lambda m, n=namespace: odometry(n, m), 100
+            )
+        node.create_subscription(TFMessage, "/tf_static", frames, LATCHED)
+        publisher = node.create_publisher(Twist, "/second/cmd_vel", 10)
+        ahead = Twist()
+        ahead.linear.x = 0.5
+        node.create_timer(0.05, lambda: publisher.publish(ahead))
+        try:
+            rclpy.spin(node)
+        except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+            pass
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run under way is paused, stepped, and begun again, by real processes over a real bus."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from groundlink.bus import Bus
+from groundlink.cli.control import ask
+from groundlink.control import Pause, Reset, Resume, Step
+from groundlink.inbox import Inbox
+from groundlink.messages import Imu, encode
+from groundlink.topics import IMU
+
+from .rig import Rig, rig, wait_for
+
+pytestmark = pytest.mark.system
+
+SAMPLES = 400
+
+
+@pytest.fixture(params=["fast", "realtime"])
+def run(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Rig, Bus, Inbox[Imu]]]:
+    with rig(tmp_path, time_section=f"time: {{mode: {request.param}, epoch: zero}}\n") as it:
+        physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
+        # It begins when the sensor is there, also in real time.
+        alone = ("--only", "rover/imu", "--wait-for", "rover/imu", "--run", it.run)
+        it.start(*physics, *alone, log="physics.log")
+        wait_for(it.is_answered, 20, "physics listens")
+        with Bus(connect=it.endpoint) as bus:
+            samples: Inbox[Imu] = Inbox(depth=100_000)
+            bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
+            sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
+            it.start(*sensor, "--connect", it.endpoint, log="imu.log")
+            yield it, bus, samples
+
+
+def first_samples(samples: Inbox[Imu]) -> list[bytes]:
+    """Return what comes from the first sample of a life on."""
+    first = 0
+    found: list[bytes] = []
+    while len(found) < SAMPLES:
+        arrived = samples.get(seconds=30)
+        assert arrived, "the sensor fell silent"
+        if not found or arrived[1].stamp_nanos < first:
+            first, found = arrived[1].stamp_nanos, []
+        found.append(encode(arrived[1]))
+    return found
+
+
+def test_time_stands_still_goes_on_by_ticks_and_begins_again(
+    run: tuple[Rig, Bus, Inbox[Imu]],
+) -> None:
+    it, bus, samples = run
+    first_life = first_samples(samples)
+
+    paused = ask(bus, it.run, Pause())
+    assert paused.paused
+    ask(bus, it.run, Step(5))
+    wait_for(lambda: ask(bus, it.run).paused, 5, "five steps are taken")
+    assert ask(bus, it.run).tick == paused.tick + 5
+
+    while samples.get(seconds=0.3):
+        pass  # what is left of the first life
+    again = ask(bus, it.run, Reset())
+    assert again.paused
+    assert again.tick == 0
+    assert not ask(bus, it.run, Resume()).paused
+    assert first_samples(samples) == first_life
+
+
+def test_the_command_line_says_what_became_of_it(run: tuple[Rig, Bus, Inbox[Imu]]) -> None:
+    it, _, samples = run
+    first_samples(samples)
+    command = [sys.executable, "-m", "groundlink", "step", "7", "--connect", it.endpoint]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"run `{it.run}` is paused at tick ")
+    command[4] = "0"
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stderr) == (2, "groundlink: 0 ticks: expected 1 or more\n")
