@@ -15,6 +15,7 @@ import time
 
 from .environment import apply_defaults
 from .leftovers import SHARED_MEMORY, remove_leftovers
+from .memory import keep_memory
 
 PROGRAM = "udp_bridge_ros2"
 SWITCH_SECONDS = 5e-4
@@ -28,6 +29,7 @@ def main(argv: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
     sys.setswitchinterval(SWITCH_SECONDS)
+    keep_memory()
     apply_defaults(os.environ)
     remove_leftovers(SHARED_MEMORY, now_s=time.time())
     try:

@@ -3,13 +3,14 @@
 
 Rule: whatever ROS makes slow (creating a publisher, a large body, a subscriber that stalls) is done
 behind a queue; it costs messages of these queues, which are counted, and no datagrams. The thread
-that receives publishes itself only small messages of topics that have been quick so far and that
-nothing waits for: to wake another thread takes longer. Bodies are published as the bytes that they
-are; nothing here decodes them.
+that receives publishes itself only messages of a topic whose last one was quick and for which
+nothing waits: to wake another thread takes longer. Bodies are published as the bytes that they are;
+nothing here decodes them.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -29,12 +30,8 @@ Address = tuple[str, int]
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph."""
-QUICK_BYTES = 1 << 16
-"""Bodies up to this size may be published by the thread that receives..."""
-QUICK_SECONDS = 0.005
-"""...unless one of their topic has taken longer than this; then they wait in the queue..."""
-SLOW_FOR_SECONDS = 1.0
-"""...for this long, after which the topic is tried again."""
+QUICK_SECONDS = 0.002
+"""A topic of which a message took longer goes by the queue until one takes less there."""
 OnFate = Callable[["Message", Address, bool], None]
 _ENCAPSULATION = b"\x00\x01"
 """How little-endian CDR begins; a body of anything else would break its subscribers."""
@@ -52,28 +49,19 @@ class _Channel:
         self.is_refused = False
         self.has_complained = False
         self.is_publishing = False
-        self.slow_until_s = 0.0
+        self.took_s = math.inf
+        """How long ROS took with the last message that it was given."""
         self.latest: dict[Address, bytes] = {}
         """Of a latched topic: what each sender had published last."""
 
-    def is_quick(self, message: Message) -> bool:
+    def is_quick(self) -> bool:
         """Tell whether a message may be published at once, before any other of its topic."""
         return (
-            self.publisher is not None
+            self.took_s <= QUICK_SECONDS
             and not self.waiting
             and not self.is_publishing
             and not self.delivery.is_latched
-            and len(message.body) <= QUICK_BYTES
-            and time.monotonic() >= self.slow_until_s
         )
-
-    def publish(self, body: bytes) -> None:
-        """Give a body to ROS; how long that takes of a small one decides where the next goes."""
-        began_s = time.monotonic()
-        self.publisher.publish(body)
-        ended_s = time.monotonic()
-        if len(body) <= QUICK_BYTES and ended_s - began_s > QUICK_SECONDS:
-            self.slow_until_s = ended_s + SLOW_FOR_SECONDS
 
     def is_full(self) -> bool:
         """Tell whether the oldest message that waits has to give way."""
@@ -143,7 +131,7 @@ class Outlet:
             if channel.is_refused or message.body[:2] != _ENCAPSULATION:
                 self._refuse(message, sender)
                 return
-            if not channel.is_quick(message):
+            if not channel.is_quick():
                 channel.waiting.append((message, sender))
                 if channel.is_full():
                     self._on_fate(*channel.waiting.popleft(), False)
@@ -199,6 +187,7 @@ class Outlet:
             return False
         if channel.publisher is None:
             channel.publisher = self._create_publisher(channel, message, sender)
+        began_s = time.monotonic()
         body = bytes(message.body)  # the one copy: rclpy takes nothing but bytes
         if channel.delivery.is_latched:
             # The sender repeats it for receivers that come late; DDS does that for ours.
@@ -208,7 +197,8 @@ class Outlet:
             if len(channel.latest) >= channel.delivery.depth:
                 channel.latest.clear()
             channel.latest[sender] = body
-        channel.publish(body)
+        channel.publisher.publish(body)
+        channel.took_s = time.monotonic() - began_s
         self._on_fate(message, sender, True)
         return True
 
