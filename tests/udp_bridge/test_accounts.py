@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import pytest
+
 from udp_bridge import Message
-from udp_bridge.accounts import SETTLED_NANOS, Account, Accounts
+from udp_bridge.accounts import SETTLED_NANOS, TOPICS_KEPT, Account, Accounts
 from udp_bridge.control import TopicReport
 
 WALL = 10**18
@@ -109,3 +111,21 @@ def test_reports_about_unknown_topics_take_no_memory() -> None:
     accounts = Accounts()
     accounts.reported("/imu", report(5), WALL)
     assert accounts.rows(0) == []
+
+
+@pytest.mark.parametrize(("signed_peer", "modulus"), [(False, 2**32), (True, 2**31)])
+def test_a_message_has_the_number_of_those_before_it(signed_peer: bool, modulus: int) -> None:
+    accounts = Accounts(signed_peer=signed_peer)
+    keys = [(1, "/a"), (1, "/a"), (1, "/b"), (2, "/a"), (1, "/a")]
+    assert [accounts.numbered(key, 0, 1) for key in keys] == [0, 1, 0, 0, 2]
+    accounts._topics[1, "/a"].sent = modulus - 1
+    assert [accounts.numbered((1, "/a"), 0, 1) for _ in range(2)] == [modulus - 1, 0]
+
+
+def test_topics_that_are_forgotten_begin_anew() -> None:
+    accounts = Accounts()
+    accounts.numbered((1, "/first"), 0, 1)
+    for index in range(TOPICS_KEPT):
+        accounts.numbered((1, str(index)), 0, 1)
+    assert accounts.numbered((1, "/first"), 0, 1) == 0
+    assert accounts.numbered((1, str(TOPICS_KEPT - 1)), 0, 1) == 1

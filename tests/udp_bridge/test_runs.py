@@ -85,7 +85,7 @@ def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
         to = two.getsockname()
         middle = parts.cut.parts_max - 1
         for first, count in ((0, middle), (middle, parts.cut.parts_max - middle)):
-            assert sender.send(one, Leaving(parts, first, count), to, lambda _: False) == count
+            assert sender.send(one, Leaving(parts, first, count, size=0), to, lambda _: False) == count
         assert [two.recv(65536) for _ in expected] == expected
 
 
@@ -97,7 +97,7 @@ def test_a_datagram_that_can_not_be_sent_is_left_out(sending: type, pair: Pair) 
         complaints.append(number)
         return False
 
-    run = Leaving(parts_of(2500), 0, 3)
+    run = Leaving(parts_of(2500), 0, 3, size=0)
     assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
     assert len(complaints) == 3
 
@@ -110,7 +110,7 @@ def test_what_can_not_be_sent_is_tried_once_more_when_told_so(sending: type, pai
         complaints.append(number)
         return True
 
-    run = Leaving(parts_of(2500), 0, 3)
+    run = Leaving(parts_of(2500), 0, 3, size=0)
     assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
     assert len(complaints) == 6
 
@@ -280,7 +280,7 @@ def test_a_place_that_is_none_is_an_error(pair: Pair, change: dict[str, object])
 @needs_many
 @pytest.mark.parametrize(("first", "count"), [(-1, 2), (3, 0), (3, 3), (0, 300)])
 def test_parts_that_are_none_are_an_error(pair: Pair, first: int, count: int) -> None:
-    run = Leaving(parts_of(4500), first, count)
+    run = Leaving(parts_of(4500), first, count, size=0)
     if count <= 0:
         assert runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False) == 0
         return

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from typing import Deque, List, NamedTuple, Optional, Tuple
 
-from .header import NANOS, SEQ_NUMBERS
+from .header import NANOS, SEQ_NUMBERS, SIGNED_SEQ_NUMBERS
 from .message import Message
 from .reports import TopicReport
 
@@ -145,18 +145,32 @@ class _Sent:
 
 
 class Accounts:
-    """The accounts of one destination; the topics that were quiet for the longest give way."""
+    """The accounts of one destination; the topics that were quiet for the longest give way.
 
-    def __init__(self) -> None:
+    One that was forgotten begins at number 0, like that of a sender which was restarted.
+    """
+
+    def __init__(self, *, signed_peer: bool = False) -> None:
+        self._modulus = SIGNED_SEQ_NUMBERS if signed_peer else SEQ_NUMBERS
         self._topics: OrderedDict[Tuple[int, str], _Sent] = OrderedDict()
 
-    def numbered(self, key: Tuple[int, str], stamp_nanos: int, size: int) -> None:
-        """Take note that a message of a msg_type and topic leaves, with a body of `size` bytes."""
+    def numbered(self, key: Tuple[int, str], stamp_nanos: int, size: int) -> int:
+        """Return the seq_number of a message that leaves: how many of its topic left before it.
+
+        Parameters
+        ----------
+        key
+            Its msg_type and topic.
+        stamp_nanos, size
+            Its stamp, and the bytes of its body.
+        """
         row = self._row(key, stamp_nanos)
+        number = row.sent % self._modulus
         row.sent += 1
         row.sent_bytes += size
         if stamp_nanos < row.oldest_stamp_nanos:
             row.oldest_stamp_nanos = stamp_nanos
+        return number
 
     def superseded(self, message: Message) -> None:
         """Take note of a message that is not sent, for a newer one came."""

@@ -206,7 +206,8 @@ class Departures:
         if not self._is_idle():
             return None
         now_nanos = time.monotonic_ns()
-        self._parking.collect(now_nanos, waits=False)
+        if outbox.pacer.wants_credit:
+            self._parking.collect(now_nanos, waits=False)
         datagram = outbox.express_run(
             msg_type, topic, link, stamp_nanos, body, now_nanos, self._run_bytes
         )

@@ -237,6 +237,11 @@ class Pacer:
             return 0
         return max(1, min(most, self.bucket.room(kernel_bytes(size), now_nanos)))
 
+    @property
+    def wants_credit(self) -> bool:
+        """Whether a Credit is worth looking for: less than half of the window is free."""
+        return self.window.in_flight_bytes * 2 > self.window.window_bytes
+
     def may_send(self, size: int, now_nanos: int) -> bool:
         """Tell whether a datagram of `size` bytes may go now."""
         if self._expects_credit:

@@ -36,18 +36,13 @@ class Run(NamedTuple):
     first: int
     """Number of the first part."""
     parts_count: int
+    size: int
+    """Bytes of all datagrams."""
 
     @property
     def datagram_size(self) -> int:
         """Bytes of a datagram, which the message's last one may lack some of."""
         return len(self.parts.packed) + self.parts.cut.part_size
-
-    @property
-    def size(self) -> int:
-        """Bytes of all datagrams."""
-        end = (self.first + self.parts_count) * self.parts.cut.part_size
-        missing = max(0, end - self.parts.body.nbytes)
-        return self.parts_count * self.datagram_size - missing
 
 
 class Datagram(NamedTuple):
@@ -77,7 +72,7 @@ class Outbox:
     ) -> None:
         self.to = to
         self.pacer = Pacer()
-        self.accounts = Accounts()
+        self.accounts = Accounts(signed_peer=signed_peer)
         self.superseded = 0
         """Messages dropped here because newer ones of their topic came."""
         self._datagram_size = check_datagram_size(datagram_size)
@@ -131,8 +126,8 @@ class Outbox:
         size = view.nbytes
         if size > largest or not is_stamp(stamp_nanos):
             return None
-        number = self._number((msg_type, topic), stamp_nanos, size)
-        return Datagram(restamped(packed, number, stamp_nanos), view, self.to, is_last=True)
+        number = self.accounts.numbered((msg_type, topic), stamp_nanos, size)
+        return Datagram(restamped(packed, number, stamp_nanos), view, self.to, True)
 
     def express_run(
         self,
@@ -160,7 +155,7 @@ class Outbox:
         count = self.pacer.granted(size, most, now_nanos) if most else 0
         if not count:
             return None
-        number = self._number((msg_type, topic), stamp_nanos, view.nbytes)
+        number = self.accounts.numbered((msg_type, topic), stamp_nanos, view.nbytes)
         self._message = Message(msg_type, topic, link, stamp_nanos, number, body)
         self._leaving = None
         self._parts = Parts(restamped(alike.packed, number, stamp_nanos), view, cut)
@@ -254,17 +249,20 @@ class Outbox:
         """Return that many parts of the current message, from `first` on, which go now."""
         assert self._message is not None
         message, cut = self._message, parts.cut
-        run = Run(parts, first, count)
+        end = first + count
+        is_last = end == cut.parts_max
         size = len(parts.packed) + cut.part_size
+        last_size = size - (end * cut.part_size - parts.body.nbytes if is_last else 0)
         key = DatagramKey(message.msg_type, message.topic, message.seq_number, first)
-        self.pacer.sent_run(key, count, size, run.size - (count - 1) * size, now_nanos)
+        self.pacer.sent_run(key, count, size, last_size, now_nanos)
         for _ in range(count if self._leaving is not None else 0):
             self._has_sent_part(self._leaving, now_nanos)
-        parts.upcoming = first + count
-        if parts.upcoming == cut.parts_max:
+        parts.upcoming = end
+        if is_last:
             self._parts = None
         self._part = next(parts, None)
-        return Datagram(parts.packed, parts.body, self.to, is_last=self._part is None, run=run)
+        run = Run(parts, first, count, (count - 1) * size + last_size)
+        return Datagram(parts.packed, parts.body, self.to, is_last, run)
 
     def _may_send(self, message: Message, part: Tuple[bytes, memoryview], now_nanos: int) -> bool:
         """Tell whether a datagram of a message may go now, and take note that it does."""
@@ -313,7 +311,7 @@ class Outbox:
         self._planned = None  # it would keep the body
         body = flat(message.body)
         key = (message.msg_type, message.topic)
-        number = self._number(key, message.stamp_nanos, body.nbytes)
+        number = self.accounts.numbered(key, message.stamp_nanos, body.nbytes)
         message = message._replace(seq_number=number)
         header = message.header(parts_max=cut.parts_max)
         packed = header.pack(signed_peer=self._signed_peer)
@@ -327,10 +325,6 @@ class Outbox:
         if isinstance(mode, Resend):
             sent = self.resender.leaves(message, cut, packed, mode.limit_nanos, now_nanos)
         return message, sent, parts
-
-    def _number(self, key: Tuple[int, str], stamp_nanos: int, size: int) -> int:
-        self.accounts.numbered(key, stamp_nanos, size)
-        return self._numbering.next(*key)
 
 
 def take_in_turn(outboxes: List[Outbox], now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
