@@ -367,8 +367,8 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
 
 // receive(fd, rest, block, header, (host, port), part size, first, count, is open, waits,
 // uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
-// header, taken, last size, credits, uncredited, stray datagram or None, its sender, errno, drops,
-// credits kept, their bytes
+// (header, taken, last size, credits, uncredited, stray datagram or None, its sender, why it is
+// refused, credits kept, their bytes), errno, drops
 static PyObject *receive(PyObject *self, PyObject *args)
 {
     struct run run = {.drops = -1};
@@ -406,10 +406,10 @@ static PyObject *receive(PyObject *self, PyObject *args)
         sender = Py_BuildValue("si", name, ntohs(run.from.sin_port));
         if (!stray || !sender) goto end;
     }
-    found = Py_BuildValue("y#iniKOOiLiK", run.came, run.taken ? run.head.len : 0, run.taken,
+    found = Py_BuildValue("(y#iniKOOsiK)iL", run.came, run.taken ? run.head.len : 0, run.taken,
                           run.last_size, run.credits, run.uncredited, stray ? stray : Py_None,
-                          sender ? sender : Py_None, run.error, run.drops,
-                          run.parked, run.parked_bytes);
+                          sender ? sender : Py_None, "", run.parked, run.parked_bytes, run.error,
+                          run.drops);
 end:
     Py_XDECREF(stray);
     Py_XDECREF(sender);

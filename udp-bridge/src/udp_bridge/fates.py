@@ -81,11 +81,9 @@ class Fates:
 
     def settle(self, seq_number: int, fate: str) -> bool:
         """Give a message its fate, `handed`, `incomplete` or `late`; return whether it counts."""
-        if seq_number == self._highest and self.numbers:  # as nearly always
-            bit = 1
-        else:
+        if seq_number != self._highest or not self.numbers:
             self.seen(seq_number)
-            bit = self._bit(seq_number)
+        bit = 1 if seq_number == self._highest else self._bit(seq_number)
         if not bit & ~self._settled:
             return False
         self._settled |= bit

@@ -80,21 +80,24 @@ class Order:
 
         Behind the last one handed over comes no restart, no gap and nothing late.
         """
-        if self._last_seq is None or header.seq_number != (self._last_seq + 1) % SEQ_NUMBERS:
+        key = seq_number, sec, nsec = key_of(header)
+        if self._last_seq is None or seq_number != (self._last_seq + 1) % SEQ_NUMBERS:
             return False
-        if key_of(header) in self._finished:
+        if key in self._finished:
             return False
-        self.finish(header)
-        self._last_seq = header.seq_number
-        self._last_stamp = header.stamp_nanos
+        self._remember(key)
+        self._last_seq = seq_number
+        self._last_stamp = sec * NANOS + nsec
         self._last_handed_nanos = now_nanos
         return True
 
     def finish(self, header: Header) -> None:
         """Remember that this message needs no more parts."""
         key = key_of(header)
-        if key in self._finished:
-            return
+        if key not in self._finished:
+            self._remember(key)
+
+    def _remember(self, key: Key) -> None:
         self._finished.add(key)
         self._recent.append(key)
         if len(self._recent) > FINISHED_REMEMBERED:

@@ -92,7 +92,6 @@ class Reassembler:
         is_plain = header.parts_max == 1 and topic.asking is None and not topic.open
         if is_plain and topic.order.takes_next(header, now_nanos):
             topic.link = header.link
-            topic.arrived.seen(header)
             return self._verdicts.handed(topic, header, part)
         self._verdicts.notice_restart(topic, header, now_nanos)
         if topic.order.is_finished(header):

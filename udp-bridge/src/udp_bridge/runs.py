@@ -78,10 +78,10 @@ class ManyAtOnce:
         self._is_flowing = found is not None
         if found is None:
             return None, -1
-        *run, error, drops, parked, parked_bytes = found
+        run, error, drops = found
         if drops >= 0:
             self.drops = drops
-        return Run._make((*run, "", parked, parked_bytes)), error
+        return Run._make(run), error
 
 
 class OneByOne:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Optional
 
 from .counters import Counters
-from .header import Header
+from .header import NANOS, Header
 from .holdings import Holdings, Topic
 from .message import Message
 from .ordering import key_of
@@ -88,14 +88,9 @@ class Verdicts:
 
 def message_of(header: Header, body: memoryview) -> Message:
     """Return the message of a header and its whole body."""
-    # A single part still lies in the caller's buffer; what was joined lies in one of its own.
-    kept = memoryview(bytes(body)) if header.parts_max == 1 else body
-    return Message(
-        header.msg_type,
-        header.topic,
-        header.link,
-        header.stamp_nanos,
-        header.seq_number,
-        kept,
-        header.parts_max,
-    )
+    msg_type, seq_number, _, parts_max, sec, nsec, topic, link = header
+    # What was joined lies in a block of its own. A single part lies as it came: in bytes, which
+    # nobody can change, or in a buffer that is used again.
+    if parts_max == 1 and not isinstance(body.obj, bytes):
+        body = memoryview(bytes(body))
+    return Message(msg_type, topic, link, sec * NANOS + nsec, seq_number, body, parts_max)
