@@ -85,7 +85,9 @@ def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
         to = two.getsockname()
         middle = parts.cut.parts_max - 1
         for first, count in ((0, middle), (middle, parts.cut.parts_max - middle)):
-            assert sender.send(one, Leaving(parts, first, count, size=0), to, lambda _: False) == count
+            assert (
+                sender.send(one, Leaving(parts, first, count, size=0), to, lambda _: False) == count
+            )
         assert [two.recv(65536) for _ in expected] == expected
 
 

@@ -164,7 +164,8 @@ class Accounts:
         stamp_nanos, size
             Its stamp, and the bytes of its body.
         """
-        row = self._row(key, stamp_nanos)
+        row = self._topics.get(key) or self._new_row(key, stamp_nanos)
+        self._topics.move_to_end(key)
         number = row.sent % self._modulus
         row.sent += 1
         row.sent_bytes += size
@@ -174,7 +175,9 @@ class Accounts:
 
     def superseded(self, message: Message) -> None:
         """Take note of a message that is not sent, for a newer one came."""
-        self._row((message.msg_type, message.topic), message.stamp_nanos).superseded += 1
+        key = (message.msg_type, message.topic)
+        row = self._topics.get(key) or self._new_row(key, message.stamp_nanos)
+        row.superseded += 1
 
     def reported(self, topic: str, report: TopicReport, told_nanos: int) -> None:
         """Take what the receiver reports; its wall clock said `told_nanos`."""
@@ -188,11 +191,8 @@ class Accounts:
             row.mark(now_nanos)
         return [row.sums(key) for key, row in self._topics.items()]
 
-    def _row(self, key: Tuple[int, str], stamp_nanos: int) -> _Sent:
-        row = self._topics.get(key)
-        if row is None:
-            if len(self._topics) >= TOPICS_KEPT:
-                self._topics.popitem(last=False)
-            row = self._topics[key] = _Sent(stamp_nanos)
-        self._topics.move_to_end(key)
+    def _new_row(self, key: Tuple[int, str], stamp_nanos: int) -> _Sent:
+        if len(self._topics) >= TOPICS_KEPT:
+            self._topics.popitem(last=False)
+        row = self._topics[key] = _Sent(stamp_nanos)
         return row

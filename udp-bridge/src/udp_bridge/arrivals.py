@@ -61,11 +61,11 @@ class TopicArrivals:
             self.first_seen_stamp_nanos = header.stamp_nanos
         self.fates.seen(header.seq_number)
 
-    def handed(self, message: Message) -> None:
+    def handed(self, key: Key, size: int) -> None:
         """Take note of a message that was handed over: `published` or `drop` comes next."""
-        if not self.fates.settle(message.seq_number, "handed"):
+        if not self.fates.settle(key[0], "handed"):
             return
-        self._waiting[key_of(message)] = memoryview(message.body).nbytes
+        self._waiting[key] = size
         if len(self._waiting) > WAITING_KEPT:
             self._waiting.popitem(last=False)
             self.dropped += 1

@@ -215,11 +215,6 @@ class Departures:
             self._parking.follow(outbox, now_nanos)
         return datagram
 
-    def _send_express(self, express: Datagram) -> bool:
-        """Send what goes by express; return whether something waits behind it."""
-        self._send(express)
-        return self._is_relied_on or not express.is_last
-
     def _next_wake(self, now_nanos: int) -> float:
         """Return when something may go if nothing happens; infinity when nothing waits."""
         wakes = [outbox.next_wake(now_nanos) for outbox in self._turn]

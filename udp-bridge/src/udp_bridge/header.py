@@ -7,6 +7,7 @@ Two errors, by blame: `Refused` is the peer's fault (a bad datagram, to be count
 
 from __future__ import annotations
 
+from functools import lru_cache
 from struct import Struct
 from typing import NamedTuple, Tuple, Union
 
@@ -20,6 +21,10 @@ _NUMBER_OFFSET = 2
 _STAMP_END = _NUMBER_OFFSET + _NUMBER_TO_STAMP.size
 FIXED_SIZE = _FIXED.size
 """Bytes of the fields before the names: 18."""
+_NAMES_OFFSET = 2  # behind their sizes
+_SIZES_OFFSET = FIXED_SIZE - _NAMES_OFFSET
+_NAMES_KEPT = 1024
+"""Headers' ends that are known, for most come again and again."""
 SMALLEST_HEADER = 20
 LARGEST_HEADER = 252
 """The largest multiple of 4 that a byte can hold."""
@@ -145,7 +150,7 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
     if size < FIXED_SIZE:
         raise Refused("short" if size else "empty")
     fields = _FIXED.unpack_from(datagram)
-    msg_type, header_size, seq_number, part_number, parts_max, sec, nsec, topic_size, _ = fields
+    msg_type, header_size, seq_number, part_number, parts_max, sec, nsec, _, _ = fields
     if header_size < SMALLEST_HEADER:
         raise Refused("header_size_small")
     if header_size > size:
@@ -160,16 +165,7 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
         raise Refused("nsec_negative")
     if nsec >= NANOS:
         raise Refused("nsec_too_big")
-    topic_end = FIXED_SIZE + topic_size
-    link_end = topic_end + fields[8]
-    if topic_end > header_size:
-        raise Refused("topic_past_header")
-    if link_end > header_size:
-        raise Refused("link_past_header")
-    if header_size - link_end > 3:
-        raise Refused("header_size_large")
-    topic = _decode("topic", datagram[FIXED_SIZE:topic_end])
-    link = _decode("link", datagram[topic_end:link_end])
+    topic, link = _names(bytes(datagram[_SIZES_OFFSET:header_size]))
     if msg_type not in MSG_TYPES:
         raise Refused("sealed" if msg_type == SEALED else "unknown_type")
     return Header(msg_type, seq_number, part_number, parts_max, sec, nsec, topic, link), header_size
@@ -201,9 +197,25 @@ def type_label(msg_type: int) -> str:
     return row.name if row else f"type {msg_type}"
 
 
-def _decode(field: str, name: Buffer) -> str:
+@lru_cache(maxsize=_NAMES_KEPT)
+def _names(rest: bytes) -> Tuple[str, str]:
+    """Return topic and link of a header's end, their two sizes included."""
+    topic_end = _NAMES_OFFSET + rest[0]
+    link_end = topic_end + rest[1]
+    if topic_end > len(rest):
+        raise Refused("topic_past_header")
+    if link_end > len(rest):
+        raise Refused("link_past_header")
+    if len(rest) - link_end > 3:
+        raise Refused("header_size_large")
+    return _decode("topic", rest[_NAMES_OFFSET:topic_end]), _decode(
+        "link", rest[topic_end:link_end]
+    )
+
+
+def _decode(field: str, name: bytes) -> str:
     try:
-        text = str(name, "utf-8")
+        text = name.decode("utf-8")
     except UnicodeDecodeError:
         raise Refused(field + "_not_utf8") from None
     if "\0" in text:

@@ -192,8 +192,11 @@ class Link(Departures):
                 except TooLarge:
                     self._too_large += 1
                     raise
-        if express is None or self._send_express(express):
-            self._send_at_once(AT_ONCE_BYTES)
+        if express is not None:
+            self._send(express)
+            if express.is_last and not self._is_relied_on:
+                return
+        self._send_at_once(AT_ONCE_BYTES)
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all that was queued is sent; return whether it is."""

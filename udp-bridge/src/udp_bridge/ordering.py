@@ -80,7 +80,8 @@ class Order:
 
         Behind the last one handed over comes no restart, no gap and nothing late.
         """
-        key = seq_number, sec, nsec = key_of(header)
+        _, seq_number, _, _, sec, nsec, _, _ = header
+        key = (seq_number, sec, nsec)
         if self._last_seq is None or seq_number != (self._last_seq + 1) % SEQ_NUMBERS:
             return False
         if key in self._finished:

@@ -76,7 +76,8 @@ class Reassembler:
         Refused
             When the part contradicts its message; the caller counts it.
         """
-        self.expire(now_nanos)
+        if self._holdings.memory_bytes:  # otherwise nothing is open
+            self.expire(now_nanos)
         if header.parts_max > 1 and not len(part):
             raise Refused("part_size")
         if header.msg_type == CONTROL:
@@ -86,7 +87,7 @@ class Reassembler:
             return self._accept_resend(header, part, sender, now_nanos)
         if header.msg_type == REPAIR:
             return self._accept_symbol(header, part, sender, now_nanos)
-        if self._holdings.memory_bytes:  # otherwise nothing is open that it could contradict
+        if self._holdings.memory_bytes:  # it may contradict what is open
             self._check(header, len(part), sender, now_nanos)
         topic = self._holdings.topic(sender, (header.msg_type, header.topic))
         is_plain = header.parts_max == 1 and topic.asking is None and not topic.open
@@ -120,7 +121,9 @@ class Reassembler:
 
     def asked(self) -> List[Tuple[Hashable, str, Asked]]:
         """Return what is to be asked since the last call: of which sender, the topic, the rest."""
-        asked, self._asked = self._asked, []
+        asked = self._asked
+        if asked:
+            self._asked = []
         return asked
 
     def expire(self, now_nanos: int) -> None:
@@ -136,8 +139,13 @@ class Reassembler:
         self._holdings.forget_all()
         self.pool = Pool(0)
 
+    def take_note(self) -> None:
+        """Count what was handed over last, which the next message or report would do, too."""
+        self._verdicts.take_note()
+
     def reports(self, sender: Hashable, wall_nanos: int) -> List[Tuple[str, str, TopicReport]]:
         """Return topic, the link last seen and the report of each topic of a sender."""
+        self.take_note()
         return [
             (name, topic.link, topic.report(msg_type, wall_nanos))
             for (msg_type, name), topic in self._holdings.topics(sender)

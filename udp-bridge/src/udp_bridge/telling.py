@@ -45,7 +45,8 @@ class Telling:
         self._fates.append((sender, message.msg_type, message.topic, key_of(message), None))
 
     def take_note(self) -> None:
-        """Count what users said."""
+        """Count what was handed over, and what users said of it."""
+        self._reassembler.take_note()
         while self._fates:
             sender, msg_type, topic, key, wall_nanos = self._fates.popleft()
             arrived = self._reassembler.arrived(sender, msg_type, topic)

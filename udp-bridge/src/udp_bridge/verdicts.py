@@ -7,8 +7,9 @@ told by numbers, stamps and what was asked for. Parts and bounds are not looked 
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import List, Optional, Tuple
 
+from .arrivals import Key, TopicArrivals
 from .counters import Counters
 from .header import NANOS, Header
 from .holdings import Holdings, Topic
@@ -30,6 +31,7 @@ class Verdicts:
         self._holdings = holdings
         self._totals = totals
         self._keep_late = keep_late
+        self._handed: List[Tuple[TopicArrivals, Key, int]] = []
 
     def notice_restart(self, topic: Topic, header: Header, now_nanos: int) -> None:
         """Begin a topic anew when its sender was restarted, and did not send something again."""
@@ -79,11 +81,18 @@ class Verdicts:
         return self.handed(topic, header, body)
 
     def handed(self, topic: Topic, header: Header, body: memoryview) -> Message:
-        """Count a message as handed over, and return it."""
+        """Return a message to be handed over; `take_note` tells its topic."""
+        self.take_note()
         self._totals.messages += 1
         message = message_of(header, body)
-        topic.arrived.handed(message)
+        self._handed.append((topic.arrived, (message.seq_number, message.stamp_nanos), body.nbytes))
         return message
+
+    def take_note(self) -> None:
+        """Tell the topic of the message that was handed over; the message goes before that."""
+        while self._handed:
+            arrived, key, size = self._handed.pop()
+            arrived.handed(key, size)
 
 
 def message_of(header: Header, body: memoryview) -> Message:
