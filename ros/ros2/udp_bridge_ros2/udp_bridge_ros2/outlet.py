@@ -63,6 +63,18 @@ class _Channel:
             and not self.delivery.is_latched
         )
 
+    def is_news(self, body: bytes, sender: Address) -> bool:
+        """Tell whether ROS lacks a body of a latched topic, and take note of it.
+
+        The sender repeats it for receivers that come late; DDS does that for ours.
+        """
+        if self.latest.get(sender) == body:
+            return False
+        if len(self.latest) >= self.delivery.depth:
+            self.latest.clear()
+        self.latest[sender] = body
+        return True
+
     def is_full(self) -> bool:
         """Tell whether the oldest message that waits has to give way."""
         if len(self.waiting) <= self.delivery.waiting:
@@ -168,39 +180,33 @@ class Outlet:
 
     def _publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
         """Return whether a message was handed to ROS; it is not when ROS has it or refuses it."""
-        try:
-            return self._try_to_publish(channel, message, sender)
-        except Exception as error:
-            self._refuse(message, sender)
-            channel.is_refused = channel.publisher is None
-            if not channel.has_complained:
-                channel.has_complained = True
-                reason = " ".join(str(error).split())
-                self._node.get_logger().error(
-                    f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
-                )
-            return False
-
-    def _try_to_publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
         if channel.is_refused:
             self._refuse(message, sender)
             return False
-        if channel.publisher is None:
-            channel.publisher = self._create_publisher(channel, message, sender)
-        began_s = time.monotonic()
-        body = bytes(message.body)  # the one copy: rclpy takes nothing but bytes
-        if channel.delivery.is_latched:
-            # The sender repeats it for receivers that come late; DDS does that for ours.
-            if channel.latest.get(sender) == body:
-                self._on_fate(message, sender, True)
-                return False
-            if len(channel.latest) >= channel.delivery.depth:
-                channel.latest.clear()
-            channel.latest[sender] = body
-        channel.publisher.publish(body)
-        channel.took_s = time.monotonic() - began_s
+        try:
+            if channel.publisher is None:
+                channel.publisher = self._create_publisher(channel, message, sender)
+            began_s = time.monotonic()
+            body = bytes(message.body)  # the one copy: rclpy takes nothing but bytes
+            is_news = not channel.delivery.is_latched or channel.is_news(body, sender)
+            if is_news:
+                channel.publisher.publish(body)
+                channel.took_s = time.monotonic() - began_s
+        except Exception as error:
+            self._complain(channel, error)
+            self._refuse(message, sender)
+            return False
         self._on_fate(message, sender, True)
-        return True
+        return is_news
+
+    def _complain(self, channel: _Channel, error: Exception) -> None:
+        channel.is_refused = channel.publisher is None
+        if not channel.has_complained:
+            channel.has_complained = True
+            reason = " ".join(str(error).split())
+            self._node.get_logger().error(
+                f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
+            )
 
     def _refuse(self, message: Message, sender: Address) -> None:
         self.refused += 1
