@@ -29,6 +29,7 @@ pytestmark = pytest.mark.system
 
 PICTURES, CAMERA_INFO = "/camera/image_raw/compressed", "/camera/camera_info"
 SENSOR_PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}
+PICTURES_HZ = 30
 
 
 @dataclass
@@ -78,7 +79,7 @@ def test_fifteen_seconds_arrive_whole(running: Running) -> None:
     """Every cloud, sample and count of 15 s is there, in order, none twice, none missing.
 
     Pictures are drawn beside them on the same cores. None is late where nobody else computes, as
-    docs/camera.md has it; here some may be left out, but not many.
+    docs/camera.md has it; where somebody does, those that are left out are counted.
     """
     observer = running.observer
     topics = (*SENSOR_PERIODS_NANOS, PICTURES, CAMERA_INFO)
@@ -89,15 +90,20 @@ def test_fifteen_seconds_arrive_whole(running: Running) -> None:
         45,
         "15 s of all of them",
     )
+    missing = 0
     for topic in topics:
         stamps = np.array([m["stamp"] for m in observer.messages[topic][begin[topic] :]])
         if period := SENSOR_PERIODS_NANOS.get(topic):
             assert set(np.diff(stamps).tolist()) == {period}, topic
         else:
-            assert np.diff(stamps).min() > 0, topic
+            slots = np.rint((stamps - stamps[0]) / NANOS * PICTURES_HZ)
+            assert np.diff(slots).min() > 0, topic
+            missing = max(missing, int(slots[-1]) + 1 - len(slots))
             rate_hz = (len(stamps) - 1) / (stamps[-1] - stamps[0]) * NANOS
             print(f"{topic}: {rate_hz:.2f} Hz of sim time")
-            assert 25 < rate_hz <= 30.1, topic
+    wait_for(
+        lambda: running.counters("rover/camera")["skipped"] >= missing, 10, "what is late counts"
+    )
 
 
 def test_a_picture_has_its_camera_info(running: Running) -> None:

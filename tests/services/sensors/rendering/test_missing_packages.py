@@ -16,7 +16,7 @@ sys.modules[package] = None  # as if it were not installed
 from groundlink import process
 from services.sensors import shell
 
-def run(spec_type, make_model):  # the shell without a run to join
+def run(spec_type, make_model, **_):  # the shell without a run to join
     process.run(module, lambda *_: make_model(None, None, None))
 
 shell.run = run
