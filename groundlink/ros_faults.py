@@ -12,14 +12,12 @@ from typing import Any
 import msgspec
 
 from .faults import Faults
-from .ros_types import TYPES, header
+from .ros_statuses import ERROR, OK, status, the_only
+from .ros_types import header
 from .scenario.faults import Fault
 
 FAULT_PREFIX = "fault "
 """Before a fault's number in a pair's key."""
-
-_OK, _ERROR = 0, 2
-"""diagnostic_msgs/DiagnosticStatus's constants."""
 
 
 def faults(message: Faults) -> dict[str, Any]:
@@ -27,15 +25,14 @@ def faults(message: Faults) -> dict[str, Any]:
     facts = {"tick": str(message.tick)}
     for number, fault in enumerate(message.active, 1):
         facts[f"{FAULT_PREFIX}{number}"] = msgspec.json.encode(fault).decode()
-    pair = TYPES["diagnostic_msgs/msg/KeyValue"]
-    status = TYPES["diagnostic_msgs/msg/DiagnosticStatus"](
-        level=_ERROR if message.active else _OK,
-        name=f"{message.sensor}: faults",
-        message=", ".join(fault.kind for fault in message.active) or "none",
+    told = status(
+        f"{message.sensor}: faults",
+        ERROR if message.active else OK,
+        ", ".join(fault.kind for fault in message.active) or "none",
+        facts,
         hardware_id=message.sensor,
-        values=[pair(key=key, value=value) for key, value in facts.items()],
     )
-    return {"header": header(message.stamp_nanos, ""), "status": [status]}
+    return {"header": header(message.stamp_nanos, ""), "status": [told]}
 
 
 def from_faults(array: Any, stamp_nanos: int) -> Faults:
@@ -46,10 +43,7 @@ def from_faults(array: Any, stamp_nanos: int) -> Faults:
     ValueError
         when it was not.
     """
-    if len(array.status) != 1:
-        raise ValueError(f"{len(array.status)} statuses, expected one")
-    status = array.status[0]
-    facts = {pair.key: pair.value for pair in status.values}
+    sensor, facts = the_only(array)
     if "tick" not in facts:
         raise ValueError("no `tick` among its values")
     active = tuple(
@@ -57,4 +51,4 @@ def from_faults(array: Any, stamp_nanos: int) -> Faults:
         for key, value in facts.items()
         if key.startswith(FAULT_PREFIX)
     )
-    return Faults(stamp_nanos, status.hardware_id, int(facts["tick"]), active)
+    return Faults(stamp_nanos, sensor, int(facts["tick"]), active)

@@ -11,15 +11,14 @@ from typing import Any
 
 import msgspec
 
-from .ros_types import TYPES, header
+from .ros_statuses import OK, WARN, status, the_only
+from .ros_types import header
 from .vitals import BatteryState, Contact, Vitals
 
 CONTACT_PREFIX = "contact "
 """Before the touched thing's name in a pair's key."""
 
 _BATTERY = "battery"
-_OK, _WARN = 0, 1
-"""diagnostic_msgs/DiagnosticStatus's constants."""
 
 
 def vitals(message: Vitals) -> dict[str, Any]:
@@ -35,15 +34,14 @@ def vitals(message: Vitals) -> dict[str, Any]:
         rest = {"force_n": contact.force_n, "tick": contact.tick, "ticks": contact.ticks}
         facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
     names = ", ".join(contact.name for contact in message.contacts)
-    pair = TYPES["diagnostic_msgs/msg/KeyValue"]
-    status = TYPES["diagnostic_msgs/msg/DiagnosticStatus"](
-        level=_WARN if names else _OK,
-        name=f"{message.vehicle}: vitals",
-        message=f"touches {names}" if names else "touches nothing",
+    told = status(
+        f"{message.vehicle}: vitals",
+        WARN if names else OK,
+        f"touches {names}" if names else "touches nothing",
+        facts,
         hardware_id=message.vehicle,
-        values=[pair(key=key, value=str(value)) for key, value in facts.items()],
     )
-    return {"header": header(message.stamp_nanos, ""), "status": [status]}
+    return {"header": header(message.stamp_nanos, ""), "status": [told]}
 
 
 def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
@@ -54,10 +52,7 @@ def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
     ValueError
         when it was not.
     """
-    if len(array.status) != 1:
-        raise ValueError(f"{len(array.status)} statuses, expected one")
-    status = array.status[0]
-    facts = {pair.key: pair.value for pair in status.values}
+    vehicle, facts = the_only(array)
     contacts = tuple(
         msgspec.convert(
             {"name": key.removeprefix(CONTACT_PREFIX)} | msgspec.json.decode(value), Contact
@@ -70,6 +65,4 @@ def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
     except KeyError as error:
         raise ValueError(f"no {error} among its values") from None
     battery = msgspec.json.decode(facts[_BATTERY], type=BatteryState) if _BATTERY in facts else None
-    return Vitals(
-        stamp_nanos, status.hardware_id, int(tick), float(work), float(braked), contacts, battery
-    )
+    return Vitals(stamp_nanos, vehicle, int(tick), float(work), float(braked), contacts, battery)

@@ -26,7 +26,6 @@ from groundlink.scenario import Scenario, load
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.explain import nearest
 from groundlink.topics import ACK, COMMAND, HEALTH, WHEEL_COMMAND
-from groundlink.world.build import world_hash
 
 from .control import Control
 from .life import Life, outlets
@@ -61,9 +60,9 @@ class Physics:
         self._obey(scenario)
         bus.subscribe(ACK.key_in(run), Ack, self._arrived_acks)
         self._outlets = outlets(bus, run, scenario)
-        self._worlds = {world_hash(scenario): scenario}
         self._changes = 0
         self.life = self._new_life()
+        self._worlds = {self.life.world_hash: scenario}
         self.control = Control(self.reset, self.change)
         self._has_begun = False
         self._ack_prefix = ACK.key_in(run, process="")
@@ -163,10 +162,11 @@ class Physics:
                 scenario = without(before, name)
         self._obey(scenario)
         self._outlets = outlets(self._bus, self._run, scenario, self._outlets)
-        self._worlds[world_hash(scenario)] = scenario
         self._scenario = scenario
         self._changes += 1
         now.become(scenario, self._outlets)
+        # Before the first state that has this hash, which comes with the next step.
+        self._worlds[now.world_hash] = scenario
 
     def _begin(self) -> None:
         self.life.begin(time.time_ns(), time.monotonic())

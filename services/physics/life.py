@@ -97,7 +97,7 @@ class Life:
     ) -> None:
         self._run, self._publish, self._others = run, publish, others
         self._follows_wall = scenario.time.epoch == "wall"
-        self._world_hash = world_hash(scenario)
+        self.world_hash = world_hash(scenario)
         static = solids(scenario)
         self._simulation = Simulation(scenario, static)
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
@@ -134,7 +134,7 @@ class Life:
         static = solids(scenario)
         self._simulation.become(scenario, static)
         self._publish = publish
-        self._world_hash = world_hash(scenario)
+        self.world_hash = world_hash(scenario)
         self._bodies.change(scenario, static)
         told = {truth.vehicle: truth for truth in self._truths}
         self._truths = [told.get(v.name) or Truth(v) for v in scenario.vehicles]
@@ -193,7 +193,7 @@ class Life:
             self.epoch_nanos,
             simulation.tick,
             simulation.tick * TICK_NANOS,
-            self._world_hash,
+            self.world_hash,
             simulation.vehicle_states(),
             simulation.actor_poses(),
         )
