@@ -31,6 +31,8 @@ benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.lidar
 	@$(BIN)/python -m benchmarks.camera
 	@$(BIN)/python -m benchmarks.physics
+	@$(BIN)/python -m benchmarks.lockstep
+	@$(BIN)/python -m benchmarks.drift
 	@$(BIN)/python -m benchmarks.bridge
 	@$(BIN)/python -m benchmarks.loss
 	@$(BIN)/python -m benchmarks.freshness

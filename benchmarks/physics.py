@@ -29,7 +29,8 @@ from groundlink.inbox import Inbox
 from groundlink.messages import Command, Message, State, encode
 from groundlink.scenario import Scenario, load
 from groundlink.topics import STATE
-from services.physics.life import Life, Outlets, outlets
+from services.physics.life import Life
+from services.physics.outlets import Outlets, outlets
 
 RUN = "benchmark"
 ROUNDS = 5

@@ -29,7 +29,7 @@ _TUNSETIFF = 0x400454CA
 _TUN_WITHOUT_PREFIX = 0x1001
 _SIOCSIFADDR, _SIOCSIFDSTADDR, _SIOCSIFMTU, _SIOCSIFFLAGS = 0x8916, 0x8918, 0x8922, 0x8914
 _UP_AND_RUNNING = 0x41
-_INTERFACE = b"tun0"
+_INTERFACE, _LOOPBACK = b"tun0", b"lo"
 _MOST_PACKET = 1 << 16
 _QUEUE_PACKETS = 1000
 _SIOCSIFTXQLEN = 0x8943
@@ -47,7 +47,9 @@ def run(
     seconds: float,
     seed: int = 1,
 ) -> tuple[OneWay[None], OneWay[None]]:
-    """Run a program on each host for some seconds and return what the link did, each way.
+    """Run a program on each host and return what the link did, each way.
+
+    It ends after some seconds, or when the second host's program does.
 
     Parameters
     ----------
@@ -75,7 +77,8 @@ def run(
             if not descriptors:
                 raise NotAllowed(said.decode() or "the process of a host ended")
             files += descriptors
-        return _join(files[0], files[1], impairment, seconds=seconds, seed=seed)
+        files.append(os.pidfd_open(children[1]))
+        return _join(files, impairment, seconds=seconds, seed=seed)
     finally:
         for child in children:
             os.kill(child, signal.SIGKILL)
@@ -85,16 +88,20 @@ def run(
 
 
 def _join(
-    first: int, second: int, impairment: Impairment, *, seconds: float, seed: int
+    files: list[int], impairment: Impairment, *, seconds: float, seed: int
 ) -> tuple[OneWay[None], OneWay[None]]:
-    """Carry packets both ways until the time is over."""
+    """Carry packets both ways until the time is over, or the second host's process."""
+    first, second, end_of_second = files
     there: OneWay[None] = OneWay(impairment, seed=seed, direction="there")
     back: OneWay[None] = OneWay(impairment, seed=seed, direction="back")
     ways = ((first, second, there), (second, first, back))
     end = time.monotonic_ns() + round(seconds * 1e9)
     while (now := time.monotonic_ns()) < end:
         due = min((way.next_due() or end for _, _, way in ways), default=end)
-        readable, _, _ = select.select([first, second], [], [], max(0, min(due, end) - now) / 1e9)
+        wait = max(0, min(due, end) - now) / 1e9
+        readable, _, _ = select.select(files, [], [], wait)
+        if end_of_second in readable:
+            break
         for source, to, way in ways:
             if source in readable:
                 way.put(os.read(source, _MOST_PACKET), None, time.monotonic_ns())
@@ -128,14 +135,16 @@ def _network(address: str, peer: str, mtu: int) -> int:
     tunnel = os.open("/dev/net/tun", os.O_RDWR)
     fcntl.ioctl(tunnel, _TUNSETIFF, struct.pack("16sH22x", _INTERFACE, _TUN_WITHOUT_PREFIX))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
-        for request, value in (
-            (_SIOCSIFADDR, _address(address)),
-            (_SIOCSIFDSTADDR, _address(peer)),
-            (_SIOCSIFMTU, struct.pack("i", mtu)),
-            (_SIOCSIFTXQLEN, struct.pack("i", _QUEUE_PACKETS)),
-            (_SIOCSIFFLAGS, struct.pack("h", _UP_AND_RUNNING)),
+        up = struct.pack("h", _UP_AND_RUNNING)
+        for interface, request, value in (
+            (_INTERFACE, _SIOCSIFADDR, _address(address)),
+            (_INTERFACE, _SIOCSIFDSTADDR, _address(peer)),
+            (_INTERFACE, _SIOCSIFMTU, struct.pack("i", mtu)),
+            (_INTERFACE, _SIOCSIFTXQLEN, struct.pack("i", _QUEUE_PACKETS)),
+            (_INTERFACE, _SIOCSIFFLAGS, up),
+            (_LOOPBACK, _SIOCSIFFLAGS, up),
         ):
-            fcntl.ioctl(control, request, struct.pack("16s24s", _INTERFACE, value))
+            fcntl.ioctl(control, request, struct.pack("16s24s", interface, value))
     return tunnel
 
 

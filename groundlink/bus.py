@@ -115,27 +115,50 @@ class Bus:
 
         self._declared.append(self._session.declare_subscriber(key, hand_over))
 
+    def subscribe_in_order(
+        self, key: str, type_of: Callable[[str], type[M] | None], inbox: Inbox[M]
+    ) -> None:
+        """Put every message that arrives under a key expression into `inbox` as it came.
+
+        Zenoh serves each subscriber on a thread of its own: among those of several keys, order is
+        lost there. What `type_of` has no type for, by its key, is passed over.
+        """
+
+        def hand_over(sample: zenoh.Sample) -> None:
+            came_on = str(sample.key_expr)
+            if (message_type := type_of(came_on)) is not None:
+                inbox.put(came_on, sample.payload.to_bytes(), message_type)
+
+        self._declared.append(self._session.declare_subscriber(key, hand_over))
+
     def serve(self, key: str, answer: Callable[[str], list[bytes]]) -> None:
         """Answer queries for `key`: `answer` gets the query's parameters, its items are replies.
 
         Replies to one query have keys `key/0`, `key/1`, ... so that none replaces another.
         """
+        self.serve_content(key, lambda asked, _: answer(asked))
+
+    def serve_content(self, key: str, answer: Callable[[str, bytes], list[bytes]]) -> None:
+        """Answer queries for `key` as `serve` does; `answer` gets what comes with a query, too."""
 
         def reply(query: zenoh.Query) -> None:
             with query:
-                for i, item in enumerate(answer(str(query.parameters))):
+                content = query.payload.to_bytes() if query.payload is not None else b""
+                for i, item in enumerate(answer(str(query.parameters), content)):
                     query.reply(f"{key}/{i}", item)
 
         self._declared.append(self._session.declare_queryable(f"{key}/**", reply))
 
-    def ask(self, key: str, parameters: str = "", *, seconds: float) -> dict[str, bytes]:
+    def ask(
+        self, key: str, parameters: str = "", *, seconds: float, content: bytes | None = None
+    ) -> dict[str, bytes]:
         """Return all replies that come within `seconds`, by key, in the order of their numbers."""
         selector = f"{key}/**?{parameters}" if parameters else f"{key}/**"
         replies = {}
         # Zenoh's own queue holds 256. Where it is full before the first is taken out, and this
         # session has queryables too, `get` waits for itself for ever.
         room: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(REPLIES_KEPT)
-        for reply in self._session.get(selector, room, timeout=seconds):
+        for reply in self._session.get(selector, room, timeout=seconds, payload=content):
             if reply.ok is not None:
                 replies[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
         return dict(sorted(replies.items(), key=lambda item: int(item[0].rpartition("/")[2])))

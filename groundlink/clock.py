@@ -52,4 +52,8 @@ class Schedule:
 
     def first_at_or_after(self, tick: int) -> int:
         """Return the index of the first event that happens at `tick` or later."""
-        return -int(-(tick * TICK_NANOS * self.rate_hz / NANOS) // 1)
+        return self.at_or_after_nanos(tick * TICK_NANOS)
+
+    def at_or_after_nanos(self, nanos: int) -> int:
+        """Return the index of the first event that happens at a sim time or later."""
+        return -int(-(nanos * self.rate_hz / NANOS) // 1)

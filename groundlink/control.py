@@ -48,7 +48,14 @@ class Remove(Wish, frozen=True, tag="remove"):
     name: str
 
 
-AnyWish = Pause | Resume | Step | Reset | Spawn | Remove
+class Restore(Wish, frozen=True, tag="restore"):
+    """Go on from where a saved run was; the query's payload is the file, see `journal`.
+
+    The answer comes when the file has been read; `ControlAnswer.restoring_to` tells how it goes on.
+    """
+
+
+AnyWish = Pause | Resume | Step | Reset | Spawn | Remove | Restore
 
 
 class ControlAnswer(msgspec.Struct, frozen=True):
@@ -61,3 +68,8 @@ class ControlAnswer(msgspec.Struct, frozen=True):
     """The last one that was stepped to."""
 
     paused: bool = False
+    restoring_to: int = -1
+    """The tick that physics steps to again, `tick` being how far it is; -1: it restores nothing."""
+
+    warning: str = ""
+    """What is to be said of the last restore; empty for nothing."""

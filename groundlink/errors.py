@@ -20,3 +20,9 @@ class LackingError(UserError):
     """Something that a process needs and this machine lacks; others may go on without it."""
 
     exit_code: ClassVar[int] = 3
+
+
+class RunFailed(UserError):
+    """A run could not be what its scenario asks for, and the scenario has it end then."""
+
+    exit_code: ClassVar[int] = 4

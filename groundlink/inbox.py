@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from typing import Generic
 
 from .messages import BadMessage, M, decode
@@ -25,8 +25,8 @@ class Inbox(Generic[M]):
     """
 
     def __init__(self, *, depth: int) -> None:
-        self.dropped = 0
-        """Messages that were pushed out by newer ones."""
+        self.dropped_of: Counter[str] = Counter()
+        """Messages that were pushed out by newer ones, by key."""
 
         self.refused = 0
         """Messages that did not fit their schema."""
@@ -39,14 +39,24 @@ class Inbox(Generic[M]):
     def __len__(self) -> int:
         return len(self._waiting)
 
+    @property
+    def dropped(self) -> int:
+        """Messages that were pushed out by newer ones."""
+        return self.dropped_of.total()
+
     def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
         """Store a message's bytes."""
         with self._arrived:
             if len(self._waiting) >= self._depth:
-                self._waiting.popleft()
-                self.dropped += 1
+                self.dropped_of[self._waiting.popleft()[0]] += 1
             self._waiting.append((key, payload, message_type))
             self._arrived.notify()
+
+    def wait(self, seconds: float) -> None:
+        """Wait until a message is here, or so long."""
+        with self._arrived:
+            if not self._waiting:
+                self._arrived.wait(seconds)
 
     def get(self, *, seconds: float) -> tuple[str, M] | None:
         """Return the oldest waiting message with its key, or None when none comes in time.

@@ -216,6 +216,10 @@ class Ack(Message, frozen=True):
     memory: bytes = b""
     """What a successor cannot know from the states since then, in the process's own words."""
 
+    commanded: dict[str, int] = {}
+    """By vehicle, the tick of the stamp of the newest command that it sent up to now: physics takes
+    its word when that is here."""
+
 
 class StreamReport(msgspec.Struct, frozen=True):
     """What became of one topic between the gateway and the ROS side.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import msgspec
@@ -100,6 +100,7 @@ class Overview:
             "run": self._run,
             "sim_seconds": monitor.sim_seconds,
             "real_time_factor": self._real_time_factor(),
+            "held_up": asdict(monitor.hold_ups),
             "processes": [
                 self._row(name, process, now_seconds) for name, process in self._processes.items()
             ],

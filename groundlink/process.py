@@ -2,8 +2,8 @@
 """What every process of a run does alike: arguments, signals, joining a run, saying how it is.
 
 Rule: a process ends with 0 when it is asked to end, with 2 and one line when the user can mend what
-is wrong, with 3 and one line when this machine lacks what it needs. It never leaves its session
-open.
+is wrong, with 3 and one line when this machine lacks what it needs, with 4 and one line when the
+scenario has the run end. It never leaves its session open.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import NoReturn, Protocol
+from typing import NamedTuple, NoReturn, Protocol
 
 import msgspec
 
@@ -30,7 +30,7 @@ from .scenario import Scenario
 from .topics import HEALTH, ROOT, STATE
 
 JOIN_SECONDS = 20.0
-"""How long a process waits for physics to serve the run's scenario."""
+"""How long a process waits for physics to serve the run's scenario, or what it missed."""
 
 HEALTH_PERIOD_SECONDS = 1.0
 
@@ -152,36 +152,56 @@ class StateTaker(Protocol):
         """Take one state, in order; so many more have arrived by now."""
 
 
-def follow_states(
-    bus: Bus,
-    run_name: str,
-    process: str,
-    taker: StateTaker,
-    counters: Callable[[], dict[str, int]],
-    ended: Callable[[], bool],
-) -> None:
-    """Give a run's states to `taker` until it has ended: those that it missed, then all that come.
+class Follower(NamedTuple):
+    """A process that follows a run's states, or one of several parts of it that do."""
 
-    Parameters
-    ----------
-    counters
-        what the process counts, `refused` among it, to which messages are added that were none.
+    name: str
+    """As others know it."""
+
+    taker: StateTaker
+    counters: Callable[[], dict[str, int]]
+    """What it counts, `refused` among it, to which messages are added that were none."""
+
+
+def follow_states(
+    bus: Bus, run_name: str, followers: Sequence[Follower], ended: Callable[[], bool]
+) -> None:
+    """Give a run's states to followers until it has ended: those that they missed, then all.
+
+    They have missed some at their own start, and where a life of physics is heard of that has come
+    further than its first state: physics was restored to where a run once was.
     """
     states: Inbox[State] = Inbox(depth=STATES_KEPT)
     bus.subscribe(STATE.key_in(run_name), State, states)
-    missed = list(bus.ask(history_key(run_name), process, seconds=2.0).values())
-    if missed:
-        taker.resume(decode(missed[0], Ack))
-        for payload in missed[1:]:
-            taker.take(decode(payload, State))
-    heartbeat = Heartbeat(bus, run_name, process)
+    life = _catch_up(bus, run_name, followers)
+    heartbeats = [Heartbeat(bus, run_name, name) for name, _, _ in followers]
     while not ended():
         if arrived := states.get(seconds=0.1):
-            taker.take(arrived[1], len(states))
-        if heartbeat.due():
-            counts = counters()
-            counts["refused"] += states.refused
-            heartbeat.beat(taker.tick, counts)
+            state = arrived[1]
+            if state.life != life:
+                missed_of = _catch_up(bus, run_name, followers) if state.tick else None
+                life = missed_of or state.life
+            for _, taker, _ in followers:
+                taker.take(state, len(states))
+        for heartbeat, (_, taker, counters) in zip(heartbeats, followers, strict=True):
+            if heartbeat.due():
+                counts = counters()
+                counts["refused"] += states.refused
+                heartbeat.beat(taker.tick, counts)
+
+
+def _catch_up(bus: Bus, run_name: str, followers: Sequence[Follower]) -> int | None:
+    """Give followers what they missed; return of which life it is, None where that was nothing."""
+    life = None
+    for name, taker, _ in followers:
+        missed = list(bus.ask(history_key(run_name), name, seconds=JOIN_SECONDS).values())
+        if missed:
+            ack = decode(missed[0], Ack)
+            life = ack.life
+            taker.resume(ack)
+            for payload in missed[1:]:
+                taker.take(decode(payload, State))
+    return life
 
 
 class Heartbeat:

@@ -37,3 +37,12 @@ def control_key(run: str) -> str:
 def history_key(run: str) -> str:
     """Return the key of the queryable that serves the states a rejoining sensor has missed."""
     return f"{ROOT}/{run}/state/history"
+
+
+def journal_key(run: str) -> str:
+    """Return the key of the queryable that serves a run's journal, see `journal`.
+
+    The question is empty for the present life, or names one that has just ended: `LIFE`, or
+    `LIFE/NUMBER` for the entries from a number on. The replies, joined, are a file of `journal`.
+    """
+    return f"{ROOT}/{run}/journal"

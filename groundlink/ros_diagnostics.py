@@ -2,7 +2,8 @@
 """What the processes of a run say about themselves, as diagnostic_msgs/DiagnosticArray.
 
 Rule: a status for each process and one for each stream that a gateway reports; every field is a
-pair of text. Nothing is left out. The level is a warning where messages were lost.
+pair of text. Nothing is left out. The level is a warning where messages were lost or readings are
+missing.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from .gaps import in_words, parted
 from .messages import Health, StreamReport
 from .ros_statuses import OK, WARN, status
 from .ros_types import STORE, TYPES, header
@@ -27,7 +29,9 @@ def diagnostics(stamp_nanos: int, healths: Iterable[Health]) -> memoryview:
         facts = msgspec.to_builtins(health)
         name, counters = facts.pop("process"), facts.pop("counters")
         facts.pop("streams")
-        statuses.append(status(name, OK, "alive", facts | counters))
+        missing, _ = parted(counters)
+        level, word = (WARN, f"missing {in_words(missing)}") if missing else (OK, "alive")
+        statuses.append(status(name, level, word, facts | counters))
         statuses += [_of_stream(name, stream) for stream in health.streams]
     array = TYPES[DIAGNOSTICS_TYPE](header=header(stamp_nanos, ""), status=statuses)
     return STORE.serialize_cdr(array, DIAGNOSTICS_TYPE)

@@ -21,12 +21,14 @@ from . import (
     imagery,
     navigation,
     ros_faults,
+    ros_gaps,
     ros_ground_truth,
     ros_imagery,
     ros_navigation,
     ros_vitals,
 )
 from .faults import Faults
+from .gaps import Gaps
 from .ground_truth import TRUE_POINT, Bodies, TruePoints
 from .messages import POINT, BadMessage, Clock, Command, Imu, Message, PointCloud, WheelEncoders
 from .ros_types import STORE, TYPES, header, quaternion, time, vector
@@ -136,6 +138,7 @@ ROS_FORMS: dict[type[Message], RosForm] = {
 RECORDED_FORMS = ROS_FORMS | {
     Vitals: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_vitals.vitals),
     Faults: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_faults.faults),
+    Gaps: RosForm("diagnostic_msgs/msg/DiagnosticArray", ros_gaps.gaps),
 }
 """Those, and what only a recording holds."""
 

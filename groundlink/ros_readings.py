@@ -17,9 +17,11 @@ from rosbags.serde import SerdeError
 from . import imagery, navigation
 from .clock import TICK_NANOS
 from .faults import Faults
+from .gaps import Gaps
 from .ground_truth import Bodies, TruePoints
 from .messages import BadMessage, Clock, Command, Imu, M, Message, PointCloud, WheelEncoders, packed
 from .ros_faults import from_faults
+from .ros_gaps import from_gaps
 from .ros_ground_truth import from_bodies
 from .ros_messages import RECORDED_FORMS
 from .ros_types import STORE, nanos, xyz, xyzw
@@ -212,6 +214,10 @@ def _faults(ros: Any, moment: Moment) -> Faults:
     return from_faults(ros, nanos(ros.header.stamp))
 
 
+def _gaps(ros: Any, moment: Moment) -> Gaps:
+    return from_gaps(ros, nanos(ros.header.stamp))
+
+
 def _vitals(ros: Any, moment: Moment) -> Vitals:
     return from_vitals(ros, nanos(ros.header.stamp))
 
@@ -237,5 +243,6 @@ _READINGS: dict[type[Message], Callable[[Any, Moment], Any]] = {
     Bodies: _bodies,
     Vitals: _vitals,
     Faults: _faults,
+    Gaps: _gaps,
 }
 """By message of the bus: from its ROS message back to it. The table of `ros_messages`, reversed."""

@@ -24,6 +24,7 @@ from .topics import (
     COMMAND,
     FAULTS,
     FROM_ROS,
+    GAPS,
     GROUND_TRUTH,
     STREAM_TOPICS,
     TRUE_POINTS,
@@ -82,7 +83,7 @@ def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
 
 
 def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
-    """Return what no gateway sends and a recording holds: vitals, and the faults of sensors."""
+    """Return what no gateway sends and a recording holds: vitals; faults and gaps of sensors."""
     vitals = [
         RosStream(
             key=VITALS.key_in(run, vehicle=vehicle.name),
@@ -92,21 +93,27 @@ def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
         )
         for vehicle in scenario.vehicles
     ]
-    faults = [
+    told = [
         RosStream(
-            key=FAULTS.key_in(run, process=sensor),
-            message=FAULTS.message,
-            topic=faults_topic(sensor),
+            key=row.key_in(run, process=sensor),
+            message=row.message,
+            topic=topic(sensor),
             declared_hz=None,
         )
+        for row, topic in ((FAULTS, faults_topic), (GAPS, gaps_topic))
         for sensor in scenario.sensor_names()
     ]
-    return [*vitals, *faults]
+    return [*vitals, *told]
 
 
 def faults_topic(sensor: str) -> str:
     """Return the topic of a sensor's faults in a recording."""
     return f"/faults/{sensor}"
+
+
+def gaps_topic(sensor: str) -> str:
+    """Return the topic of what a sensor is missing, in a recording."""
+    return f"/gaps/{sensor}"
 
 
 def incoming(scenario: Scenario, run: str) -> list[RosStream]:

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .clock import TICK_SECONDS
+from .hold_ups import HoldUps
 from .messages import Health, StreamReport
-from .topics import TIME_KEEPERS
+from .topics import PHYSICS, TIME_KEEPERS
 
 RATE_TOLERANCE = 0.02
 """A declared rate is kept when the measured one, counted in stamps, is this near."""
@@ -50,6 +51,13 @@ class RunMonitor:
                 self.first_tick, self._first_seconds = health.tick, now_seconds
             self.tick, self._last_seconds = health.tick, now_seconds
 
+    def counters_of(self, process: str, pid: int | None) -> dict[str, dict[str, int]]:
+        """Return what a process counts by its name, or by theirs where sensors share it."""
+        said = (
+            health for name, health in self.health.items() if process == name or pid == health.pid
+        )
+        return {health.process: health.counters for health in said} or {process: {}}
+
     @property
     def sim_seconds(self) -> float:
         """Sim time that has passed since physics started."""
@@ -62,6 +70,12 @@ class RunMonitor:
         if self.first_tick is None or wall <= 0:
             return None
         return (self.tick - self.first_tick) * TICK_SECONDS / wall
+
+    @property
+    def hold_ups(self) -> HoldUps:
+        """Who has held up the run, as far as physics has told."""
+        physics = self.health.get(PHYSICS)
+        return HoldUps.read(physics.counters if physics else {})
 
     def everything_arrives(self) -> bool:
         """Return whether every declared stream has arrived on the ROS side."""

@@ -2,8 +2,9 @@
 """Processes of one machine: started, watched, restarted when they crash, ended together.
 
 Rule: knows commands and exit codes and nothing of what the processes do. A child that exits with 2
-has told the user what to mend, one with 3 what this machine lacks; neither is restarted, nor is one
-that crashes at every start. No child outlives the supervisor, whatever ends it.
+has told the user what to mend, one with 3 what this machine lacks, one with 4 why it ends the run;
+none of them is restarted, nor is one that crashes at every start. No child outlives the supervisor,
+whatever ends it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from .errors import LackingError, UserError
+from .errors import LackingError, RunFailed, UserError
 
 RESTART_SECONDS = 0.2
 """Between a crash and the restart; it doubles with each crash within `STEADY_SECONDS`."""
@@ -32,7 +33,7 @@ MAX_FALSE_STARTS = 5
 END_SECONDS = 1.2
 """How long children may take to end by themselves before they are killed."""
 
-TOLD = (UserError.exit_code, LackingError.exit_code)
+TOLD = (UserError.exit_code, LackingError.exit_code, RunFailed.exit_code)
 """Exit codes of a child that has said in a line why it ends."""
 
 _LIBC = ctypes.CDLL(None)
@@ -57,10 +58,18 @@ class Child:
     delay: float = RESTART_SECONDS
     false_starts: int = 0
     last_exit: str = ""
+    ended_run: bool = False
+    """It has ended the run, as its scenario has it, and has said why."""
+
     is_done: bool = False
     """It may end by itself, and has done so."""
 
     _reader: threading.Thread | None = field(default=None, repr=False)
+
+    @property
+    def pid(self) -> int | None:
+        """Its process id; None while it is not there."""
+        return self.process.pid if self.process else None
 
 
 class Supervisor:
@@ -170,6 +179,7 @@ class Supervisor:
         child.false_starts = 1 if steady else child.false_starts + 1
         child.delay = min(RESTART_SECONDS * 2 ** (child.false_starts - 1), MAX_RESTART_SECONDS)
         child.last_exit = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        child.ended_run = code == RunFailed.exit_code
         child.restart_at = now + child.delay
         child.process = None
         if code not in TOLD:

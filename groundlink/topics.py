@@ -12,6 +12,7 @@ from enum import Enum
 
 from .clock import TICK_RATE_HZ
 from .faults import Faults
+from .gaps import Gaps
 from .ground_truth import Bodies, TruePoints
 from .imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from .messages import (
@@ -46,7 +47,10 @@ from .vitals import VITALS_HZ, Vitals
 
 ROOT = "groundlink"
 
-TIME_KEEPERS = ("physics", "replay")
+PHYSICS, GATEWAY, RECORDER = "physics", "gateway", "recorder"
+"""Names of processes of which a run has one."""
+
+TIME_KEEPERS = (PHYSICS, "replay")
 """Processes of which a run has one: it says what time it is."""
 
 
@@ -147,6 +151,9 @@ FAULTS = Topic(
     rate="when one begins or ends",
     delivery=Delivery.ALL,
 )
+GAPS = replace(
+    FAULTS, name="gaps", key="gaps/{process}", message=Gaps, rate="when readings are missing"
+)
 ACK = Topic(
     name="ack",
     key="ack/{process}",
@@ -171,13 +178,11 @@ GROUND_TRUTH = Topic(
     rate="ground_truth.rate_hz",
     delivery=Delivery.NEWEST,
 )
-TRUE_WHEELS = Topic(
+TRUE_WHEELS = replace(
+    GROUND_TRUTH,
     name="ground_truth.wheels",
     key="{vehicle}/ground_truth/wheels",
     message=JointState,
-    publisher="physics",
-    rate="ground_truth.rate_hz",
-    delivery=Delivery.NEWEST,
 )
 TRUE_POINTS = Topic(
     name="lidar.truth",
@@ -297,6 +302,7 @@ TOPICS = (
     VITALS,
     *FROM_ROS.values(),
     FAULTS,
+    GAPS,
     ACK,
     HEALTH,
 )
@@ -334,11 +340,11 @@ def driver_names(scenario: Scenario) -> list[str]:
 
 def process_names(scenario: Scenario) -> dict[str, str]:
     """Return the processes of a run, by name, with the module that each one is."""
-    processes = {"physics": "services.physics"}
+    processes = {PHYSICS: "services.physics"}
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
             module = f"services.sensors.{SENSOR_TOPICS[type(sensor)].name}"
             processes[f"{vehicle.name}/{sensor.name}"] = module
     processes |= dict.fromkeys(driver_names(scenario), "services.driver")
-    processes["gateway"] = "services.gateway"
+    processes[GATEWAY] = "services.gateway"
     return processes

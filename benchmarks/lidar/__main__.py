@@ -32,7 +32,6 @@ from groundlink.scenario.load import SHIPPED, read_datasheet
 from groundlink.scenario.sensors import Lidar
 from groundlink.world.triangles import of_ground
 from services.sensors.lidar.model import LidarModel
-from services.sensors.model import parted
 from services.sensors.rays.scene import Reals
 
 from . import driving
@@ -89,7 +88,7 @@ class Runs:
             clouds = self.model.readings(state)
             spent += clocks() - started
             if clouds:
-                _, cloud = parted(clouds[0])
+                cloud = clouds[0]
                 assert isinstance(cloud, PointCloud)
                 self.returns = len(cloud.records())
                 return spent

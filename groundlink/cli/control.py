@@ -10,16 +10,12 @@ import argparse
 import threading
 import time
 
-import msgspec
-
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.clock import TICK_SECONDS
 from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.control_query import ask
 from groundlink.errors import UserError
-from groundlink.questions import control_key
-
-ANSWER_SECONDS = 5.0
 
 POLL_SECONDS = 0.05
 """How often a run is asked whether its steps are done."""
@@ -54,24 +50,11 @@ def control(options: argparse.Namespace) -> int:
         while isinstance(wish, Step) and not answer.paused:
             time.sleep(POLL_SECONDS)
             answer = ask(bus, run)
-    state = "paused" if answer.paused else "running"
-    print(f"run `{run}` is {state} at tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s)")
+    print(told(run, answer))
     return 0
 
 
-def ask(bus: Bus, run: str, wish: AnyWish | None = None) -> ControlAnswer:
-    """Return physics' answer to a wish, or how it is.
-
-    Raises
-    ------
-    UserError
-        when there is none, or the wish could not be done.
-    """
-    asked = msgspec.json.encode(wish).decode() if wish is not None else ""
-    replies = bus.ask(control_key(run), asked, seconds=ANSWER_SECONDS)
-    if not replies:
-        raise UserError(f"physics of run `{run}` does not answer; is its process running?")
-    answer = msgspec.json.decode(next(iter(replies.values())), type=ControlAnswer)
-    if answer.error:
-        raise UserError(f"run `{run}`: {answer.error}")
-    return answer
+def told(run: str, answer: ControlAnswer) -> str:
+    """Return a line on how a run is."""
+    state = "paused" if answer.paused else "running"
+    return f"run `{run}` is {state} at tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s)"

@@ -12,6 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from groundlink import gaps
 from groundlink.faults import kinds_in
 from groundlink.messages import StreamReport
 from groundlink.run_monitor import RunMonitor, keeps_rate
@@ -23,6 +24,8 @@ def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> Ren
     factor = monitor.real_time_factor
     pace = "starting" if factor is None else f"real-time factor {factor:.3f}"
     head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
+    if held_up := str(monitor.hold_ups):
+        head.append(f"\n{held_up}", style="yellow")
     return Group(head, streams_table(monitor.streams), _processes(monitor, children))
 
 
@@ -66,15 +69,19 @@ def _processes(monitor: RunMonitor, children: Iterable[Child]) -> Table:
     table.add_column("name", no_wrap=True)
     for column in ("pid", "restarts"):
         table.add_column(column, justify="right")
+    table.add_column("missing readings")
     table.add_column("counts")
     for child in children:
-        health = monitor.health.get(child.name)
-        counters = health.counters if health else {}
-        faults = kinds_in(counters)
-        counts = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
-        pid = str(child.process.pid) if child.process else child.last_exit
-        name = f"{child.name}: {', '.join(faults)}" if faults else child.name
-        table.add_row(name, pid, str(child.restarts), counts, style="yellow" if faults else "")
+        pid = str(child.pid or child.last_exit)
+        for name, counters in monitor.counters_of(child.name, child.pid).items():
+            faults = kinds_in(counters)
+            missing, counts = gaps.parted(counters)
+            shown = f"{name}: {', '.join(faults)}" if faults else name
+            said = ", ".join(f"{what} {count}" for what, count in counts.items() if count)
+            style = "yellow" if faults or missing else ""
+            table.add_row(
+                *(shown, pid, str(child.restarts), gaps.in_words(missing), said), style=style
+            )
     return table
 
 

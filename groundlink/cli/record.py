@@ -8,7 +8,6 @@ is read from the file.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from rich.console import Console, RenderableType
@@ -65,6 +64,7 @@ def record(options: argparse.Namespace) -> int:
     commands = running.commands(scenario, options.scenario, run, options.listen)
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
+    commands["physics"] += ["--lockstep", "sensors"]  # of ROS nothing is started
     commands[running.RECORDER] = [
         *running.recorder(options.out, run, options.listen),
         *("--duration", f"{options.duration:g}"),
@@ -92,8 +92,7 @@ def record(options: argparse.Namespace) -> int:
             supervisor.stop()
         running.hear(monitor, inbox, stop)
     if failed:
-        print(f"groundlink: {failed} cannot run; see its line above", file=sys.stderr)
-        return 2
+        return running.cannot_run(supervisor, failed)
     return _verdict(console, out, monitor)
 
 

@@ -8,7 +8,6 @@ same. What is in the file is the replay's business.
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
@@ -103,8 +102,7 @@ def replay(options: argparse.Namespace) -> int:
         finally:
             supervisor.stop()
     if failed:
-        print(f"groundlink: {failed} cannot run; see its line above", file=sys.stderr)
-        return 2
+        return running.cannot_run(supervisor, failed)
     console.print(dashboard("summary", monitor, supervisor.children.values()))
     # In a loop stamps jump back, and counted in stamps there is no rate.
     if options.loop or options.no_gateway or (options.no_ros and not monitor.streams):

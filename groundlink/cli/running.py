@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import signal
+import socket
 import sys
 import threading
 import time
@@ -19,6 +20,7 @@ from types import FrameType
 from rich.console import Console, RenderableType
 from rich.live import Live
 
+from groundlink import topics
 from groundlink.bus import DEFAULT_ENDPOINT
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
@@ -34,10 +36,13 @@ PLAIN_PERIOD_SECONDS = 5.0
 
 PLAIN_WIDTH = 110
 
+RECORDER = topics.RECORDER
+
 ROS_SIDE = "ros"
 """Name of the process that receives on the ROS side."""
 
-RECORDER = "recorder"
+SENSORS = "sensors"
+"""Name of the process of all sensors where they share one."""
 
 LISTEN_HELP = "where the run's router listens for its processes and for others (%(default)s)"
 
@@ -49,13 +54,25 @@ def console() -> Console:
     return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
 
 
-def commands(scenario: Scenario, file: str, run: str, endpoint: str) -> dict[str, list[str]]:
-    """Return the command of every process of a run."""
+def commands(
+    scenario: Scenario, file: str, run: str, endpoint: str, *, sensors_together: bool = False
+) -> dict[str, list[str]]:
+    """Return the command of every process of a run; sensors may share one."""
     found = {}
-    for name, module in process_names(scenario).items():
+    modules = process_names(scenario)
+    if sensors_together and (names := scenario.sensor_names()):
+        modules = {n: m for n, m in modules.items() if n not in names}
+        modules[SENSORS] = "services.sensors"
+    for name, module in modules.items():
         arguments = [file] if name == "physics" else ["--name", name] if "/" in name else []
         found[name] = ["-m", module, *arguments, *joining(run, endpoint)]
     return found
+
+
+def free_endpoint() -> str:
+    """Return an endpoint at which nobody listens: other runs may go on beside this one."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
 
 
 def joining(run: str, endpoint: str) -> list[str]:
@@ -95,7 +112,9 @@ def ros_side(gateway: Gateway, shown: Console) -> list[str]:
 
 def say(shown: Console) -> Callable[[str, str], None]:
     """Return what shows a line that a process printed."""
-    return lambda name, line: shown.print(f"{name}: {line}", markup=False, highlight=False)
+    return lambda name, line: shown.print(
+        f"{name}: {line}", markup=False, highlight=False, soft_wrap=True
+    )
 
 
 def watch(
@@ -117,6 +136,15 @@ def watch(
             break
     show(True)
     return None
+
+
+def cannot_run(supervisor: Supervisor, name: str) -> int:
+    """Say why a run is over that its user did not end; return the command's exit code."""
+    if supervisor.children[name].ended_run:
+        print(f"groundlink: {name} has ended the run; see its line above", file=sys.stderr)
+        return 1
+    print(f"groundlink: {name} cannot run; see its line above", file=sys.stderr)
+    return UserError.exit_code
 
 
 def hear(monitor: RunMonitor, inbox: Inbox[Health], stop: threading.Event) -> None:

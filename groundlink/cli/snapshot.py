@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import socket
-import sys
 import time
 from pathlib import Path
 
@@ -56,13 +54,13 @@ def snapshot(options: argparse.Namespace) -> int:
         raise UserError(f"scenario `{scenario.name}` has no camera `{options.camera}`; {hint}")
     if not options.at >= 0:
         raise UserError(f"--at {options.at:g}: expected seconds of sim time, 0 or more")
-    run, endpoint = f"snapshot_{os.getpid()}", f"tcp/127.0.0.1:{_free_port()}"
+    run, endpoint = f"snapshot_{os.getpid()}", running.free_endpoint()
     joining = running.joining(run, endpoint)
     modules = process_names(scenario)
     commands = {
         "physics": [
             *("-m", modules["physics"], options.scenario),
-            *("--mode", "fast", "--only", options.camera, *joining),
+            *("--mode", "fast", "--lockstep", "sensors", "--only", options.camera, *joining),
         ],
         options.camera: [
             *("-m", "services.sensors.rendering", "--name", options.camera),
@@ -83,12 +81,5 @@ def snapshot(options: argparse.Namespace) -> int:
         finally:
             supervisor.stop()
     if failed:
-        print(f"groundlink: {failed} cannot run; see its line above", file=sys.stderr)
-        return 2
+        return running.cannot_run(supervisor, failed)
     return 0 if camera.is_done else 1
-
-
-def _free_port() -> int:
-    """Return a port on which nobody listens: other runs may go on beside this one."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])

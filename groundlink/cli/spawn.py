@@ -14,13 +14,12 @@ from groundlink import process
 from groundlink.bus import Bus
 from groundlink.clock import TICK_SECONDS
 from groundlink.control import ControlAnswer, Remove, Spawn
+from groundlink.control_query import ask
 from groundlink.errors import UserError
 from groundlink.scenario.spawned import KINDS, At, addition
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids
 from groundlink.world.starts import ground_of
-
-from .control import ask
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

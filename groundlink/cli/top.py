@@ -19,7 +19,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from groundlink import process
+from groundlink import gaps, process
 from groundlink.bus import Bus
 from groundlink.faults import kinds_in
 from groundlink.inbox import Inbox
@@ -131,6 +131,8 @@ def picture(overview: Overview, now_seconds: float) -> RenderableType:
     pace = "-" if factor is None else f"{factor:.3f}"
     head = f"run `{now['run']}`   sim time {now['sim_seconds']:.1f} s   real-time factor {pace}"
     parts: list[RenderableType] = [Text(head, style="bold"), _processes(now["processes"])]
+    if held_up := str(overview.monitor.hold_ups):
+        parts.insert(1, Text(held_up, style="yellow"))
     if overview.monitor.streams:
         parts.append(streams_table(overview.monitor.streams))
     else:
@@ -145,9 +147,10 @@ def _processes(rows: list[dict[str, Any]]) -> Table:
         table.add_column(column, no_wrap=True)
     for column in ("pid", "declared", "measured"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("counts")
+    for column in ("missing readings", "counts"):
+        table.add_column(column)
     for row in rows:
-        counts = row["counters"].items()
+        missing, counts = gaps.parted(row["counters"])
         table.add_row(
             row["name"],
             _state(row),
@@ -155,8 +158,10 @@ def _processes(rows: list[dict[str, Any]]) -> Table:
             "-" if row["pid"] is None else str(row["pid"]),
             "" if row["declared_hz"] is None else f"{row['declared_hz']:g} Hz",
             "" if row["measured_hz"] is None else f"{row['measured_hz']:.1f} Hz",
-            ", ".join(f"{name} {count}" for name, count in counts if count),
-            style=STYLES[row["state"]] or ("yellow" if kinds_in(row["counters"]) else ""),
+            gaps.in_words(missing),
+            ", ".join(f"{name} {count}" for name, count in counts.items() if count),
+            style=STYLES[row["state"]]
+            or ("yellow" if missing or kinds_in(row["counters"]) else ""),
         )
     return table
 

@@ -7,21 +7,21 @@ Rule: starts services only as ``python -m``, so that what runs here also runs on
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
-import sys
 import time
 from pathlib import Path
 
 import msgspec
 from rich.console import Console
 
-from groundlink import __version__
+from groundlink import __version__, journal
 from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Health
 from groundlink.run_monitor import RunMonitor
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario, load, time_choice
 from groundlink.supervisor import Supervisor
 from groundlink.topics import HEALTH
 
@@ -35,7 +35,9 @@ START_SECONDS = 20.0
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("up", help="start everything a scenario needs, here")
-    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.add_argument(
+        "scenario", help="scenario file (YAML), or a saved run, to go on from where it was"
+    )
     parser.add_argument(
         "--duration",
         type=float,
@@ -53,13 +55,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--no-ros", action="store_true", help="start nothing on the ROS side; it runs elsewhere"
     )
+    parser.add_argument(
+        "--sensors-together",
+        action="store_true",
+        help="all sensors in one process: less work, but they wait for each other",
+    )
     parser.add_argument("--record", metavar="RUN.mcap", help="write the run to a file, too")
+    time_choice.add_arguments(parser)
     parser.set_defaults(command=up)
 
 
 def up(options: argparse.Namespace) -> int:
     """Run a scenario until Ctrl-C or the duration's end; 0 when every declared rate was kept."""
-    scenario = load(options.scenario)
+    if journal.is_saved_run(file := Path(options.scenario)):
+        described = journal.loaded(journal.read(file), options.scenario).still_there()
+    else:
+        described = load(options.scenario)
+    scenario = time_choice.chosen(described, options)
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     if options.report and not options.report.resolve().parent.is_dir():
@@ -69,7 +81,11 @@ def up(options: argparse.Namespace) -> int:
     run = options.run or scenario.name
     stop = running.stop_on_signals()
     console = running.console()
-    commands = running.commands(scenario, options.scenario, run, options.listen)
+    commands = running.commands(
+        *(scenario, options.scenario, run, options.listen),
+        sensors_together=options.sensors_together,
+    )
+    commands["physics"] += time_choice.handed_on(options)
     if options.record:
         commands["physics"] += ["--wait-for", running.RECORDER]
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
@@ -94,16 +110,18 @@ def up(options: argparse.Namespace) -> int:
             failed = running.watch(supervisor, monitor, inbox, stop, show=show, is_over=is_over)
         finally:
             killed = supervisor.stop()
+        running.hear(monitor, inbox, stop)
     if killed:
         console.print(f"killed, as they did not end in time: {', '.join(killed)}")
-    if failed:
-        print(f"groundlink: {failed} cannot run; see its line above", file=sys.stderr)
-        return 2
+    if failed and not supervisor.children[failed].ended_run:
+        return running.cannot_run(supervisor, failed)
     faults = monitor.faults() if monitor.streams or not options.no_ros else []
     _summarise(console, monitor, supervisor, faults)
     if options.report:
         report = _report(scenario, run, started, monitor, supervisor, faults)
         options.report.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if failed:
+        return running.cannot_run(supervisor, failed)
     return 1 if faults else 0
 
 
@@ -152,15 +170,17 @@ def _report(
         "started": started,
         "sim_seconds": monitor.sim_seconds,
         "real_time_factor": monitor.real_time_factor,
+        "held_up": dataclasses.asdict(monitor.hold_ups),
         "faults": faults,
         "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
         "processes": {
-            child.name: {
+            name: {
                 "restarts": child.restarts,
                 "last_exit": child.last_exit,
-                "counters": health.counters if (health := monitor.health.get(child.name)) else {},
+                "counters": counters,
             }
             for child in supervisor.children.values()
+            for name, counters in monitor.counters_of(child.name, child.pid).items()
         },
         "scenario": msgspec.to_builtins(scenario),
     }

@@ -14,7 +14,7 @@ import heapq
 import math
 import random
 import struct
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from .settings import Impairment
 
@@ -33,6 +33,13 @@ NOTES = ("delayed", "reordered", "flipped")
 _NANOS_PER_MS = 1_000_000
 _DRAWS = struct.Struct("<8Q")
 _LOSS, _DUPLICATE, _CORRUPT, _FLIPS, _JITTER, _REORDER, _JITTER_2, _REORDER_2 = range(8)
+
+
+class Course(NamedTuple):
+    """How far a direction has come: what decides on the next datagram's fate, but for time."""
+
+    datagrams: int
+    in_burst: bool
 
 
 class OneWay(Generic[T]):
@@ -57,6 +64,7 @@ class OneWay(Generic[T]):
         self.waiting_bytes = 0
         self._state = hashlib.blake2b(f"{seed}/{direction}".encode(), digest_size=64)
         self._flips = flips
+        self._index = 0
         self._in_burst = False
         self._busy_until_nanos = 0.0  # when the last queued datagram will be on the wire
         self._last_due_nanos = 0
@@ -67,6 +75,15 @@ class OneWay(Generic[T]):
     def waiting(self) -> int:
         """How many datagrams are on the way."""
         return len(self._waiting)
+
+    @property
+    def course(self) -> Course:
+        """How far it has come; what is on the way is no part of it."""
+        return Course(self._index, self._in_burst)
+
+    @course.setter
+    def course(self, course: Course) -> None:
+        self._index, self._in_burst = course
 
     def next_due(self) -> int | None:
         """Return when the next datagram arrives; None when none is on the way."""
@@ -82,9 +99,9 @@ class OneWay(Generic[T]):
         now_nanos
             a clock that never goes back.
         """
-        index = self.counts["datagrams"]
         self.counts["datagrams"] += 1
-        draws = self._draws(index)
+        draws = self._draws(self._index)
+        self._index += 1
         is_lost = self._is_lost(draws[_LOSS])
         settings = self.settings
         if settings.outage:

@@ -21,6 +21,8 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
+    AttachmentIndex,
     Channel,
     ChunkIndex,
     DataEnd,
@@ -144,6 +146,7 @@ class McapFile:
         self._schemas: dict[int, bytes] = {}
         self._channels: dict[int, bytes] = {}
         self._chunk_indexes = bytearray()
+        self._attachment_indexes = b""
         self._metadata_indexes = b""
         self._statistics = Statistics(
             attachment_count=0,
@@ -196,6 +199,27 @@ class McapFile:
         index = MetadataIndex(offset=self._end, length=len(record), name=name)
         self._metadata_indexes += _bytes_of(index)
         self._statistics.metadata_count += 1
+        self._append(record)
+
+    def add_attachment(self, name: str, media_type: str, nanos: int, data: bytes) -> None:
+        """Write a file into the file, which says at what time it was made."""
+        record = _bytes_of(
+            Attachment(
+                create_time=nanos, log_time=nanos, name=name, media_type=media_type, data=data
+            )
+        )
+        self._attachment_indexes += _bytes_of(
+            AttachmentIndex(
+                offset=self._end,
+                length=len(record),
+                log_time=nanos,
+                create_time=nanos,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+        )
+        self._statistics.attachment_count += 1
         self._append(record)
 
     def write(self, channel: int, nanos: int, sequence: int, data: bytes | memoryview) -> None:
@@ -298,6 +322,7 @@ class McapFile:
             *self._channels.values(),
             _bytes_of(statistics),
             bytes(self._chunk_indexes),
+            self._attachment_indexes,
             self._metadata_indexes,
         )
         metadata = _bytes_of(Metadata(name=name, metadata=dict(entries)))

@@ -2,7 +2,9 @@
 """What a recording says about its run: the scenario, the versions, and what each topic holds.
 
 Rule: one MCAP metadata record for the run, written first, and one for its topics, which is there
-anew with every commit. Values are text; what has structure is JSON.
+anew with every commit. Values are text; what has structure is JSON. The run's journal is attached,
+part after part; one more record says where a recording ends to which everybody has come, and one
+how many messages of each topic came faster than they could be written.
 """
 
 from __future__ import annotations
@@ -19,6 +21,9 @@ from groundlink.world.build import world_hash
 
 RUN_RECORD = "groundlink.run"
 TOPICS_RECORD = "groundlink.topics"
+END_RECORD = "groundlink.end"
+DROPPED_RECORD = "groundlink.dropped"
+JOURNAL_ATTACHMENT = "groundlink.journal"
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "pybullet", "embreex", "rosbags")
 

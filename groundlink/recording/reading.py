@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
@@ -19,8 +20,20 @@ from mcap.reader import SeekingReader
 from zstandard import ZstdError
 
 from groundlink.errors import UserError
+from groundlink.journal import Journal, loaded
+from groundlink.scenario import Scenario
 
-from .metadata import RUN_RECORD, TOPICS_RECORD, RunFacts, TopicFacts, run_facts, topic_facts
+from .metadata import (
+    DROPPED_RECORD,
+    END_RECORD,
+    JOURNAL_ATTACHMENT,
+    RUN_RECORD,
+    TOPICS_RECORD,
+    RunFacts,
+    TopicFacts,
+    run_facts,
+    topic_facts,
+)
 
 
 class Recorded(NamedTuple):
@@ -73,6 +86,15 @@ class Recording:
         self.topics: dict[str, TopicFacts] = topic_facts(records.get(TOPICS_RECORD, {}))
         """By name, as the recorder counted them."""
 
+        end = records.get(END_RECORD)
+        self.end_nanos: int | None = None if end is None else int(end["nanos"])
+        """All is there that has an earlier stamp; None where the recording was ended early."""
+
+        self.dropped: dict[str, int] = {
+            topic: int(count) for topic, count in records.get(DROPPED_RECORD, {}).items()
+        }
+        """Messages by topic that came faster than the recorder could write."""
+
         self.messages: int = summary.statistics.message_count
         self.first_nanos: int = summary.statistics.message_start_time
         self.last_nanos: int = summary.statistics.message_end_time
@@ -96,6 +118,27 @@ class Recording:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    @cached_property
+    def journal(self) -> Journal | None:
+        """The run's journal as far as it is there; None for not at all.
+
+        Raises
+        ------
+        UserError
+            when it is damaged, or another version's.
+        """
+        found: Journal | None = None
+        for attachment in self._reader.iter_attachments():
+            if attachment.name == JOURNAL_ATTACHMENT:
+                part = loaded(attachment.data, str(self.path))
+                found = part if found is None else found.followed_by(part)
+        return found
+
+    @property
+    def started_as(self) -> Scenario:
+        """The scenario as it was at tick 0, as far as that is known."""
+        return self.journal.scenario if self.journal else self.run.scenario
 
     def read(
         self, topics: Sequence[str] | None = None, *, from_nanos: int | None = None

@@ -7,12 +7,21 @@ rosbag2 since Humble reads; the metadata record `rosbag2` tells newer ones that 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from groundlink import __version__
 from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
 
 from .mcap_file import McapFile
+from .metadata import (
+    DROPPED_RECORD,
+    END_RECORD,
+    JOURNAL_ATTACHMENT,
+    TOPICS_RECORD,
+    TopicFacts,
+    topic_entries,
+)
 
 PROFILE = "ros2"
 
@@ -82,6 +91,48 @@ class RosFile:
     def topics(self) -> list[Topic]:
         """Return every topic that was declared, in that order."""
         return list(self._topics.values())
+
+    @property
+    def size_bytes(self) -> int:
+        """What the file takes on disk, without what is not yet committed."""
+        return self.mcap.size_bytes
+
+    def commit(self, declared_hz: Mapping[str, float | None]) -> None:
+        """Make the file whole with all that was written; rates are by topic.
+
+        Raises
+        ------
+        OSError
+            when it cannot be written.
+        """
+        topics = {
+            topic.name: TopicFacts(
+                type=topic.ros_type,
+                messages=topic.messages,
+                first_nanos=topic.first_nanos,
+                last_nanos=topic.last_nanos,
+                declared_hz=declared_hz.get(topic.name),
+            )
+            for topic in self.topics()
+        }
+        self.mcap.commit(TOPICS_RECORD, topic_entries(topics))
+
+    def add_journal(self, nanos: int, part: bytes) -> None:
+        """Attach a part of the run's journal, as a file of `groundlink.journal` has it."""
+        self.mcap.add_attachment(JOURNAL_ATTACHMENT, "application/octet-stream", nanos, part)
+
+    def end(self, nanos: int) -> None:
+        """Say that all is there that has an earlier stamp."""
+        self.mcap.add_metadata(END_RECORD, {"nanos": str(nanos)})
+
+    def lacks(self, dropped: Mapping[str, int]) -> None:
+        """Say how many messages of each topic came faster than they could be written."""
+        entries = {topic: str(count) for topic, count in dropped.items()}
+        self.mcap.add_metadata(DROPPED_RECORD, entries)
+
+    def close(self) -> None:
+        """Close the file as the last commit left it."""
+        self.mcap.close()
 
 
 class Topic:

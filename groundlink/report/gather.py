@@ -19,10 +19,12 @@ from groundlink.recording.metadata import RunFacts
 from groundlink.recording.reading import Recorded, Recording
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros_faults import from_faults
-from groundlink.ros_streams import faults_topic
+from groundlink.ros_gaps import from_gaps
+from groundlink.ros_streams import faults_topic, gaps_topic
 from groundlink.ros_types import STORE
 from groundlink.ros_vitals import from_vitals
 
+from .accounts import StreamAccount, accounts
 from .energy import MAX_POINTS as ENERGY_POINTS
 from .energy import Energy
 from .failures import Failures
@@ -50,6 +52,7 @@ class Gathered:
     energies: list[Energy]
     cameras: list[Camera]
     failures: list[Failures]
+    accounts: list[StreamAccount]
     said: Said
     undecodable: int
     """Messages of decoded topics that do not fit their type."""
@@ -100,6 +103,7 @@ class _Taking:
             energies=[],
             cameras=[],
             failures=[],
+            accounts=accounts(run.scenario, **times, epoch_nanos=run.epoch_nanos),
             said=Said(),
             undecodable=0,
         )
@@ -117,6 +121,10 @@ class _Taking:
             self._decode(truth, motion.moved, motion.stride)
             self._decode(vehicle.command_topic, motion.was_asked, asked)
             self._on_vitals(vitals, energy)
+        self._accounts = {account.topic: account for account in self.gathered.accounts}
+        for account in self.gathered.accounts:
+            account.dropped(recording.dropped.get(account.topic, 0))
+            self._on_gaps(account.sensor)
         for sensor in run.scenario.sensor_names():
             failures = Failures(sensor)
             self.gathered.failures.append(failures)
@@ -129,6 +137,8 @@ class _Taking:
 
     def take(self, message: Recorded) -> None:
         self._streams[message.topic].add(message.nanos, len(message.cdr))
+        if account := self._accounts.get(message.topic):
+            account.add(message.nanos - self.gathered.run.epoch_nanos)
         if handler := self._handlers.get(message.topic):
             try:
                 handler(message)
@@ -158,6 +168,15 @@ class _Taking:
             failures.add(seconds, from_faults(array, 0))
 
         self._decode(topic, use, 1)
+
+    def _on_gaps(self, sensor: str) -> None:
+        def use(seconds: float, array: Any) -> None:
+            told = from_gaps(array, 0)
+            for account in self.gathered.accounts:
+                if account.sensor == sensor:
+                    account.add_told(told, self.gathered.run.epoch_nanos)
+
+        self._decode(gaps_topic(sensor), use, 1)
 
     def _on_images(self, topic: str, camera: Camera) -> None:
         self.gathered.cameras.append(camera)

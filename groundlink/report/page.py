@@ -36,6 +36,7 @@ from .html import (
     text,
     tiles,
 )
+from .missing import missing_lines, what_is_missing
 from .plan import outlines
 from .said import CAUSES, PROCESS_FIELDS
 from .streams import StreamTrack
@@ -49,7 +50,13 @@ def page(run: Gathered) -> str:
     span = run.seconds(run.first_nanos), run.seconds(run.last_nanos)
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     sections = [_way(run), *_vehicles(run, span), _streams(run, span), _link(run, span)]
-    sections += [_cameras(run), _failures(run), _processes(run), _origin(run)]
+    sections += [
+        _cameras(run),
+        _failures(run),
+        what_is_missing(run.accounts),
+        _processes(run),
+        _origin(run),
+    ]
     return template.substitute(
         title=text(f"Run {run.run.run}"),
         subtitle=text(" · ".join(filter(None, (scenario.description, _when(run))))),
@@ -78,6 +85,7 @@ def _faults(run: Gathered) -> list[str]:
             gaps = "1 gap" if stream.gaps == 1 else f"{stream.gaps} gaps"
             longest = stream.largest_gaps[0].nanos / 1e6
             lines.append(f"{stream.topic}: {gaps}, the longest of {longest:.0f} ms")
+    lines += missing_lines(run.accounts)
     for (topic, direction), words in run.said.streams.items():
         lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
         if lost != "0":

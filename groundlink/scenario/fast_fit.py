@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far physics may be ahead of others in a fast run.
+"""How far physics may be ahead of others in lockstep, with a wall clock or without.
 
 Rule: at least a period of the clock, by which the gateway tells its progress. At most so far that
 a sensor which crashed can be started again without a gap: it begins where its oldest measurement
@@ -24,7 +24,7 @@ HISTORY_TICKS = 1024
 
 
 def window_mistake(time: Time, sensors: Iterable[Sensor]) -> str | None:
-    """Return what is wrong with the window of a fast run, or None."""
+    """Return what is wrong with the window of a run in lockstep, or None."""
     window = time.window_ticks
     if window < TICK_RATE_HZ / time.clock_rate_hz:
         return (

@@ -7,13 +7,29 @@ Rule: every field at its default of zero is no error; quantities are in the unit
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from msgspec import Meta
 
+from groundlink.clock import TICK_SECONDS
 from groundlink.world.solids import NonNegative, Spec
 
+LOW_PASS_TAIL = 1e-9
+"""Share of a step that a low pass leaves out, so that it is full after a finite time."""
+
 Bandwidth = Annotated[float, Meta(ge=0, le=200)]
+
+
+def low_pass_ticks(bandwidth_hz: float) -> int:
+    """Return what a Butterworth low pass of second order takes to fill; 1 where there is none.
+
+    Its step response is within sqrt(2) exp(-at) of 1, with a = 2 pi f / sqrt(2).
+    """
+    if not bandwidth_hz:
+        return 1
+    a = math.sqrt(2) * math.pi * bandwidth_hz
+    return math.ceil(math.log(math.sqrt(2) / LOW_PASS_TAIL) / (a * TICK_SECONDS))
 
 
 class InertialNoise(Spec, frozen=True):
@@ -55,6 +71,11 @@ class InertialNoise(Spec, frozen=True):
     def __post_init__(self) -> None:
         if 0 < self.bandwidth_hz < 5:
             raise ValueError("`bandwidth_hz` is below 5; expected 0 for none, or 5 to 200")
+
+    @property
+    def low_pass_ticks(self) -> int:
+        """After how many ticks something comes out of the low pass."""
+        return low_pass_ticks(self.bandwidth_hz)
 
 
 class GyroscopeNoise(InertialNoise, frozen=True):

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, field
 from msgspec.structs import replace
 
+from groundlink.clock import TICK_RATE_HZ, exact
 from groundlink.emulation import LinkScript
 from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
@@ -30,12 +31,15 @@ Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 """Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
 
 RESERVED_NAMES = frozenset(
-    "ack assets bodies clock control faults health link scenario state".split()
+    "ack assets bodies clock control faults gaps health journal link scenario state".split()
 )
 """Second parts of the bus's own keys, so no names for vehicles."""
 
 RESERVED_SENSOR_NAMES = frozenset({"command", "driver", "from_ros", "ground_truth", "vitals"})
 """Last parts of a vehicle's own keys, and the name of its driver."""
+
+ACKS_PER_WINDOW = 8
+"""How often sensors tell their progress while physics gets as far ahead as it may."""
 
 NAMESPACE = r"^(/[A-Za-z0-9_]+)*$"
 
@@ -190,19 +194,62 @@ class Vehicle(Spec, frozen=True, kw_only=True):
 
 
 class Time(Spec, frozen=True):
-    """How sim time runs and what stamps mean."""
+    """How sim time runs, who is waited for, and what stamps mean."""
 
-    mode: Literal["realtime", "fast"] = "realtime"
+    mode: Literal["realtime", "fast", "lockstep"] = "realtime"
+    """`realtime` keeps to the wall clock; `lockstep` never steps before all who take part have
+    followed, and keeps to the wall clock as well as that allows; `fast` is lockstep without one."""
+
+    lockstep: Literal["sensors", "ros"] = "sensors"
+    """Who takes part in lockstep and fast mode, besides drivers: the sensors, or ROS as well."""
+
     factor: Annotated[float, Meta(gt=0)] = 1.0
-    """Sim seconds for each second of the wall's, in realtime mode."""
+    """Sim seconds for each second of the wall's, in realtime and lockstep mode."""
+
+    overload: Literal["slow", "skip", "fail"] = "slow"
+    """What gives way when a process cannot keep up: time, which stretches; the readings, which are
+    left out and marked; or the run, which ends."""
+
+    deadline_s: Annotated[float, Meta(gt=0)] = 5.0
+    """For so long on the wall clock a process may hold up the run before it is named, and before
+    `overload` acts."""
 
     epoch: Literal["wall", "zero"] = "wall"
     """Stamp of sim time zero: the wall clock's at the start, or zero."""
 
     clock_rate_hz: Annotated[float, Meta(gt=0, le=400)] = 100.0
     window_ticks: Annotated[int, Meta(ge=8)] = 400
-    """In fast mode physics is at most this far ahead of the slowest sensor; a period of the clock
-    or more, since the gateway tells its progress with each message of the clock."""
+    """Physics is at most this far ahead of the slowest process that it waits for; a period of the
+    clock or more, since gateway and recorder tell their progress with each message of the clock."""
+
+    answers: dict[RosTopic, RosTopic] = field(default_factory=lambda: {"/cmd_vel": "/clock"})
+    """With `lockstep: ros`: on which topic ROS publishes one message for each message of which
+    other topic. Time goes on when it has."""
+
+    def __post_init__(self) -> None:
+        if self.lockstep == "ros":
+            if self.mode == "realtime":
+                raise ValueError(
+                    "`lockstep: ros` waits for ROS, and `mode: realtime` never does; choose "
+                    "`mode: lockstep` or `fast`, or leave `lockstep` out"
+                )
+            if (TICK_RATE_HZ / exact(self.clock_rate_hz)).denominator > 1:
+                raise ValueError(
+                    "`lockstep: ros` steps from one message of the clock to the next, which takes "
+                    f"a `clock_rate_hz` that divides {TICK_RATE_HZ}, such as 50, 100 or 200"
+                )
+
+    @property
+    def waits(self) -> bool:
+        """Whether sensors that are behind are waited for, so that none leaves readings out."""
+        return self.mode != "realtime" or self.overload != "skip"
+
+    @property
+    def ack_ticks(self) -> int:
+        """How often sensors tell their progress: ROS hears of an instant when all are beyond it."""
+        if self.lockstep == "ros":
+            return int(TICK_RATE_HZ / exact(self.clock_rate_hz))
+        return self.window_ticks // ACKS_PER_WINDOW
 
 
 class Gateway(Spec, frozen=True):

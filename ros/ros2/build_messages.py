@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the message packages that no wheel brings, for the ROS 2 that pip installed.
+"""Builds the interface packages that no wheel brings, for the ROS 2 that pip installed.
 
-Rule: what is installed always stands for the .msg files beside it; their hash is written last, so
-that a build that broke off is done again. It uses the generators of the ROS wheels, CMake and a
-compiler, no network, and installs where the wheels of message packages put their files: modules
-into site-packages, libraries into ``lib`` and the ament index into ``share`` of the same prefix.
+    python ros/ros2/build_messages.py            the two that the node needs
+    python ros/ros2/build_messages.py FOLDER     another one, such as simulation_interfaces
 
-It deliberately builds only what rclpy needs with Fast DDS: messages, no services, no C++.
+Rule: what is installed always stands for the interface files it was built from; their hash is
+written last, so that a build that broke off is done again. It uses the generators of the ROS
+wheels, CMake and a compiler, no network, and installs where the wheels of message packages put
+their files: modules into site-packages, libraries into ``lib`` and the ament index into ``share``
+of the same prefix.
+
+It deliberately builds only what rclpy needs with Fast DDS: no C++, no other type support.
 A ROS 2 workspace builds ``groundlink_msgs`` with colcon instead and has a tf2_msgs of its own.
 """
 
@@ -25,7 +29,10 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -50,23 +57,62 @@ class Unable(Exception):
     """The packages can't be built here; the text says what is missing."""
 
 
+KINDS = ("msg", "srv", "action")
+"""Folders of an interface package, and how the files in each end."""
+
+IMPLIED = {
+    "srv": ("service_msgs",),
+    "action": ("action_msgs", "service_msgs", "unique_identifier_msgs"),
+}
+"""What the generators put into every service and action."""
+
+
 @dataclass(frozen=True)
-class MessagePackage:
-    """A folder with a package.xml and msg/*.msg."""
+class InterfacePackage:
+    """A folder with a package.xml and msg/*.msg, srv/*.srv, action/*.action."""
 
-    name: str
-    dependencies: tuple[str, ...]
-    """Message packages whose messages are used, through all levels."""
+    folder: Path
+
+    @cached_property
+    def description(self) -> ElementTree.Element:
+        """The content of package.xml."""
+        path = self.folder / "package.xml"
+        try:
+            return ElementTree.parse(path).getroot()
+        except (OSError, ElementTree.ParseError) as error:
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise Unable(f"{path} is no description of a package: {reason}") from None
 
     @property
-    def folder(self) -> Path:
-        """The package's source."""
-        return ROS_FOLDER / self.name
+    def name(self) -> str:
+        """What ROS calls it."""
+        return str(self.description.findtext("name", "")).strip()
+
+    @cached_property
+    def interfaces(self) -> list[Path]:
+        """The files of all kinds, relative to the folder."""
+        files = [path for kind in KINDS for path in sorted((self.folder / kind).glob(f"*.{kind}"))]
+        return [path.relative_to(self.folder) for path in files]
 
     @property
-    def messages(self) -> list[Path]:
-        """The .msg files, sorted by name."""
-        return sorted((self.folder / "msg").glob("*.msg"))
+    def depends(self) -> list[str]:
+        """Packages that it names."""
+        return [str(entry.text).strip() for entry in self.description.iter("depend")]
+
+    @cached_property
+    def dependencies(self) -> tuple[str, ...]:
+        """Packages whose messages are used, through all levels."""
+        found: set[str] = set()
+        waiting = [*self.depends]
+        for interface in self.interfaces:
+            waiting += IMPLIED.get(interface.parts[0], ())
+        while waiting:
+            name = waiting.pop()
+            if name not in found:
+                found.add(name)
+                if (SHARE / name / "package.xml").is_file():  # else it is told as missing
+                    waiting += InterfacePackage(SHARE / name).depends
+        return tuple(sorted(found))
 
     @property
     def share(self) -> Path:
@@ -81,7 +127,8 @@ class MessagePackage:
     def content_hash(self) -> str:
         """Return the hash of all that decides what the build makes."""
         digest = hashlib.sha256()
-        for source in [Path(__file__), self.folder / "package.xml", *self.messages]:
+        files = (self.folder / path for path in (Path("package.xml"), *self.interfaces))
+        for source in (Path(__file__), *files):
             digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
         for generator in GENERATORS:
             distribution = "ros-" + generator.replace("_", "-")
@@ -99,15 +146,12 @@ class MessagePackage:
         )
 
 
-PACKAGES = (
-    MessagePackage("tf2_msgs", ("geometry_msgs", "std_msgs", "builtin_interfaces")),
-    MessagePackage("groundlink_msgs", ("std_msgs", "builtin_interfaces")),
-)
+PACKAGES = tuple(ROS_FOLDER / name for name in ("tf2_msgs", "groundlink_msgs"))
 
 
-def check_wheels() -> None:
+def check_wheels(packages: Sequence[InterfacePackage]) -> None:
     """Raise Unable, naming all that is missing, unless the ROS wheels are there."""
-    wheels = [*GENERATORS, *sorted({name for row in PACKAGES for name in row.dependencies})]
+    wheels = [*GENERATORS, *sorted({name for row in packages for name in row.dependencies})]
     missing = ["ros-" + name.replace("_", "-") for name in wheels if not _is_found(name)]
     if not _is_found("numpy"):
         missing.append("numpy")
@@ -136,27 +180,24 @@ def check_tools() -> None:
         raise Unable("missing on this machine: " + ", ".join(missing))
 
 
-def generate(package: MessagePackage, build: Path) -> None:
+def generate(package: InterfacePackage, build: Path) -> None:
     """Write the sources of one package: ``idl/``, ``include/``, ``typesupport/``, ``py/``."""
     generators = {name: importlib.import_module(name) for name in GENERATORS}
-    adapter = importlib.import_module("rosidl_adapter.msg")
     name = package.name
     idl_folder = build / "idl" / name
-    for message in package.messages:
-        (idl_folder / "msg").mkdir(parents=True, exist_ok=True)
-        shutil.copy(message, idl_folder / "msg")
+    for interface in package.interfaces:
+        (idl_folder / interface).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(package.folder / interface, idl_folder / interface)
         with contextlib.redirect_stdout(io.StringIO()):
-            adapter.convert_msg_to_idl(
-                package.folder, name, Path("msg", message.name), idl_folder / "msg"
-            )
-    stems = [message.stem for message in package.messages]
-    descriptions = [f"msg/{stem}.idl:{idl_folder}/msg/{stem}.json" for stem in stems]
+            generators["rosidl_adapter"].convert_to_idl(package.folder, name, interface, idl_folder)
+    stems = [interface.with_suffix("").as_posix() for interface in package.interfaces]
+    descriptions = [f"{stem}.idl:{idl_folder}/{stem}.json" for stem in stems]
 
     def arguments(generator: str, output: Path, **more: Any) -> str:
         path = build / f"{generator}.json"
         content = {
             "package_name": name,
-            "idl_tuples": [f"{idl_folder}:msg/{stem}.idl" for stem in stems],
+            "idl_tuples": [f"{idl_folder}:{stem}.idl" for stem in stems],
             "output_dir": str(output),
             "template_dir": str(SHARE / generator / "resource"),
             "target_dependencies": [],
@@ -170,7 +211,8 @@ def generate(package: MessagePackage, build: Path) -> None:
     typesupport = build / "typesupport" / name
     modules = build / "py" / name
     for folder in (include, typesupport, modules):
-        (folder / "msg").mkdir(parents=True)
+        for kind in {"msg", *(interface.parts[0] for interface in package.interfaces)}:
+            (folder / kind).mkdir(parents=True)
     for generator in ("rosidl_generator_c", "rosidl_typesupport_fastrtps_c"):
         header = f"{generator}__visibility_control.h"
         template = (SHARE / generator / "resource" / f"{header}.in").read_text()
@@ -189,7 +231,7 @@ def generate(package: MessagePackage, build: Path) -> None:
             "rosidl_generator_c",
             include,
             type_description_tuples=descriptions,
-            ros_interface_files=[str(message) for message in package.messages],
+            ros_interface_files=[str(package.folder / path) for path in package.interfaces],
         )
     )
     generators["rosidl_typesupport_fastrtps_c"].generate_typesupport_fastrtps_c(
@@ -205,7 +247,7 @@ def generate(package: MessagePackage, build: Path) -> None:
     )
 
 
-def compile_sources(package: MessagePackage, build: Path) -> Path:
+def compile_sources(package: InterfacePackage, build: Path) -> Path:
     """Compile what `generate` wrote; return the folder of the libraries."""
     numpy = importlib.import_module("numpy")
     libraries = build / "libraries"
@@ -233,7 +275,7 @@ def compile_sources(package: MessagePackage, build: Path) -> Path:
     return libraries
 
 
-def install(package: MessagePackage, build: Path, libraries: Path) -> None:
+def install(package: InterfacePackage, build: Path, libraries: Path) -> None:
     """Copy the built package into the prefix; the hash of its sources goes last."""
     (package.share / BUILT_FROM).unlink(missing_ok=True)
     for library in libraries.glob("lib*.so"):
@@ -267,11 +309,12 @@ def _copy(source: Path, target: Path) -> None:
     fresh.replace(target)
 
 
-def main() -> int:
+def main(folders: Sequence[str]) -> int:
     """Build and install what is not installed yet."""
+    packages = [InterfacePackage(Path(folder).resolve()) for folder in folders or PACKAGES]
     try:
-        check_wheels()
-        for package in PACKAGES:
+        check_wheels(packages)
+        for package in packages:
             if package.is_installed():
                 print(f"{package.name}: up to date in {SITE_PACKAGES}")
                 continue
@@ -288,4 +331,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -64,7 +64,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or (options.once and finished.is_set())
 
-        process.follow_states(bus, run, options.name, driver, counters, ended)
+        follower = process.Follower(options.name, driver, counters)
+        process.follow_states(bus, run, [follower], ended)
 
 
 def _find(scenario: Scenario, name: str) -> Vehicle:

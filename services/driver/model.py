@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import atan2, copysign, cos, inf, pi, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,17 @@ SEARCHED_M = 1.0
 """How far ahead of the last one the nearest point of the line is looked for."""
 
 
+class Progress(NamedTuple):
+    """How far a follower has come."""
+
+    leg: int = 0
+    reached_m: float | None = None
+    """Along the leg; None before the first pose."""
+
+    turning: bool = True
+    """On the spot."""
+
+
 class Follower:
     """Follows one line, once.
 
@@ -70,9 +82,16 @@ class Follower:
         self._look_ahead_m = LOOK_AHEAD_M + least_radius_m / 2
         corner_rad = inf if least_radius_m else CORNER_RAD
         self._legs = [_Leg(points, speeds) for points, speeds in _split(line, corner_rad)]
-        self._leg = 0
-        self._reached_m: float | None = None
-        self._turning = True
+        self.progress = Progress()
+
+    @property
+    def progress(self) -> Progress:
+        """All that it remembers; another one that follows the same line may go on from there."""
+        return Progress(self._leg, self._reached_m, self._turning)
+
+    @progress.setter
+    def progress(self, progress: Progress) -> None:
+        self._leg, self._reached_m, self._turning = progress
 
     @property
     def finished(self) -> bool:

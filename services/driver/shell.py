@@ -11,14 +11,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import atan2
 
+import msgspec
+from msgspec.structs import replace
+
 from groundlink.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.messages import Ack, BadMessage, Command, State
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 
-from .model import Follower
+from .model import Follower, Progress
 
 MakeFollower = Callable[[float, float, float], Follower]
 """Makes a follower for a vehicle at x (m), y (m), yaw (rad)."""
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    """What a successor has to know."""
+
+    start: tuple[float, float, float]
+    """Where the vehicle was when the drive began: x (m), y (m), yaw (rad)."""
+
+    progress: Progress
+    commanded_tick: int
 
 
 class DriverProcess:
@@ -46,16 +59,18 @@ class DriverProcess:
         self._publish = publish
         self._acknowledge = acknowledge
         self._say = say
-        self._life: int | None = None
-        self._follower: Follower | None = None
-        self._done = False
-        self._commanded_tick = -1
-        self._answered_to = -1
-        self._due = 0
-        self.tick = -1
+        self._begin(None)
         self.commands = 0
         self.missed_ticks = 0
         self.refused = 0
+
+    def _begin(self, life: int | None) -> None:
+        self._life = life
+        self._start = (0.0, 0.0, 0.0)
+        self._follower: Follower | None = None
+        self._commanded_tick = -1
+        self._due = 0
+        self.tick = -1
 
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped: states that it answered are not answered again.
@@ -63,16 +78,21 @@ class DriverProcess:
         Without a predecessor the word is that of one who answered a period before the first state,
         so that no command has to be there but those that are.
         """
-        self._life = ack.life
-        self._answered_to = ack.tick if ack.tick >= 0 else -DRIVER_PERIOD_TICKS
-        self._acknowledge(Ack(ack.life, self._answered_to, ack.settled_tick))
+        self._begin(ack.life)
+        if ack.memory:
+            known = msgspec.msgpack.decode(ack.memory, type=_Memory)
+            self._start, self._commanded_tick = known.start, known.commanded_tick
+            self._follower = self._make_follower(*known.start)
+            self._follower.progress = known.progress
+            self.tick, self._due = ack.tick, _due_after(ack.tick)
+            self._acknowledge(ack)
+        else:
+            self._acknowledge(replace(ack, tick=-DRIVER_PERIOD_TICKS))
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Look at one state; answer it when an answer is due."""
         if state.life != self._life:
-            self._life, self._answered_to = state.life, -1
-            self._follower, self._done, self.tick, self._due = None, False, -1, 0
-            self._commanded_tick = -1
+            self._begin(state.life)
         elif state.tick <= self.tick:
             return
         elif self.tick >= 0:
@@ -80,31 +100,40 @@ class DriverProcess:
         self.tick = state.tick
         if state.tick < self._due:
             return
-        self._due = (state.tick // DRIVER_PERIOD_TICKS + 1) * DRIVER_PERIOD_TICKS
-        if not self._done:
-            try:
-                self._steer(state)
-            except BadMessage:
-                self.refused += 1
-                return
-        if state.tick > self._answered_to:
-            self._acknowledge(Ack(state.life, state.tick, self._commanded_tick))
+        self._due = _due_after(state.tick)
+        try:
+            follower = self._steer(state)
+        except BadMessage:
+            self.refused += 1
+            return
+        memory = _Memory(self._start, follower.progress, self._commanded_tick)
+        commanded = {self._vehicle: self._commanded_tick}
+        self._acknowledge(
+            Ack(state.life, state.tick, state.tick, msgspec.msgpack.encode(memory), commanded)
+        )
 
-    def _steer(self, state: State) -> None:
+    def _steer(self, state: State) -> Follower:
+        """Ask for what is to be asked for at a state, until the route is driven."""
+        if self._follower is not None and self._follower.finished:
+            return self._follower
         vehicle = state.vehicles.get(self._vehicle)
         if vehicle is None or not len(vehicle.link_poses):
             raise BadMessage(f"a state without `{self._vehicle}`")
         x, y, _, qx, qy, qz, qw = vehicle.poses()[0].tolist()
         yaw = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         if self._follower is None:
+            self._start = (x, y, yaw)
             self._follower = self._make_follower(x, y, yaw)
         linear, angular = self._follower.twist(x, y, yaw)
-        self._done = self._follower.finished
-        if state.tick <= self._answered_to:
-            return
         self._commanded_tick = state.tick + COMMAND_AHEAD_TICKS
         stamp_nanos = state.epoch_nanos + self._commanded_tick * TICK_NANOS
         self._publish(Command(stamp_nanos, (linear, 0.0, 0.0), (0.0, 0.0, angular)))
         self.commands += 1
-        if self._done:
+        if self._follower.finished:
             self._say(f"the route is driven; stopped at {state.tick * TICK_SECONDS:.1f} s")
+        return self._follower
+
+
+def _due_after(tick: int) -> int:
+    """Return when an answer is due after that of a tick."""
+    return (tick // DRIVER_PERIOD_TICKS + 1) * DRIVER_PERIOD_TICKS

@@ -7,7 +7,10 @@ import argparse
 import os
 import sys
 import threading
+import time
 from collections.abc import Sequence
+
+from msgspec.structs import replace
 
 from groundlink import process
 from groundlink.bus import Bus
@@ -20,13 +23,18 @@ from udp_bridge.header import BadMessage
 from udp_bridge.keys import BadKey, read_key
 from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
 from udp_bridge.seal import TO_ROS
+from udp_bridge.types import CONTROL
 from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
 
 from .emulated import Emulated
+from .following import Following
 from .gateway import Gateway
 from .kept import NAME, Kept
+from .lockstep import REPAIR, Lockstep
+from .memory import memory_of, recall
 from .streams import repair_table, waiting_table
 from .subscriptions import Address
+from .words import Words
 
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""
@@ -34,9 +42,6 @@ RECEIVE_WAIT_SECONDS = 0.1
 SWITCH_SECONDS = 5e-4
 """After this long a thread that waits for the interpreter gets it. Python's own 5 ms are the age of
 a small message several times over."""
-
-FLUSH_SECONDS = 1.0
-"""How long the link may take to send what waits before progress is told anyway."""
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -51,8 +56,11 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         run, scenario = process.join(bus, options.run, stop)
         changed: Scenario | None = scenario
         kept = Kept(bus, run)
-        while changed is not None:
-            changed = _carry(kept, changed, options, stop)
+        try:
+            while changed is not None:
+                changed = _carry(kept, changed, options, stop)
+        finally:
+            kept.wishes.close()
 
 
 def _carry(
@@ -65,11 +73,14 @@ def _carry(
     inbox = kept.inbox
     bind = process.address(options.bind or scenario.gateway.bind)
     peer = process.address(options.peer or scenario.gateway.peer)
+    words = Words() if scenario.time.lockstep == "ros" else None
     gateway = Gateway(
         scenario,
         kept.run,
         peer=peer,
         publish=lambda key, message: kept.publishers[key](message),
+        on_wish=kept.wishes.take,
+        words=words,
     )
     kept.declare(gateway)
     around, emulated = sockets(scenario.gateway, bind, peer, options.key_file)
@@ -84,7 +95,9 @@ def _carry(
             signed_peer=scenario.gateway.signed_peer,
             on_message=gateway.on_message,
             report=True,
-            repair=repair_table(gateway.streams.values()),
+            repair=repair_table(gateway.streams.values())
+            if words is None
+            else dict.fromkeys(gateway.places, REPAIR),
             large_waiting=waiting_table(gateway.streams.values()),
         )
     except BaseException as error:
@@ -93,28 +106,30 @@ def _carry(
             raise UserError(str(error)) from None
         raise
     with link:
-        kept.subscribe(gateway)
+        kept.wishes.tell_by(
+            lambda answer: link.send(CONTROL, "", "", time.time_ns(), answer.pack())
+        )
+        if words is None:
+            kept.subscribe(gateway)
+        else:
+            kept.subscribe_in_order(gateway, scenario)
         heartbeat = kept.heartbeat
-        # In real time the newest supersedes what waits; otherwise physics is held up.
-        waited_for = scenario.time.mode != "realtime"
-        tick = -1
+        following = _following(kept, gateway, link, words, scenario, emulated)
         while not stop.is_set():
-            if arrived := inbox.get(seconds=0.05):
+            if arrived := following.listen(inbox):
                 key, message = arrived
-                if key in gateway.streams:
-                    gateway.forward(key, message, link)
-                if waited_for:
-                    link.flush(FLUSH_SECONDS)
                 if isinstance(message, Clock):
+                    if gateway.note_time(message) and message.tick:
+                        recall(kept.bus, kept.run, gateway, emulated)
                     if emulated is not None:
                         emulated.at(message.stamp_nanos - message.epoch_nanos)
-                    tick = message.tick
-                    kept.acknowledge(Ack(message.life, tick, tick))
+                following.hear(key, message)
+            following.turn(time.monotonic())
             if heartbeat.due():
                 if changed := kept.changed(scenario, stop):
                     return changed
                 gateway.repeat(link)
-                streams, counts = gateway.report(link)
+                streams, counts = gateway.report(link, inbox.dropped_of)
                 wire = link.counters()
                 counts |= {
                     "bus_dropped": inbox.dropped,
@@ -129,8 +144,31 @@ def _carry(
                 }
                 if emulated is not None:
                     counts |= emulated.counters()
-                heartbeat.beat(tick, counts, streams)
+                heartbeat.beat(following.tick, counts | following.counts, streams)
     return None
+
+
+def _following(
+    kept: Kept,
+    gateway: Gateway,
+    link: Link,
+    words: Words | None,
+    scenario: Scenario,
+    emulated: Emulated | None,
+) -> Following | Lockstep:
+    """Return how this gateway follows its run, as the scenario says."""
+
+    def acknowledge(ack: Ack) -> None:
+        kept.acknowledge(replace(ack, memory=memory_of(gateway, emulated)))
+
+    if words is None:
+        return Following(scenario, gateway, link, acknowledge=acknowledge)
+    return Lockstep(
+        *(scenario, gateway, link, words),
+        acknowledge=acknowledge,
+        resume=kept.resumed,
+        say=lambda line: print(f"{NAME}: {line}", file=sys.stderr, flush=True),
+    )
 
 
 def sockets(

@@ -17,6 +17,7 @@ import msgspec
 
 from groundlink.clock import NANOS
 from groundlink.emulation import Impairment, LinkScript, OneWay, Script
+from groundlink.emulation.model import Course
 from groundlink.emulation.script import Changes, parse_changes
 from udp_bridge.around import Around
 from udp_bridge.header import Buffer, Refused
@@ -97,6 +98,18 @@ class Emulated(Around):
                 for direction, way in ways.items()
                 for name, count in (*way.counts.items(), ("waiting", way.waiting))
             }
+
+    def courses(self) -> dict[str, Course]:
+        """Return by direction how far the link has come."""
+        with self._outgoing, self._incoming:
+            return {"to_ros": self._to_ros.course, "from_ros": self._from_ros.course}
+
+    def take_up(self, courses: dict[str, Course]) -> None:
+        """Go on with the random numbers of an earlier link of the same script."""
+        with self._outgoing, self._incoming:
+            for direction, way in (("to_ros", self._to_ros), ("from_ros", self._from_ros)):
+                if direction in courses:
+                    way.course = courses[direction]
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
         """Give a datagram to the link; whether it arrives is not known here."""

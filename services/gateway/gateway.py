@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from groundlink.messages import (
     BadMessage,
@@ -23,7 +24,7 @@ from groundlink.ros_messages import to_cdr
 from groundlink.ros_streams import TF_STATIC_TOPIC, Outgoing, outgoing, static_transforms
 from groundlink.scenario import Scenario
 from udp_bridge import control
-from udp_bridge.control import LinkReport, Subscribe
+from udp_bridge.control import LinkReport, Subscribe, Wish, Word
 from udp_bridge.fragments import TooLarge
 from udp_bridge.header import BadMessage as BadHeader
 from udp_bridge.header import Refused
@@ -32,9 +33,10 @@ from udp_bridge.message import Message as WireMessage
 from udp_bridge.types import CONTROL, SUBSCRIBE
 
 from .incoming import LATCHED, Incoming
-from .reports import PeerReports, peer_counters
+from .reports import PeerReports, peer_counters, with_pushed_out
 from .streams import TF_MESSAGE, wire_type
-from .subscriptions import Address, Subscriptions
+from .subscriptions import Address, Subscriptions, TopicKey
+from .words import Words
 
 STALE_SLACK_NANOS = 100_000_000
 """A stream may be this much ahead of the clock that the gateway has heard."""
@@ -47,6 +49,10 @@ class Gateway:
     ----------
     publish
         called with a key and a message when something has come from ROS.
+    on_wish
+        called when the peer wishes something of the run; must not block.
+    words
+        where to put what the peer says in lockstep; None where nobody waits for it.
     """
 
     def __init__(
@@ -56,11 +62,13 @@ class Gateway:
         *,
         peer: Address,
         publish: Callable[[str, Message], object],
+        on_wish: Callable[[Wish], object] = lambda wish: None,
+        words: Words | None = None,
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
         self._place_in_ros = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
         self.peer = peer
-        self._publish = publish
+        self._publish, self._on_wish, self._words = publish, on_wish, words
         self._scenario = scenario
         self.incoming = Incoming(scenario, run)
         self._has_wished = False
@@ -76,11 +84,13 @@ class Gateway:
         self._subscriptions = Subscriptions(frozenset({*self._place_in_ros.values(), static}))
         for place in (*rates, static):
             self._subscriptions.push(place, peer)
-        self._newest: dict[str, int] = {}
+        self.newest: dict[str, int] = {}
+        """By stream: the stamp of the newest message that went to ROS."""
+
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
 
-        self._epoch_nanos = 0
+        self.epoch_nanos = 0
         self._life: int | None = None
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
@@ -89,21 +99,32 @@ class Gateway:
         """Send a message of the bus to all that want it."""
         stamp = measured_nanos(message)
         if isinstance(message, Clock):
-            if message.life != self._life:
-                # Sim time begins again: nothing repeats itself.
-                self._life = message.life
-                self._newest.clear()
-            self.clock_nanos, self._epoch_nanos = stamp, message.epoch_nanos
+            self.note_time(message)
         elif self._is_stale(key, stamp):
             self.counts["stale"] += 1
             return
         self._send(*self._place_in_ros[key], stamp, message, link)
 
+    @property
+    def places(self) -> frozenset[TopicKey]:
+        """Wire type and topic of every stream."""
+        return frozenset(self._place_in_ros.values())
+
+    def note_time(self, clock: Clock) -> bool:
+        """Take note of what time it is; return whether a life of the run has begun."""
+        has_begun = clock.life != self._life
+        if has_begun:
+            # Sim time begins again: nothing repeats itself.
+            self._life = clock.life
+            self.newest.clear()
+        self.clock_nanos, self.epoch_nanos = clock.stamp_nanos, clock.epoch_nanos
+        return has_begun
+
     def repeat(self, link: Link) -> None:
         """Send what is repeated every second: wishes for commands, and static transforms."""
-        now = self.clock_nanos
-        if now is None:
+        if self.clock_nanos is None and self._words is None:
             return
+        now = self.clock_nanos or 0  # in lockstep time begins when ROS is heard
         for wish in self.incoming:
             if wish.msg_type in LATCHED and not self._has_wished:
                 # The node may still serve the wish of a predecessor, and what is latched comes
@@ -111,8 +132,10 @@ class Gateway:
                 link.send(SUBSCRIBE, wish.topic, "", now, wish.forget(), to=self.peer)
             link.send(SUBSCRIBE, wish.topic, "", now, wish.subscribe(), to=self.peer)
         self._has_wished = True
+        if self.clock_nanos is None:
+            return
         # What never changes has the stamp of the run's begin, so that repetitions are equal.
-        stamp = self._epoch_nanos
+        stamp = self.epoch_nanos
         if transforms := static_transforms(self._scenario, stamp):
             self._send(TF_MESSAGE, TF_STATIC_TOPIC, stamp, transforms, link)
 
@@ -124,18 +147,42 @@ class Gateway:
                 if not self._subscriptions.request(sender, message.topic, wish, time.monotonic()):
                     self.counts["refused"] += 1
             elif message.msg_type == CONTROL:
-                self._on_report(message, sender)
+                self._on_control(message, sender)
+            elif self._words is None:
+                self.take(message)
+            elif sender == self.peer:
+                self._words.put(message)
             else:
-                key, taken = self.incoming.read(message, self.clock_nanos)
-                self._publish(key, taken)
-                self.counts["commands" if isinstance(taken, Command) else "from_ros"] += 1
-        except (Refused, BadMessage):
+                self.counts["refused"] += 1
+        except Refused:
             self.counts["refused"] += 1
 
-    def report(self, link: Link) -> tuple[list[StreamReport], dict[str, int]]:
-        """Return what became of what was sent to the peer and back, and the gateway's counters."""
+    def take(self, message: WireMessage) -> tuple[str, Message] | None:
+        """Publish on the bus what has come from ROS; return it with its key if it could be read."""
+        try:
+            key, taken = self.incoming.read(message, self.clock_nanos)
+        except BadMessage:
+            self.counts["refused"] += 1
+            return None
+        self._publish(key, taken)
+        self.counts["commands" if isinstance(taken, Command) else "from_ros"] += 1
+        return key, taken
+
+    def report(
+        self, link: Link, dropped: Mapping[str, int] = MappingProxyType({})
+    ) -> tuple[list[StreamReport], dict[str, int]]:
+        """Return what became of what was sent to the peer and back, and the gateway's counters.
+
+        Parameters
+        ----------
+        dropped
+            messages by key that newer ones pushed out before they were forwarded.
+        """
         came = [(topic, report) for of, topic, _, report in link.arrivals() if of == self.peer]
         rows = self._reports.streams(link.accounts(self.peer), came)
+        topics = {key: stream.topic for key, stream in self.streams.items()}
+        pushed_out = {topics[key]: count for key, count in dropped.items() if key in topics}
+        rows = [with_pushed_out(row, pushed_out) for row in rows]
         return rows, self.counts | peer_counters(self._reports.link)
 
     def _send(
@@ -165,18 +212,23 @@ class Gateway:
 
         A stamp behind the newest one is new all the same when the clock has jumped back too.
         """
-        newest = self._newest.get(key)
+        newest = self.newest.get(key)
         clock = self.clock_nanos
         if newest is not None and stamp_nanos <= newest:
             jumped_back = clock is not None and newest > clock + STALE_SLACK_NANOS
             if not jumped_back:
                 return True
-        self._newest[key] = stamp_nanos
+        self.newest[key] = stamp_nanos
         return False
 
-    def _on_report(self, message: WireMessage, sender: Address) -> None:
+    def _on_control(self, message: WireMessage, sender: Address) -> None:
+        said = control.parse(message.body)
         if sender != self.peer:
-            return
-        report = control.parse(message.body)
-        if isinstance(report, LinkReport):
-            self._reports.link = report
+            # Whoever subscribes may report, but time is the peer's alone.
+            self.counts["refused"] += isinstance(said, Wish | Word)
+        elif isinstance(said, Word) and self._words is not None:
+            self._words.say(said, message.topic)
+        elif isinstance(said, Wish):
+            self._on_wish(said)
+        elif isinstance(said, LinkReport):
+            self._reports.link = said

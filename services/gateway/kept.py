@@ -9,23 +9,36 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 from groundlink import process
 from groundlink.bus import Bus
+from groundlink.control_query import ask
 from groundlink.inbox import Inbox
-from groundlink.messages import Health, Message
-from groundlink.questions import link_key
+from groundlink.messages import Ack, Health, Message, State, decode
+from groundlink.questions import history_key, link_key
 from groundlink.scenario import Scenario
-from groundlink.topics import ACK, HEALTH, Delivery
+from groundlink.topics import ACK, HEALTH, ROOT, STATE, Delivery
 
 from .emulated import Emulated
 from .gateway import Gateway
+from .wishes import Wishes
 
 NAME = "gateway"
 
 MESSAGES_KEPT = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
+
+
+class Resumed(NamedTuple):
+    """Where a run is that this gateway joins."""
+
+    ack: Ack
+    """The gateway's last one."""
+
+    state: State
+    """The last one of physics."""
 
 
 class Kept:
@@ -36,8 +49,9 @@ class Kept:
         self.inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
         self.publishers: dict[str, Callable[[Message], bytes]] = {}
         self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
+        self.wishes = Wishes(partial(ask, bus, run), backlog=lambda: len(self.inbox))
         self.emulated: Emulated | None = None
-        self._subscribed: set[str] = set()
+        self._types: dict[str, type[Message]] = {}
         self._physics: Inbox[Health] = Inbox(depth=16)
         self._worlds: int | None = None
         bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)
@@ -56,9 +70,27 @@ class Kept:
     def subscribe(self, gateway: Gateway) -> None:
         """Hear what a gateway carries to ROS."""
         for key, stream in gateway.streams.items():
-            if key not in self._subscribed:
-                self._subscribed.add(key)
+            if key not in self._types:
+                self._types[key] = stream.message
                 self.bus.subscribe(key, stream.message, self.inbox)
+
+    def subscribe_in_order(self, gateway: Gateway, scenario: Scenario) -> None:
+        """Hear that and how far sensors have come, or where there are none, physics; in order."""
+        is_first = not self._types
+        self._types |= {key: stream.message for key, stream in gateway.streams.items()}
+        if not scenario.sensor_names():
+            self._types[STATE.key_in(self.run)] = State
+        if is_first:
+            self.bus.subscribe_in_order(f"{ROOT}/{self.run}/**", self._type_of, self.inbox)
+
+    def _type_of(self, key: str) -> type[Message] | None:
+        is_ack = key.startswith(ACK.key_in(self.run, process=""))
+        return Ack if is_ack else self._types.get(key)
+
+    def resumed(self) -> Resumed | None:
+        """Return where the run is; None before its first state."""
+        told = list(self.bus.ask(history_key(self.run), NAME, seconds=2.0).values())
+        return Resumed(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
 
     def emulates(self, emulated: Emulated) -> None:
         """Let the emulated link be changed and told by queries."""

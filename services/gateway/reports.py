@@ -7,7 +7,9 @@ stamps follow the wall clock. The sums come from `udp_bridge` and add up there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+
+from msgspec.structs import replace
 
 from groundlink.clock import NANOS
 from groundlink.messages import StreamReport
@@ -93,6 +95,12 @@ def _row(
         superseded=account.superseded,
         delivered_bytes=account.delivered_bytes,
     )
+
+
+def with_pushed_out(row: StreamReport, pushed_out: Mapping[str, int]) -> StreamReport:
+    """Return a row with the messages to ROS that never came as far as the link, by topic."""
+    more = pushed_out.get(row.topic, 0) if row.direction == TO_ROS else 0
+    return replace(row, superseded=row.superseded + more) if more else row
 
 
 def peer_counters(link: LinkReport | None) -> dict[str, int]:

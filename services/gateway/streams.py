@@ -8,13 +8,20 @@ vocabulary of the bus meets the vocabulary of the wire.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
+from groundlink.errors import UserError
 from groundlink.messages import Message
 from groundlink.ros_messages import ROS_FORMS
 from groundlink.ros_streams import Outgoing
+from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RepairBy
+from udp_bridge.lockstep import Answer
 from udp_bridge.repair import Mode, parse_mode
 from udp_bridge.types import MSG_TYPES, type_number
+
+if TYPE_CHECKING:
+    from .gateway import Gateway
 
 TF_MESSAGE = type_number("TFMessage")
 
@@ -47,3 +54,24 @@ def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:
         if mode is not None:
             table[wire_type(stream.message), stream.topic] = mode
     return table
+
+
+def answers(scenario: Scenario, gateway: Gateway) -> tuple[Answer, ...]:
+    """Return which topics ROS has to answer in lockstep.
+
+    Raises
+    ------
+    UserError
+        when one of them does not go to ROS.
+    """
+    known = {stream.topic for stream in gateway.streams.values() if stream.push}
+    types = {wish.topic: wish.msg_type for wish in gateway.incoming}
+    found = []
+    for topic, of in scenario.time.answers.items():
+        if of not in known:
+            raise UserError(
+                f"`time.answers`: {topic} cannot answer {of}, which does not go to ROS unasked; "
+                f"expected one of {', '.join(sorted(known))}"
+            )
+        found.append(Answer(topic, of, types.get(topic, 0)))
+    return tuple(found)

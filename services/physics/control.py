@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wishes of people between the bus, where they arrive, and the loop that steps, which does them.
 
-Rule: a wish waits until the loop takes it between two ticks; who asked waits for the answer.
+Rule: a wish waits until the loop takes it between two ticks; who asked waits for the answer. While
+a run is restored it stands still, and what would change it is refused.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import TypeVar
 
 import msgspec
 
@@ -18,6 +20,7 @@ from groundlink.control import (
     Pause,
     Remove,
     Reset,
+    Restore,
     Resume,
     Spawn,
     Step,
@@ -29,6 +32,9 @@ ANSWER_SECONDS = 2.0
 """
 
 
+T = TypeVar("T")
+
+
 class Control:
     """Whether time runs, and wishes that have come.
 
@@ -38,20 +44,33 @@ class Control:
         begins the run again.
     change
         changes the world, or raises a UserError that says why it cannot.
+    restore
+        begins to go on from a file's content, or raises a UserError that says why it cannot.
     """
 
     def __init__(
-        self, reset: Callable[[], object], change: Callable[[Spawn | Remove], object]
+        self,
+        reset: Callable[[], object],
+        change: Callable[[Spawn | Remove], object],
+        restore: Callable[[bytes], object],
     ) -> None:
-        self._reset, self._change = reset, change
-        self._wishes: queue.SimpleQueue[tuple[AnyWish, Future[None]]] = queue.SimpleQueue()
+        self._reset, self._change, self._restore = reset, change, restore
+        self._waiting: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._ticks_left: int | None = None
         self.tick = -1
+        self.restoring_to = -1
+        """See `ControlAnswer`; while it is set, no step may be taken."""
+
+        self.warning = ""
 
     @property
     def paused(self) -> bool:
-        """Whether no step may be taken."""
+        """Whether people want no step to be taken."""
         return self._ticks_left == 0
+
+    def pause(self) -> None:
+        """Let no step be taken until people want it."""
+        self._ticks_left = 0
 
     def stepped(self, tick: int) -> None:
         """Take note of a step."""
@@ -59,39 +78,61 @@ class Control:
         if self._ticks_left:
             self._ticks_left -= 1
 
-    def answer(self, asked: str) -> list[bytes]:
+    def answer(self, asked: str, content: bytes = b"") -> list[bytes]:
         """Do what a query says, a wish in JSON or nothing; reply a `ControlAnswer`."""
         error = ""
         if asked:
-            done: Future[None] = Future()
             try:
-                self._wishes.put((msgspec.json.decode(asked, type=AnyWish), done))
-                done.result(ANSWER_SECONDS)
-            except msgspec.DecodeError as problem:
+                wish = msgspec.json.decode(asked, type=AnyWish)
+                self.between_ticks(lambda: self._do(wish, content))
+            except (msgspec.DecodeError, UserError) as problem:
                 error = str(problem)
+        answer = ControlAnswer(error, self.tick, self.paused, self.restoring_to, self.warning)
+        return [msgspec.json.encode(answer)]
+
+    def between_ticks(self, do: Callable[[], T]) -> T:
+        """Have the loop do something between two ticks; return what it returns.
+
+        Raises
+        ------
+        UserError
+            when that raises one, or the loop has no time for it.
+        """
+        done: Future[T] = Future()
+
+        def settle() -> None:
+            try:
+                done.set_result(do())
             except UserError as problem:
-                error = str(problem)
-            except TimeoutError:
-                error = "physics is busy; ask again what became of it"
-        return [msgspec.json.encode(ControlAnswer(error, self.tick, self.paused))]
+                done.set_exception(problem)
+
+        self._waiting.put(settle)
+        try:
+            return done.result(ANSWER_SECONDS)
+        except TimeoutError:
+            raise UserError("physics is busy; ask again what became of it") from None
 
     def fulfil(self) -> None:
         """Do all that was wished; to be called between two ticks."""
-        while not self._wishes.empty():
-            wish, done = self._wishes.get()
-            match wish:
-                case Pause():
-                    self._ticks_left = 0
-                case Resume():
-                    self._ticks_left = None
-                case Step(ticks=ticks):
-                    self._ticks_left = ticks
-                case Reset():
-                    self._reset()
-                case Spawn() | Remove():
-                    try:
-                        self._change(wish)
-                    except UserError as problem:
-                        done.set_exception(problem)
-                        continue
-            done.set_result(None)
+        while not self._waiting.empty():
+            self._waiting.get()()
+
+    def _do(self, wish: AnyWish, content: bytes) -> None:
+        if self.restoring_to >= 0 and isinstance(wish, Reset | Spawn | Remove | Restore):
+            raise UserError(
+                f"the run is being restored, at tick {self.tick} of {self.restoring_to}; ask again "
+                "when that is done"
+            )
+        match wish:
+            case Pause():
+                self.pause()
+            case Resume():
+                self._ticks_left = None
+            case Step(ticks=ticks):
+                self._ticks_left = ticks
+            case Reset():
+                self._reset()
+            case Spawn() | Remove():
+                self._change(wish)
+            case Restore():
+                self._restore(content)

@@ -7,72 +7,41 @@ Rule: all that a reset begins anew is here and nothing else; who is on the bus s
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
-from groundlink.messages import Ack, Clock, Command, Message, State, WheelCommand, encode
+from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
+from groundlink.control import Remove, Spawn
+from groundlink.errors import UserError
+from groundlink.journal import (
+    AnyEntry,
+    Changed,
+    Commanded,
+    Journal,
+    WheelsCommanded,
+    encode_entry,
+    state_digest,
+    this_machine,
+)
+from groundlink.messages import Ack, Clock, Command, State, WheelCommand, decode, encode
 from groundlink.scenario import Scenario
+from groundlink.scenario.change import with_more, without
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.scenario.route import DRIVER_WINDOW_TICKS
 from groundlink.topics import (
-    BODIES,
-    CLOCK,
-    GROUND_TRUTH,
-    STATE,
-    TRUE_WHEELS,
-    VITALS,
-    Topic,
-    driver_name,
-    driver_names,
+    RECORDER,
+    process_names,
 )
 from groundlink.vitals import VITALS_HZ
 from groundlink.world.build import solids, world_hash
-from groundlink.world.solids import Solid
 
-from .pace import AsFastAsOthers, Promises, RealTime
+from .outlets import Outlets
+from .pace import pace_of
+from .parties import Promises
 from .simulation import Simulation
 from .truth import BodyTruth, Truth
 
 VITALS_TICKS = TICK_RATE_HZ // VITALS_HZ
-
-Publish = Callable[[Message], bytes]
-
-
-class Outlets(NamedTuple):
-    """Where physics publishes: for the run, and for each vehicle by name."""
-
-    state: Publish
-    clock: Publish
-    bodies: Publish
-    truth: dict[str, Publish]
-    wheels: dict[str, Publish]
-    vitals: dict[str, Publish]
-
-
-def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None) -> Outlets:
-    """Declare all that physics publishes, but what is declared already."""
-
-    def each(row: Topic, there: dict[str, Publish]) -> dict[str, Publish]:
-        names = (vehicle.name for vehicle in scenario.vehicles)
-        return {
-            name: there.get(name) or bus.publisher(row.key_in(run, vehicle=name), row.delivery)
-            for name in names
-        }
-
-    if known is None:
-        state, clock, bodies = (
-            bus.publisher(row.key_in(run), row.delivery) for row in (STATE, CLOCK, BODIES)
-        )
-        known = Outlets(state, clock, bodies, {}, {}, {})
-    return known._replace(
-        truth=each(GROUND_TRUTH, known.truth),
-        wheels=each(TRUE_WHEELS, known.wheels),
-        vitals=each(VITALS, known.vitals),
-    )
 
 
 class Life:
@@ -84,6 +53,8 @@ class Life:
         processes beside the sensors that a fast run waits for.
     wall_nanos
         the wall clock's, by which lives are told apart.
+    epoch_nanos
+        of the run that this one takes up; none for one that begins.
     """
 
     def __init__(
@@ -94,58 +65,70 @@ class Life:
         *,
         others: Sequence[str],
         wall_nanos: int,
+        epoch_nanos: int | None = None,
     ) -> None:
-        self._run, self._publish, self._others = run, publish, others
-        self._follows_wall = scenario.time.epoch == "wall"
+        self._run, self.publish, self._others = run, publish, others
+        self._follows_wall = scenario.time.epoch == "wall" and epoch_nanos is None
+        self._at_start = self.scenario = scenario
         self.world_hash = world_hash(scenario)
+        self.worlds = {self.world_hash: scenario}
+        """All that there have been in this life, by their hashes."""
+
         static = solids(scenario)
         self._simulation = Simulation(scenario, static)
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
         self._next_clock = 0
         self._history: deque[bytes] = deque(maxlen=HISTORY_TICKS)
+        self._entries: list[bytes] = []
         self._acks: dict[str, Ack] = {}
+        self._predecessors: set[str] = set()
         self._truths = [Truth(vehicle) for vehicle in scenario.vehicles]
         self._bodies = BodyTruth(scenario, static)
-        self._promises = Promises({driver_name(v): v.name for v in scenario.vehicles})
+        self._promises = Promises()
         self.number = wall_nanos
-        self.epoch_nanos = self.number if self._follows_wall else 0
-        self.pace = (
-            RealTime(scenario.time.factor)
-            if scenario.time.mode == "realtime"
-            else AsFastAsOthers(
-                dict.fromkeys((*scenario.sensor_names(), *others), scenario.time.window_ticks)
-                | dict.fromkeys(driver_names(scenario), DRIVER_WINDOW_TICKS),
-                scenario.time.window_ticks,
-                self.number,
-            )
+        self.epoch_nanos = (
+            (self.number if self._follows_wall else 0) if epoch_nanos is None else epoch_nanos
         )
+        self.pace = pace_of(scenario, self.number, others)
+
+    @property
+    def _is_realtime(self) -> bool:
+        return self._at_start.time.mode == "realtime"
 
     @property
     def tick(self) -> int:
         """The last tick that was stepped to."""
         return self._simulation.tick
 
-    def moving(self) -> list[Solid]:
-        """Return what of vehicles and actors meets things, where they are now, in the world."""
-        return self._simulation.moving()
+    def change(self, wish: Spawn | Remove) -> None:
+        """Put something into the world or take it out, from the next state on.
 
-    def become(self, scenario: Scenario, publish: Outlets) -> None:
-        """Go on in a changed world, from the next state on; who joins gets none from before."""
+        Raises
+        ------
+        UserError
+            when that cannot be.
+        """
+        before, simulation = self.scenario, self._simulation
+        match wish:
+            case Spawn(more=more):
+                seconds = self.tick * TICK_SECONDS
+                scenario = with_more(before, more, simulation.moving(), seconds=seconds)
+            case Remove(name=name):
+                scenario = without(before, name)
         static = solids(scenario)
-        self._simulation.become(scenario, static)
-        self._publish = publish
+        simulation.become(scenario, static)
+        self.scenario = scenario
         self.world_hash = world_hash(scenario)
+        self.worlds[self.world_hash] = scenario
         self._bodies.change(scenario, static)
         told = {truth.vehicle: truth for truth in self._truths}
         self._truths = [told.get(v.name) or Truth(v) for v in scenario.vehicles]
-        self._promises.change({driver_name(v): v.name for v in scenario.vehicles})
-        self.pace.only((*scenario.sensor_names(), *driver_names(scenario), *self._others))
-        self._history.clear()
+        self.pace.parties.only((*process_names(scenario), RECORDER, *self._others))
+        self._entries.append(encode_entry(Changed(self.tick, wish)))
 
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Take note of how far a process has come, in this life or an earlier one."""
         if ack.life == self.number:
-            self._acks[process] = ack
             self._promises.given(process, ack)
 
     def command(self, vehicle: str, command: Command | WheelCommand) -> None:
@@ -156,16 +139,62 @@ class Life:
         ValueError
             when it is none that a vehicle can obey.
         """
-        since_start = replace(command, stamp_nanos=command.stamp_nanos - self.epoch_nanos)
+        stamp_nanos = command.stamp_nanos - self.epoch_nanos
         if isinstance(command, Command):
+            self._take_in(Commanded(self.tick, vehicle, replace(command, stamp_nanos=stamp_nanos)))
+        else:
+            wheels = replace(command, stamp_nanos=stamp_nanos)
+            self._take_in(WheelsCommanded(self.tick, vehicle, wheels))
+
+    def _take_in(self, entry: Commanded | WheelsCommanded) -> None:
+        if isinstance(entry, Commanded):
             # It is of these that drivers give their word.
-            self._promises.commanded(vehicle, since_start.stamp_nanos // TICK_NANOS)
-        self._simulation.command(vehicle, since_start)
+            tick = entry.command.stamp_nanos // TICK_NANOS
+            self._promises.commanded(entry.vehicle, tick)
+        self._simulation.command(entry.vehicle, entry.command)
+        self._entries.append(encode_entry(entry))
+
+    def follow(self, entry: AnyEntry) -> None:
+        """Take in what an earlier life has taken in at the same tick."""
+        if isinstance(entry, Changed):
+            self.change(entry.wish)
+        else:
+            self._take_in(entry)
+
+    def journal(self, left_out: int = 0) -> Journal:
+        """Return what it takes to have this life again, without so many entries of its start.
+
+        Raises
+        ------
+        UserError
+            when it has not begun.
+        """
+        if not self._history:
+            raise UserError("the run has not begun yet; it waits for its processes")
+        return Journal(
+            made_on=this_machine(),
+            run=self._run,
+            life=self.number,
+            epoch_nanos=self.epoch_nanos,
+            scenario=self._at_start,
+            tick=self.tick,
+            digest=state_digest(decode(self._history[-1], State)),
+            entries=tuple(self._entries[left_out:]),
+            left_out=left_out,
+            acks=dict(self._acks),
+        )
+
+    def succeed(self, acks: Mapping[str, Ack]) -> None:
+        """Let others go on from their last words in an earlier life that had come to this tick."""
+        self._acks = {name: replace(ack, life=self.number) for name, ack in acks.items()}
+        self._predecessors = set(acks)
 
     def settle(self) -> None:
         """Count as said what was acknowledged, where the commands that go with it are here."""
         for process, ack in self._promises.kept():
-            self.pace.acknowledged(process, ack)
+            self._acks[process] = ack
+            self._predecessors.discard(process)
+            self.pace.parties.acknowledged(process, ack)
 
     def begin(self, wall_nanos: int, now_seconds: float) -> None:
         """Publish the first state; where nobody has been told the epoch yet, it is now.
@@ -173,11 +202,18 @@ class Life:
         Building the world and joining the bus took a while: `wall_nanos` is the wall clock's time
         now, `now_seconds` that of the clock by which steps are paced.
         """
-        if self._follows_wall and isinstance(self.pace, RealTime):
+        if self._follows_wall and self._is_realtime:
             self.epoch_nanos = wall_nanos
-        # Tick 0 is now: whatever comes before the first step must not make all stamps older.
-        self.pace.wait_seconds(0, now_seconds)
-        self._tell()
+        # This tick is now: whatever comes before the first step must not make all stamps older.
+        self.pace.hold()
+        self.pace.wait_seconds(self.tick, now_seconds)
+        if self._history:
+            # It was told, but to nobody.
+            state = decode(self._history[-1], State)
+            self._tell_time(state)
+            self.publish.state(state)
+        else:
+            self._tell()
 
     def step(self) -> None:
         """Step one tick and publish what has become of the world."""
@@ -185,8 +221,11 @@ class Life:
         self._tell()
 
     def _tell(self) -> None:
-        """Publish the state of this tick, and all else that is due with it."""
-        simulation, publish = self._simulation, self._publish
+        """Publish the state of this tick, and before it all else that is due with it.
+
+        Sensors answer to the state: who hears an answer has been sent all that physics had to say.
+        """
+        simulation, publish = self._simulation, self.publish
         state = State(
             self._run,
             self.number,
@@ -197,10 +236,9 @@ class Life:
             simulation.vehicle_states(),
             simulation.actor_poses(),
         )
-        self._history.append(publish.state(state))
         if self._clock.tick(self._next_clock) <= simulation.tick:
             self._next_clock += 1
-            publish.clock(Clock(state.stamp_nanos, self.epoch_nanos, simulation.tick, self.number))
+            self._tell_time(state)
         for truth in self._truths:
             if (stamp := truth.due(state)) is not None:
                 torques = simulation.motor_torques(truth.vehicle)
@@ -211,16 +249,28 @@ class Life:
         if simulation.tick % VITALS_TICKS == 0:
             for vitals in simulation.vitals(state.stamp_nanos):
                 publish.vitals[vitals.vehicle](vitals)
+        self._history.append(publish.state(state))
+
+    def _tell_time(self, state: State) -> None:
+        self.publish.clock(Clock(state.stamp_nanos, self.epoch_nanos, state.tick, self.number))
 
     def missed_by(self, process: str) -> list[bytes]:
-        """Return for a sensor that joins where it resumes, and the states since then.
+        """Return for a process that joins where it resumes, and the states since then.
 
-        In real time nobody is waited for and what was missed is gone: the answer is empty.
+        In real time there is nothing for who joins late, but for those that take up what they did
+        in an earlier life, and for sensors that were there before. Where readings are left out
+        these, too, have missed what they have missed.
         """
-        if isinstance(self.pace, RealTime):
-            return []
+        if self._is_realtime and process not in self._predecessors:
+            if process not in self._acks or self.scenario.sensor(process) is None:
+                return []
+            if not self._at_start.time.waits:
+                return [encode(self._acks[process])]
         resume = self._acks.get(process, Ack(self.number, -1, -1))
-        return [encode(resume), *self._history.copy()]
+        history = [*self._history]
+        first_tick = self.tick + 1 - len(history)
+        # What is settled it needs no more; all at once, sensors would ask for tens of megabytes.
+        return [encode(resume), *history[max(resume.settled_tick - first_tick, 0) :]]
 
     def end(self) -> None:
         """Free the simulation."""

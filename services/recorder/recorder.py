@@ -9,15 +9,15 @@ a new file.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Mapping
 from fractions import Fraction
+from types import MappingProxyType
+from typing import Protocol
 
 from groundlink.clock import NANOS, exact
 from groundlink.messages import BadMessage, Clock, Command, Health, Message, measured_nanos
 from groundlink.navigation import Odometry
-from groundlink.recording.metadata import TOPICS_RECORD, TopicFacts, topic_entries
-from groundlink.recording.ros_channels import RosFile, Topic
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros_messages import RECORDED_FORMS, to_cdr
 from groundlink.ros_streams import (
@@ -31,7 +31,7 @@ from groundlink.ros_streams import (
     true_transform,
 )
 from groundlink.scenario import Scenario
-from groundlink.topics import GROUND_TRUTH, STREAM_TOPICS
+from groundlink.topics import GROUND_TRUTH, STREAM_TOPICS, sensor_outputs
 
 DIAGNOSTICS_NANOS = NANOS
 """Of sim time, from one array to the next."""
@@ -49,6 +49,30 @@ PATIENCE_NANOS = 5 * NANOS
 _TF_TYPE = "tf2_msgs/msg/TFMessage"
 
 
+class Written(Protocol):
+    """A topic of what a recorder writes to."""
+
+    def write(self, nanos: int, cdr: memoryview) -> None:
+        """Take a message; times of a topic never decrease."""
+
+
+class File(Protocol):
+    """Where a recorder writes to: a `RosFile`, or what stands in for one."""
+
+    @property
+    def size_bytes(self) -> int:
+        """What it takes on disk."""
+
+    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> Written:
+        """Return the topic of this name and type; it is declared at the first call."""
+
+    def commit(self, declared_hz: Mapping[str, float | None]) -> None:
+        """Keep all that was written, come what may."""
+
+    def close(self) -> None:
+        """End it as the last commit left it."""
+
+
 class Recorder:
     """Writes a run.
 
@@ -60,18 +84,25 @@ class Recorder:
         sim time after which the recording is complete; None for no end.
     early
         what came before the first clock, as an earlier recorder's `early`.
+    absent
+        sensors, as `vehicle/sensor`, from which nothing will come.
+    dropped
+        how many messages of each key came faster than this could take them, as it is by now.
     """
 
     def __init__(
         self,
         scenario: Scenario,
         run: str,
-        begin: Callable[[int], RosFile],
+        begin: Callable[[int], File],
         *,
         duration_nanos: int | None = None,
         early: Iterable[tuple[str, Message]] = (),
+        absent: Collection[str] = (),
+        dropped: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self._scenario = scenario
+        self._dropped, self._dropped_before = dropped, Counter(dropped)
         self._begin = begin
         self._duration_nanos = duration_nanos
         self._outgoing: dict[str, RosStream] = {
@@ -87,17 +118,22 @@ class Recorder:
             for vehicle in scenario.vehicles
             for extra in vehicle.streams
         }
+        of_absent = {
+            output.row.key_in(run, vehicle=found[0].name, sensor=found[1].name)
+            for found in map(scenario.sensor, absent)
+            if found
+            for output in sensor_outputs(found[1])
+        }
         self._period_nanos = {
             key: -int(-Fraction(NANOS) / exact(stream.declared_hz) // 1)
             for key, stream in self._outgoing.items()
-            if stream.declared_hz is not None and key not in of_others
+            if stream.declared_hz is not None and key not in of_others | of_absent
         }
         """By stream that will come for sure: what other processes publish may not, nor faults."""
 
         self._declared_hz = {s.topic: s.declared_hz for s in self._outgoing.values()}
         self._health: dict[str, Health] = {}
-        self._file: RosFile | None = None
-        self._topics: dict[str, Topic] = {}
+        self._file: File | None = None
         self.early = deque(early, maxlen=EARLY_MESSAGES)
         """What waits for its clock."""
 
@@ -118,9 +154,16 @@ class Recorder:
         return [*self._outgoing.values(), *self._incoming.values()]
 
     @property
-    def file(self) -> RosFile | None:
+    def file(self) -> File | None:
         """What is being written; None before the first clock."""
         return self._file
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """How many messages of each topic came faster than they could be taken."""
+        topics = {stream.key: stream.topic for stream in self.streams}
+        since = Counter(self._dropped) - self._dropped_before
+        return {topics[key]: count for key, count in since.items() if key in topics}
 
     def take(self, key: str, message: Message) -> None:
         """Write a message of one of the run's streams.
@@ -176,41 +219,43 @@ class Recorder:
         return jumped_back or message.life != self.clock.life
 
     @property
-    def is_complete(self) -> bool:
+    def is_whole(self) -> bool:
         """Whether all that physics and the sensors publish has come to the recording's end."""
-        end = self._end_nanos
+        end = self.end_nanos
         if end is None or self.clock is None or self.clock.stamp_nanos < end:
             return False
-        return self.clock.stamp_nanos >= end + PATIENCE_NANOS or all(
+        return all(
             self._reached.get(key, 0) + period_nanos >= end
             for key, period_nanos in self._period_nanos.items()
         )
 
-    def commit(self) -> None:
-        """Make the file whole with all that was taken.
+    @property
+    def is_complete(self) -> bool:
+        """Whether there is nothing more to wait for."""
+        end = self.end_nanos
+        if end is None or self.clock is None:
+            return False
+        return self.clock.stamp_nanos >= end + PATIENCE_NANOS or self.is_whole
+
+    @property
+    def end_nanos(self) -> int | None:
+        """Of the first stamp that is not written; None for no end, and before the first clock."""
+        if self._duration_nanos is None or self._file is None:
+            return None
+        return self._first_nanos + self._duration_nanos
+
+    def commit(self, *, anyway: bool = False) -> None:
+        """Make the file whole with all that was taken, or also where nothing was.
 
         Raises
         ------
         OSError
             when it cannot be written.
         """
-        if self._file is not None and self.counts["messages"] != self._committed:
+        news = anyway or self.counts["messages"] != self._committed
+        if self._file is not None and news:
             self._committed = self.counts["messages"]
-            topics = {
-                topic.name: TopicFacts(
-                    type=topic.ros_type,
-                    messages=topic.messages,
-                    first_nanos=topic.first_nanos,
-                    last_nanos=topic.last_nanos,
-                    declared_hz=self._declared_hz.get(topic.name),
-                )
-                for topic in self._file.topics()
-            }
-            self._file.mcap.commit(TOPICS_RECORD, topic_entries(topics))
-
-    @property
-    def _end_nanos(self) -> int | None:
-        return None if self._duration_nanos is None else self._first_nanos + self._duration_nanos
+            self._file.commit(self._declared_hz)
 
     def _heard_clock(self, clock: Clock) -> None:
         self.clock = clock
@@ -249,10 +294,10 @@ class Recorder:
         self._topic(topic, ros_type).write(nanos, cdr)
         self.counts["messages"] += 1
 
-    def _topic(self, name: str, ros_type: str) -> Topic:
+    def _topic(self, name: str, ros_type: str) -> Written:
         assert self._file is not None
         return self._file.topic(name, ros_type, latched=name == TF_STATIC_TOPIC)
 
     def _is_beyond(self, nanos: int) -> bool:
-        end = self._end_nanos
+        end = self.end_nanos
         return end is not None and nanos >= end

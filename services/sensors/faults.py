@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from msgspec.structs import replace
 
 from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, exact
 from groundlink.frames import Floats
+from groundlink.gaps import Cause
 from groundlink.messages import Reading
 from groundlink.scenario import faults as specs
 
@@ -117,14 +118,21 @@ EFFECTS: Mapping[type[specs.FaultSpec], Callable[[Any, Reading, Circumstances], 
 """What each kind does, in the order in which they act."""
 
 
-def suffer(now: Circumstances, reading: Reading) -> Reading | None:
-    """Return what the faults in effect make of a reading; None when it never comes."""
-    suffered: Reading | None = reading
+class Taken(NamedTuple):
+    """What is left of a reading that never comes."""
+
+    by: Cause
+    """Kind of the fault."""
+
+
+def suffer(now: Circumstances, reading: Reading) -> Reading | Taken:
+    """Return what the faults in effect make of a reading."""
     for fault in sorted(now.faults, key=lambda fault: _RANKS[type(fault)]):
+        suffered = EFFECTS[type(fault)](fault, reading, now)
         if suffered is None:
-            break
-        suffered = EFFECTS[type(fault)](fault, suffered, now)
-    return suffered
+            return Taken(cast(Cause, fault.kind))
+        reading = suffered
+    return reading
 
 
 _RANKS = {kind: rank for rank, kind in enumerate(EFFECTS)}

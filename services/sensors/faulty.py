@@ -19,8 +19,17 @@ from groundlink.messages import Message, Reading, State, decode, encode, measure
 from groundlink.scenario.faults import Delay, Fault
 
 from .circumstances import Circumstances, Past
-from .faults import suffer
-from .model import Beside, Gone, RememberingModel, SensorModel, SkippingModel, parted
+from .faults import Taken, suffer
+from .model import (
+    Beside,
+    Gone,
+    LeftOut,
+    Made,
+    RememberingModel,
+    SensorModel,
+    SkippingModel,
+    parted,
+)
 from .streams import RandomStreams
 
 
@@ -47,7 +56,7 @@ class _Late(NamedTuple):
     """A reading on its way."""
 
     due_tick: int
-    made: Message | Beside
+    made: Made
     before: _Point
     """From where a successor makes it again."""
 
@@ -75,7 +84,7 @@ class FaultyModel:
         messages: Mapping[str, type[Message]],
         streams: RandomStreams,
     ) -> None:
-        self._inner = inner
+        self._hold(inner)
         self._messages = messages
         self._of_scenario = faults
         self._streams = streams
@@ -85,7 +94,12 @@ class FaultyModel:
         """Go on with another sensor, which knows what the one before remembers."""
         if isinstance(self._inner, RememberingModel) and isinstance(inner, RememberingModel):
             inner.remember(self._inner.memory())
+        self._hold(inner)
+
+    def _hold(self, inner: SensorModel) -> None:
         self._inner = inner
+        # Asked once and not at every state, as it is in the shell.
+        self._skipping = inner if isinstance(inner, SkippingModel) else None
 
     @property
     def has_gone(self) -> bool:
@@ -129,44 +143,47 @@ class FaultyModel:
         if isinstance(self._inner, RememberingModel):
             self._inner.remember(known.inner)
 
-    @property
-    def skipped(self) -> int:
-        """Measurements that the sensor left out, being late."""
-        return self._inner.skipped if isinstance(self._inner, SkippingModel) else 0
-
     def behind(self, waiting: int) -> None:
         """Take note, before each state, of how many more have arrived."""
-        if isinstance(self._inner, SkippingModel):
-            self._inner.behind(waiting)
+        if self._skipping is not None:
+            self._skipping.behind(waiting)
 
     def active(self, tick: int) -> tuple[Fault, ...]:
         """Return the faults that are in effect at a tick."""
         return tuple(fault for fault in self.faults if fault.is_on(tick))
 
-    def readings(self, state: State) -> Iterable[Message | Beside]:
+    def readings(self, state: State) -> Iterable[Made]:
         """Take the state of the next tick and yield what comes out by it, oldest first."""
         if not self.faults:
             return self._inner.readings(state)
         before = self._now() if self._may_be_late(state.tick) else None
-        out: list[Message | Beside] = []
+        out: list[Made] = []
         for made in self._inner.readings(state):
-            output, message = parted(made)
-            if not isinstance(message, Reading):
+            suffered, late_ticks = self._suffered(made, state.epoch_nanos)
+            if suffered is None:
                 out.append(made)
-                continue
-            now = self._circumstances(output, measured_nanos(message) - state.epoch_nanos)
-            reading = suffer(now, message)
-            if reading is None:
-                continue
-            suffered = Beside(output, reading) if output else reading
-            if before is not None and (now.late_ticks or self._late):
-                self._late.append(_Late(state.tick + now.late_ticks, suffered, before))
+            elif before is not None and (late_ticks or self._late):
+                self._late.append(_Late(state.tick + late_ticks, suffered, before))
             else:
                 out.append(suffered)
         # Nothing overtakes: what comes late holds up what is behind it.
         while self._late and self._late[0].due_tick <= state.tick:
             out.append(self._late.popleft().made)
         return out
+
+    def _suffered(self, made: Made, epoch_nanos: int) -> tuple[Made | None, int]:
+        """Return what becomes of a reading and how late; nothing of what no fault can reach."""
+        if isinstance(made, LeftOut):
+            return made, 0
+        output, message = parted(made)
+        if not isinstance(message, Reading):
+            return None, 0
+        sim_nanos = measured_nanos(message) - epoch_nanos
+        now = self._circumstances(output, sim_nanos)
+        reading = suffer(now, message)
+        if isinstance(reading, Taken):
+            return LeftOut(sim_nanos, reading.by, output), now.late_ticks
+        return Beside(output, reading) if output else reading, now.late_ticks
 
     def _circumstances(self, output: str, sim_nanos: int) -> Circumstances:
         faults = self.active(sim_nanos // TICK_NANOS)

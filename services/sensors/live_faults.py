@@ -88,11 +88,15 @@ class LiveFaults:
         return self._model.active(self._sensor.tick)
 
     def resume(self, ack: Ack) -> None:
-        """Go on where a predecessor stopped, which has told what was in effect."""
+        """Go on where a predecessor stopped, which has told what was in effect.
+
+        Where that is this process itself in an earlier life, it has told of another time since.
+        """
         with self._turn:
             self._sensor.resume(ack)
+            has_told = self._life is None
             self._life = ack.life
-            self._told = self._model.active(ack.settled_tick)
+            self._told = self._model.active(ack.settled_tick) if has_told else None
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Take one state, in order; tell what has changed by it. So many more have arrived."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from groundlink.gaps import Cause
 from groundlink.messages import Message, State
 
 
@@ -20,6 +21,21 @@ class Beside(NamedTuple):
     """Name of its stream, as in `SensorSpec.ros_topics`."""
 
     message: Message
+
+
+class LeftOut(NamedTuple):
+    """Stands in the place of a reading that was due and does not come."""
+
+    nanos: int
+    """Sim time of its stamp."""
+
+    cause: Cause
+    output: str | None = None
+    """The stream that lacks it; None for all streams of the sensor."""
+
+
+Made = Message | Beside | LeftOut
+"""What a sensor makes of a state."""
 
 
 def parted(made: Message | Beside) -> tuple[str, Message]:
@@ -33,7 +49,7 @@ class SensorModel(Protocol):
     def restart(self) -> None:
         """Forget earlier states: time jumped or states were lost."""
 
-    def readings(self, state: State) -> Iterable[Message | Beside]:
+    def readings(self, state: State) -> Iterable[Made]:
         """Take the state of the next tick and yield what can be measured by it, oldest first.
 
         A plain message belongs to the sensor's main stream. A sensor that was asked for its truth
@@ -76,13 +92,13 @@ class Gone:
 
 @runtime_checkable
 class SkippingModel(SensorModel, Protocol):
-    """A sensor that leaves out what would come late in real time, rather than queue it."""
-
-    skipped: int
-    """Measurements left out so far."""
+    """A sensor whose measurements are dear: what would come late it can leave out, and says so."""
 
     def behind(self, waiting: int) -> None:
-        """Take note, before each state, of how many more have arrived."""
+        """Take note, before each state, of how many more have arrived.
+
+        Of who is never told so everything comes, however late.
+        """
 
 
 class Datagram(NamedTuple):

@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When cameras take pictures: at the events of a rate, and in real time none that would come late.
+"""When cameras take pictures: at the events of a rate, and none that would come late.
 
 Rule: picture i shows the world at event i of the rate's schedule, or from then on for as long as it
-is exposed. In real time a picture whose successor is due already is left out and counted: what is
-late stays late otherwise. In a fast run every picture is taken. What is in a picture is its
-camera's business.
+is exposed. By what it is told of states that wait, a picture whose successor is due already is left
+out and marked: what is late stays late otherwise. What is in a picture is its camera's business.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Protocol
 
 from groundlink.clock import TICK_NANOS, Schedule
 from groundlink.messages import BadMessage, Message, State
-from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Optics
 
 from .due import Due
-from .model import Beside
+from .model import Beside, LeftOut, Made
 
 
 class Watcher(Protocol):
@@ -38,24 +37,15 @@ class PictureModel(ABC):
     ----------
     span_nanos : int
         For how long after its event a picture is exposed: it is taken when all of that is known.
-
-    Attributes
-    ----------
-    skipped : int
-        Pictures left out.
     """
 
-    def __init__(
-        self, scenario: Scenario, spec: Optics, watcher: Watcher, *, span_nanos: int = 0
-    ) -> None:
+    def __init__(self, spec: Optics, watcher: Watcher, *, span_nanos: int = 0) -> None:
         self._schedule = Schedule.at(spec.rate_hz)
         self._due = Due(self._schedule)
         self._watcher = watcher
-        self._keeps_all = scenario.time.mode != "realtime"
         self._waiting = 0
         self._span_ticks = -(-span_nanos // TICK_NANOS)
         self._taken = 0
-        self.skipped = 0
 
     def restart(self) -> None:
         """Forget earlier states: time jumped or states were lost."""
@@ -71,7 +61,7 @@ class PictureModel(ABC):
         """Take note, before each state, of how many more have arrived."""
         self._waiting = waiting
 
-    def readings(self, state: State) -> list[Message | Beside]:
+    def readings(self, state: State) -> Sequence[Made]:
         """Return the picture that is due by the next tick's state, if there is one.
 
         Raises
@@ -90,11 +80,9 @@ class PictureModel(ABC):
         event = self._due.by(state.tick - self._span_ticks)
         if event is None:
             return []
-        if not self._keeps_all:
-            next_tick = self._schedule.tick(event.number + 1)
-            if next_tick + self._span_ticks <= state.tick + self._waiting:
-                self.skipped += 1
-                return []
+        next_tick = self._schedule.tick(event.number + 1)
+        if next_tick + self._span_ticks <= state.tick + self._waiting:
+            return [LeftOut(event.nanos, "overloaded")]
         return self.taken(event.nanos, event.tick, state.epoch_nanos + event.nanos)
 
     @abstractmethod

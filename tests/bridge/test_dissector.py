@@ -18,11 +18,13 @@ from udp_bridge.around import Around
 from udp_bridge.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.fec import RAPTORQ
 from udp_bridge.header import Buffer
+from udp_bridge.lockstep import WAITING, Answer, Barrier, Sent, Word
 from udp_bridge.repair_wire import Offer, Request, Symbol, parse_resend, parse_symbol
 from udp_bridge.seal import Seal
 from udp_bridge.sending import Address
 from udp_bridge.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE
 from udp_bridge.udp_socket import UdpSocket
+from udp_bridge.wishing import PAUSED, STEP, Wish, WishAnswer
 
 from .pcap import Packet, write
 from .tshark import DISSECTOR, Decoded, columns, decode
@@ -183,6 +185,36 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
         },
     ),
     (
+        CONTROL,
+        Barrier(
+            2**64 - 1,
+            -1,
+            500,
+            (Sent(36, "/odóm", 2**32 - 1, 2),),
+            (Answer("/cmd_vel", "/clock", 9),),
+        ).pack(),
+        "barrier",
+        {"topics": 1, "answers": 1, "limit": 500, "life": 2**64 - 1, "tick": -1},
+    ),
+    (
+        CONTROL,
+        Word(7, 2**53 + 1, WAITING, 3, (Sent(9, "/cmd_vel", 5, 1),)).pack(),
+        "word",
+        {"topics": 1, "state": 1, "lost": 3, "life": 7, "tick": 2**53 + 1},
+    ),
+    (
+        CONTROL,
+        Wish(2**63, STEP, 400).pack(),
+        "wish",
+        {"action": 3, "ticks": 400, "number": 2**63},
+    ),
+    (
+        CONTROL,
+        WishAnswer(2**63, PAUSED, 400, "no próblem").pack(),
+        "wish_answer",
+        {"state": 2, "number": 2**63, "tick": 400, "error": "no próblem"},
+    ),
+    (
         RESEND,
         Offer(1, 20, 500).pack(),
         "offer",
@@ -226,6 +258,17 @@ def test_bodies_of_the_bridge_s_own(
     assert "refused" not in fields
     expected = {f"{name}.{field}": str(value) for field, value in values.items()}
     assert expected.items() <= fields.items()
+
+
+def test_what_a_barrier_tells_of_is_shown(tmp_path: Path) -> None:
+    header = Header(CONTROL, 0, 0, 1, 1000, 0)
+    (barrier,) = (body for _, body, name, _ in BODIES if name == "barrier")
+    (fields,) = decoded(tmp_path, [header.pack() + barrier])
+    assert fields["sent.msg_type"] == "36"
+    assert fields["sent.topic"] == "/odóm"
+    assert (fields["sent.first"], fields["sent.messages"]) == (str(2**32 - 1), "2")
+    assert fields["answer.msg_type"] == "9"
+    assert (fields["answer.topic"], fields["answer.of"]) == ("/cmd_vel", "/clock")
 
 
 def test_a_sealed_datagram_shows_the_one_within(tmp_path: Path) -> None:

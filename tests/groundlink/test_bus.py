@@ -57,6 +57,38 @@ def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
         assert [tick for tick in ticks if tick >= 0] == list(range(500))
 
 
+def test_one_subscription_keeps_the_order_of_all_keys(endpoint: str) -> None:
+    """Large and small messages, over keys of their own, as a sensor's readings and its words."""
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: Inbox[PointCloud | Clock] = Inbox(depth=10_000)
+        cloud_key, clock_key = "groundlink/test/a/cloud", "groundlink/test/b/clock"
+        types = {cloud_key: PointCloud, clock_key: Clock}
+        receiver.subscribe_in_order("groundlink/test/**", lambda key: types.get(key), inbox)
+        tell = sender.publisher(clock_key, Delivery.ALL)
+        show = sender.publisher(cloud_key, Delivery.ALL)
+        pass_over = sender.publisher("groundlink/test/c", Delivery.ALL)
+
+        def arrived() -> bool:
+            tell(Clock(0, 0, -1, 0))
+            return len(inbox) > 0
+
+        wait_for(arrived)
+        for tick in range(300):
+            points = np.zeros(1 + tick % 7 * 9_000, POINT)
+            show(PointCloud(stamp_nanos=tick, frame="", points=packed(points)))
+            pass_over(Clock(0, 0, tick, 0))
+            tell(Clock(tick, 0, tick, 0))
+        came = []
+        while got := inbox.get(seconds=5):
+            message = got[1]
+            if not isinstance(message, Clock) or message.tick >= 0:
+                came.append((message.stamp_nanos, type(message)))
+            if came and came[-1] == (299, Clock):
+                break
+        assert came == [(tick, kind) for tick in range(300) for kind in (PointCloud, Clock)]
+        assert inbox.refused == 0
+
+
 def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
     points = np.frombuffer(np.random.default_rng(1).bytes(57_600 * POINT.itemsize), POINT)
     cloud = PointCloud(7, "lidar_link", packed(points))

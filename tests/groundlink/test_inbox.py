@@ -22,10 +22,12 @@ def test_messages_come_out_in_order_with_their_keys() -> None:
 
 def test_the_newest_are_kept_and_the_dropped_are_counted() -> None:
     inbox: Inbox[Clock] = Inbox(depth=3)
+    inbox.put("b", clock(0), Clock)
     for tick in range(10):
         inbox.put("a", clock(tick), Clock)
     assert len(inbox) == 3
-    assert inbox.dropped == 7
+    assert inbox.dropped == 8
+    assert inbox.dropped_of == {"a": 7, "b": 1}
     kept = [inbox.get(seconds=0) for _ in range(3)]
     assert [item[1].tick for item in kept if item] == [7, 8, 9]
 
@@ -46,3 +48,14 @@ def test_a_reader_wakes_when_a_message_comes() -> None:
     arrived = inbox.get(seconds=30)
     assert arrived is not None
     assert arrived[0] == "late"
+
+
+def test_waiting_ends_with_a_message_and_leaves_it_there() -> None:
+    inbox: Inbox[Clock] = Inbox(depth=4)
+    inbox.wait(0.0)
+    timer = threading.Timer(0.05, inbox.put, ("a", clock(1), Clock))
+    timer.start()
+    inbox.wait(60.0)
+    inbox.wait(60.0)
+    assert len(inbox) == 1
+    timer.join()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from groundlink import ground_truth, imagery, messages, navigation
 from groundlink.faults import Faults
+from groundlink.gaps import Gap, Gaps
 from groundlink.messages import (
     POINT,
     BadMessage,
@@ -89,10 +90,11 @@ EXAMPLES: list[Message] = [
     navigation.NavSatFix(20, "gps", 0, 9, 50.25, 18.5, 250.0, packed(np.diag([1.0, 1.0, 4.0])), 2),
     ground_truth.TruePoints(8, "lidar", packed(TRUE_POINTS)),
     ground_truth.Bodies(21, ("rover/base_link", "wall"), packed(np.arange(14.0))),
-    messages.Ack(10, 11, -1),
+    messages.Ack(10, 11, -1, b"7", {"rover": 10}),
     messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,), "a-host"),
     Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
     Faults(22, "rover/imu", 40, (Stuck(at_s=0.1), Bias(value=(0.0, 0.5, 0.0), for_s=2.0))),
+    Gaps(23, "rover/camera", (Gap("overloaded", 7, 21, 3, ("", "camera_info")),)),
     messages.WheelEncoders(9, "base", ("left",), (1,), clock_error_nanos=-5),
 ]
 NAMES = [type(example).__name__ for example in EXAMPLES]
@@ -227,7 +229,9 @@ def test_every_cut_is_refused(message: Message) -> None:
         decode(payload + b"\x00", type(message))
 
 
-HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host"), ("Ack", "memory")} | {
+HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
+    ("Ack", "memory"),
+    ("Ack", "commanded"),
     ("Vitals", "battery"),
     ("WheelCommand", "angles_rad"),
     ("State", "actors"),

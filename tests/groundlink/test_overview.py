@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from groundlink.hold_ups import HoldUps
 from groundlink.messages import Health, StreamReport
 from groundlink.overview import SILENT_SECONDS, Overview
 
@@ -94,3 +95,14 @@ def test_once_is_when_everybody_spoke_twice(run: Overview) -> None:
     run.came_or_went("gateway", True)
     assert not run.everybody_spoke
     assert not Overview("lab", {"physics": None}).everybody_spoke
+
+
+def test_who_holds_up_the_run_is_told(run: Overview) -> None:
+    assert run.snapshot(0.0)["held_up"]["stretched_seconds"] == {}
+    told = HoldUps(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0})
+    run.heard(Health("physics", 1, 400, told.counters()), 1.0)
+    assert run.snapshot(1.0)["held_up"] == {
+        "silent_now": ("rover/imu",),
+        "silent_seconds": {"rover/imu": 6.0},
+        "stretched_seconds": {"rover/imu": 5.0},
+    }

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from groundlink import imagery, navigation
 from groundlink.clock import TICK_NANOS
 from groundlink.faults import Faults
+from groundlink.gaps import CAUSES, Gap, Gaps
 from groundlink.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages import (
     POINT,
@@ -106,6 +107,11 @@ def bodies(draw: Any) -> Bodies:
 
 TICK = st.integers(0, 10**9)
 CONTACT = st.builds(Contact, FRAME, st.floats(0, 1e6), TICK, TICK)
+GAP = st.builds(
+    Gap,
+    *(st.sampled_from(sorted(CAUSES)), STAMP, STAMP, st.integers(1, 9)),
+    st.lists(FRAME, max_size=3).map(tuple),
+)
 FAULT = st.builds(Stuck, at_s=st.floats(0, 1e4)) | st.builds(Bias, value=st.floats(-9, 9))
 TRANSFORM = st.builds(navigation.Transform, STAMP, FRAME, FRAME, VECTOR, QUATERNION)
 
@@ -154,6 +160,7 @@ ANY: dict[type[Message], st.SearchStrategy[Any]] = {
     ),
     Bodies: bodies(),
     Faults: st.builds(Faults, STAMP, FRAME, TICK, st.lists(FAULT, max_size=3).map(tuple)),
+    Gaps: st.builds(Gaps, STAMP, FRAME, st.lists(GAP, max_size=3).map(tuple)),
     Vitals: st.builds(
         Vitals,
         *(STAMP, FRAME, TICK, NUMBER, NUMBER),

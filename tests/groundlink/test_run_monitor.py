@@ -81,3 +81,13 @@ def test_everything_arrives_when_each_declared_stream_has() -> None:
     assert not monitor.everything_arrives()
     monitor.heard(Health("gateway", 1, 0, {}, (stream(10.0, None, 1), waiting[1])), 2.0)
     assert monitor.everything_arrives()
+
+
+def test_sensors_that_share_a_process_are_told_apart() -> None:
+    monitor = RunMonitor()
+    for name, pid in (("physics", 1), ("rover/imu", 7), ("rover/lidar", 7)):
+        monitor.heard(Health(name, pid, 400, {"readings": len(name)}), 0.0)
+    assert monitor.counters_of("physics", 1) == {"physics": {"readings": 7}}
+    shared = {"rover/imu": {"readings": 9}, "rover/lidar": {"readings": 11}}
+    assert monitor.counters_of("sensors", 7) == shared
+    assert monitor.counters_of("rover/driver", None) == {"rover/driver": {}}

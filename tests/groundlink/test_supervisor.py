@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from groundlink.errors import RunFailed
 from groundlink.supervisor import Supervisor
 
 SLEEP = ["-c", "import time; print('up', flush=True); time.sleep(60)"]
@@ -81,7 +82,7 @@ def test_what_may_end_by_itself_is_done_then_and_others_are_restarted() -> None:
         supervisor.stop()
 
 
-@pytest.mark.parametrize("code", [2, 3])
+@pytest.mark.parametrize("code", [2, 3, 4])
 def test_what_a_user_has_to_mend_is_not_restarted(code: int) -> None:
     lines = Lines()
     tells = ["-c", f"import sys; print('mend me', file=sys.stderr); sys.exit({code})"]
@@ -90,6 +91,7 @@ def test_what_a_user_has_to_mend_is_not_restarted(code: int) -> None:
     assert tend_until(supervisor, lambda: False) == "a"
     supervisor.stop()
     assert lines.heard == [("a", "mend me")]
+    assert supervisor.children["a"].ended_run is (code == RunFailed.exit_code)
 
 
 def test_where_a_machine_lacks_something_the_others_go_on() -> None:

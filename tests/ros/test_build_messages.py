@@ -16,9 +16,9 @@ from .bodies import ROS_FOLDER
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 
 
-def build(ros_folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def build(ros_folder: Path, *folders: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, str(ros_folder / "ros2" / "build_messages.py")],
+        [sys.executable, str(ros_folder / "ros2" / "build_messages.py"), *folders],
         env=os.environ | environment,
         capture_output=True,
         text=True,
@@ -68,3 +68,24 @@ def test_a_python_without_ros_is_told_so(changed_sources: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("build_messages: these wheels are missing in ")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_folder_that_is_no_package_is_told_so(tmp_path: Path) -> None:
+    done = build(ROS_FOLDER, str(tmp_path))
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"build_messages: {tmp_path}/package.xml is no description of a package: "
+        "No such file or directory\n"
+    )
+
+
+def test_what_another_package_needs_is_named(tmp_path: Path) -> None:
+    (tmp_path / "srv").mkdir()
+    (tmp_path / "srv" / "Ask.srv").touch()
+    package = (
+        "<package><name>mine</name><depend>std_msgs</depend><depend>their_msgs</depend></package>"
+    )
+    (tmp_path / "package.xml").write_text(package, encoding="utf-8")
+    done = build(ROS_FOLDER, str(tmp_path))
+    assert done.returncode == 2
+    assert done.stderr.endswith(": ros-their-msgs\n")

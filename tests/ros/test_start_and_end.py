@@ -41,6 +41,7 @@ def test_a_port_in_use(ros: Ros) -> None:
 def test_a_signal_ends_it_with_a_summary(ros: Ros, number: signal.Signals) -> None:
     process, _ = ros.bridge()
     assert process.end(number, timeout_s=2.0) == 0
-    assert len(process.lines) == 2
+    assert len(process.lines) == 3
     assert "discovery LOCALHOST, Fast DDS profile" in process.lines[0]
-    assert "0 messages published on 0 topics" in process.lines[1]
+    assert "services of std_srvs at /udp_bridge/: state, pause, resume," in process.lines[1]
+    assert "0 messages published on 0 topics" in process.lines[2]

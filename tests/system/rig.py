@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from groundlink.supervisor import end_with_parent
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 LAB = REPOSITORY / "scenarios" / "indoor_lab.yaml"
 """The default scenario."""
@@ -25,6 +27,12 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def is_answered(address: tuple[str, int]) -> bool:
+    """Return whether somebody listens at an address."""
+    with socket.socket() as probe:
+        return probe.connect_ex(address) == 0
 
 
 def wait_for(condition: Callable[[], Any], seconds: float, what: str) -> Any:
@@ -83,6 +91,7 @@ class Rig:
                 stderr=subprocess.STDOUT,
                 text=True,
                 start_new_session=True,
+                preexec_fn=end_with_parent,
             )
         self.started.append(process)
         return process
@@ -97,8 +106,7 @@ class Rig:
 
     def is_answered(self) -> bool:
         """Return whether somebody listens at the endpoint."""
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", int(self.endpoint.rpartition(":")[2]))) == 0
+        return is_answered(("127.0.0.1", int(self.endpoint.rpartition(":")[2])))
 
     @staticmethod
     def address(pair: tuple[str, int]) -> str:

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.bus import Bus
-from groundlink.cli.control import ask
 from groundlink.control import Pause, Reset, Resume, Step
+from groundlink.control_query import ask
 from groundlink.inbox import Inbox
 from groundlink.messages import Imu, encode
 from groundlink.topics import IMU

@@ -18,7 +18,6 @@ from groundlink.messages import Command, State, encode
 from groundlink.topics import COMMAND, STATE
 
 from .rig import Rig, rig, wait_for
-from .test_alone import is_answered
 
 pytestmark = pytest.mark.system
 
@@ -43,7 +42,7 @@ def driven(it: Rig, *, disturbed: bool) -> tuple[str, list[Command]]:
     """Return the hash of all states of a run up to `TICKS`, and the driver's commands."""
     it.scenario.write_text(SCENARIO, encoding="utf-8")
     it.start("-m", "services.physics", str(it.scenario), "--listen", it.endpoint, log="physics.log")
-    wait_for(lambda: is_answered(it), 20, "physics listens")
+    wait_for(it.is_answered, 20, "physics listens")
     states: Inbox[State] = Inbox(depth=2 * TICKS)
     commands: Inbox[Command] = Inbox(depth=TICKS)
     with Bus(connect=it.endpoint) as bus:
@@ -76,10 +75,12 @@ def driven(it: Rig, *, disturbed: bool) -> tuple[str, list[Command]]:
 
 def test_a_killed_driver_is_waited_for_and_its_successor_drives_on(tmp_path: Path) -> None:
     with rig(tmp_path) as it:
-        it.scenario.write_text(SCENARIO, encoding="utf-8")
+        # At a pace at which the first does not come to the end before it is killed.
+        paced = SCENARIO.replace("mode: fast", "mode: lockstep, factor: 3")
+        it.scenario.write_text(paced, encoding="utf-8")
         physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
         it.start(*physics, log="physics.log")
-        wait_for(lambda: is_answered(it), 20, "physics listens")
+        wait_for(it.is_answered, 20, "physics listens")
         states: Inbox[State] = Inbox(depth=2 * TICKS)
         driver = ("-m", "services.driver", "--name", "rover/driver", "--connect", it.endpoint)
         sensor = ("-m", "services.sensors.encoders", "--name", "rover/encoders")
@@ -89,8 +90,10 @@ def test_a_killed_driver_is_waited_for_and_its_successor_drives_on(tmp_path: Pat
             it.start(*sensor, "--connect", it.endpoint, log="encoders.log")
 
             def reached(tick: int) -> bool:
-                arrived = states.get(seconds=1)
-                return arrived is not None and arrived[1].tick >= tick
+                while arrived := states.get(seconds=0):
+                    if arrived[1].tick >= tick:
+                        return True
+                return False
 
             wait_for(lambda: reached(1000), 30, "the run goes on")
             first.kill()

@@ -8,6 +8,7 @@ import os
 import random
 import signal
 import socket
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -78,8 +79,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 def test_fifteen_seconds_arrive_whole(running: Running) -> None:
     """Every cloud, sample and count of 15 s is there, in order, none twice, none missing.
 
-    Pictures are drawn beside them on the same cores. None is late where nobody else computes, as
-    docs/camera.md has it; where somebody does, those that are left out are counted.
+    Pictures are drawn beside them on the same cores. A camera that is behind is waited for; of
+    those that then come at once the way to ROS may leave out some, and counts them.
     """
     observer = running.observer
     topics = (*SENSOR_PERIODS_NANOS, PICTURES, CAMERA_INFO)
@@ -102,8 +103,9 @@ def test_fifteen_seconds_arrive_whole(running: Running) -> None:
             rate_hz = (len(stamps) - 1) / (stamps[-1] - stamps[0]) * NANOS
             print(f"{topic}: {rate_hz:.2f} Hz of sim time")
     wait_for(
-        lambda: running.counters("rover/camera")["skipped"] >= missing, 10, "what is late counts"
+        lambda: running.counters("gateway")["wire_superseded"] >= missing, 10, "they are counted"
     )
+    assert running.counters("rover/camera").get("gap_overloaded", 0) == 0
 
 
 def test_a_picture_has_its_camera_info(running: Running) -> None:
@@ -117,27 +119,26 @@ def test_a_picture_has_its_camera_info(running: Running) -> None:
     assert {infos[stamp] for stamp in both} == {"camera_optical_frame"}
 
 
-def test_late_pictures_are_left_out_and_counted(running: Running) -> None:
-    """A camera that stood still for a second shows the present again, and tells what it skipped."""
+def test_a_camera_that_stood_still_takes_all_of_its_pictures(running: Running) -> None:
+    """For two seconds it takes none; then it is waited for until it has taken them all."""
     children = children_of(running.supervisor)
     camera = next(pid for pid, command in children.items() if "sensors.camera" in command)
-    before = running.counters("rover/camera")["skipped"]
     observer = running.observer
     clouds = observer.count("/points")
     os.kill(camera, signal.SIGSTOP)
     try:
-        wait_for(lambda: observer.count("/points") >= clouds + 10, 30, "a second passes")
+        # A window of 400 ticks holds ten of them; then time stands still.
+        wait_for(lambda: observer.count("/points") >= clouds + 7, 30, "time goes on")
+        stopped = time.monotonic()
+        wait_for(lambda: time.monotonic() > stopped + 1.5, 10, "a while passes")
     finally:
         os.kill(camera, signal.SIGCONT)
     pictures = observer.count(PICTURES)
     wait_for(lambda: observer.count(PICTURES) >= pictures + 30, 30, "pictures go on")
-    stamps = np.array([m["stamp"] for m in observer.messages[PICTURES][pictures - 2 :]])
-    longest = np.diff(stamps).max() / 1e9
-    left_out = round(longest * 30) - 1
-    assert left_out > 20
-    wait_for(
-        lambda: running.counters("rover/camera")["skipped"] >= before + left_out, 10, "it counts"
-    )
+    counters = running.counters("rover/camera")
+    assert counters.get("gap_overloaded", 0) == counters["missed_ticks"] == 0
+    stretched = running.counters("physics")
+    assert stretched.get("stretched_ms rover/camera", 0) > 0
 
 
 def test_clouds_are_what_a_vlp16_driver_publishes(running: Running) -> None:
@@ -203,7 +204,7 @@ def test_a_twist_drives_the_rover(running: Running) -> None:
     """0.5 m/s asked for is 0.5 m/s of truth within 5 % after 2 s; the encoders agree with it."""
     it = running.rig
     running.drain()
-    driver = it.start("-m", "tests.system.ros_driver", "0.5", "0", "6", log="driver.log")
+    driver = it.start("-m", "tests.system.ros_driver", "0.5", "0", "9", log="driver.log")
     assert driver.wait(30) == 0, it.log("driver.log")
     states = running.drain()
     poses = np.array([s.vehicles["rover"].poses()[0] for s in states])

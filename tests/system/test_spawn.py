@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from groundlink.bus import Bus
-from groundlink.cli.control import ask
 from groundlink.control import Pause, Step
+from groundlink.control_query import ask
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import PointCloud, encode

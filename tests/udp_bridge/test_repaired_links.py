@@ -83,3 +83,26 @@ def test_a_body_may_be_sent_to_a_link_that_offers_no_repair() -> None:
         link.send(1, "/points", "", 1, bytes(100_000))
         wait_for(lambda: len(received) == 1)
         assert to.counters()["resend_requests"] == 0
+
+
+def test_a_topic_may_be_mended_from_some_message_on() -> None:
+    count = 200
+    received: set[int] = set()
+    lossy_socket = Lossy(random.Random(4), 0.2)
+    with (
+        Link(
+            LOCAL,
+            on_message=lambda message, _: received.add(message.seq_number),
+            socket=cast(DatagramSocket, lossy_socket),
+        ) as to,
+        Link(LOCAL, to.address) as link,
+    ):
+        assert link.left() == {}
+        for index in range(2 * count):
+            if index == count:
+                link.mend(9, "/cmd_vel", Resend(5_000_000_000))
+            link.send(9, "/cmd_vel", "", time.time_ns(), bytes(52))
+        assert link.flush(20)
+        assert link.left() == {(9, "/cmd_vel"): 2 * count}
+        wait_for(lambda: received >= set(range(count, 2 * count)))
+    assert not received >= set(range(count))

@@ -122,6 +122,42 @@ local LINK_REPORT = layout("link_report", {
     {24, 8, "refused", u64, "Datagrams refused"},
     {32, 8, "kernel_drops", u64, "Datagrams dropped by the kernel"},
 })
+local BARRIER = layout("barrier", {
+    size = 24,
+    {1, 1, "topics", u8, "Topics with messages"},
+    {2, 1, "answers", u8, "Answers that are due"},
+    {4, 4, "limit", u32, "What is missing is awaited for, in ms"},
+    {8, 8, "life", u64, "Life of the run"},
+    {16, 8, "tick", stamp64, "Tick (-1: before the first)"},
+})
+local WORD = layout("word", {
+    size = 24,
+    {1, 1, "topics", u8, "Topics with messages"},
+    {2, 1, "state", u8, "State", base.DEC, {[0] = "done", [1] = "waiting", [2] = "incomplete"}},
+    {4, 4, "lost", u32, "Messages lost"},
+    {8, 8, "life", u64, "Life of the run"},
+    {16, 8, "tick", stamp64, "Tick (-1: before the first)"},
+})
+local WISH = layout("wish", {
+    size = 16,
+    {1, 1, "action", u8, "Wished", base.DEC,
+        {[0] = "ask", [1] = "pause", [2] = "resume", [3] = "step", [4] = "reset"}},
+    {4, 4, "ticks", u32, "Ticks to step"},
+    {8, 8, "number", u64, "Number of the wish"},
+})
+local WISH_ANSWER = layout("wish_answer", {
+    size = 24, text_max = 1024,
+    {1, 1, "state", u8, "State of the run", base.DEC,
+        {[0] = "stopped", [1] = "running", [2] = "paused"}},
+    {8, 8, "number", u64, "Number of the wish"},
+    {16, 8, "tick", stamp64, "Tick"},
+})
+local SENT = layout("sent", {
+    size = 8,
+    {0, 1, "msg_type", u8, "Type", base.DEC, TYPE_NAMES},
+    {2, 2, "messages", u16, "Messages"},
+    {4, 4, "first", u32, "Sequence number of the first"},
+})
 local OFFER = layout("offer", {
     size = 8,
     {1, 1, "msg_type", u8, "Offered type", base.DEC, TYPE_NAMES},
@@ -148,7 +184,13 @@ local SEAL = layout("sealed", {
     {20, 8, "counter", u64, "Counter"},
 })
 field("control.kind", u8, "Kind of control", base.DEC,
-    {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest"})
+    {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest",
+     [4] = "Barrier", [5] = "Word", [6] = "Wish", [7] = "WishAnswer"})
+field("sent.topic", ProtoField.string, "Topic", base.UNICODE)
+field("answer.msg_type", u8, "Type of the answers (0: any)", base.DEC, TYPE_NAMES)
+field("answer.topic", ProtoField.string, "Answers on", base.UNICODE)
+field("answer.of", ProtoField.string, "each message on", base.UNICODE)
+field("wish_answer.error", ProtoField.string, "Error", base.UNICODE)
 field("resend.kind", u8, "Kind of resend", base.DEC, {[0] = "Offer", [1] = "Request"})
 field("link_report.reason", ProtoField.string, "Reason")
 field("link_report.reason_count", u64, "Datagrams refused for it")
@@ -279,6 +321,71 @@ local function wanted_parts(body)
     return parts
 end
 
+local function is_name(body, at, size)
+    local text = body:raw(at, size)
+    return size > 0 and is_utf8(text) and not text:find("%z")
+end
+
+local function is_negative(body, at) return body(at + 7, 1):uint() >= 128 end
+
+local function is_tick(body)
+    return not is_negative(body, 16) or body:raw(16, 8) == ("\255"):rep(8)
+end
+
+-- What stands behind the fixed part of a Barrier or a Word: {offset, size of the name} of each
+-- topic, {offset, sizes of the names} of each answer, and why it is refused.
+local function told_of(body, answers)
+    local sent, due, at = {}, {}, BARRIER.size
+    for _ = 1, body(1, 1):uint() do
+        if at + SENT.size > body:len() then return sent, due, "body_size" end
+        local size = body(at + 1, 1):uint()
+        if at + SENT.size + size > body:len() then return sent, due, "body_size" end
+        if not is_name(body, at + SENT.size, size) or body(at + 2, 2):le_uint() == 0
+            or not is_data(body(at, 1):uint()) then
+            return sent, due, "body_value"
+        end
+        table.insert(sent, {at, size})
+        at = at + SENT.size + size
+    end
+    for _ = 1, answers do
+        if at + 4 > body:len() then return sent, due, "body_size" end
+        local kind, sizes = body(at, 1):uint(), {body(at + 1, 1):uint(), body(at + 2, 1):uint()}
+        local name = at + 4
+        for _, size in ipairs(sizes) do
+            if name + size > body:len() then return sent, due, "body_size" end
+            if not is_name(body, name, size) then return sent, due, "body_value" end
+            name = name + size
+        end
+        if kind > 0 and not is_data(kind) then return sent, due, "body_value" end
+        table.insert(due, {at, sizes[1], sizes[2]})
+        at = name
+    end
+    return sent, due, at < body:len() and "body_size" or nil
+end
+
+local function lockstep_body(body, kind)
+    local rows, third = kind == 4 and BARRIER or WORD, nil
+    if body:len() < rows.size then return nil, "body_size" end
+    third = body(2, 1):uint()
+    local _, _, reason = told_of(body, kind == 4 and third or 0)
+    local is_bad = not is_tick(body) or (kind == 5 and third > 2)
+    return rows, reason or (is_bad and "body_value" or nil)
+end
+
+local function wish_body(body)
+    if body:len() ~= WISH.size then return nil, "body_size" end
+    local action, ticks = body(1, 1):uint(), body(4, 4):le_uint()
+    return WISH, (action > 4 or (action == 3) ~= (ticks > 0)) and "body_value" or nil
+end
+
+local function wish_answer_body(body)
+    local size = body:len() - WISH_ANSWER.size
+    if size < 0 or size > WISH_ANSWER.text_max then return nil, "body_size" end
+    local is_bad = body(1, 1):uint() > 2 or not is_tick(body)
+        or (size > 0 and not is_name(body, WISH_ANSWER.size, size))
+    return WISH_ANSWER, is_bad and "body_value" or nil
+end
+
 local function control_body(body)
     local kind, rows = body(0, 1):uint(), nil
     if kind == 0 then rows = CREDIT elseif kind == 1 then rows = TOPIC_REPORT end
@@ -290,6 +397,9 @@ local function control_body(body)
         local _, reason = reasons_of(body)
         return LINK_REPORT, reason
     end
+    if kind == 4 or kind == 5 then return lockstep_body(body, kind) end
+    if kind == 6 then return wish_body(body) end
+    if kind == 7 then return wish_answer_body(body) end
     if not rows then return nil, "body_value" end
     if body:len() ~= rows.size then return nil, "body_size" end
     local is_bad = kind == 1 and not counts_fit(body)
@@ -391,6 +501,22 @@ local function show_rows(rows, body, tree)
     for _, row in ipairs(rows) do tree:add_le(fields[row.name], body(row[1], row[2])) end
 end
 
+local function show_told(body, answers, tree)
+    local sent, due = told_of(body, answers)
+    for _, place in ipairs(sent) do
+        for _, row in ipairs(SENT) do
+            tree:add_le(fields[row.name], body(place[1] + row[1], row[2]))
+        end
+        tree:add_packet_field(fields["sent.topic"], body(place[1] + SENT.size, place[2]), ENC_UTF_8)
+    end
+    for _, place in ipairs(due) do
+        local name = place[1] + 4
+        tree:add(fields["answer.msg_type"], body(place[1], 1))
+        tree:add_packet_field(fields["answer.topic"], body(name, place[2]), ENC_UTF_8)
+        tree:add_packet_field(fields["answer.of"], body(name + place[2], place[3]), ENC_UTF_8)
+    end
+end
+
 local function show_body(buffer, tree)
     local msg_type, parts_max = buffer(0, 1):uint(), buffer(7, 1):uint()
     local body = body_of(buffer)
@@ -409,6 +535,10 @@ local function show_body(buffer, tree)
             tree:add(fields["link_report.reason"], body(place[1] + 9, place[2]))
             tree:add_le(fields["link_report.reason_count"], body(place[1], 8))
         end
+    elseif rows == BARRIER or rows == WORD then
+        show_told(body, rows == BARRIER and body(2, 1):uint() or 0, tree)
+    elseif rows == WISH_ANSWER and body:len() > WISH_ANSWER.size then
+        tree:add_packet_field(fields["wish_answer.error"], body(WISH_ANSWER.size), ENC_UTF_8)
     elseif rows == REQUEST and body:len() > REQUEST.size then
         local parts = table.concat(wanted_parts(body), " ")
         tree:add(fields["request.parts"], body(REQUEST.size), parts)

@@ -32,7 +32,7 @@ class CameraModel(PictureModel):
         self._eye = CameraEye(
             scenario, vehicle, spec, lens=spec.lens, imager=spec.imager, encoding=spec.encoding
         )
-        super().__init__(scenario, spec, self._eye.eye, span_nanos=self._eye.span_nanos)
+        super().__init__(spec, self._eye.eye, span_nanos=self._eye.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 

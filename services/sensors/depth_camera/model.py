@@ -44,7 +44,7 @@ class DepthCameraModel(PictureModel):
     ) -> None:
         self._spec = spec
         self._eye = eye or depth_eye(scenario, vehicle, spec)
-        super().__init__(scenario, spec, self._eye)
+        super().__init__(spec, self._eye)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")

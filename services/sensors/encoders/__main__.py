@@ -2,9 +2,11 @@
 """Start with ``python -m services.sensors.encoders --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import Encoders
-from services.sensors.shell import run
+from services.sensors.kinds import Kind, run
 
 from .model import EncodersModel
 
+KIND = Kind(Encoders, EncodersModel)
+
 if __name__ == "__main__":
-    run(Encoders, EncodersModel)
+    run(KIND)

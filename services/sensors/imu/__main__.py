@@ -2,9 +2,11 @@
 """Start with ``python -m services.sensors.imu --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import Imu
-from services.sensors.shell import run
+from services.sensors.kinds import Kind, run
 
 from .model import ImuModel
 
+KIND = Kind(Imu, ImuModel)
+
 if __name__ == "__main__":
-    run(Imu, ImuModel)
+    run(KIND)

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.clock import TICK_SECONDS
-
-TAIL = 1e-9
+from groundlink.scenario.inertial import low_pass_ticks
 
 Six = list[float]
 """Of specific force x, y, z and angular rate x, y, z."""
@@ -33,8 +32,7 @@ def weights(bandwidth_hz: float) -> NDArray[np.float64]:
     if not bandwidth_hz:
         return np.ones(1)
     a = math.sqrt(2) * math.pi * bandwidth_hz
-    ticks = math.ceil(math.log(math.sqrt(2) / TAIL) / (a * TICK_SECONDS))
-    at = a * TICK_SECONDS * np.arange(ticks + 1)
+    at = a * TICK_SECONDS * np.arange(low_pass_ticks(bandwidth_hz) + 1)
     steps: NDArray[np.float64] = np.diff(1 - np.exp(-at) * (np.cos(at) + np.sin(at)))
     steps /= steps.sum()
     return steps

@@ -2,10 +2,12 @@
 """Start with ``python -m services.sensors.lidar --name VEHICLE/SENSOR [--native HOST:PORT]``."""
 
 from groundlink.scenario.sensors import Lidar
-from services.sensors.shell import run
+from services.sensors.kinds import Kind, run
 
 from .model import LidarModel
 from .vlp16 import Vlp16
 
+KIND = Kind(Lidar, LidarModel, native=lambda _, spec: Vlp16(spec), sees_world=True)
+
 if __name__ == "__main__":
-    run(Lidar, LidarModel, native=lambda _, spec: Vlp16(spec), sees_world=True)
+    run(KIND)

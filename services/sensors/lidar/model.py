@@ -15,14 +15,14 @@ from groundlink.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages import POINT, PointCloud, State, packed
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar
-from services.sensors.model import Beside
+from services.sensors.model import Beside, LeftOut, Made
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 from services.sensors.scanning.scanner import Scan, Scanner
 
 
 class LidarModel:
-    """One LiDAR of a scenario's vehicle (a `SensorModel`).
+    """One LiDAR of a scenario's vehicle (a `SkippingModel`).
 
     Attributes
     ----------
@@ -47,7 +47,11 @@ class LidarModel:
         """Return the tick at which the block under way began; -1 before the first state."""
         return self.scanner.settled_tick()
 
-    def readings(self, state: State) -> list[PointCloud | Beside]:
+    def behind(self, waiting: int) -> None:
+        """Take note, before each state, of how many more have arrived."""
+        self.scanner.behind(waiting)
+
+    def readings(self, state: State) -> list[Made]:
         """Take the state of the next tick and return what it completes, oldest first.
 
         Behind each cloud comes the truth, if the data sheet asks for it.
@@ -57,9 +61,12 @@ class LidarModel:
         BadMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
-        found: list[PointCloud | Beside] = []
+        found: list[Made] = []
         for scan in self.scanner.take(state):
-            found += self._clouds(scan, state.epoch_nanos + scan.nanos)
+            if isinstance(scan, LeftOut):
+                found.append(scan)
+            else:
+                found += self._clouds(scan, state.epoch_nanos + scan.nanos)
         return found
 
     def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | Beside]:

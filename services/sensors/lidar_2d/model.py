@@ -20,12 +20,13 @@ from groundlink.imagery import LaserScan
 from groundlink.messages import State, packed
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar2d
+from services.sensors.model import LeftOut
 from services.sensors.scanning.scanner import Scan, Scanner
 from services.sensors.scanning.sweep import SIGNS
 
 
 class Lidar2dModel:
-    """One planar scanner of a scenario's vehicle (a `SensorModel`).
+    """One planar scanner of a scenario's vehicle (a `SkippingModel`).
 
     Raises
     ------
@@ -47,7 +48,11 @@ class Lidar2dModel:
         """Return the tick at which the scan under way began; -1 before the first state."""
         return self._scanner.settled_tick()
 
-    def readings(self, state: State) -> list[LaserScan]:
+    def behind(self, waiting: int) -> None:
+        """Take note, before each state, of how many more have arrived."""
+        self._scanner.behind(waiting)
+
+    def readings(self, state: State) -> list[LaserScan | LeftOut]:
         """Take the state of the next tick and return what it completes, oldest first.
 
         Raises
@@ -55,7 +60,10 @@ class Lidar2dModel:
         BadMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
-        return [self._message(scan, state.epoch_nanos) for scan in self._scanner.take(state)]
+        return [
+            scan if isinstance(scan, LeftOut) else self._message(scan, state.epoch_nanos)
+            for scan in self._scanner.take(state)
+        ]
 
     def _message(self, scan: Scan, epoch_nanos: int) -> LaserScan:
         spec, returns = self._spec, scan.returns

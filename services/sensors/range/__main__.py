@@ -2,9 +2,11 @@
 """Start with ``python -m services.sensors.range --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import Range
-from services.sensors.shell import run
+from services.sensors.kinds import Kind, run
 
 from .model import RangeModel
 
+KIND = Kind(Range, RangeModel, sees_world=True)
+
 if __name__ == "__main__":
-    run(Range, RangeModel, sees_world=True)
+    run(KIND)

@@ -19,7 +19,7 @@ from groundlink.errors import UserError
 from groundlink.scenario.sensors import Optics
 from groundlink.topics import ACK
 from groundlink.world.build import world_hash
-from services.sensors.shell import ACKS_PER_WINDOW, SensorProcess
+from services.sensors.shell import SensorProcess
 
 from .context import require
 
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         taker = SensorProcess(
             snapshot,
             expected_world_hash=world_hash(scenario),
-            ack_ticks=scenario.time.window_ticks // ACKS_PER_WINDOW,
+            ack_ticks=scenario.time.ack_ticks,
             publish=lambda _: None,
             acknowledge=bus.publisher(ACK.key_in(run, process=options.name), ACK.delivery),
         )
@@ -54,9 +54,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or snapshot.frame is not None
 
-        process.follow_states(
-            bus, run, options.name, taker, lambda: {"refused": taker.refused}, ended
-        )
+        follower = process.Follower(options.name, taker, lambda: {"refused": taker.refused})
+        process.follow_states(bus, run, [follower], ended)
     if snapshot.frame is not None:
         prefix = f"{options.name.replace('/', '_')}_{options.at:g}s"
         for file in write(options.out, prefix, snapshot.frame, snapshot.labels):

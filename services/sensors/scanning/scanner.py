@@ -6,8 +6,9 @@ state at or after its end has come; in blocks each block is, when the state afte
 come, and the blocks together are what the revolution would have been. Each ray leaves from the
 sensor's pose at its own instant and meets all vehicles, its own too, as they stand at that instant.
 
-A surface nearer than the least range gives no return and hides what is behind it. What message the
-returns become is not known here.
+By what it is told of states that wait, what is due again a revolution later already is left out and
+marked. A surface nearer than the least range gives no return and hides what is behind it. What
+message the returns become is not known here.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.messages import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import RotatingLidar
+from services.sensors.model import LeftOut
 from services.sensors.rays.replica import Replica
 from services.sensors.streams import RandomStreams
 
@@ -77,7 +79,12 @@ class Scanner:
         self._beams = Beams(spec, self.sweep, draws)
         air = air_around(spec, scenario.world.weather)
         self.receiver = Receiver(spec, self.sweep, self.replica.reflectivity, air, streams, draws)
+        self._waiting = 0
         self.restart()
+
+    def behind(self, waiting: int) -> None:
+        """Take note of how many more states have arrived."""
+        self._waiting = waiting
 
     def restart(self) -> None:
         """Forget earlier states; the next block is the first that begins after this."""
@@ -90,7 +97,7 @@ class Scanner:
             return -1
         return min(self._tick, self.blocks.first_tick(self._block))
 
-    def take(self, state: State) -> list[Scan]:
+    def take(self, state: State) -> list[Scan | LeftOut]:
         """Take the state of the next tick and return the blocks that it completes, oldest first.
 
         Raises
@@ -105,12 +112,16 @@ class Scanner:
             raise
         self._tick = state.tick
         if self._block < 0:
-            self._begin(self.blocks.first_at_or_after(state.tick))
-        scans: list[Scan] = []
+            self._begin(self.blocks.at_or_after(state.tick * TICK_NANOS))
+        scans: list[Scan | LeftOut] = []
         while self.blocks.end_tick(self._block) <= state.tick:
-            end = self.blocks.complete_by(state.tick, self._block)
-            scans += self._scans(range(self._block, end))
-            self._begin(end)
+            blocks = range(self._block, self.blocks.complete_by(state.tick, self._block))
+            again_tick = self.blocks.end_tick(self._block + self.blocks.per_revolution)
+            if again_tick <= state.tick + self._waiting:
+                scans += [LeftOut(self.blocks.nanos(block), "overloaded") for block in blocks]
+            else:
+                scans += self._scans(blocks)
+            self._begin(blocks.stop)
         return scans
 
     def _begin(self, block: int) -> None:

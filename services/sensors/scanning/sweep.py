@@ -59,9 +59,6 @@ class Sweep:
         Of each laser's origin above the sensor's.
     latest_seconds : float
         From the start of a firing to its last laser.
-    first_firings : list of int
-        Where each block of the revolution begins, and at last the number of firings. Where these
-        are no multiple of the blocks, some blocks have one more than others.
     origins_in_world, directions_in_world : float32 arrays, shape (3, lasers, firings)
         Metres, of the axes, of the firings of the last `follow`.
     poses : float32 array, shape (2, 12, firings)
@@ -79,8 +76,6 @@ class Sweep:
         order = np.argsort(late, kind="stable")
         self.rings = order.astype(np.uint16)
         self.latest_seconds = float(late.max())
-        blocks = spec.blocks_per_revolution
-        self.first_firings = [block * firings // blocks for block in range(blocks + 1)]
         self._late: Reals = late[order].astype(np.float32)
         seconds_per_firing = 1 / (spec.firings_per_revolution * spec.rotation_rate_hz)
         self.seconds: Floats = np.arange(firings) * seconds_per_firing + late[order, None]

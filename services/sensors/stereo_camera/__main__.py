@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import StereoCamera
+from services.sensors.kinds import Kind, run
 from services.sensors.model import SensorModel
 from services.sensors.rendering.context import require
-from services.sensors.shell import run
 
 
 def model(scenario: Scenario, vehicle: Vehicle, spec: StereoCamera) -> SensorModel:
@@ -21,5 +21,7 @@ def model(scenario: Scenario, vehicle: Vehicle, spec: StereoCamera) -> SensorMod
     return StereoCameraModel(scenario, vehicle, spec)
 
 
+KIND = Kind(StereoCamera, model, sees_world=True)
+
 if __name__ == "__main__":
-    run(StereoCamera, model, sees_world=True)
+    run(KIND)

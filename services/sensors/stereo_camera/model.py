@@ -35,7 +35,7 @@ class StereoCameraModel(PictureModel):
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: StereoCamera) -> None:
         self._spec = spec
         self._eye = Eye(scenario, vehicle, spec)
-        super().__init__(scenario, spec, self._eye)
+        super().__init__(spec, self._eye)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
         self._left_from_right = np.eye(4)

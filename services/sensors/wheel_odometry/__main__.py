@@ -2,9 +2,11 @@
 """Start with ``python -m services.sensors.wheel_odometry --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import WheelOdometry
-from services.sensors.shell import run
+from services.sensors.kinds import Kind, run
 
 from .model import WheelOdometryModel
 
+KIND = Kind(WheelOdometry, WheelOdometryModel)
+
 if __name__ == "__main__":
-    run(WheelOdometry, WheelOdometryModel)
+    run(KIND)

@@ -7,6 +7,7 @@ from rich.console import Console
 
 from groundlink.cli.dashboard import dashboard
 from groundlink.cli.running import PLAIN_WIDTH
+from groundlink.hold_ups import HoldUps
 from groundlink.messages import Health, StreamReport
 from groundlink.run_monitor import RunMonitor
 from groundlink.supervisor import Child
@@ -51,6 +52,17 @@ def drawn(*streams: StreamReport) -> str:
     return capture.get()
 
 
+def test_who_holds_up_the_run_stands_at_its_head() -> None:
+    monitor = RunMonitor()
+    told = HoldUps(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
+    monitor.heard(Health("physics", 1, 400, {"worlds": 0} | told.counters()), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, []))
+    second = capture.get().splitlines()[1]
+    assert second.strip() == "silent: rover/lidar; time stretched by 5.0 s (rover/lidar 5.0 s)"
+
+
 def line(picture: str, topic: str) -> str:
     return next(text for text in picture.splitlines() if topic in text)
 
@@ -82,3 +94,14 @@ def test_a_sensor_that_fails_says_so() -> None:
     picture = capture.get()
     assert "rover/imu: stuck, bias" in line(picture, "rover/imu")
     assert ":" not in line(picture, "rover/lidar")
+
+
+def test_a_sensor_that_misses_readings_says_why() -> None:
+    monitor = RunMonitor()
+    counters = {"readings": 7, "gap_overloaded": 12, "gap_not there": 3}
+    monitor.heard(Health("rover/camera", 1, 400, counters), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, [Child("rover/camera", [])]))
+    cells = [cell.strip() for cell in line(capture.get(), "rover/camera").split("│")]
+    assert cells[4:6] == ["12 overloaded, 3 not there", "readings 7"]

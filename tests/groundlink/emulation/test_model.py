@@ -244,3 +244,16 @@ def test_counts_add_up_whatever_is_set(seed: int, data: st.DataObject) -> None:
     drain(one_way)
     assert adds_up(one_way)
     assert one_way.waiting == one_way.waiting_bytes == 0
+
+
+def test_another_link_goes_on_with_the_numbers_of_the_first() -> None:
+    settings = {"loss": 0.3, "burst": 3.0, "duplicate": 0.1}
+    whole, first, second = (way(**settings) for _ in range(3))
+    expected = run(whole, 2000)
+    arrived = run(first, 1234)
+    second.course = first.course
+    for index in range(1234, 2000):
+        second.put(bytes(8), index, index * MS)
+        arrived += [tag for _, _, tag in drain(second)]
+    assert arrived == expected
+    assert adds_up(second)

@@ -208,3 +208,28 @@ def test_times_of_a_topic_never_decrease(tmp_path: Path) -> None:
         topic.write(nanos, memoryview(np.zeros(8, np.uint8)))
     file.mcap.commit("topics", {})
     assert [nanos for _, nanos, _ in rows(tmp_path / "a.mcap")] == [5, 5, 8]
+
+
+def test_attachments_are_found_by_all_readers(file: McapFile, tmp_path: Path) -> None:
+    first = write(file, 0, 10)
+    file.add_attachment("notes", "text/plain", 7, b"one")
+    file.commit("topics", {})
+    later = write(file, 10, 20)
+    file.add_attachment("notes", "text/plain", 8, b"two")
+    file.commit("topics", {})
+    file.close()
+    path = tmp_path / "a.mcap"
+    assert rows(path) == first + later
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.attachment_count == 2
+        found = [(a.name, a.log_time, a.data) for a in reader.iter_attachments()]
+    assert found == [("notes", 7, b"one"), ("notes", 8, b"two")]
+    with path.open("rb") as stream:
+        plain = NonSeekingReader(stream, validate_crcs=True)
+        assert [a.data for a in plain.iter_attachments()] == [b"one", b"two"]
+    with Reader(path) as rosbag:
+        assert rosbag.message_count == len(first + later)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.gaps import Gap, Gaps
 from groundlink.imagery import CompressedImage, Image
 from groundlink.messages import Command, Health, Imu, Message, StreamReport, packed
 from groundlink.navigation import Odometry
@@ -38,6 +39,9 @@ SECONDS = 6
 RADIUS_M, SPEED_MPS = 1.5, 0.75
 GAP_S = (2.0, 2.5)
 """Without a sample of the IMU."""
+
+TOLD_TO_TICK = 950
+"""Of the last sample that its process says is missing."""
 
 EVIL = "<script>alert('&')</script>"
 ZERO3 = (0.0, 0.0, 0.0)
@@ -99,6 +103,9 @@ def write(path: Path) -> Path:
     records += [
         (s, "/imu", imu(s)) for s in stamps(400) if not GAP_S[0] < (s - EPOCH) / NANOS < GAP_S[1]
     ]
+    first, last, now = (EPOCH + tick * TICK_NANOS for tick in (801, TOLD_TO_TICK, 1000))
+    told = Gap("overloaded", first, last, TOLD_TO_TICK - 800, ("",))
+    records.append((now, "/gaps/rover/imu", Gaps(now, "rover/imu", (told,))))
     records += [(s, "/cmd_vel", Command(s, (0.8, 0.0, 0.0), (0.0, 0.0, 0.5))) for s in stamps(20)]
     records += [(s, "/camera/image", image(s)) for s in stamps(5)]
     records += [

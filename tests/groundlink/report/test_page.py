@@ -70,7 +70,7 @@ def test_everything_has_its_section(content: str) -> None:
     reader = read(content)
     assert reader.headings == [
         *("Way", "Speed", "Energy and contacts", "Rates and gaps", "Ages and losses", "Cameras"),
-        *("Processes", "Where it comes from"),
+        *("Missing readings", "Processes", "Where it comes from"),
     ]
     assert reader.tags["svg"] == 5
     assert reader.tags["img"] == 12
@@ -93,6 +93,8 @@ def test_figures_are_on_it(content: str) -> None:
         *("4.5 m</b><span>driven", "0.75 m/s", "295.0 J", "table_3_leg_1", "900 N at 3.2"),
         *("3 missing, 2 dropped", "9.0 ms", "lab-pc", "stale 4", "seed 1", "indoor_lab_tour"),
         *("/imu: 1 gap, the longest of 500 ms", "rover touched table_3_leg_1"),
+        *("/imu: of 2398 readings 150 overloaded, 49 not told", "2.0025 s", "2.3750 s"),
+        "left out on purpose",
         *("/imu: 3 of 2010 lost on the way to ROS", "2023-11-14 22:13:20 UTC"),
     ):
         assert words in content, words
@@ -123,6 +125,7 @@ def test_what_a_run_did_not_have_is_not_there(gathered: Gathered) -> None:
         motions=[Motion("rover", 1)],
         energies=[Energy("rover", 1)],
         cameras=[],
+        accounts=[],
         said=Said(),
         streams=gathered.streams[:0],
         run=replace(gathered.run, epoch_nanos=0),

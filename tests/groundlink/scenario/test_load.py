@@ -121,6 +121,17 @@ MISTAKES = [
         ["99 is less than a period of the clock"],
     ),
     ("mode: fast", "mode: fast\n  window_ticks: 983", 17, ["`lidar`", "expected 982 or less"]),
+    ("mode: fast", "mode: lockstep\n  window_ticks: 983", 17, ["expected 982 or less"]),
+    ("mode: fast", "mode: lokstep", 16, ["unknown value `lokstep`", "did you mean `lockstep`?"]),
+    ("mode: fast", "overload: slov", 16, ["`time.overload`", "did you mean `slow`?"]),
+    ("mode: fast", "deadline_s: 0", 16, ["`time.deadline_s`", "> 0"]),
+    ("mode: fast", "lockstep: ros", 15, ["`mode: realtime` never does", "`mode: lockstep`"]),
+    (
+        "mode: fast",
+        "mode: fast\n  lockstep: ros\n  clock_rate_hz: 30",
+        15,
+        ["`clock_rate_hz` that divides 400"],
+    ),
     (
         "rate_hz: 100}\ntime:\n",
         "rate_hz: 100}\n"

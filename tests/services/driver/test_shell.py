@@ -78,14 +78,22 @@ def test_a_lost_state_is_made_up_for_by_the_next() -> None:
     assert rover.driver.missed_ticks == 12
 
 
-def test_a_successor_answers_nothing_twice() -> None:
-    rover = Rover()
-    rover.driver.resume(Ack(EPOCH, 16, 16))
-    for tick in range(0, 33, 8):
-        rover.driver.take(state(tick))
-    assert rover.acks() == [16, 24, 32]
-    assert len(rover.commands()) == 2
-    assert rover.made == 1
+def test_a_successor_answers_nothing_twice_and_goes_on_as_its_predecessor_would() -> None:
+    """Also where the nearest point of the line is not where the predecessor was."""
+    alone, first, second = Rover(), Rover(), Rover()
+    drive = [state(tick, 0.1 * tick) for tick in range(0, 65, 8)]
+    for each in drive:
+        alone.driver.take(each)
+    for each in drive[:3]:
+        first.driver.take(each)
+    ack = first.said[-1]
+    assert isinstance(ack, Ack)
+    second.driver.resume(ack)
+    for each in drive[1:]:
+        second.driver.take(each)
+    assert second.acks() == [16, 24, 32, 40, 48, 56, 64]
+    assert first.said + second.said[1:] == alone.said
+    assert second.made == 1
 
 
 def test_the_first_word_grants_no_step_that_needs_a_command() -> None:

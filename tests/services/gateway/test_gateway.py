@@ -32,8 +32,9 @@ from groundlink.scenario.schema import Stream as ExtraStream
 from services.gateway.gateway import Gateway
 from services.gateway.streams import TF_MESSAGE, wire_type
 from tests.vectors.examples import EXAMPLES
+from udp_bridge import wishing
 from udp_bridge.accounts import Account
-from udp_bridge.control import LinkReport, Subscribe, TopicReport
+from udp_bridge.control import LinkReport, Subscribe, TopicReport, Wish
 from udp_bridge.message import Message as WireMessage
 from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
 
@@ -79,19 +80,22 @@ class Bench:
 
     def __init__(self, scenario: Scenario | None = None) -> None:
         self.commands: list[tuple[str, Message]] = []
+        self.wishes: list[Wish] = []
         self.link = RecordingLink()
         self.gateway = Gateway(
             scenario or load(SHIPPED / "indoor_lab.yaml"),
             RUN,
             peer=PEER,
             publish=lambda key, message: self.commands.append((key, message)),
+            on_wish=self.wishes.append,
         )
 
     def forward(self, name: str, message: Message) -> None:
         self.gateway.forward(f"groundlink/{RUN}/{name}", message, self.link)  # type: ignore[arg-type]
 
-    def report(self) -> tuple[list[StreamReport], dict[str, int]]:
-        return self.gateway.report(self.link)  # type: ignore[arg-type]
+    def report(self, **dropped: int) -> tuple[list[StreamReport], dict[str, int]]:
+        by_key = {f"groundlink/{RUN}/rover/{name}": count for name, count in dropped.items()}
+        return self.gateway.report(self.link, by_key)  # type: ignore[arg-type]
 
     def hear(self, msg_type: int, topic: str, body: bytes, sender: Any = PEER) -> None:
         self.gateway.on_message(WireMessage(msg_type, topic, "", 5, 0, body), sender)
@@ -108,6 +112,12 @@ def twist(*components: float) -> bytes:
 
 def imu(stamp: int) -> Imu:
     return Imu(stamp, "imu_link", (0.0, 0.0, 0.6, 0.8), (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 7, 8, 9)
+
+
+def test_what_the_bus_pushed_out_was_superseded(bench: Bench) -> None:
+    bench.forward("rover/imu", imu(1))
+    rows, _ = bench.report(imu=3)
+    assert {row.topic: row.superseded for row in rows if row.superseded} == {"/imu": 3}
 
 
 def test_every_stream_is_known_by_key() -> None:
@@ -344,3 +354,12 @@ def test_a_clock_that_is_off_repeats_nothing_and_stands_on_the_wire() -> None:
     decoded = [STORE.deserialize_cdr(m["body"], "sensor_msgs/msg/Imu") for m in bench.link.sent]
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in decoded]  # type: ignore[attr-defined]
     assert stamps == expected
+
+
+def test_only_the_peer_may_wish_something_of_the_run(bench: Bench) -> None:
+    bench.hear(CONTROL, "", Wish(5, wishing.RESET).pack(), STRANGER)
+    assert bench.wishes == []
+    assert bench.gateway.counts["refused"] == 1
+    bench.hear(CONTROL, "", Wish(6, wishing.RESET).pack())
+    assert bench.wishes == [Wish(6, wishing.RESET)]
+    assert bench.gateway.counts["refused"] == 1

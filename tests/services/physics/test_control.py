@@ -14,6 +14,7 @@ from groundlink.control import (
     Pause,
     Remove,
     Reset,
+    Restore,
     Resume,
     Spawn,
     Step,
@@ -30,7 +31,8 @@ class Loop:
     def __init__(self) -> None:
         self.lives = 1
         self.spawned: list[str] = []
-        self.control = Control(self._reset, self._change)
+        self.restored: list[bytes] = []
+        self.control = Control(self._reset, self._change, self.restored.append)
         self.control.stepped(0)
 
     def _reset(self) -> None:
@@ -48,17 +50,17 @@ class Loop:
             if not self.control.paused:
                 self.control.stepped(self.control.tick + 1)
 
-    def asked(self, text: str) -> ControlAnswer:
+    def asked(self, text: str, content: bytes = b"") -> ControlAnswer:
         answers: list[bytes] = []
-        asking = threading.Thread(target=lambda: answers.extend(self.control.answer(text)))
+        asking = threading.Thread(target=lambda: answers.extend(self.control.answer(text, content)))
         asking.start()
         while asking.is_alive():
             self.control.fulfil()
             asking.join(0.001)
         return msgspec.json.decode(answers[0], type=ControlAnswer)
 
-    def wished(self, wish: AnyWish) -> ControlAnswer:
-        return self.asked(msgspec.json.encode(wish).decode())
+    def wished(self, wish: AnyWish, content: bytes = b"") -> ControlAnswer:
+        return self.asked(msgspec.json.encode(wish).decode(), content)
 
 
 def test_time_stands_while_paused_and_goes_on() -> None:
@@ -113,3 +115,21 @@ def test_the_world_is_changed_between_two_ticks_or_the_reason_told() -> None:
     assert loop.wished(Remove("ball")) == ControlAnswer("there is no `ball`", 5, False)
     loop.turn()
     assert loop.control.tick == 6
+
+
+def test_what_is_to_be_restored_comes_with_the_wish() -> None:
+    loop = Loop()
+    assert not loop.wished(Restore(), b"a file").error
+    assert loop.restored == [b"a file"]
+
+
+@pytest.mark.parametrize("wish", [Reset(), Restore(), Remove("ball"), Spawn(KINDS["box"])])
+def test_nothing_changes_a_run_while_it_is_restored(wish: AnyWish) -> None:
+    loop = Loop()
+    loop.control.restoring_to, loop.control.tick = 800, 200
+    answer = loop.wished(wish)
+    assert answer.error == (
+        "the run is being restored, at tick 200 of 800; ask again when that is done"
+    )
+    assert (loop.lives, loop.spawned, loop.restored) == (1, [], [])
+    assert loop.wished(Pause()) == ControlAnswer("", 200, True, restoring_to=800)

@@ -1,154 +1,152 @@
 # SPDX-License-Identifier: Apache-2.0
+"""How far runs of every mode get, and whose fault it is when that is less."""
+
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
+from groundlink.clock import TICK_RATE_HZ
 from groundlink.messages import Ack
-from groundlink.scenario.route import (
-    COMMAND_AHEAD_TICKS,
-    DRIVER_PERIOD_TICKS,
-    DRIVER_WINDOW_TICKS,
+from groundlink.scenario.route import DRIVER_WINDOW_TICKS, Square
+from groundlink.scenario.schema import Time
+from services.physics.pace import SKIP_CATCH_UP_SECONDS, SLOW_CATCH_UP_SECONDS, pace_of
+
+from .paced import LAB, LIDAR, LIFE, SENSORS, Paced
+
+HALF = {LIDAR: 0.5}
+
+
+@pytest.mark.parametrize("overload", ["slow", "skip", "fail"])
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_real_time_keeps_to_the_wall(overload: str, factor: float) -> None:
+    run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
+    run.join()
+    run.run(10.0)
+    assert run.sim_seconds == pytest.approx(10.0 * factor, abs=0.01 * factor)
+    assert run.stretched == {}
+    assert run.lines == []
+
+
+def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it_is() -> None:
+    run = Paced(Time())
+    run.join()
+    run.run(20.0, times_real=HALF)
+    window_seconds = run.time.window_ticks / TICK_RATE_HZ
+    assert run.sim_seconds == pytest.approx(10.0 + window_seconds, abs=0.2)
+    assert run.lag_ticks(LIDAR) <= run.time.window_ticks
+    lost = 20.0 - run.sim_seconds
+    assert sum(run.stretched.values()) == pytest.approx(lost, abs=SLOW_CATCH_UP_SECONDS)
+    assert run.stretched[LIDAR] > 0.95 * sum(run.stretched.values())
+    assert run.lines == [], "it is slow, not silent"
+
+
+def test_skip_waits_for_nobody() -> None:
+    run = Paced(Time(overload="skip"))
+    run.join()
+    run.run(10.0, times_real=HALF)
+    assert run.sim_seconds == pytest.approx(10.0, abs=0.01)
+    assert run.lag_ticks(LIDAR) > run.time.window_ticks
+
+
+@pytest.mark.parametrize(
+    ("overload", "pause", "stretched"),
+    [
+        ("skip", 0.9 * SKIP_CATCH_UP_SECONDS, 0.0),
+        ("skip", 1.1 * SKIP_CATCH_UP_SECONDS, 1.1 * SKIP_CATCH_UP_SECONDS),
+        ("slow", 0.9 * SLOW_CATCH_UP_SECONDS, 0.0),
+        ("slow", 1.1 * SLOW_CATCH_UP_SECONDS, 1.1 * SLOW_CATCH_UP_SECONDS),
+    ],
 )
-from services.physics.pace import CATCH_UP_SECONDS, AsFastAsOthers, Promises, RealTime
+def test_what_physics_makes_up_for_when_it_was_not_let_run(
+    overload: str, pause: float, stretched: float
+) -> None:
+    run = Paced(Time(overload=overload))  # type: ignore[arg-type]
+    run.join()
+    run.run(1.0)
+    run.run(9.0, pause=pause)
+    assert run.sim_seconds == pytest.approx(10.0 - stretched, abs=0.02)
+    assert run.stretched == ({"physics": pytest.approx(stretched, abs=0.01)} if stretched else {})
 
 
-def test_real_time_waits_until_a_tick_is_due() -> None:
-    pace = RealTime(1.0)
-    assert pace.wait_seconds(1, 100.0) == 0.0
-    assert pace.wait_seconds(2, 100.0) == pytest.approx(0.0025)
-    assert pace.wait_seconds(401, 100.9) == pytest.approx(0.1)
-    assert pace.wait_seconds(401, 101.05) == 0.0
+def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() -> None:
+    pace = pace_of(LAB, LIFE, ["rover/driver"])
+    pace.parties.acknowledged("gateway", Ack(LIFE, 3, 3))
+    pace.parties.acknowledged("rover/driver", Ack(LIFE, 3, 3))
+    assert pace.parties.missing(10**6) == []
+    for name in (*SENSORS, "recorder"):
+        pace.parties.acknowledged(name, Ack(LIFE, 3, 3))
+    assert pace.parties.missing(10**6) == sorted([*SENSORS, "recorder"])
 
 
-def test_a_factor_stretches_or_shrinks_ticks() -> None:
-    for factor, wait in [(2.0, 0.5), (0.5, 2.0)]:
-        pace = RealTime(factor)
-        pace.wait_seconds(0, 0.0)
-        assert pace.wait_seconds(400, 0.0) == pytest.approx(wait)
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_lockstep_keeps_to_the_wall_while_all_follow(factor: float) -> None:
+    run = Paced(Time(mode="lockstep", factor=factor))
+    run.join()
+    run.run(10.0)
+    assert run.sim_seconds == pytest.approx(10.0 * factor, abs=0.05)
+    run.run(10.0, times_real={LIDAR: 0.4 * factor})
+    assert run.sim_seconds == pytest.approx(14.0 * factor, abs=1.2)
+    assert run.stretched[LIDAR] > 4.0
 
 
-def test_a_short_hold_up_is_made_up_for() -> None:
-    pace = RealTime(1.0)
-    pace.wait_seconds(0, 0.0)
-    late = 0.9 * CATCH_UP_SECONDS
-    assert pace.wait_seconds(1, late) == 0.0
-    assert pace.wait_seconds(400, late) == pytest.approx(1.0 - late)
-    assert pace.stretched_seconds == 0.0
+def test_fast_goes_as_fast_as_the_slowest() -> None:
+    run = Paced(Time(mode="fast"), others=["recorder"])
+    run.join()
+    run.run(5.0, times_real={LIDAR: 6.0, "recorder": 40.0})
+    assert run.sim_seconds == pytest.approx(30.0, abs=1.1)
+    assert run.lag_ticks("recorder") <= run.lag_ticks(LIDAR) <= run.time.window_ticks
+    assert run.stretched == {}
 
 
-def test_after_a_long_hold_up_time_has_stretched() -> None:
-    pace = RealTime(1.0)
-    pace.wait_seconds(0, 0.0)
-    assert pace.wait_seconds(1, 5.0) == 0.0
-    assert pace.wait_seconds(2, 5.0) == pytest.approx(0.0025)
-    assert pace.stretched_seconds == pytest.approx(5.0 - 0.0025)
+@pytest.mark.parametrize("mode", ["fast", "lockstep"])
+def test_lockstep_begins_with_all_that_it_waits_for(mode: str) -> None:
+    driven = replace(LAB, vehicles=(replace(LAB.vehicles[0], route=Square()),))
+    scenario = replace(driven, time=Time(mode=mode))  # type: ignore[arg-type]
+    pace = pace_of(scenario, LIFE, ["recorder"])
+    parties = sorted([*SENSORS, "recorder", "rover/driver"])
+    assert pace.parties.missing(0) == parties
+    for name in parties:
+        pace.parties.acknowledged(name, Ack(LIFE, 0, 0))
+    assert pace.parties.missing(DRIVER_WINDOW_TICKS + 1) == ["rover/driver"]
+    assert pace.parties.missing(401) == parties
+    pace.parties.acknowledged("gateway", Ack(LIFE, 0, 0))
+    assert "gateway" in pace.parties.missing(401)
+    pace.parties.left("gateway")
+    assert "gateway" not in pace.parties.missing(401)
 
 
-EPOCH = 7
+def test_lockstep_with_ros_steps_from_word_to_word() -> None:
+    time = Time(mode="fast", lockstep="ros", clock_rate_hz=100.0)
+    pace = pace_of(replace(LAB, time=time), LIFE, [])
+    for name in SENSORS:
+        pace.parties.acknowledged(name, Ack(LIFE, 400, 400))
+    assert pace.parties.missing(0) == []
+    assert pace.parties.missing(1) == ["gateway"]
+    pace.parties.acknowledged("gateway", Ack(LIFE, 0, 0))
+    assert pace.parties.missing(4) == []
+    assert pace.parties.missing(5) == ["gateway"]
+    pace.parties.left("gateway")
+    assert pace.parties.missing(5) == ["gateway"], "it is needed"
 
 
-@pytest.fixture
-def pace() -> AsFastAsOthers:
-    return AsFastAsOthers({"rover/imu": 100, "rover/lidar": 100}, 100, EPOCH)
+def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
+    run = Paced(Time())
+    run.join()
+    run.run(5.0, times_real={LIDAR: 0.0})
+    before = run.sim_seconds, dict(run.stretched)
+    run.now += 100.0
+    run.pace.hold()
+    run.patience.rest()
+    run.run(1.0)
+    assert run.sim_seconds == pytest.approx(before[0] + 1.0, abs=0.02)
+    assert sum(run.stretched.values()) == pytest.approx(sum(before[1].values()), abs=0.01)
 
 
-def ack(pace: AsFastAsOthers, process: str, tick: int, epoch: int = EPOCH) -> None:
-    pace.acknowledged(process, Ack(epoch, tick, tick))
-
-
-def test_nothing_moves_before_every_sensor_has_joined(pace: AsFastAsOthers) -> None:
-    assert pace.wait_seconds(1, 0.0) > 0
-    assert pace.missing() == ["rover/imu", "rover/lidar"]
-    ack(pace, "rover/imu", -1)
-    assert pace.missing() == ["rover/lidar"]
-    ack(pace, "rover/lidar", -1)
-    assert pace.wait_seconds(1, 0.0) == 0.0
-
-
-def test_physics_is_at_most_a_window_ahead(pace: AsFastAsOthers) -> None:
-    ack(pace, "rover/imu", 1000)
-    ack(pace, "rover/lidar", 50)
-    assert pace.wait_seconds(150, 0.0) == 0.0
-    assert pace.wait_seconds(151, 0.0) > 0.0
-    assert pace.missing() == ["rover/lidar"]
-    ack(pace, "rover/lidar", 51)
-    assert pace.wait_seconds(151, 0.0) == 0.0
-
-
-def test_a_gateway_is_waited_for_while_it_is_there(pace: AsFastAsOthers) -> None:
-    ack(pace, "rover/imu", 1000)
-    ack(pace, "rover/lidar", 1000)
-    ack(pace, "gateway", 10)
-    assert pace.wait_seconds(500, 0.0) > 0.0
-    pace.left("gateway")
-    assert pace.wait_seconds(500, 0.0) == 0.0
-
-
-def test_a_sensor_that_left_is_waited_for(pace: AsFastAsOthers) -> None:
-    ack(pace, "rover/imu", 1000)
-    ack(pace, "rover/lidar", 10)
-    pace.left("rover/lidar")
-    assert pace.wait_seconds(500, 0.0) > 0.0
-
-
-def test_words_from_an_earlier_life_do_not_count(pace: AsFastAsOthers) -> None:
-    ack(pace, "rover/imu", 1000, epoch=EPOCH - 1)
-    assert "rover/imu" in pace.missing()
-
-
-def test_without_sensors_nobody_is_waited_for() -> None:
-    assert AsFastAsOthers({}, 1, EPOCH).wait_seconds(10**6, 0.0) == 0.0
-
-
-def test_each_process_has_a_window_of_its_own() -> None:
-    pace = AsFastAsOthers({"rover/imu": 100, "rover/driver": 8}, 50, EPOCH)
-    ack(pace, "rover/imu", 0)
-    ack(pace, "rover/driver", 0)
-    assert pace.wait_seconds(8, 0.0) == 0.0
-    assert pace.wait_seconds(9, 0.0) > 0.0
-    assert pace.missing() == ["rover/driver"]
-    ack(pace, "rover/driver", 1000)
-    assert pace.wait_seconds(100, 0.0) == 0.0
-    ack(pace, "gateway", 0)
-    assert pace.wait_seconds(50, 0.0) == 0.0
-    assert pace.wait_seconds(51, 0.0) > 0.0
-    assert pace.missing() == ["gateway"]
-
-
-def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None:
-    pace = AsFastAsOthers({"rover/driver": DRIVER_WINDOW_TICKS}, 400, EPOCH)
-    assert pace.wait_seconds(1, 0.0) > 0.0
-    for answered in range(-DRIVER_PERIOD_TICKS, 80, DRIVER_PERIOD_TICKS):
-        ack(pace, "rover/driver", answered)
-        due = answered + DRIVER_PERIOD_TICKS
-        assert pace.wait_seconds(due, 0.0) == 0.0, "it never sees the state to answer"
-        acts = due + COMMAND_AHEAD_TICKS  # the tick that the command for `due` is stamped with
-        assert pace.wait_seconds(acts, 0.0) == 0.0
-        assert pace.wait_seconds(acts + 1, 0.0) > 0.0
-
-
-def test_a_drivers_word_counts_when_its_command_is_here() -> None:
-    promises = Promises({"rover/driver": "rover"})
-    promises.given("rover/driver", Ack(EPOCH, -8, -1))
-    assert list(promises.kept()) == [("rover/driver", Ack(EPOCH, -8, -1))]
-    promises.given("rover/driver", Ack(EPOCH, 8, 16))
-    promises.given("rover/imu", Ack(EPOCH, 50, 40))
-    assert [name for name, _ in promises.kept()] == ["rover/imu"]
-    promises.commanded("rover", 8)
-    promises.commanded("other", 16)
-    assert list(promises.kept()) == []
-    promises.commanded("rover", 16)
-    assert list(promises.kept()) == [("rover/driver", Ack(EPOCH, 8, 16))]
-    assert list(promises.kept()) == []
-
-
-def test_who_is_not_needed_any_more_is_not_waited_for() -> None:
-    pace = AsFastAsOthers({"rover/imu": 8, "second/imu": 8}, 8, EPOCH)
-    for name in ("rover/imu", "second/imu"):
-        pace.acknowledged(name, Ack(EPOCH, 0, 0))
-    assert pace.wait_seconds(9, 0.0) > 0
-    assert pace.missing() == ["rover/imu", "second/imu"]
-    pace.only(("rover/imu",))
-    assert pace.missing() == ["rover/imu"]
-    pace.acknowledged("rover/imu", Ack(EPOCH, 8, 8))
-    assert pace.wait_seconds(9, 0.0) == 0
+def test_two_who_hold_up_a_step_share_the_blame() -> None:
+    run = Paced(Time())
+    run.join()
+    stopped = {LIDAR: 0.0, "rover/imu": 0.0}
+    run.run(4.0, times_real=stopped)
+    assert run.stretched[LIDAR] == pytest.approx(run.stretched["rover/imu"])
+    assert sum(run.stretched.values()) == pytest.approx(3.0, abs=0.25)

@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from groundlink.bus import REPLIES_KEPT
 from groundlink.clock import NANOS
 from groundlink.inbox import Inbox
-from groundlink.messages import Message, WheelCommand, encode, floats
+from groundlink.messages import Ack, Message, State, WheelCommand, decode, encode, floats
 from groundlink.scenario import load
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from services.physics import __main__ as process
+from groundlink.scenario.schema import Time
+from services.physics import authority as process
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 
@@ -45,7 +47,7 @@ class SlowBus:
     def _declare(self, *_: Any) -> None:
         self._clocks.nanos += 10_000_000
 
-    subscribe = watch = serve = _declare
+    subscribe = watch = serve = serve_content = _declare
 
 
 def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
@@ -116,4 +118,26 @@ def test_wheels_are_commanded_one_by_one_over_the_bus() -> None:
     state = physics.life._simulation.vehicle_states()["rover"]
     physics.close()
     assert floats(state.joint_velocities) == pytest.approx(speeds, abs=0.1)
-    assert physics.counters()["refused"] == 1
+    assert physics.counters(clocks.monotonic())["refused"] == 1
+
+
+@pytest.mark.parametrize(("overload", "states"), [("slow", 2), ("fail", 2), ("skip", 0)])
+def test_in_real_time_a_sensor_that_was_there_resumes(overload: Any, states: int) -> None:
+    clocks = Clocks()
+    bus: Any = SlowBus(clocks)
+    scenario = replace(load(str(SCENARIO)), time=Time(overload=overload))
+    physics = process.Physics(scenario, "run", bus)
+    life = physics.life
+    life.begin(clocks.time_ns(), clocks.monotonic())
+    for _ in range(2):
+        physics.step()
+    word = Ack(life.number, 1, 1, b"what it knew")
+    for name in ("rover/imu", "rover/driver", "gateway"):
+        life.acknowledged(name, word)
+    life.settle()
+    resume, *missed = life.missed_by("rover/imu")
+    assert decode(resume, Ack) == word
+    assert [decode(state, State).tick for state in missed] == list(range(3 - states, 3))
+    for late in ("rover/lidar", "rover/driver", "gateway"):
+        assert life.missed_by(late) == []
+    physics.close()

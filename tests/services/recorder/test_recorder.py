@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from groundlink.clock import NANOS, TICK_NANOS
 from groundlink.faults import Faults
+from groundlink.gaps import Gap, Gaps
 from groundlink.ground_truth import Bodies
 from groundlink.messages import (
     POINT,
@@ -30,6 +31,7 @@ from groundlink.navigation import JointState, Odometry, PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
+from groundlink.ros_gaps import from_gaps
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.faults import Stuck
 from groundlink.scenario.load import SHIPPED
@@ -303,3 +305,32 @@ def test_begin_and_end_of_a_fault_are_recorded(rig: Rig) -> None:
         (40, "stuck"),
         (80, "none"),
     ]
+
+
+def test_what_a_sensor_misses_is_recorded(rig: Rig) -> None:
+    rig.clock(0)
+    gap = Gap("overloaded", EPOCH, EPOCH + 3 * TICK_NANOS, 4, ("",))
+    told = Gaps(EPOCH + 40 * TICK_NANOS, "rover/imu", (gap,))
+    for _ in range(2):
+        rig.recorder.take(f"groundlink/{RUN}/gaps/rover/imu", told)
+    ((tick, array),) = rig.written()["/gaps/rover/imu"]
+    assert (tick, array.status[0].message) == (40, "4 overloaded")
+    assert from_gaps(array, told.stamp_nanos) == told
+
+
+def test_what_came_too_fast_is_counted_by_topic_from_its_own_begin_on(lab: Scenario) -> None:
+    dropped = Counter({KEYS["imu"]: 5})
+    recorder = Recorder(lab, RUN, lambda _: pytest.fail("not begun"), dropped=dropped)
+    assert recorder.dropped == {}
+    dropped[KEYS["imu"]] += 2
+    assert recorder.dropped == {"/imu": 2}
+
+
+def test_a_file_tells_what_came_too_fast(lab: Scenario, tmp_path: Path) -> None:
+    file = RosFile(tmp_path / "run.mcap")
+    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(lab, RUN, EPOCH)))
+    file.lacks({"/imu": 2})
+    file.commit({})
+    file.close()
+    with Recording(tmp_path / "run.mcap") as recording:
+        assert recording.dropped == {"/imu": 2}

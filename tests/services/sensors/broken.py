@@ -8,7 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from msgspec.structs import replace
 
+from groundlink.calendars import Calendar
 from groundlink.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.gaps import Gap, Gaps
 from groundlink.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from groundlink.messages import (
     POINT,
@@ -25,9 +27,10 @@ from groundlink.messages import (
 )
 from groundlink.navigation import NavSatFix, Odometry
 from groundlink.scenario.faults import Fault
+from services.sensors.account import Account
 from services.sensors.due import Due
 from services.sensors.faulty import FaultyModel
-from services.sensors.model import RememberingModel, SensorModel
+from services.sensors.model import LeftOut, RememberingModel, SensorModel
 from services.sensors.shell import SensorProcess
 from services.sensors.streams import RandomStreams
 
@@ -129,7 +132,10 @@ def states(ticks: Iterable[int]) -> Iterator[State]:
 def suffered(model: RememberingModel, ticks: int) -> list[tuple[int, Message]]:
     """Return what comes out, with the tick at which it does."""
     return [
-        (state.tick, message) for state in states(range(ticks)) for message in model.readings(state)
+        (state.tick, message)
+        for state in states(range(ticks))
+        for message in model.readings(state)
+        if not isinstance(message, LeftOut)
     ]
 
 
@@ -146,15 +152,23 @@ class Line:
         """By instant of measurement, in the order of arrival."""
 
         self.acks: list[Ack] = []
+        self.gaps: list[Gap] = []
 
-    def process(self, model: SensorModel, world_hash: str = HASH) -> SensorProcess:
+    def process(
+        self, model: SensorModel, world_hash: str = HASH, calendar: Calendar | None = None
+    ) -> SensorProcess:
+        """Return one; with a calendar it tells what of that is missing."""
         return SensorProcess(
             model,
             expected_world_hash=world_hash,
             ack_ticks=50,
             publish=self.take,
             acknowledge=self.acks.append,
+            account=calendar and Account("it", calendar, [""], self.miss),
         )
+
+    def miss(self, told: Gaps) -> None:
+        self.gaps += told.gaps
 
     def take(self, message: Message) -> None:
         body = encode(message)

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from groundlink.calendars import Events
+from groundlink.clock import TICK_NANOS
 from groundlink.imagery import CameraInfo, CompressedImage
 from groundlink.messages import Imu, Message, PointCloud, State, WheelEncoders
 from groundlink.scenario import sensors
@@ -26,7 +28,7 @@ from groundlink.scenario.faults import (
 from services.sensors.encoders.model import EncodersModel
 from services.sensors.faulty import FaultyModel
 from services.sensors.imu.model import ImuModel
-from services.sensors.model import Beside, Gone, SensorModel, parted
+from services.sensors.model import Beside, Gone, LeftOut, SensorModel, parted
 from services.sensors.streams import RandomStreams
 
 from .broken import READINGS, Counts, Line, Repeats, faulty, stamped
@@ -101,16 +103,26 @@ def played(
     crashes: tuple[int, ...] = (),
 ) -> list[tuple[int, bytes]]:
     """Return what arrives, in order, of a sensor that ends after the states of some ticks."""
+    return list(line_of(kind, faults, crashes).bodies.items())
+
+
+def line_of(
+    kind: Callable[[], tuple[SensorModel, type[Message]]],
+    faults: tuple[Fault, ...],
+    crashes: tuple[int, ...] = (),
+    calendar: Events | None = None,
+) -> Line:
     line = Line()
-    process = line.process(model(kind, faults), world_hash="")
+    process = line.process(model(kind, faults), world_hash="", calendar=calendar)
     for state in STATES:
         process.take(state)
         if state.tick in crashes:
-            process = line.process(model(kind, faults), world_hash="")
+            process = line.process(model(kind, faults), world_hash="", calendar=calendar)
             process.resume(line.acks[-1])
             for missed in STATES[: state.tick + 1]:
                 process.take(missed)
-    return list(line.bodies.items())
+    process.tell_progress()
+    return line
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -120,6 +132,35 @@ def test_a_restart_goes_on_with_the_same_bytes(kind: str, name: str) -> None:
     assert (whole != played(KINDS[kind], ())) == (name != "delay")  # which alters no byte
     for crashes in ((199,), (230, 301), (437,), (555, 640), (777,), (801, 803, 870), (1100,)):
         assert played(KINDS[kind], FAULTS[name], crashes) == whole, crashes
+
+
+RATES_HZ = {"imu": 130.0, "encoders": 60.0, "lidar": 10.0}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", FAULTS)
+def test_each_reading_that_is_due_comes_or_is_told_under_its_fault(kind: str, name: str) -> None:
+    """Also where the sensor is started again in the midst of it, which is no gap of its own."""
+    due = Events(RATES_HZ[kind], first=2 if kind == "imu" else 0)
+    line = line_of(KINDS[kind], FAULTS[name], (301, 640), due)
+    came = {due.at_or_after(nanos - STATES[0].epoch_nanos) for nanos in line.bodies}
+    missing: set[int] = set()
+    for gap in line.gaps:
+        first, last = (
+            due.at_or_after(nanos - STATES[0].epoch_nanos)
+            for nanos in (gap.first_nanos, gap.last_nanos)
+        )
+        assert gap.readings == last - first + 1
+        assert gap.cause in {fault.kind for fault in FAULTS[name]}
+        missing |= {*range(first, last + 1)}
+    assert not came & missing
+    late_ticks = 0 if name != "late_noise_in_a_jump" else 400
+    over = due.at_or_after((TICKS - late_ticks - 40) * TICK_NANOS)
+    assert {*range(due.first, over)} <= came | missing
+    assert bool(missing) == any(fault.kind in REMOVING for fault in FAULTS[name])
+
+
+REMOVING = {"off", "drop", "rate_change"}
 
 
 def test_a_live_fault_outlives_its_process_and_no_new_life_of_physics() -> None:
@@ -172,7 +213,12 @@ def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
         )
 
     def said(model: FaultyModel, states: list[State]) -> list[tuple[int, str, Message]]:
-        return [(s.tick, *parted(made)) for s in states for made in model.readings(s)]
+        return [
+            (s.tick, *parted(made))
+            for s in states
+            for made in model.readings(s)
+            if not isinstance(made, LeftOut)
+        ]
 
     first = camera()
     before, settled, memory = said(first, STATES[:501]), first.settled_tick(), first.memory()
@@ -201,7 +247,8 @@ def test_a_sensor_that_is_made_anew_keeps_its_faults_until_its_vehicle_has_gone(
     for state in STATES:
         if state.tick == 410:
             it.renew(lidar()[0])
-        ticks += [state.tick for _ in it.readings(state)]
+        made = it.readings(state)
+        ticks += [state.tick for one in made if not isinstance(one, LeftOut)]
     assert min(ticks) < 400
     assert not [tick for tick in ticks if 450 < tick < 600]
     assert max(ticks) > 650

@@ -5,10 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import msgspec
 import pytest
 
+from groundlink.calendars import Events
+from groundlink.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.errors import UserError
+from groundlink.gaps import Gaps
 from groundlink.messages import Ack, Clock, Message, State
+from services.sensors.account import Account
+from services.sensors.model import Made
 from services.sensors.shell import SensorProcess
 
 HASH = "ab" * 32
@@ -28,12 +34,13 @@ class EveryFortyTicks:
         self._settled = -1
         self._expected: int | None = None
 
-    def readings(self, state: State) -> Iterable[Message]:
+    def readings(self, state: State) -> Iterable[Made]:
         assert self._expected in (None, state.tick), "a model never sees a gap"
         self._expected = state.tick + 1
         if state.tick % PERIOD == 0:
             if self._settled >= 0:
-                yield Clock(state.tick - PERIOD, state.epoch_nanos, state.tick, state.epoch_nanos)
+                stamp = state.epoch_nanos + (state.tick - PERIOD) * TICK_NANOS
+                yield Clock(stamp, state.epoch_nanos, state.tick, state.life)
             self._settled = state.tick
 
     def settled_tick(self) -> int:
@@ -47,7 +54,7 @@ class Counts(EveryFortyTicks):
         super().__init__()
         self.seen = 0
 
-    def readings(self, state: State) -> Iterable[Message]:
+    def readings(self, state: State) -> Iterable[Made]:
         self.seen += 1
         return super().readings(state)
 
@@ -59,12 +66,19 @@ class Counts(EveryFortyTicks):
 
 
 class Bench:
-    def __init__(self, model: EveryFortyTicks | None = None, worlds: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        model: EveryFortyTicks | None = None,
+        worlds: Sequence[str] = (),
+        patience_ticks: int | None = None,
+    ) -> None:
         self.model = model or EveryFortyTicks()
         self.asked: list[str] = []
         self.worlds = worlds
         self.published: list[Message] = []
         self.acks: list[Ack] = []
+        self.told: list[Gaps] = []
+        self.account = Account("rover/it", Events(TICK_RATE_HZ / PERIOD), [""], self.told.append)
         self.sensor = SensorProcess(
             self.model,
             expected_world_hash=HASH,
@@ -72,18 +86,38 @@ class Bench:
             ack_ticks=ACK_TICKS,
             publish=self.published.append,
             acknowledge=self.acks.append,
+            account=self.account,
+            patience_ticks=patience_ticks,
         )
 
     def _renew(self, world: str) -> bool:
         self.asked.append(world)
         return world in self.worlds
 
-    def take(self, ticks: Iterable[int], epoch: int = 0) -> None:
+    def take(self, ticks: Iterable[int], epoch: int = 0, waiting: int = 0) -> None:
         for tick in ticks:
-            self.sensor.take(State("run", epoch, epoch, tick, tick * 2_500_000, HASH, {}))
+            state = State("run", epoch, epoch, tick, tick * TICK_NANOS, HASH, {})
+            self.sensor.take(state, waiting)
 
     def stamps(self) -> list[int]:
-        return [m.stamp_nanos for m in self.published if isinstance(m, Clock)]
+        """Return those of what was published, in ticks."""
+        return [
+            (m.stamp_nanos - m.epoch_nanos) // TICK_NANOS
+            for m in self.published
+            if isinstance(m, Clock)
+        ]
+
+    def gaps(self) -> list[tuple[str, int, int, int]]:
+        """Return what was told to be missing: why, from and to which tick, how many."""
+        return [
+            (gap.cause, gap.first_nanos // TICK_NANOS, gap.last_nanos // TICK_NANOS, gap.readings)
+            for told in self.told
+            for gap in told.gaps
+        ]
+
+    def memories(self) -> list[bytes]:
+        """Return what the model remembered at each word of its process."""
+        return [msgspec.msgpack.decode(ack.memory)[1] for ack in self.acks]
 
 
 @pytest.fixture
@@ -95,12 +129,15 @@ def test_states_go_in_and_readings_come_out(bench: Bench) -> None:
     bench.take(range(200))
     assert bench.stamps() == [0, 40, 80, 120]
     assert (bench.sensor.readings, bench.sensor.missed_ticks) == (4, 0)
+    assert bench.told == []
 
 
 def test_a_gap_is_counted_and_restarts_the_model(bench: Bench) -> None:
     bench.take([*range(100), *range(110, 250)])
     assert bench.sensor.missed_ticks == 10
     assert bench.stamps() == [0, 40, 120, 160, 200]
+    assert bench.gaps() == [("states lost", 80, 80, 1)]
+    assert bench.account.missing == {"states lost": 1}
 
 
 def test_repeated_states_are_passed_over(bench: Bench) -> None:
@@ -114,6 +151,7 @@ def test_a_new_life_of_physics_begins_anew_without_a_gap(bench: Bench) -> None:
     bench.take(range(100), epoch=2)
     assert bench.stamps() == [0, 40, 0, 40]
     assert bench.sensor.missed_ticks == 0
+    assert bench.told == []
 
 
 def test_a_successor_repeats_nothing_that_was_settled(bench: Bench) -> None:
@@ -134,9 +172,49 @@ def test_a_gap_after_resuming_withholds_nothing(bench: Bench) -> None:
     assert bench.stamps() == [40, 80, 160, 200]
 
 
+def test_who_joins_a_run_under_way_was_not_there(bench: Bench) -> None:
+    bench.take(range(110, 201))
+    assert bench.stamps() == [120, 160]
+    assert bench.gaps() == [("not there", 0, 80, 3)]
+
+
+def test_what_a_successor_cannot_make_up_for_is_missing_since_its_predecessor(
+    bench: Bench,
+) -> None:
+    bench.take(range(101))
+    after = Bench()
+    after.sensor.resume(bench.acks[-1])
+    after.take(range(300, 401))
+    assert bench.stamps() + after.stamps() == [0, 40, 320, 360]
+    assert after.gaps() == [("restarted", 80, 280, 6)]
+
+
+def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
+    bench = Bench(patience_ticks=100)
+    bench.take(range(90), waiting=100)
+    bench.take(range(90, 190), waiting=101)
+    # Not before it is abreast: else it would be behind again at once.
+    bench.take(range(190, 240), waiting=1)
+    bench.take(range(240, 401))
+    assert bench.stamps() == [0, 40, 240, 280, 320, 360]
+    assert bench.gaps() == [("overloaded", 80, 200, 4)]
+    patient = Bench()
+    patient.take(range(401), waiting=1000)
+    assert patient.told == []
+
+
+def test_what_is_lost_after_what_was_let_go_has_its_own_cause() -> None:
+    bench = Bench(patience_ticks=100)
+    bench.take([*range(90), 100])
+    bench.take(range(101, 150), waiting=101)
+    bench.take([*range(150, 300), *range(350, 500)])
+    assert bench.gaps() == [("overloaded", 80, 120, 2), ("states lost", 280, 320, 2)]
+
+
 def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
     bench.take(range(101))
-    assert bench.acks == [Ack(0, 0, 0), Ack(0, ACK_TICKS, 40), Ack(0, 2 * ACK_TICKS, 80)]
+    told = [(ack.life, ack.tick, ack.settled_tick) for ack in bench.acks]
+    assert told == [(0, 0, 0), (0, ACK_TICKS, 40), (0, 2 * ACK_TICKS, 80)]
 
 
 def test_another_world_is_refused(bench: Bench) -> None:
@@ -160,16 +238,17 @@ def test_a_changed_world_is_asked_for_once_and_then_known() -> None:
 def test_what_a_model_remembers_goes_with_its_progress() -> None:
     bench = Bench(Counts())
     bench.take(range(101))
-    assert [ack.memory for ack in bench.acks] == [b"1", b"51", b"101"]
+    assert bench.memories() == [b"1", b"51", b"101"]
 
 
 def test_a_successor_is_told_what_its_predecessor_remembered() -> None:
-    model = Counts()
+    before, model = Bench(Counts()), Counts()
+    before.take(range(51))
     bench = Bench(model)
-    bench.sensor.resume(Ack(0, 50, 40, b"51"))
+    bench.sensor.resume(before.acks[-1])
     bench.take(range(30, 60))
     assert model.seen == 51 + 20  # From the settled tick on: earlier states are for others.
-    assert bench.acks[:1] == [Ack(0, 50, 40, b"51")]  # And tells it on, should it end at once.
+    assert bench.acks[:1] == before.acks[-1:]  # And tells it on, should it end at once.
 
 
 def test_a_gap_is_remembered_over_but_no_new_life_of_physics() -> None:
@@ -186,7 +265,6 @@ class Skips(EveryFortyTicks):
 
     def __init__(self) -> None:
         super().__init__()
-        self.skipped = 0
         self.told: list[int] = []
 
     def behind(self, waiting: int) -> None:
@@ -195,7 +273,13 @@ class Skips(EveryFortyTicks):
 
 def test_a_model_that_skips_is_told_how_far_behind_it_is() -> None:
     model = Skips()
-    bench = Bench(model)
+    bench = Bench(model, patience_ticks=100)
     for tick, waiting in enumerate((0, 3, 41)):
-        bench.sensor.take(State("run", 0, 0, tick, tick * 2_500_000, HASH, {}), waiting)
+        bench.take([tick], waiting=waiting)
     assert model.told == [0, 3, 41]
+
+
+def test_one_that_is_waited_for_is_not() -> None:
+    model = Skips()
+    Bench(model).take(range(3), waiting=41)
+    assert model.told == []

@@ -9,7 +9,7 @@ argument; nothing here sends.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from typing import Deque, List, NamedTuple, Optional, Tuple
+from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from .header import NANOS, SEQ_NUMBERS, SIGNED_SEQ_NUMBERS
 from .message import Message
@@ -184,6 +184,10 @@ class Accounts:
         row = self._topics.get((report.msg_type, topic))
         if row is not None and row.sent:
             row.take(report, told_nanos)
+
+    def left(self) -> Dict[Tuple[int, str], int]:
+        """Return how many messages of each topic have left, by msg_type and topic."""
+        return {key: row.sent for key, row in self._topics.items()}
 
     def rows(self, now_nanos: int) -> List[Account]:
         """Return the accounts at this moment; to be asked about once a second."""

@@ -2,8 +2,8 @@
 """Bodies of the bridge's own messages, to the byte: Subscribe (type 7) and Control (type 64).
 
 Each class packs itself and parses itself; `parse` tells the kinds of Control apart, of which
-`reports` has two. A body that is not exactly right raises `Refused` (`body_size` or
-`body_value`). Nothing here acts on them.
+`reports`, `lockstep` and `wishing` have two each. A body that is not exactly right raises
+`Refused` (`body_size` or `body_value`). Nothing here acts on them.
 """
 
 from __future__ import annotations
@@ -13,17 +13,23 @@ from struct import Struct
 from typing import Dict, NamedTuple, Type, Union
 
 from .header import BadMessage, Buffer, Refused
+from .lockstep import Barrier, Word
 from .reports import NO_AGE, LinkReport, TopicReport
 from .types import MSG_TYPES
+from .wishing import Wish, WishAnswer
 
 __all__ = [
     "NO_AGE",
+    "Barrier",
     "Control",
     "Credit",
     "CreditRequest",
     "LinkReport",
     "Subscribe",
     "TopicReport",
+    "Wish",
+    "WishAnswer",
+    "Word",
     "parse",
 ]
 
@@ -104,12 +110,16 @@ class CreditRequest(NamedTuple):
         return cls()
 
 
-Control = Union[Credit, TopicReport, LinkReport, CreditRequest]
+Control = Union[Credit, TopicReport, LinkReport, CreditRequest, Barrier, Word, Wish, WishAnswer]
 _KINDS: Dict[int, Type[Control]] = {
     0: Credit,
     1: TopicReport,
     2: LinkReport,
     3: CreditRequest,
+    4: Barrier,
+    5: Word,
+    6: Wish,
+    7: WishAnswer,
 }
 
 

@@ -19,11 +19,11 @@ from .flow import DatagramKey
 from .fragments import DatagramSize
 from .header import NANOS, Buffer, Header
 from .parking import NoParking, Parking
-from .repair import RepairTable
+from .repair import Mode, RepairTable
 from .repair_wire import Request
 from .sending import Address, Datagram, Outbox, take_in_turn
 from .udp_socket import DatagramSocket, resolve
-from .waiting import WaitingTable
+from .waiting import TopicKey, WaitingTable
 
 AT_ONCE_BYTES = 1 << 24
 """What the thread that calls `send` sends itself: the largest message or nearly all of it, for to
@@ -40,7 +40,7 @@ class Departures:
     def __init__(self, datagram: DatagramSize, *, signed_peer: bool, repair: RepairTable) -> None:
         self._datagram = datagram
         self._signed_peer = signed_peer
-        self._repair = repair
+        self._repair: Dict[TopicKey, Mode] = dict(repair)
         self._overhead = 0
         self._large_waiting: Optional[WaitingTable] = None
         self._lock = threading.RLock()  # guards all of the sending side

@@ -45,3 +45,9 @@ class KnownHeaders:
             self.small[key] = packed, cut.part_size
         else:
             self.large[key] = Alike(packed, body_size, cut)
+
+    def forget(self, msg_type: int, topic: str) -> None:
+        """Keep no header of a topic any more."""
+        for key in [key for key in (*self.small, *self.large) if key[:2] == (msg_type, topic)]:
+            self.small.pop(key, None)
+            self.large.pop(key, None)

@@ -22,7 +22,7 @@ from .holdings import Limits
 from .listening import Listening, OnMessage
 from .message import Message
 from .receiving import Inbox
-from .repair import RepairTable, check_table
+from .repair import Mode, RepairTable, check_table
 from .sending import Address
 from .udp_socket import DatagramSocket, UdpSocket
 from .waiting import WaitingTable
@@ -197,6 +197,27 @@ class Link(Departures):
             if express.is_last and not self._is_relied_on:
                 return
         self._send_at_once(AT_ONCE_BYTES)
+
+    def mend(self, msg_type: int, topic: str, mode: Mode) -> None:
+        """Make good what is lost of a topic from now on; from any thread.
+
+        Raises
+        ------
+        BadMessage
+            When that needs a package that is not installed.
+        """
+        check_table({(msg_type, topic): mode})
+        with self._lock:
+            self._repair[msg_type, topic] = mode
+            for outbox in self._turn:
+                outbox.mends(msg_type, topic)
+
+    def left(self, to: Optional[Address] = None) -> Dict[Tuple[int, str], int]:
+        """Return how many messages have left for `to`, or else the peer, by msg_type and topic."""
+        to = to if to is not None else self._peer
+        with self._lock:
+            outbox = self._routes.get(to) if to is not None else None
+            return outbox.accounts.left() if outbox is not None else {}
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all that was queued is sent; return whether it is."""

@@ -187,6 +187,10 @@ class Outbox:
         self.resender.sent_again()
         return Datagram(*part, self.to, is_last=False)
 
+    def mends(self, msg_type: int, topic: str) -> None:
+        """Take the long way with a topic from now on: the table has a mode of repair for it."""
+        self._known.forget(msg_type, topic)
+
     @property
     def large_topic(self) -> Tuple[int, str]:
         """msg_type and topic of the large message that began to leave last."""

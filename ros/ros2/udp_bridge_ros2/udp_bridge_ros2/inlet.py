@@ -44,13 +44,22 @@ class Inlet:
         Where subscriptions are created; its clock stamps what has no stamp of its own.
     is_published
         Tells whether a topic is one that the bridge itself fills.
+    heard
+        Called with the topic of each message that came, in the thread that spins the node.
     """
 
-    def __init__(self, node: Node, *, is_published: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        *,
+        is_published: Callable[[str], bool],
+        heard: Callable[[str], object] = lambda _: None,
+    ) -> None:
         self.sent = 0
         """Messages handed to the link."""
         self._node = node
         self._is_published = is_published
+        self._heard = heard
         self._asked: deque[tuple[Subscribe, str, Address]] = deque(maxlen=1024)
         self._subscriptions: dict[Key, Any] = {}
         self._wishes: dict[Key, dict[Address, Wish]] = {}
@@ -59,6 +68,11 @@ class Inlet:
     def put(self, subscribe: Subscribe, topic: str, sender: Address) -> None:
         """Hand over what a peer asked for; from any thread, never blocks."""
         self._asked.append((subscribe, topic, sender))
+
+    @property
+    def topics(self) -> list[Key]:
+        """What is subscribed to."""
+        return list(self._subscriptions)
 
     def turn(self, link: Link, now_nanos: int) -> float:
         """Do what is due; return the seconds until something else may be.
@@ -153,6 +167,7 @@ class Inlet:
     def _offer(self, key: Key, outgoing: Outgoing) -> None:
         for wish in self._wishes.get(key, {}).values():
             wish.offer(outgoing)
+        self._heard(key[1])
 
     def _send(self, link: Link, key: Key, to: Address, outgoing: Outgoing) -> None:
         stamp_nanos = outgoing.stamp_nanos

@@ -15,18 +15,21 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from udp_bridge import MSG_TYPES, Link, Message, Refused
+from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
-from udp_bridge.control import Subscribe
+from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.keys import read_key
 from udp_bridge.seal import FROM_ROS
-from udp_bridge.types import SUBSCRIBE
+from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
 
 from . import environment
+from .asking import Asking
 from .diagnostics import Diagnostics
 from .inlet import Inlet
+from .lockstep import Lockstep
 from .outlet import Outlet
+from .services import Services
 
 Address = tuple[str, int]
 
@@ -82,7 +85,18 @@ class BridgeNode(Node):
         self._peer = _resolve(parse_address(peer, what="peer")) if peer else None
         self._refused = 0
         self._outlet = Outlet(self, self._fated)
-        self._inlet = Inlet(self, is_published=self._outlet.publishes)
+        self._inlet = Inlet(
+            self,
+            is_published=self._outlet.publishes,
+            heard=lambda topic: self._lockstep.heard(topic),
+        )
+        wake = self.create_guard_condition(lambda: None)
+        self._lockstep = Lockstep(
+            *(self, self._outlet, self._inlet),
+            wake=wake.trigger,
+            drop=lambda message, sender: self._link.dropped(message, sender),
+        )
+        self._asking = Asking(self._send_wish)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         try:
@@ -101,16 +115,19 @@ class BridgeNode(Node):
         self.get_logger().info(f"receiving at {host}:{port}; {environment.describe(os.environ)}")
         if hint := buffer_hint(self._link.receive_buffer):
             self.get_logger().warning(hint)
+        self._run_services = Services(self, self._asking)
 
     def turn(self) -> None:
         """Serve ROS and the wishes of peers for a moment, 0.1 s at most."""
         now_nanos = time.monotonic_ns()
         wait_s = self._inlet.turn(self._link, now_nanos)
+        self._lockstep.turn(self._link)
         self._diagnostics.turn(now_nanos)
         self._executor.spin_once(timeout_sec=wait_s)
 
     def close(self) -> None:
         """End all threads and say in one line what was done."""
+        self._run_services.close()
         self._link.close()
         self._outlet.close()
         counts = self._link.counters()
@@ -130,12 +147,27 @@ class BridgeNode(Node):
             return
         row = MSG_TYPES[message.msg_type]
         if row.ros_type is not None:
-            self._outlet.put(row, message, sender)
-        elif message.msg_type == SUBSCRIBE:
+            if not self._lockstep.holds(message, sender):
+                self._outlet.put(row, message, sender)
+        elif message.msg_type in (SUBSCRIBE, CONTROL):
             try:
-                self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
+                self._hear(message, sender)
             except Refused:
                 self._refused += 1
+
+    def _hear(self, message: Message, sender: Address) -> None:
+        if message.msg_type == SUBSCRIBE:
+            self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
+            self._asking.heard(sender)
+            return
+        said = control.parse(message.body)
+        if isinstance(said, WishAnswer):
+            self._asking.answered(said, sender)
+        elif isinstance(said, Barrier):
+            self._lockstep.take(said, sender, self._link)
+
+    def _send_wish(self, wish: Wish, to: Address) -> None:
+        self._link.send(CONTROL, "", "", time.time_ns(), wish.pack(), to)
 
     def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
         (self._link.published if is_published else self._link.dropped)(message, sender)

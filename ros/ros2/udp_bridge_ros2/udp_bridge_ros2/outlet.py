@@ -14,9 +14,11 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
+
+from udp_bridge import MSG_TYPES
 
 from . import topics
 
@@ -105,7 +107,7 @@ class Outlet:
         self._lock = threading.Lock()  # guards channels and what waits in them
         self._channels: dict[tuple[int, str], _Channel] = {}
         # Of each message that waits, its channel; a queue of C wakes its reader soonest.
-        self._turn: SimpleQueue[_Channel | None] = SimpleQueue()
+        self._turn: SimpleQueue[_Channel | Callable[[], object] | None] = SimpleQueue()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
         self._thread.start()
@@ -132,15 +134,9 @@ class Outlet:
         sender
             Where it came from.
         """
-        topic = message.topic or row.default_topic
         with self._lock:
-            channel = self._channels.get((row.number, topic))
+            channel = self._channel(row, message)
             if channel is None:
-                if len(self._channels) >= MAX_TOPICS:
-                    self._refuse(message, sender)
-                    return
-                channel = self._channels[row.number, topic] = _Channel(row, topic)
-            if channel.is_refused or message.body[:2] != _ENCAPSULATION:
                 self._refuse(message, sender)
                 return
             if not channel.is_quick():
@@ -154,6 +150,35 @@ class Outlet:
         if self._publish(channel, message, sender):
             self._published_here += 1
 
+    def prepare(self, row: MessageType, message: Message, sender: Address) -> bool:
+        """Have a publisher for messages like this one; return whether it is new."""
+        with self._lock:
+            channel = self._channel(row, message)
+        if channel is None or channel.publisher is not None:
+            return False
+        try:
+            channel.publisher = self._create_publisher(channel, message, sender)
+        except Exception as error:
+            self._complain(channel, error)
+        return True
+
+    def put_all(
+        self, messages: Sequence[Message], sender: Address, then: Callable[[], object]
+    ) -> None:
+        """Publish all of these in their order, behind the queue, and call `then` on its thread."""
+
+        def publish() -> None:
+            for message in messages:
+                with self._lock:
+                    channel = self._channel(MSG_TYPES[message.msg_type], message)
+                if channel is None:
+                    self._refuse(message, sender)
+                else:
+                    self._published_behind += self._publish(channel, message, sender)
+            then()
+
+        self._turn.put(publish)
+
     def publishes(self, topic: str) -> bool:
         """Tell whether messages of the bridge go out on this topic."""
         with self._lock:
@@ -165,18 +190,27 @@ class Outlet:
         self._turn.put(None)
         self._thread.join()
 
-    def _take(self) -> tuple[_Channel, Message, Address] | None:
-        channel = self._turn.get()
-        if channel is None or self._is_closed:
-            return None
-        with self._lock:
-            channel.is_publishing = True
-            return (channel, *channel.waiting.popleft())
+    def _channel(self, row: MessageType, message: Message) -> _Channel | None:
+        """Return the channel of a message, a new one perhaps; None where ROS can't take it."""
+        topic = message.topic or row.default_topic
+        channel = self._channels.get((row.number, topic))
+        if channel is None:
+            if len(self._channels) >= MAX_TOPICS:
+                return None
+            channel = self._channels[row.number, topic] = _Channel(row, topic)
+        is_taken = not channel.is_refused and message.body[:2] == _ENCAPSULATION
+        return channel if is_taken else None
 
     def _run(self) -> None:
-        while (taken := self._take()) is not None:
-            self._published_behind += self._publish(*taken)
-            taken[0].is_publishing = False
+        while (turn := self._turn.get()) is not None and not self._is_closed:
+            if not isinstance(turn, _Channel):
+                turn()
+                continue
+            with self._lock:
+                turn.is_publishing = True
+                message, sender = turn.waiting.popleft()
+            self._published_behind += self._publish(turn, message, sender)
+            turn.is_publishing = False
 
     def _publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
         """Return whether a message was handed to ROS; it is not when ROS has it or refuses it."""

@@ -19,7 +19,7 @@ from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel
-from services.sensors.model import parted
+from services.sensors.model import LeftOut, parted
 from services.sensors.rendering.eye import Eye
 from services.sensors.rendering.messages import jpeg
 from services.view.canvas import Seen
@@ -39,17 +39,16 @@ def spec(**fields: Any) -> Camera:
     )
 
 
-def world(*, mode: str = "fast") -> Scenario:
-    made = yard(
+def world() -> Scenario:
+    return yard(
         box("ground", (40, 40, 1), (0, 0, -1.5)),
         box("crate", (1, 1, 1), (5, 0.8, 0.5), "black"),
         frame_prefix="one/",
     )
-    return replace(made, time=replace(made.time, mode=mode))  # type: ignore[arg-type]
 
 
-def camera(*, mode: str = "fast", **fields: Any) -> CameraModel:
-    made = world(mode=mode)
+def camera(**fields: Any) -> CameraModel:
+    made = world()
     return CameraModel(made, made.vehicles[0], spec(**fields))
 
 
@@ -60,8 +59,10 @@ def taken(
     streams: dict[str, list[Message]] = {}
     for state in run:
         model.behind(waiting)
-        for output, message in map(parted, model.readings(state)):
-            streams.setdefault(output, []).append(message)
+        for made in model.readings(state):
+            if not isinstance(made, LeftOut):
+                output, message = parted(made)
+                streams.setdefault(output, []).append(message)
         assert model.settled_tick() in (-1, state.tick - span_ticks)
     return streams
 
@@ -227,18 +228,22 @@ def test_tf_leads_to_the_optical_frame() -> None:
     assert (columns.mean(), rows.mean()) == pytest.approx((u, v), abs=1.5)
 
 
-def test_late_pictures_are_skipped_in_real_time_alone() -> None:
+def left_out(model: CameraModel, ticks: int, waiting: int) -> list[LeftOut]:
+    found = []
+    for state in resting(ticks):
+        model.behind(waiting)
+        found += [made for made in model.readings(state) if isinstance(made, LeftOut)]
+    return found
+
+
+def test_late_pictures_are_left_out_and_marked() -> None:
     period = 14  # ticks of 30 Hz, rounded up
-    late = camera(mode="realtime")
-    assert taken(late, resting(81), waiting=period) == {}
-    assert late.skipped == 7
+    marks = [LeftOut(i * 1_000_000_000 // 30, "overloaded") for i in range(7)]
+    assert left_out(camera(), 81, period) == marks
+    assert taken(camera(), resting(81), waiting=period) == {}
     # A little behind is no reason: the next picture is not due.
-    busy = camera(mode="realtime")
-    assert len(taken(busy, resting(81), waiting=period - 2)["image"]) == 7
-    assert busy.skipped == 0
-    patient = camera(mode="fast")
-    assert len(taken(patient, resting(81), waiting=1000)["image"]) == 7
-    assert patient.skipped == 0
+    assert left_out(camera(), 81, period - 2) == []
+    assert len(taken(camera(), resting(81), waiting=period - 2)["image"]) == 7
 
 
 def test_a_state_without_its_vehicle_is_refused_and_forgotten() -> None:
@@ -326,14 +331,12 @@ def test_a_picture_waits_for_the_end_of_its_exposure() -> None:
     model = camera(imager=imager)
     seen = {state.tick: model.readings(state) for state in resting(40)}
     assert [tick for tick, made in seen.items() if made] == [9, 14 + 9, 27 + 9]
-    assert parted(seen[9][0])[1].stamp_nanos == EPOCH_NANOS  # type: ignore[attr-defined]
+    first = seen[9][0]
+    assert not isinstance(first, LeftOut)
+    assert parted(first)[1].stamp_nanos == EPOCH_NANOS  # type: ignore[attr-defined]
     assert model.settled_tick() == 39 - 9
     for waiting, skipped in ((14, 3), (12, 0)):
-        late = camera(mode="realtime", imager=imager)
-        for state in resting(40):
-            late.behind(waiting)
-            late.readings(state)
-        assert late.skipped == skipped
+        assert len(left_out(camera(imager=imager), 40, waiting)) == skipped
 
 
 def test_exposure_and_gain_make_pictures_brighter() -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from msgspec.structs import replace
-
 from groundlink.scenario.depth_cameras import DepthCamera
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount
@@ -25,12 +23,11 @@ def spec(**fields: Any) -> DepthCamera:
     )
 
 
-def world(*, mode: str = "fast") -> Scenario:
+def world() -> Scenario:
     """Return a crate in front of a wall, on the ground, under the sky."""
-    made = yard(
+    return yard(
         box("ground", (40, 40, 1), (0, 0, -1.5)),
         box("wall", (1, 12, 2), (8.5, 0, 1.0)),
         box("crate", (1, 1, 1), (4.0, 0.8, 0.9), "black"),
         frame_prefix="one/",
     )
-    return replace(made, time=replace(made.time, mode=mode))  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from groundlink.ros_streams import outgoing
 from groundlink.scenario.depth_cameras import ColorStream
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
-from services.sensors.model import parted
+from services.sensors.model import LeftOut, parted
 from services.sensors.rendering.eye import Eye
 from services.sensors.rendering.messages import jpeg
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
@@ -35,8 +35,8 @@ ALL: dict[str, Any] = {
 NOISY: dict[str, Any] = {"baseline_m": 0.05, "disparity_stddev_px": 0.01, "edge_holes_px": 2}
 
 
-def camera(*, mode: str = "fast", by_rays: bool = False, **fields: Any) -> DepthCameraModel:
-    made, sensor = world(mode=mode), spec(**fields)
+def camera(*, by_rays: bool = False, **fields: Any) -> DepthCameraModel:
+    made, sensor = world(), spec(**fields)
     eye = RayEye(made, made.vehicles[0], sensor) if by_rays else None
     return DepthCameraModel(made, made.vehicles[0], sensor, eye=eye)
 
@@ -45,7 +45,9 @@ def taken(model: DepthCameraModel, run: list[State]) -> dict[str, list[Any]]:
     """Return the messages of each stream."""
     streams: dict[str, list[Message]] = {}
     for state in run:
-        for output, message in map(parted, model.readings(state)):
+        for made in model.readings(state):
+            assert not isinstance(made, LeftOut)
+            output, message = parted(made)
             streams.setdefault(output, []).append(message)
         assert model.settled_tick() == state.tick
     return streams
@@ -148,13 +150,6 @@ def test_noise_is_new_in_every_picture() -> None:
     assert not np.array_equal(depth(first), depth(second))
     calm = taken(camera(), resting(15))[""]
     assert np.array_equal(depth(calm[0]), depth(calm[1]))
-
-
-def test_late_pictures_are_skipped_in_real_time() -> None:
-    late = camera(mode="realtime")
-    late.behind(14)
-    assert taken(late, resting(81)) == {}
-    assert late.skipped == 7
 
 
 def test_a_state_without_its_vehicle_is_refused_and_forgotten() -> None:

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far sim time drifts from the wall clock in real time: `python -m benchmarks.drift`.
+
+Rule: physics steps the default scenario 400 times a second, as ever, and this process hears each
+state. What a state's stamp is behind the wall clock, at the least over some seconds, is the way it
+takes and does not grow; what it has grown by from the first seconds to the last is the drift. Time
+may not stretch (`overload: skip`): where it may, it does when a machine is too busy, and says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from groundlink.bus import Bus
+from groundlink.clock import NANOS, TICK_RATE_HZ
+from groundlink.inbox import Inbox
+from groundlink.messages import State
+from groundlink.topics import STATE
+
+SCENARIO = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
+RUN = "drift"
+SECONDS = 600.0
+LEAST_OVER_SECONDS = 5.0
+MOST_MS = 10.0
+
+
+def ages_ms(endpoint: str, seconds: float) -> list[float]:
+    """Return the least age of a state in each few seconds of a run, in ms.
+
+    Raises
+    ------
+    RuntimeError
+        when a state is missing: it might have been the youngest.
+    """
+    states: Inbox[State] = Inbox(depth=4096)
+    ages: list[float] = []
+    least, tick = float("inf"), -1
+    ticks = round(LEAST_OVER_SECONDS * TICK_RATE_HZ)
+    with Bus(listen=endpoint) as bus:
+        bus.subscribe(STATE.key_in(RUN), State, states)
+        mode = ("--mode", "realtime", "--overload", "skip")
+        command = ("-m", "services.physics", str(SCENARIO), *mode)
+        physics = subprocess.Popen([sys.executable, *command, "--run", RUN, "--connect", endpoint])
+        try:
+            while len(ages) * LEAST_OVER_SECONDS < seconds:
+                arrived = states.get(seconds=30)
+                if arrived is None or arrived[1].tick != tick + 1:
+                    raise RuntimeError(f"the state after tick {tick} did not come")
+                least = min(least, (time.time_ns() - arrived[1].stamp_nanos) / NANOS * 1e3)
+                tick += 1
+                if tick % ticks == ticks - 1:
+                    ages.append(least)
+                    least = float("inf")
+        finally:
+            physics.terminate()
+            physics.wait()
+    return ages
+
+
+def main() -> int:
+    """Measure, print, and with --check compare."""
+    parser = argparse.ArgumentParser(prog="benchmarks.drift", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="to run (%(default)g)")
+    parser.add_argument("--check", action="store_true", help="fail above what is allowed")
+    options = parser.parse_args()
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    ages = ages_ms(endpoint, options.seconds)
+    drift = ages[-1] - ages[0]
+    print(
+        f"{len(ages) * LEAST_OVER_SECONDS:g} s at {TICK_RATE_HZ} Hz: sim time is {drift:+.3f} ms "
+        f"behind the wall clock, at most {max(ages) - ages[0]:+.3f} ms (allowed {MOST_MS:g} ms)"
+    )
+    failed = abs(drift) > MOST_MS
+    return int(options.check and failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

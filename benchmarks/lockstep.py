@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast a run in lockstep is, and what the waiting costs: `python -m benchmarks.lockstep`.
+
+Rule: what runs is what `groundlink up` starts for the default scenario in fast mode, without its
+camera, and a plain receiver for ROS. One run has many lives, each of so many ticks from a reset to
+the last acknowledgement of the slowest. Every other one is free: the same processes and states, but
+physics waits for nobody before the last tick. Nothing may be lost in either, or nothing is said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import socket
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.cli import running
+from groundlink.clock import TICK_SECONDS
+from groundlink.control import Reset
+from groundlink.control_query import ask
+from groundlink.inbox import Inbox
+from groundlink.messages import Ack, Health, Message
+from groundlink.scenario import Scenario, load
+from groundlink.supervisor import Supervisor
+from groundlink.topics import ACK, HEALTH
+
+DEFAULT = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
+RUN = "benchmark"
+TICKS = 3200
+"""Of a life: 8 s. A sensor keeps 4,096 states, so that none is lost in a free one."""
+
+PAIRS = 7
+LEAST_FACTOR = 4.0
+MOST_COST = 0.3
+LOST = ("missed_ticks", "bus_dropped", "gap_overloaded")
+"""Counters that have to be 0."""
+
+
+def scenario_file(folder: Path) -> Path:
+    """Write the scenario into a folder."""
+    document = yaml.safe_load(DEFAULT.read_text(encoding="utf-8"))
+    for vehicle in document["vehicles"]:
+        vehicle["sensors"] = [s for s in vehicle["sensors"] if s["kind"] != "camera"]
+    document["time"] = {"mode": "fast", "epoch": "zero"}
+    bind, peer = (f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}" for _ in range(2))
+    document["gateway"] = {"bind": bind, "peer": peer}
+    file = folder / "lockstep.yaml"
+    file.write_text(json.dumps(document), encoding="utf-8")
+    return file
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    """Return a port that nobody has."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def physics() -> None:
+    """Be the physics process; every other life waits for nobody before its last tick."""
+    from services.physics import __main__, pace
+    from services.physics import life as lives
+    from services.physics.parties import Demand
+
+    round_number = itertools.count()
+    as_ever = pace.pace_of
+
+    def pace_of_life(scenario: Scenario, life: int, others: Sequence[str]) -> pace.Pace:
+        free = next(round_number) % 2
+
+        def window(ticks: int) -> Demand:
+            return lambda tick: TICKS if tick > TICKS else -1 if free else tick - ticks
+
+        pace.window = window  # type: ignore[attr-defined]
+        return as_ever(scenario, life, others)
+
+    lives.pace_of = pace_of_life  # type: ignore[attr-defined]
+    process.run(__main__.NAME, __main__.main)
+
+
+def life_seconds(acks: Inbox[Ack], needed: set[str], after: int) -> tuple[int, float]:
+    """Return a life after another one, and how long it took from the first word to the end."""
+    reached: dict[str, int] = {}
+    life, begun = after, 0.0
+    while len(reached) < len(needed) or min(reached.values()) < TICKS:
+        arrived = acks.get(seconds=30)
+        if arrived is None:
+            raise RuntimeError(f"silence; acknowledged was {reached}")
+        name, ack = arrived[0].partition("/ack/")[2], arrived[1]
+        if ack.life > life:
+            life, reached, begun = ack.life, {}, time.monotonic()
+        if life > after and ack.life == life and name in needed:
+            reached[name] = ack.tick
+    return life, time.monotonic() - begun
+
+
+def lost(health: Inbox[Message]) -> dict[str, int]:
+    """Return what processes have counted that must not be."""
+    found: dict[str, int] = {}
+    while len(health) and (arrived := health.get(seconds=0)):
+        word = arrived[1]
+        assert isinstance(word, Health)
+        for what in LOST:
+            if count := word.counters.get(what):
+                found[f"{word.process} {what}"] = count
+    return found
+
+
+def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[float]]:
+    """Return the seconds of each pair of lives: one in lockstep, one free."""
+    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    commands = running.commands(scenario, str(file), RUN, endpoint, sensors_together=together)
+    commands["physics"][:2] = ["-m", "benchmarks.lockstep", "physics"]
+    receiver = ("-m", "udp_bridge", "listen", "--bind", scenario.gateway.peer, "--quiet")
+    supervisor = Supervisor({**commands, running.ROS_SIDE: receiver}, lambda *said: print(*said))
+    needed = {*scenario.sensor_names(), "gateway"}
+    acks: Inbox[Ack] = Inbox(depth=100_000)
+    health: Inbox[Message] = Inbox(depth=10_000)
+    with Bus(listen=endpoint) as bus:
+        bus.subscribe(ACK.key_in(RUN), Ack, acks)
+        bus.subscribe(HEALTH.key_in(RUN), Health, health)
+        supervisor.start()
+        try:
+            life, _ = life_seconds(acks, needed, -1)
+            seconds = []
+            for _ in range(1 + 2 * pairs):
+                ask(bus, RUN, Reset())
+                life, taken = life_seconds(acks, needed, life)
+                seconds.append(taken)
+        finally:
+            supervisor.stop()
+    if found := lost(health):
+        raise RuntimeError(f"lost: {found}; lives are not to be compared")
+    # The first two were to get warm.
+    return [seconds[i : i + 2] for i in range(1, 1 + 2 * pairs, 2)]
+
+
+def main() -> int:
+    """Measure, print, and with --check compare."""
+    parser = argparse.ArgumentParser(prog="benchmarks.lockstep", description=__doc__)
+    parser.add_argument("--pairs", type=int, default=PAIRS, help="of lives (%(default)s)")
+    parser.add_argument(
+        "--sensors-together", action="store_true", help="all sensors in one process"
+    )
+    parser.add_argument("--check", action="store_true", help="fail where less is demanded")
+    options = parser.parse_args()
+    sim_seconds = TICKS * TICK_SECONDS
+    with tempfile.TemporaryDirectory() as folder:
+        file = scenario_file(Path(folder))
+        pairs = measure(load(str(file)), file, options.pairs, options.sensors_together)
+    for held, free in pairs:
+        print(f"{sim_seconds / held:5.1f} x real time in lockstep, {sim_seconds / free:5.1f} free")
+    factor = sim_seconds / statistics.median(held for held, _ in pairs)
+    cost = statistics.median(held / free for held, free in pairs) - 1
+    print(f"lockstep: {factor:.1f} x real time (at least {LEAST_FACTOR:g})")
+    print(f"its cost over free running: {cost:.0%} (at most {MOST_COST:.0%})")
+    missed = factor < LEAST_FACTOR or cost > MOST_COST
+    if options.check and missed:
+        print("expected the figures in brackets", file=sys.stderr)
+    return int(options.check and missed)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["physics"]:
+        del sys.argv[1]
+        physics()
+    else:
+        sys.exit(main())

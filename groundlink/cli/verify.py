@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink verify RUN.mcap SCENARIO`: runs again and compares byte for byte.
+
+Rule: starts physics, which follows the recording's journal, those sensors that were recorded, and
+a recorder that compares instead of writing. What differs between then and now is said before;
+what differs between the two runs, after.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from groundlink import journal as journals
+from groundlink.bus import Bus
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.inbox import Inbox
+from groundlink.messages import Health
+from groundlink.run_monitor import RunMonitor
+from groundlink.scenario import Scenario, load
+from groundlink.supervisor import Supervisor
+from groundlink.topics import HEALTH, process_names
+
+from . import running
+
+if TYPE_CHECKING:
+    from groundlink.recording.comparison import Verdict
+
+FOLLOWED, VERDICT = "run.journal", "verdict.json"
+"""Files between this command and the processes that it starts."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("verify", help="run a recording again, compare byte for byte")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="file that was recorded")
+    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.set_defaults(command=verify)
+
+
+def verify(options: argparse.Namespace) -> int:
+    """Run again; 0 when every message that can be compared is equal, 1 when one is not."""
+    # Other commands work where the extra `record` is not installed.
+    from groundlink.recording import verifying
+    from groundlink.recording.comparison import Verdict
+    from groundlink.recording.reading import Recording
+
+    console = running.console()
+
+    def say(line: str) -> None:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    scenario = load(options.scenario)
+    with Recording(options.recording) as recording, tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        extent = verifying.extent(recording)
+        for line in verifying.otherwise(recording, scenario, extent):
+            say(line)
+        again = verifying.journal_again(recording, scenario)
+        journals.write(folder / FOLLOWED, journals.dumped(again))
+        absent = verifying.silent_sensors(recording, scenario)
+        epoch_nanos = recording.run.epoch_nanos
+        seconds = (extent.end_nanos - epoch_nanos) / NANOS
+        code = _run(console, options.recording, again.scenario, absent, folder, seconds)
+        if code is not None:
+            return code
+        verdicts = msgspec.json.decode((folder / VERDICT).read_bytes(), type=list[Verdict])
+        left_alone = {
+            topic: why
+            for topic, why in verifying.not_compared(recording).items()
+            if recording.topics[topic].messages
+        }
+    console.print(_table(verdicts, epoch_nanos))
+    for why in dict.fromkeys(left_alone.values()):
+        say(f"not compared: {', '.join(t for t in left_alone if left_alone[t] == why)}: {why}")
+    for line in _left_out(verdicts):
+        say(line)
+    different = sorted(
+        ((found.nanos, v) for v in verdicts if (found := v.first)), key=lambda pair: pair[0]
+    )
+    for number, (_, one) in enumerate(different):
+        say(("and: " if number else "the first difference: ") + _first(one, epoch_nanos))
+    if different:
+        return 1
+    messages = sum(v.equal for v in verdicts)
+    say(f"equal to the byte: {messages} messages of {len(verdicts)} topics")
+    return 0
+
+
+def _run(
+    console: Console,
+    recording: Path,
+    again: Scenario,
+    absent: Collection[str],
+    folder: Path,
+    seconds: float,
+) -> int | None:
+    """Run until all has come again; return an exit code where it did not."""
+    verdict = folder / VERDICT
+    run, endpoint = f"verify_{os.getpid()}", running.free_endpoint()
+    joining = running.joining(run, endpoint)
+    modules = process_names(again)
+    commands = {
+        "physics": ["-m", modules["physics"], "--follow", str(folder / FOLLOWED), *joining],
+        running.RECORDER: [
+            *("-m", "services.recorder.again", str(recording), "--verdict", str(verdict), *joining)
+        ],
+    }
+    commands["physics"] += ["--wait-for", running.RECORDER]
+    for name in again.sensor_names():
+        if name not in absent:
+            commands[name] = ["-m", modules[name], "--name", name, *joining]
+    stop = running.stop_on_signals()
+    supervisor = Supervisor(commands, running.say(console), finite={running.RECORDER})
+    recorder, monitor = supervisor.children[running.RECORDER], RunMonitor()
+    with Bus(listen=endpoint) as bus:
+        inbox: Inbox[Health] = Inbox(depth=1024)
+        bus.subscribe(HEALTH.key_in(run), Health, inbox)
+        supervisor.start()
+        try:
+            failed = running.watch(
+                supervisor,
+                monitor,
+                inbox,
+                stop,
+                show=running.display(console, lambda: _progress(monitor, seconds)),
+                is_over=lambda: recorder.is_done,
+            )
+        finally:
+            supervisor.stop()
+    if failed:
+        return running.cannot_run(supervisor, failed)
+    if not verdict.exists():
+        console.print("ended early: nothing is said of the recording")
+        return 1
+    return None
+
+
+def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
+    """Return how far the run is."""
+    health = monitor.health.get(running.RECORDER)
+    if health is None or health.tick < 0:
+        return Text("starting")
+    factor = monitor.real_time_factor
+    pace = "" if factor is None else f", {factor:.2f} x real time"
+    return Text(f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}")
+
+
+def _table(verdicts: list[Verdict], epoch_nanos: int) -> Table:
+    table = Table(title="the recording and the same run again", title_justify="left")
+    table.add_column("topic", no_wrap=True)
+    for column in ("recorded", "equal", "different", "not again", "only again", "first at"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for v in verdicts:
+        counts = (v.recorded, v.equal, v.different, v.missing, v.new)
+        first = "-" if v.first is None else f"{(v.first.nanos - epoch_nanos) / NANOS:.6f} s"
+        table.add_row(v.topic, *map(str, counts), first)
+    return table
+
+
+def _left_out(verdicts: list[Verdict]) -> Iterator[str]:
+    """Yield what came again and cannot be in the recording."""
+    for v in verdicts:
+        for cause, count in v.left_out.items():
+            yield f"left out when it was recorded: {v.topic}: {count} messages, {cause}"
+        if v.ragged:
+            yield f"under way when the recording began or ended: {v.topic}: {v.ragged} messages"
+
+
+def _first(verdict: Verdict, epoch_nanos: int) -> str:
+    """Return where a topic first differs: topic, time, field."""
+    found = verdict.first
+    assert found
+    stamp = f"{found.nanos // NANOS}.{found.nanos % NANOS:09d}"
+    place = f" at {(found.nanos - epoch_nanos) / NANOS:.6f} s (stamp {stamp})"
+    place += f", message {found.number} of {verdict.recorded}"
+    return f"{verdict.topic}{place if found.number else ''}: {found.words}"

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who held up a run and for how long, as physics tells it among its counters.
+
+Rule: counters are whole numbers by name; which names stand for what is known here alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+_SILENT_NOW, _SILENT, _STRETCHED = "silent_now ", "silent_ms ", "stretched_ms "
+"""Before a process's name. That of one that is silent now has 1."""
+
+
+@dataclass(frozen=True)
+class HoldUps:
+    """What a run has been through."""
+
+    silent_now: tuple[str, ...] = ()
+    """Processes that have been waited for in vain for longer than the scenario's deadline."""
+
+    silent_seconds: Mapping[str, float] = field(default_factory=dict)
+    """Wall time, by process, of all such waits, from their begin; the present ones included."""
+
+    stretched_seconds: Mapping[str, float] = field(default_factory=dict)
+    """Wall time by which the run has fallen behind its pace for good, by the process that was
+    waited for, or physics where it was late by itself."""
+
+    def counters(self) -> dict[str, int]:
+        """Return this as counters."""
+        seconds = {_SILENT: self.silent_seconds, _STRETCHED: self.stretched_seconds}
+        return {_SILENT_NOW + name: 1 for name in self.silent_now} | {
+            prefix + name: round(1e3 * value)
+            for prefix, by_name in seconds.items()
+            for name, value in by_name.items()
+            if round(1e3 * value)
+        }
+
+    @classmethod
+    def read(cls, counters: Mapping[str, int]) -> HoldUps:
+        """Return what counters tell; of others than physics, nothing."""
+
+        def seconds(prefix: str) -> dict[str, float]:
+            return {
+                name.removeprefix(prefix): count / 1e3
+                for name, count in counters.items()
+                if name.startswith(prefix)
+            }
+
+        return cls(tuple(seconds(_SILENT_NOW)), seconds(_SILENT), seconds(_STRETCHED))
+
+    def __str__(self) -> str:
+        """Return it in a line; empty where nothing was held up."""
+        parts = []
+        if self.silent_now:
+            parts.append(f"silent: {', '.join(self.silent_now)}")
+        if total := sum(self.stretched_seconds.values()):
+            parts.append(f"time stretched by {total:.1f} s ({by_name(self.stretched_seconds)})")
+        return "; ".join(parts)
+
+
+def by_name(seconds: Mapping[str, float]) -> str:
+    """Return seconds by process, the longest first."""
+    longest = sorted(seconds.items(), key=lambda item: -item[1])
+    return ", ".join(f"{name} {value:.1f} s" for name, value in longest if value >= 0.05)

@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a recording can come out again, and what has to be done for it.
+
+Rule: read from the recording alone; nothing is run or compared here. What cannot be compared is
+named with its reason.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+
+import msgspec
+from msgspec.structs import replace
+
+from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ
+from groundlink.errors import UserError
+from groundlink.faults import Faults
+from groundlink.gaps import Gaps
+from groundlink.journal import Commanded, Journal, encode_entry, this_machine
+from groundlink.messages import Command, M
+from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros_readings import Moment, from_cdr
+from groundlink.ros_streams import CLOCK_TOPIC, TF_TOPIC, faults_topic, gaps_topic, incoming
+from groundlink.scenario import Scenario
+from groundlink.scenario.faults import Fault
+from groundlink.topics import sensor_outputs
+from groundlink.world.build import world_hash
+
+from .comparison import Extent
+from .fields import Difference, first_difference
+from .metadata import versions
+from .reading import Recorded, Recording
+
+RECORDER_BEHIND = "recorder behind"
+"""The cause of what came faster than it could be written."""
+
+UNDER_WAY_NANOS = NANOS
+"""How long before the end of a recording that was ended early a reading may have begun that is not
+in it; and how long it may take until all topics are heard of a run that a recorder joins."""
+
+ENDLESS_TICK = 2**62
+"""Which no run comes to."""
+
+LeftOut = Callable[[str, int], str | None]
+"""Says why a topic has no message of an instant; None for no reason."""
+
+
+def extent(recording: Recording) -> Extent:
+    """Return what of a recording can be compared: up to its end, or to that of its journal.
+
+    Raises
+    ------
+    UserError
+        when that is nothing.
+    """
+    clock = recording.topics.get(CLOCK_TOPIC)
+    if clock is None or not clock.messages:
+        raise UserError(f"{recording.path}: nothing was recorded, not even the run's clock")
+    first, end = clock.first_nanos, recording.end_nanos
+    begun = first if first == recording.run.epoch_nanos else first + UNDER_WAY_NANOS
+    if end is None:
+        found = Extent(first, clock.last_nanos + 1, begun, clock.last_nanos - UNDER_WAY_NANOS)
+    else:
+        found = Extent(first, end, begun, end)
+    journal = recording.journal
+    known_nanos = journal.epoch_nanos + journal.tick * TICK_NANOS if journal else clock.last_nanos
+    if known_nanos < clock.last_nanos:
+        end = min(found.end_nanos, known_nanos - UNDER_WAY_NANOS)
+        found = Extent(first, end, begun, end)
+    if found.end_nanos <= found.first_nanos:
+        raise UserError(f"{recording.path}: too short to be compared; record for longer")
+    return found
+
+
+def silent_sensors(recording: Recording, scenario: Scenario) -> list[str]:
+    """Return the sensors of a scenario of which nothing was recorded, not even a fault."""
+    heard = {name for name, topic in recording.topics.items() if topic.messages}
+    return [name for name in scenario.sensor_names() if heard.isdisjoint(_topics(scenario, name))]
+
+
+def _topics(scenario: Scenario, sensor: str) -> list[str]:
+    """Return what a sensor publishes in a recording."""
+    pair = scenario.sensor(sensor)
+    outputs = sensor_outputs(pair[1]) if pair else []
+    return [*(output.ros_topic for output in outputs), faults_topic(sensor)]
+
+
+def with_later_vehicles(recording: Recording, scenario: Scenario) -> Scenario:
+    """Return a scenario with the vehicles that a run got before its recording began."""
+    known = {vehicle.name for vehicle in recording.started_as.vehicles}
+    later = (v for v in recording.run.scenario.vehicles if v.name not in known)
+    return replace(scenario, vehicles=(*scenario.vehicles, *later))
+
+
+def later_sensors(recording: Recording) -> list[str]:
+    """Return the sensors of those vehicles: nobody starts them."""
+    known = recording.started_as.sensor_names()
+    return [name for name in recording.run.scenario.sensor_names() if name not in known]
+
+
+def not_compared(recording: Recording) -> dict[str, str]:
+    """Return the topics that need not come out again, with the reason of each."""
+    scenario, run = recording.run.scenario, recording.run.run
+    found = {DIAGNOSTICS_TOPIC: "what processes counted, and how long they took"}
+    for stream in incoming(scenario, run):
+        told = stream.message is Command
+        found[stream.topic] = "what the run was told, and is told again" if told else "from ROS"
+    for vehicle in scenario.vehicles:
+        found |= dict.fromkeys((s.topic for s in vehicle.streams), "from another process")
+    for name in scenario.sensor_names():
+        found[gaps_topic(name)] = "what was left out then"
+    for vehicle in scenario.vehicles:
+        for spec in vehicle.sensors:
+            topic = faults_topic(f"{vehicle.name}/{spec.name}")
+            changes = {tick for fault in spec.faults for tick in (fault.begin_tick, fault.end_tick)}
+            if any(news.tick not in changes for news in _told(recording, topic, Faults)):
+                found[topic] = "told by a process that joined later"
+    for name in live_faults(recording):
+        found[faults_topic(name)] = "changed by hand; now there from the start"
+    of_sensors = dict.fromkeys(silent_sensors(recording, scenario), "nothing was recorded of it")
+    of_sensors |= dict.fromkeys(later_sensors(recording), "of a vehicle that was put in later")
+    for name, why in of_sensors.items():
+        found |= dict.fromkeys(_topics(scenario, name), why)
+    return {topic: why for topic, why in sorted(found.items()) if topic in recording.types}
+
+
+def compared(recording: Recording) -> Iterator[Recorded]:
+    """Return what has to come again, in the order of time."""
+    ignored = not_compared(recording)
+    return recording.read([topic for topic in recording.types if topic not in ignored])
+
+
+def left_out(recording: Recording) -> LeftOut:
+    """Return what knows which messages were missing when the recording was made.
+
+    Of those that a recorder was too slow for it only knows how many they were, and counts.
+    """
+    scenario = recording.run.scenario
+    behind = Counter(recording.dropped)
+    behind[TF_TOPIC] = sum(behind[scenario.ground_truth_topic(v)] for v in scenario.vehicles)
+    found: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
+    for vehicle in scenario.vehicles:
+        for sensor in vehicle.sensors:
+            topics = sensor.ros_topics()
+            for told in _told(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps):
+                for gap in told.gaps:
+                    for output in gap.outputs:
+                        found[topics[output]].append((gap.first_nanos, gap.last_nanos, gap.cause))
+    for gaps in found.values():
+        gaps.sort()
+
+    def cause_of(topic: str, nanos: int) -> str | None:
+        gaps = found.get(topic, [])
+        at = bisect_right(gaps, nanos, key=lambda gap: gap[0]) - 1
+        if at >= 0 and nanos <= gaps[at][1]:
+            return gaps[at][2]
+        behind[topic] -= 1
+        return RECORDER_BEHIND if behind[topic] >= 0 else None
+
+    return cause_of
+
+
+def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
+    """Return all faults of those sensors that had others than their scenario gives them."""
+    found = {}
+    for vehicle in recording.run.scenario.vehicles:
+        for sensor in vehicle.sensors:
+            name = f"{vehicle.name}/{sensor.name}"
+            faults = _with_told(sensor.faults, _told(recording, faults_topic(name), Faults))
+            if faults != sensor.faults:
+                found[name] = faults
+    return found
+
+
+def _told(recording: Recording, topic: str, message: type[M]) -> Iterator[M]:
+    for recorded in recording.read([topic]):
+        yield from_cdr(recorded.cdr, message, Moment(recorded.nanos, recording.run.epoch_nanos))
+
+
+def _with_told(known: tuple[Fault, ...], told: Iterator[Faults]) -> tuple[Fault, ...]:
+    """Return the faults of which at every tick those are in effect that were told."""
+    for news in told:
+        known = (*known, *(fault for fault in news.active if fault not in known))
+        known = tuple(
+            replace(fault, for_s=(news.tick - fault.begin_tick) / TICK_RATE_HZ)
+            if fault.is_on(news.tick) and fault not in news.active
+            else fault
+            for fault in known
+        )
+    return known
+
+
+def journal_again(recording: Recording, scenario: Scenario) -> Journal:
+    """Return the journal by which a scenario goes again the way that the recorded run went."""
+    changed = live_faults(recording)
+    vehicles = tuple(
+        replace(
+            vehicle,
+            sensors=tuple(
+                replace(sensor, faults=changed.get(f"{vehicle.name}/{sensor.name}", sensor.faults))
+                for sensor in vehicle.sensors
+            ),
+        )
+        for vehicle in scenario.vehicles
+    )
+    time = replace(scenario.time, mode="fast", lockstep="sensors", overload="slow")
+    again = replace(scenario, vehicles=vehicles, time=time)
+    # What was under way at the end needs some ticks more.
+    journal = recording.journal or _guessed(recording)
+    return replace(journal, scenario=again, acks={}, tick=ENDLESS_TICK)
+
+
+def _guessed(recording: Recording) -> Journal:
+    """Return a journal in which each command was taken in at its stamp, as in fast runs."""
+    run, entries = recording.run, []
+    vehicles = {vehicle.command_topic: vehicle.name for vehicle in run.scenario.vehicles}
+    for recorded in recording.read([*vehicles]):
+        moment = Moment(recorded.nanos - run.epoch_nanos, 0)
+        command = from_cdr(recorded.cdr, Command, moment)
+        tick = command.stamp_nanos // TICK_NANOS
+        entries.append(encode_entry(Commanded(tick, vehicles[recorded.topic], command)))
+    return Journal(
+        made_on=this_machine(),
+        run=run.run,
+        life=0,
+        epoch_nanos=run.epoch_nanos,
+        scenario=run.scenario,
+        tick=0,
+        digest="",
+        entries=tuple(entries),
+    )
+
+
+def scenario_difference(recorded: Scenario, given: Scenario) -> Difference | None:
+    """Return where scenarios differ in what bytes may depend on; None for nowhere."""
+    alike = replace(
+        given,
+        name=recorded.name,
+        description=recorded.description,
+        gateway=recorded.gateway,
+        time=replace(recorded.time, clock_rate_hz=given.time.clock_rate_hz),
+    )
+    return first_difference(*(msgspec.to_builtins(each) for each in (recorded, alike)))
+
+
+def otherwise(recording: Recording, scenario: Scenario, extent: Extent) -> Iterator[str]:
+    """Yield what is not as it was when the recording was made, and what that means."""
+    run, journal, then = recording.run, recording.journal, recording.started_as
+    if then.name != scenario.name:
+        yield f"of another scenario: `{then.name}` was recorded, this is `{scenario.name}`"
+    if found := scenario_difference(then, scenario):
+        yield f"the scenario is another: {found}"
+    if world_hash(then) != world_hash(scenario):
+        yield "the world is another: its hash differs, so nearly everything may"
+    if then.world != run.scenario.world:
+        yield "the recording began in a world that had been changed; it changes again"
+    here = versions()
+    others = [f"{name} {v}" for name, v in run.versions.items() if here.get(name) != v]
+    if journal and journal.made_on.processor != this_machine().processor:
+        others.insert(0, journal.made_on.processor)
+    if others:
+        yield f"recorded with {', '.join(others)}; last digits may differ here"
+    epoch_nanos = run.epoch_nanos
+    if journal is None:
+        yield "without a journal: commands are taken at their stamps, changes of the world never"
+    if extent.first_nanos > epoch_nanos:
+        seconds = (extent.first_nanos - epoch_nanos) / NANOS
+        yield f"recorded from {seconds:.3f} s on: what is earlier runs, and is not compared"
+    if recording.end_nanos is None:
+        seconds = (extent.end_nanos - epoch_nanos) / NANOS
+        yield f"the recording was ended early: compared up to {seconds:.3f} s"
+    if absent := silent_sensors(recording, scenario):
+        yield f"nothing was recorded of {', '.join(absent)}, so nothing of it is compared"
+    for sensor, faults in live_faults(recording).items():
+        kinds = ", ".join(fault.kind for fault in faults) or "none"
+        yield f"faults of `{sensor}` were changed by hand and happen again: {kinds}"

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was due of each stream of a sensor in a recording, and what became of each reading.
+
+Rule: by the scenario's arithmetic, the file's messages and what sensors told, each on its own: so
+what nobody told is seen. A reading that is in the file was published, whatever was told. One byte a
+reading is all that grows with the run.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.calendars import calendar
+from groundlink.clock import TICK_NANOS
+from groundlink.gaps import CAUSES, Gaps
+from groundlink.scenario import Scenario
+from groundlink.scenario.sensors import Sensor
+from groundlink.topics import sensor_outputs
+
+UNDER_WAY = "under way"
+"""Too near to the recording's end for its word to be in the file."""
+
+RECORDER = "recorder behind"
+"""Came faster than the recorder could write."""
+
+NOT_TOLD = "not told"
+"""Nobody said why: its process had ended, or something is wrong."""
+
+_KNOWN = ("", "published", *CAUSES)
+_PUBLISHED = _KNOWN.index("published")
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Readings of a stream that follow one another and are missing for one cause."""
+
+    cause: str
+    first_nanos: int
+    last_nanos: int
+    readings: int
+
+
+class StreamAccount:
+    """The account of one stream.
+
+    Parameters
+    ----------
+    first_nanos, last_nanos, told_nanos
+        Of the recording, as sim time: its first and last message, and the instant up to which all
+        that sensors told of is in it.
+    """
+
+    def __init__(
+        self,
+        sensor: str,
+        output: str,
+        topic: str,
+        spec: Sensor,
+        *,
+        first_nanos: int,
+        last_nanos: int,
+        told_nanos: int,
+    ) -> None:
+        self.sensor, self.output, self.topic = sensor, output, topic
+        self._calendar = calendar(spec)
+        self._first = max(self._calendar.at_or_after(first_nanos), self._calendar.first)
+        end = max(self._calendar.at_or_after(last_nanos + 1), self._first)
+        self._told = self._calendar.at_or_after(told_nanos)
+        self._found: NDArray[np.uint8] = np.zeros(end - self._first, np.uint8)
+        """What is known of each reading, as numbers of `_KNOWN`."""
+
+        self._dropped = 0
+
+    @property
+    def due(self) -> int:
+        """How many readings were due."""
+        return len(self._found)
+
+    @property
+    def published(self) -> int:
+        """How many of them are in the file."""
+        return int(np.count_nonzero(self._found == _PUBLISHED))
+
+    def add(self, nanos: int) -> None:
+        """Take note of a message of this instant."""
+        reading = self._calendar.at_or_after(nanos) - self._first
+        if 0 <= reading < len(self._found):
+            self._found[reading] = _PUBLISHED
+
+    def add_told(self, told: Gaps, epoch_nanos: int) -> None:
+        """Take note of what the sensor told to be missing."""
+        for gap in told.gaps:
+            if self.output in gap.outputs:
+                first, last = (
+                    self._calendar.at_or_after(nanos - epoch_nanos) - self._first
+                    for nanos in (gap.first_nanos, gap.last_nanos)
+                )
+                part = self._found[max(first, 0) : max(last + 1, 0)]
+                part[part == 0] = _KNOWN.index(gap.cause)
+
+    def dropped(self, count: int) -> None:
+        """Take note that so many messages came faster than the recorder could write."""
+        self._dropped = count
+
+    def missing(self) -> Counter[str]:
+        """Return how many readings are missing, by cause."""
+        counts: Counter[str] = Counter()
+        for hole in self.holes():
+            counts[hole.cause] += hole.readings
+        return counts
+
+    def holes(self) -> list[Hole]:
+        """Return all that is missing, in the order of time."""
+        begins = np.flatnonzero(np.diff(self._found, prepend=self._found[:1] + 1))
+        # What is told up to the end and what is not are two.
+        told = self._told - self._first
+        begins = np.union1d(begins, [told] if 0 < told < self.due else [])
+        ends = np.append(begins[1:], self.due)
+        found, dropped = [], self._dropped
+        for begin, end in zip(begins.astype(int).tolist(), ends.astype(int).tolist(), strict=True):
+            cause = _KNOWN[self._found[begin]]
+            if cause == "published":
+                continue
+            if not cause:
+                if begin >= told:
+                    cause = UNDER_WAY
+                elif dropped >= end - begin:
+                    cause, dropped = RECORDER, dropped - (end - begin)
+                else:
+                    cause = NOT_TOLD
+            first, last = (self._calendar.nanos(self._first + i) for i in (begin, end - 1))
+            found.append(Hole(cause, first, last, end - begin))
+        return found
+
+
+def accounts(
+    scenario: Scenario, *, first_nanos: int, last_nanos: int, epoch_nanos: int
+) -> list[StreamAccount]:
+    """Return the accounts of all streams of a scenario's sensors, for a recording of this span."""
+    time = scenario.time
+    # Sensors tell with their progress, and may be a window behind.
+    told_nanos = last_nanos - (time.window_ticks + time.ack_ticks) * TICK_NANOS
+    return [
+        StreamAccount(
+            *(f"{vehicle.name}/{sensor.name}", output.name, output.ros_topic, sensor),
+            first_nanos=first_nanos - epoch_nanos,
+            last_nanos=last_nanos - epoch_nanos,
+            told_nanos=told_nanos - epoch_nanos,
+        )
+        for vehicle in scenario.vehicles
+        for sensor in vehicle.sensors
+        for output in sensor_outputs(sensor)
+    ]

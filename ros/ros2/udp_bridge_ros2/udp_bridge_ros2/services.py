@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Offers services on the run's time: the standard ones, or plain ones where ROS lacks those.
+
+Rule: a service may wait for seconds, so all are served by threads of their own, and a node of
+their own, since rclpy serves a node's callbacks in one place. Names are those of the bridge's node:
+`~/pause` is `/udp_bridge/pause`, in its namespace and as it was remapped.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+from rclpy.action.server import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+
+from .asking import Asking
+from .run import Run
+
+THREADS = 8
+"""Calls that may wait at a time. Only one of them steps, and all others end within seconds."""
+
+
+class _Offer(NamedTuple):
+    """What is served: each as name, type and callback."""
+
+    package: str
+    services: list[tuple[str, Any, Callable[[Any, Any], Any]]]
+    actions: list[tuple[str, Any, Callable[[Any], Any]]]
+
+
+class Services:
+    """Serves until it is closed.
+
+    Parameters
+    ----------
+    node
+        The bridge's; what is served is called after it.
+    """
+
+    def __init__(self, node: Node, asking: Asking) -> None:
+        self._asking = asking
+        self._node = Node(
+            f"{node.get_name()}_services",
+            context=node.context,
+            namespace=node.get_namespace(),
+            use_global_arguments=False,  # such as a name that is meant for the other one
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        together = ReentrantCallbackGroup()
+        offer = _offered(node, Run(asking))
+        for name, kind, callback in offer.services:
+            full_name = node.resolve_service_name(f"~/{name}")
+            self._node.create_service(kind, full_name, callback, callback_group=together)
+        self._actions = [
+            ActionServer(
+                self._node,
+                kind,
+                node.resolve_service_name(f"~/{name}"),
+                execute_callback=callback,
+                callback_group=together,
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
+            )
+            for name, kind, callback in offer.actions
+        ]
+        if offer.services:
+            names = ", ".join(name for name, *_ in (*offer.services, *offer.actions))
+            node.get_logger().info(
+                f"services of {offer.package} at {node.resolve_service_name('~')}/: {names}"
+            )
+        else:
+            node.get_logger().warning(
+                "neither simulation_interfaces nor std_srvs is installed: no services"
+            )
+        self._executor = MultiThreadedExecutor(THREADS, context=node.context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin, name="services", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End all threads; calls that wait are answered that it is over."""
+        self._asking.close()
+        self._executor.shutdown()
+        self._thread.join()
+        for action in self._actions:
+            action.destroy()
+        self._node.destroy_node()
+
+
+def _offered(node: Node, run: Run) -> _Offer:
+    """Return what can be served here."""
+    if find_spec("simulation_interfaces"):
+        from .standard_services import StandardServices
+
+        standard = StandardServices(run)
+        return _Offer("simulation_interfaces", standard.rows(), standard.actions())
+    if find_spec("std_srvs"):
+        from .plain_services import PlainServices
+
+        node.declare_parameter("step_ticks", 1)
+        plain = PlainServices(run, lambda: int(node.get_parameter("step_ticks").value or 0))
+        return _Offer("std_srvs", plain.rows(), [])
+    return _Offer("", [], [])

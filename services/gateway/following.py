@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a gateway follows a run that does not wait for ROS; one that does is in `lockstep`.
+
+Rule: what comes goes on at once. It tells how far it has come with each message of the clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from groundlink.messages import Ack, Clock, Message
+from groundlink.scenario import Scenario
+
+if TYPE_CHECKING:
+    from groundlink.inbox import Inbox
+    from udp_bridge.link import Link
+
+    from .gateway import Gateway
+
+FLUSH_SECONDS = 1.0
+"""How long the link may take to send what waits before progress is told anyway."""
+
+LISTEN_SECONDS = 0.05
+
+
+class Following:
+    """Carries the streams of a run to ROS as they come.
+
+    Parameters
+    ----------
+    acknowledge
+        tells physics how far this has come.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        gateway: Gateway,
+        link: Link,
+        *,
+        acknowledge: Callable[[Ack], object],
+    ) -> None:
+        self._gateway, self._link, self._acknowledge = gateway, link, acknowledge
+        # In real time the newest supersedes what waits; otherwise physics is held up.
+        self._is_waited_for = scenario.time.mode != "realtime"
+        self.tick = -1
+        self.counts: dict[str, int] = {}
+
+    def listen(self, inbox: Inbox[Message]) -> tuple[str, Message] | None:
+        """Return what has arrived from the bus, if anything does."""
+        return inbox.get(seconds=LISTEN_SECONDS)
+
+    def hear(self, key: str, message: Message) -> None:
+        """Take a message of the bus."""
+        if key in self._gateway.streams:
+            self._gateway.forward(key, message, self._link)
+        if self._is_waited_for:
+            self._link.flush(FLUSH_SECONDS)
+        if isinstance(message, Clock):
+            self.tick = message.tick
+            self._acknowledge(Ack(message.life, message.tick, message.tick))
+
+    def turn(self, now_seconds: float) -> None:
+        """Do nothing: nobody is waited for."""

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a gateway remembers, so that one after it, or after a restore, goes on where it was.
+
+Rule: it goes with the gateway's acknowledgements, as every process's memory does. What is on the
+wire or waits in the emulated link belongs to the wall clock and is not in it.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from groundlink.bus import Bus
+from groundlink.emulation.model import Course
+from groundlink.messages import Ack, decode
+from groundlink.questions import history_key
+from groundlink.topics import GATEWAY
+
+from .emulated import Emulated
+from .gateway import Gateway
+
+ANSWER_SECONDS = 20.0
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    newest: dict[str, int]
+    """By stream: the stamp of its newest message that went to ROS."""
+
+    counts: dict[str, int]
+    link: dict[str, Course]
+    """By direction: how far the emulated link has come with its random numbers."""
+
+
+def memory_of(gateway: Gateway, emulated: Emulated | None) -> bytes:
+    """Return what a successor has to know."""
+    link = {} if emulated is None else emulated.courses()
+    return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link))
+
+
+def recall(bus: Bus, run: str, gateway: Gateway, emulated: Emulated | None) -> None:
+    """Go on from what physics knows of a predecessor, if it knows anything."""
+    for payload in bus.ask(history_key(run), GATEWAY, seconds=ANSWER_SECONDS).values():
+        ack = decode(payload, Ack)
+        if ack.memory:
+            known = msgspec.msgpack.decode(ack.memory, type=_Memory)
+            gateway.newest = known.newest
+            gateway.counts |= known.counts
+            if emulated is not None:
+                emulated.take_up(known.link)
+        return

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What ROS has said in lockstep: its newest Word, and what waits until a Word tells of it.
+
+Rule: the link's receiving thread puts in, the main one takes out; nothing is decided here.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+from udp_bridge.gathering import Gathering
+from udp_bridge.lockstep import Sent, Word
+from udp_bridge.message import Message
+
+
+class Words:
+    """A letter box between two threads."""
+
+    def __init__(self) -> None:
+        self._came = threading.Condition()
+        self._is_news = False
+        self._gathering = Gathering()
+        self._word: tuple[Word, str] | None = None
+
+    def put(self, message: Message) -> None:
+        """Take a message that a Word will tell of."""
+        with self._came:
+            self._gathering.put(message)
+            self._notify()
+
+    def say(self, word: Word, topic: str) -> None:
+        """Take a Word and the topic in its header."""
+        with self._came:
+            self._word = word, topic
+            self._notify()
+
+    def wait(self, seconds: float) -> None:
+        """Wait until something new is here, or the time is over."""
+        with self._came:
+            if not self._is_news:
+                self._came.wait(seconds)
+            self._is_news = False
+
+    def of(self, life: int, tick: int) -> tuple[Word, str] | None:
+        """Return the newest Word and its topic if it is of this tick."""
+        with self._came:
+            word = self._word
+        return word if word is not None and (word[0].life, word[0].tick) == (life, tick) else None
+
+    def missing(self, sent: Sequence[Sent]) -> int:
+        """Return how many of these messages are still on their way."""
+        with self._came:
+            return self._gathering.missing(sent)
+
+    def take(self, sent: Sequence[Sent]) -> list[Message]:
+        """Return those of these messages that are here, in their order."""
+        with self._came:
+            return self._gathering.take(sent)
+
+    def _notify(self) -> None:
+        self._is_news = True
+        self._came.notify()

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where physics publishes, and where a life that is only restored does not.
+
+Rule: derived from the table of topics and a scenario's vehicles; what is declared stays declared.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from typing import NamedTuple
+
+from groundlink.bus import Bus
+from groundlink.messages import Message, encode
+from groundlink.scenario import Scenario
+from groundlink.topics import BODIES, CLOCK, GROUND_TRUTH, STATE, TRUE_WHEELS, VITALS, Topic
+
+Publish = Callable[[Message], bytes]
+
+
+class Outlets(NamedTuple):
+    """Where physics publishes: for the run, and for each vehicle by name."""
+
+    state: Publish
+    clock: Publish
+    bodies: Publish
+    truth: dict[str, Publish]
+    wheels: dict[str, Publish]
+    vitals: dict[str, Publish]
+
+
+def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None) -> Outlets:
+    """Declare all that physics publishes, but what is declared already."""
+
+    def each(row: Topic, there: dict[str, Publish]) -> dict[str, Publish]:
+        names = (vehicle.name for vehicle in scenario.vehicles)
+        return {
+            name: there.get(name) or bus.publisher(row.key_in(run, vehicle=name), row.delivery)
+            for name in names
+        }
+
+    if known is None:
+        state, clock, bodies = (
+            bus.publisher(row.key_in(run), row.delivery) for row in (STATE, CLOCK, BODIES)
+        )
+        known = Outlets(state, clock, bodies, {}, {}, {})
+    return known._replace(
+        truth=each(GROUND_TRUTH, known.truth),
+        wheels=each(TRUE_WHEELS, known.wheels),
+        vitals=each(VITALS, known.vitals),
+    )
+
+
+def unheard() -> Outlets:
+    """Return outlets that publish nothing, and states that are encoded for the history alone."""
+
+    def none(message: Message) -> bytes:
+        return b""
+
+    nowhere: defaultdict[str, Publish] = defaultdict(lambda: none)
+    return Outlets(encode, none, none, nowhere, nowhere, nowhere)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a run that is held up: who is named when, and what the scenario has for it.
+
+Rule: time comes in as an argument and lines for people come out. Nobody is named before the
+scenario's deadline, nobody is named twice for the same silence, and whoever was named is named
+again when it is back.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+
+from groundlink.errors import RunFailed
+from groundlink.gaps import Cause, Gaps, in_words
+from groundlink.hold_ups import HoldUps, by_name
+from groundlink.scenario.schema import Time
+from groundlink.topics import GATEWAY
+
+from .pace import Pace
+
+UNBEARABLE: frozenset[Cause] = frozenset({"overloaded", "states lost", "restarted"})
+"""Causes for which readings are missing that a run was to have: what faults take away is wanted."""
+
+START_SECONDS = 60.0
+"""A process that has not followed yet may take this long, whatever the deadline: it imports, builds
+its world, compiles its shaders, all of them at once on a machine that may be busy."""
+
+
+class Patience:
+    """Looks at how long a run has been waiting for whom.
+
+    Parameters
+    ----------
+    time
+        the scenario's: its deadline, its mode and what gives way on overload.
+    """
+
+    def __init__(self, time: Time) -> None:
+        self._time = time
+        self._since: dict[str, float] = {}
+        self._named: dict[str, float] = {}
+        self._past_seconds: dict[str, float] = {}
+        self._now = 0.0
+
+    def look(
+        self,
+        pace: Pace,
+        tick: int,
+        now_seconds: float,
+        *,
+        holding: Collection[str],
+        awaited: Collection[str] = (),
+    ) -> list[str]:
+        """Return what is to be said of those who hold up the step to `tick`.
+
+        To be called at each step, or attempt of one: whoever lets a step pass begins anew.
+
+        Parameters
+        ----------
+        holding
+            of the parties of the pace.
+        awaited
+            who has to be there before the run begins, whatever the policy.
+
+        Raises
+        ------
+        RunFailed
+            when the policy is to end the run now.
+        """
+        self._now = now_seconds
+        lines = []
+        if holding or awaited or self._named:
+            lines = self._named_now(pace, tick, {*holding, *awaited}, awaited)
+        else:
+            self._since.clear()
+        self._bear(pace)
+        return lines
+
+    def _named_now(
+        self, pace: Pace, tick: int, holding: Collection[str], awaited: Collection[str]
+    ) -> list[str]:
+        self._since = {name: self._since.get(name, self._now) for name in holding}
+        lines = []
+        for name in sorted(self._named.keys() - holding - pace.parties.given_up):
+            after = f"after {self._end(name):.1f} s"
+            if pace.parties.has_followed(name):
+                lines.append(f"{self._list([name])} is back {after}")
+            else:  # It has left, or has only just come.
+                lines.append(f"waits no longer for {self._list([name])}, {after}")
+        late = [name for name in sorted(holding) if self._held(name) >= self._time.deadline_s]
+        due = [name for name in late if name not in awaited and self._is_due(pace, name)]
+        new = [name for name in late if name not in self._named]
+        self._named |= {name: self._since[name] for name in new}
+        waited = f"tick {tick} has waited {self._time.deadline_s:g} s for "
+        if due and self._time.overload == "fail":
+            raise RunFailed(f"{waited}{self._list(due)}, and `overload: fail` ends the run")
+        if new:
+            lines.append(waited + self._list(new))
+        if due and self._goes_on:
+            for name in due:
+                pace.parties.give_up(name)
+            lines.append(f"goes on without {self._list(due)} until it is heard again")
+        return lines
+
+    def lacks(self, told: Gaps) -> None:
+        """Take note that readings are missing.
+
+        Raises
+        ------
+        RunFailed
+            when the policy is to end the run then.
+        """
+        lacking: Counter[str] = Counter()
+        for gap in told.gaps:
+            lacking[gap.cause] += gap.readings if gap.cause in UNBEARABLE else 0
+        if self._time.overload == "fail" and (said := in_words(lacking)):
+            raise RunFailed(f"{told.sensor} lacks readings: {said}; `overload: fail` ends the run")
+
+    def rest(self) -> None:
+        """Begin to count anew: nothing was waited for, as time stood still."""
+        self._since.clear()
+
+    def begin_anew(self) -> None:
+        """Forget who is silent: the run begins again."""
+        self.rest()
+        for name in list(self._named):
+            self._end(name)
+
+    def hold_ups(self, pace: Pace) -> HoldUps:
+        """Return all that is known of hold-ups up to the last look."""
+        silent = {name: self._now - since for name, since in self._named.items()}
+        for name, seconds in self._past_seconds.items():
+            silent[name] = silent.get(name, 0.0) + seconds
+        return HoldUps(tuple(sorted(self._named)), silent, pace.stretched_seconds)
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether a run goes on without who is silent; in real time it always does."""
+        return self._time.mode == "realtime" or self._time.overload == "skip"
+
+    def _held(self, name: str) -> float:
+        return self._now - self._since[name]
+
+    def _is_due(self, pace: Pace, name: str) -> bool:
+        return pace.parties.has_followed(name) or self._held(name) >= START_SECONDS
+
+    def _bear(self, pace: Pace) -> None:
+        """End a run whose time must not stretch when it has."""
+        if self._time.mode != "realtime" or self._time.overload != "fail":
+            return
+        stretched = pace.stretched_seconds
+        if (total := sum(stretched.values())) > self._time.deadline_s:
+            raise RunFailed(
+                f"time has stretched by {total:.1f} s ({by_name(stretched)}), and `overload: fail` "
+                "ends the run"
+            )
+
+    def _end(self, name: str) -> float:
+        """Note down that a silence is over; return how long it was."""
+        seconds = self._now - self._named.pop(name)
+        self._past_seconds[name] = self._past_seconds.get(name, 0.0) + seconds
+        return seconds
+
+    def _list(self, names: Collection[str]) -> str:
+        gives_word = GATEWAY if self._time.lockstep == "ros" else ""
+        return ", ".join(f"{n} (ROS's word)" if n == gives_word else n for n in names)

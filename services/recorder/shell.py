@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorder on the bus: takes what a run says, and is waited for as a sensor is.
+
+Rule: everything that is not what becomes of the messages, which is its keeper's business.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Collection, Iterable
+from typing import Protocol
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.messages import Ack, Clock, Health, Message, State, decode
+from groundlink.questions import history_key
+from groundlink.ros_streams import incoming, outgoing, recorded_only
+from groundlink.scenario import Scenario
+from groundlink.topics import ACK, HEALTH, RECORDER
+
+from .recorder import File, Recorder
+
+NAME = RECORDER
+
+MESSAGES_KEPT = 8192
+"""Messages of the bus that may wait: some seconds of all streams together."""
+
+COMMIT_SECONDS = 0.4
+"""Between two moments at which the file is whole with all that has come: what a kill may cost."""
+
+REST_SECONDS = 0.04
+"""Between two looks at what has come: to be woken by each message costs more than to write it."""
+
+
+class Keeper(Protocol):
+    """Who has the files."""
+
+    def begin(self, epoch_nanos: int) -> File:
+        """Return the next one, for another life of physics."""
+
+    def tend(self, recorder: Recorder) -> None:
+        """Do what is due every `COMMIT_SECONDS`."""
+
+    def finish(self, recorder: Recorder) -> None:
+        """Complete the file of a life that is over."""
+
+
+def record(
+    bus: Bus,
+    scenario: Scenario,
+    run: str,
+    keeper: Keeper,
+    duration_nanos: int | None,
+    stop: threading.Event,
+    *,
+    absent: Collection[str] = (),
+) -> None:
+    """Write file after file, one for each life of physics, until `stop` or the duration's end.
+
+    Parameters
+    ----------
+    absent
+        sensors for which nobody shall wait.
+    """
+
+    def new(early: Iterable[tuple[str, Message]] = ()) -> Recorder:
+        return Recorder(
+            *(scenario, run, keeper.begin),
+            duration_nanos=duration_nanos,
+            early=early,
+            absent=absent,
+            dropped=inbox.dropped_of,
+        )
+
+    inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
+    recorder = new()
+    streams = (*outgoing(scenario, run), *recorded_only(scenario, run), *incoming(scenario, run))
+    for stream in streams:
+        bus.subscribe(stream.key, stream.message, inbox)
+    bus.subscribe(HEALTH.key_in(run), Health, inbox)
+    heartbeat = process.Heartbeat(bus, run, NAME)
+    publishers = [
+        bus.publisher(ACK.key_in(run, process=name), ACK.delivery) for name in (NAME, *absent)
+    ]
+
+    def acknowledge(life: int, tick: int) -> None:
+        for publish in publishers:
+            publish(Ack(life, tick, tick))
+
+    if missed := list(bus.ask(history_key(run), NAME, seconds=2.0).values()):
+        # Physics that waits for this process begins, or goes on, when it hears that it is there.
+        tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
+        acknowledge(decode(missed[0], Ack).life, tick)
+
+    next_commit = 0.0
+    try:
+        while not stop.wait(REST_SECONDS) and not recorder.is_complete:
+            while len(inbox) and not recorder.is_complete:
+                arrived = inbox.get(seconds=0)
+                if arrived is None:
+                    break
+                key, message = arrived
+                if isinstance(message, Health):
+                    recorder.heard(message)
+                    continue
+                if recorder.is_another_life(message):
+                    keeper.finish(recorder)
+                    recorder = new(recorder.early)
+                recorder.take(key, message)
+                if isinstance(message, Clock):
+                    acknowledge(message.life, message.tick)
+            if (now := time.monotonic()) >= next_commit:
+                keeper.tend(recorder)
+                next_commit = now + COMMIT_SECONDS
+            if heartbeat.due():
+                heartbeat.beat(_tick(recorder), _counts(recorder, inbox))
+        heartbeat.beat(_tick(recorder), _counts(recorder, inbox))
+    finally:
+        keeper.finish(recorder)
+
+
+def _tick(recorder: Recorder) -> int:
+    return recorder.clock.tick if recorder.clock else -1
+
+
+def _counts(recorder: Recorder, inbox: Inbox[Message]) -> dict[str, int]:
+    return recorder.counts | {
+        "bytes": recorder.file.size_bytes if recorder.file else 0,
+        "bus_dropped": inbox.dropped,
+        "bus_refused": inbox.refused,
+    }

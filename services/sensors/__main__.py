@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Start with ``python -m services.sensors``: the sensors of a run, all in this process.
+
+Rule: each is as it would be in a process of its own, with its readings, progress and health; a
+state is taken off the bus once and given to one after the other. So they wait for each other.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from contextlib import ExitStack
+from importlib import import_module
+from typing import Any
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.errors import UserError
+
+from .kinds import Kind, follower, kind_name
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    """Run sensors until `stop` is set."""
+    parser = process.parser("sensors", "Simulate the sensors of a run, all in this process.")
+    parser.add_argument(
+        "--name",
+        metavar="VEHICLE/SENSOR",
+        action="append",
+        help="this sensor and not all of the scenario; repeatable",
+    )
+    options = parser.parse_args(arguments)
+    with ExitStack() as opened:
+        bus = opened.enter_context(Bus(connect=process.endpoint(options)))
+        run_name, scenario = process.join_world(bus, options.run, stop)
+        sensors = [
+            follower(_kind(kind_name(scenario, name)), name, scenario, bus, run_name, opened)
+            for name in dict.fromkeys(options.name or scenario.sensor_names())
+        ]
+        if not sensors:
+            raise UserError(f"scenario `{scenario.name}` has no sensors")
+        process.follow_states(bus, run_name, sensors, stop.is_set)
+
+
+def _kind(name: str) -> Kind[Any, Any]:
+    """Return the kind of this name; what it needs is imported for it alone."""
+    kind: Kind[Any, Any] = import_module(f"services.sensors.{name}.__main__").KIND
+    return kind
+
+
+if __name__ == "__main__":
+    process.run("sensors", main)

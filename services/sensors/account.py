@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sensor owes the run and what became of it: published, or missing with a cause.
+
+Rule: every reading that is due is accounted for once and in order, on each stream. That one is
+missing is seen by the number of the one that comes next, or by the sensor being beyond it; so
+nothing has to be told by models, but what they leave out on purpose.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import msgspec
+
+from groundlink.calendars import Calendar
+from groundlink.clock import TICK_NANOS
+from groundlink.gaps import Cause, Gap, Gaps
+
+from .model import LeftOut
+
+
+class _Missing(NamedTuple):
+    """Readings of one stream that follow one another."""
+
+    first: int
+    last: int
+    cause: Cause
+
+
+class Account:
+    """The account of one sensor.
+
+    Parameters
+    ----------
+    sensor
+        vehicle/sensor.
+    outputs
+        Names of its streams.
+    publish
+        Tells the run what is missing.
+
+    Attributes
+    ----------
+    missing : Counter
+        Readings that were told of, by cause.
+    """
+
+    def __init__(
+        self,
+        sensor: str,
+        calendar: Calendar,
+        outputs: Iterable[str],
+        publish: Callable[[Gaps], object],
+    ) -> None:
+        self._sensor = sensor
+        self._calendar = calendar
+        self._outputs = tuple(outputs)
+        self._publish = publish
+        self.missing: Counter[Cause] = Counter()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a life of physics: from tick 0 on, whenever the sensor has joined it."""
+        self._next = dict.fromkeys(self._outputs, self._calendar.first)
+        self._pending: dict[str, list[_Missing]] = {output: [] for output in self._outputs}
+        self._cause: Cause = "not there"
+
+    def because(self, cause: Cause) -> None:
+        """Take note why the readings are missing that will turn out to be from now on."""
+        self._cause = cause
+
+    def published(self, output: str, nanos: int) -> None:
+        """Take note of a reading, stamped with this sim time, that went out."""
+        reading = self._calendar.at_or_after(nanos)
+        self._beyond(output, reading)
+        self._next[output] = max(self._next[output], reading + 1)
+
+    def left_out(self, one: LeftOut) -> None:
+        """Take note of a reading that does not go out."""
+        reading = self._calendar.at_or_after(one.nanos)
+        for output in self._outputs if one.output is None else (one.output,):
+            self._beyond(output, reading)
+            self._miss(output, reading + 1, one.cause)
+
+    def tell(self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int) -> None:
+        """Tell the run what is missing, where something is.
+
+        Parameters
+        ----------
+        settled_tick
+            Nothing that is stamped before it is still to come.
+        stamp_nanos
+            The instant of the last state.
+        """
+        settled = self._calendar.at_or_after(settled_tick * TICK_NANOS)
+        outputs_of: dict[_Missing, list[str]] = {}
+        for output in self._outputs:
+            self._beyond(output, settled)
+            for missing in self._pending[output]:
+                outputs_of.setdefault(missing, []).append(output)
+            self._pending[output] = []
+        gaps = []
+        for missing, outputs in sorted(outputs_of.items()):
+            first, last, cause = missing
+            gap = Gap(
+                cause,
+                epoch_nanos + self._calendar.nanos(first),
+                epoch_nanos + self._calendar.nanos(last),
+                last - first + 1,
+                tuple(outputs),
+            )
+            gaps.append(gap)
+            self.missing[cause] += gap.readings
+        if gaps:
+            self._publish(Gaps(stamp_nanos, self._sensor, tuple(gaps)))
+
+    def memory(self) -> bytes:
+        """Return what a successor has to know; what is missing has been told."""
+        return msgspec.msgpack.encode(self._next)
+
+    def remember(self, memory: bytes) -> None:
+        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        self._begin()
+        if memory:
+            self._next |= msgspec.msgpack.decode(memory, type=dict[str, int])
+            self._cause = "restarted"
+
+    def _beyond(self, output: str, reading: int) -> None:
+        """Take note that all before a reading, which is not accounted for yet, are missing."""
+        self._miss(output, reading, self._cause)
+
+    def _miss(self, output: str, end: int, cause: Cause) -> None:
+        first, pending = self._next[output], self._pending[output]
+        if first >= end:
+            return
+        self._next[output] = end
+        if pending and (pending[-1].last, pending[-1].cause) == (first - 1, cause):
+            first = pending.pop().first
+        pending.append(_Missing(first, end - 1, cause))
+
+
+class NoAccount:
+    """Stands for the account of what owes nothing."""
+
+    def because(self, cause: Cause) -> None:
+        """Do nothing."""
+
+    def published(self, output: str, nanos: int) -> None:
+        """Do nothing."""
+
+    def left_out(self, one: LeftOut) -> None:
+        """Do nothing."""
+
+    def tell(self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int) -> None:
+        """Do nothing."""
+
+    def memory(self) -> bytes:
+        """Return nothing."""
+        return b""
+
+    def remember(self, memory: bytes) -> None:
+        """Do nothing."""

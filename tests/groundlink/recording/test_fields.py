@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The field in which two messages differ is named, whatever the message is."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from groundlink.ground_truth import TRUE_POINT, Bodies, TruePoints
+from groundlink.imagery import CompressedImage, Image, LaserScan
+from groundlink.messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
+from groundlink.navigation import JointState, Odometry
+from groundlink.recording.fields import first_difference, message_difference
+from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros_types import STORE
+from tests.groundlink.test_ros_readings import ANY
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+STILL = (0.0, 0.0, 0.0)
+IMU = Imu(5, "imu_link", UPRIGHT, STILL, (0.0, 0.0, 9.81), 0.0, 0.0, 0.0)
+POINTS = np.zeros(1500, POINT)
+POINTS["intensity"] = 17.0
+CLOUD = PointCloud(5, "lidar_link", packed(POINTS))
+PIXELS = np.zeros((4, 6, 3), np.uint8)
+PICTURE = Image(5, "camera", 4, 6, "rgb8", 18, packed(PIXELS))
+DEPTH = Image(5, "camera", 2, 2, "32FC1", 8, packed(np.ones((2, 2), np.float32)))
+RANGES = np.linspace(1, 2, 9, dtype=np.float32)
+SCAN = LaserScan(5, "scan", -1.0, 0.1, 0.0, 0.1, 0.1, 9.0, packed(RANGES), memoryview(b""))
+COVARIANCE = np.zeros(36)
+TRUTH = Odometry(
+    *(5, "world", "base_link", STILL, UPRIGHT, STILL, STILL),
+    *(packed(COVARIANCE), packed(COVARIANCE)),
+)
+WHEELS = np.array([1.0, 2.0])
+JOINTS = JointState(5, "base", ("left", "right"), packed(WHEELS), packed(WHEELS), packed(WHEELS))
+BODIES = Bodies(5, ("wall", "box"), packed(np.zeros(14)))
+
+
+def changed(array: Any, where: Any, value: float) -> memoryview:
+    copy = array.copy()
+    copy[where] = value
+    return packed(copy)
+
+
+def of_points(where: Any, field: str, value: float) -> PointCloud:
+    copy = POINTS.copy()
+    copy[field][where] = value
+    return replace(CLOUD, points=packed(copy))
+
+
+CASES: dict[str, tuple[Message, Message, str]] = {
+    "a number": (
+        IMU,
+        replace(IMU, linear_acceleration_mps2=(0.1, 0.0, 9.82)),
+        "linear_acceleration.x: 0.0 recorded, 0.1 again",
+    ),
+    "a stamp": (
+        IMU,
+        replace(IMU, stamp_nanos=2_500_005),
+        "header.stamp.nanosec: 5 recorded, 2500005 again",
+    ),
+    "a frame": (
+        IMU,
+        replace(IMU, frame="imu"),
+        "header.frame_id: `imu_link` recorded, `imu` again",
+    ),
+    "less than a digit shows": (
+        IMU,
+        replace(IMU, linear_acceleration_mps2=(0.0, 0.0, np.nextafter(9.81, 10))),
+        "linear_acceleration.z: 9.81 recorded, 9.810000000000002 again",
+    ),
+    "all digits of a float64": (
+        IMU,
+        replace(IMU, linear_acceleration_mps2=(1 / 3, 0.0, 9.81)),
+        "linear_acceleration.x: 0.0 recorded, 0.3333333333333333 again",
+    ),
+    "minus zero": (
+        IMU,
+        replace(IMU, angular_velocity_radps=(0.0, -0.0, 0.0)),
+        "angular_velocity.y: 0.0 recorded, -0.0 again",
+    ),
+    "a variance": (
+        IMU,
+        replace(IMU, orientation_variance=0.25),
+        "orientation_covariance[0]: 0.0 recorded, 0.25 again; 3 of 9 numbers differ",
+    ),
+    "a nested field": (
+        TRUTH,
+        replace(TRUTH, position_m=(1.5, 0.0, 0.0)),
+        "pose.pose.position.x: 0.0 recorded, 1.5 again",
+    ),
+    "a covariance": (
+        TRUTH,
+        replace(TRUTH, twist_covariance=changed(COVARIANCE, 7, 2.0)),
+        "twist.covariance[7]: 0.0 recorded, 2.0 again; 1 of 36 numbers differ",
+    ),
+    "a point": (
+        CLOUD,
+        of_points(1284, "intensity", 18.0),
+        "data: point 1284, field intensity: 17.0 recorded, 18.0 again; 1 of 1500 points differ",
+    ),
+    "points": (
+        CLOUD,
+        of_points(slice(3, 10), "ring", 7),
+        "data: point 3, field ring: 0 recorded, 7 again; 7 of 1500 points differ",
+    ),
+    "fewer points": (
+        CLOUD,
+        replace(CLOUD, points=packed(POINTS[1:])),
+        "width: 1500 recorded, 1499 again",
+    ),
+    "a true point": (
+        TruePoints(5, "lidar_link", packed(np.zeros(3, TRUE_POINT))),
+        TruePoints(
+            5, "lidar_link", changed(np.zeros(3, TRUE_POINT).view(np.uint8), TRUE_POINT.itemsize, 1)
+        ),
+        f"data: point 1, field {(TRUE_POINT.names or ())[0]}: 0.0 recorded, 1e-45 again; "
+        "1 of 3 points differ",
+    ),
+    "a pixel": (
+        PICTURE,
+        replace(PICTURE, data=changed(PIXELS, (2, 4, 1), 9)),
+        "data: pixel in row 2, column 4, g: 0 recorded, 9 again; 1 of 24 pixels differ",
+    ),
+    "a depth": (
+        DEPTH,
+        replace(DEPTH, data=changed(np.ones((2, 2), np.float32), (1, 0), 1.1)),
+        "data: pixel in row 1, column 0: 1.0 recorded, 1.1 again; 1 of 4 pixels differ",
+    ),
+    "an unknown encoding": (
+        replace(PICTURE, encoding="yuv422"),
+        replace(PICTURE, encoding="yuv422", data=changed(PIXELS, (2, 4, 1), 9)),
+        "data: byte 49 of 72: 0 recorded, 9 again",
+    ),
+    "a jpeg": (
+        CompressedImage(5, "camera", "jpeg", memoryview(b"abcdefg")),
+        CompressedImage(5, "camera", "jpeg", memoryview(b"abCdefgh")),
+        "data: 7 bytes recorded, 8 bytes again; equal up to byte 2",
+    ),
+    "a range": (
+        SCAN,
+        replace(SCAN, ranges_m=changed(RANGES, 4, 1.7)),
+        "ranges[4]: 1.5 recorded, 1.7 again; 1 of 9 numbers differ",
+    ),
+    "nothing met": (
+        SCAN,
+        replace(SCAN, ranges_m=changed(RANGES, 4, np.inf)),
+        "ranges[4]: 1.5 recorded, inf again; 1 of 9 numbers differ",
+    ),
+    "more of a list": (
+        SCAN,
+        replace(SCAN, intensities=packed(RANGES)),
+        "intensities: 0 numbers recorded, 9 numbers again",
+    ),
+    "a wheel": (
+        WheelEncoders(5, "base", ("left", "right"), (3, 4)),
+        WheelEncoders(5, "base", ("left", "right"), (3, 5)),
+        "ticks[1] (right): 4 recorded, 5 again; 1 of 2 numbers differ",
+    ),
+    "a joint": (
+        JOINTS,
+        replace(JOINTS, velocities=changed(WHEELS, 0, 1.25)),
+        "velocity[0] (left): 1.0 recorded, 1.25 again; 1 of 2 numbers differ",
+    ),
+    "a body": (
+        BODIES,
+        replace(BODIES, poses=changed(np.zeros(14), 8, 3.0)),
+        "transforms[1].transform.translation.y (box): 0.0 recorded, 3.0 again",
+    ),
+    "fewer bodies": (
+        BODIES,
+        Bodies(5, ("wall",), packed(np.zeros(7))),
+        "transforms: 2 parts recorded, 1 parts again",
+    ),
+}
+
+
+@pytest.mark.parametrize(("recorded", "again", "words"), CASES.values(), ids=CASES)
+def test_the_field_is_named_with_both_values(recorded: Message, again: Message, words: str) -> None:
+    ros_type = RECORDED_FORMS[type(recorded)].ros_type
+    found = message_difference(ros_type, bytes(to_cdr(recorded)), bytes(to_cdr(again)))
+    assert str(found) == words
+
+
+def leaves(message: Any, path: str = "") -> Iterator[tuple[str, Any, str]]:
+    """Yield the path, the owner and the attribute of every number and text of a ROS message."""
+    for field in dataclasses.fields(message):
+        value, inner = getattr(message, field.name), f"{path}{field.name}"
+        if dataclasses.is_dataclass(value):
+            yield from leaves(value, f"{inner}.")
+        elif isinstance(value, list):
+            for i, part in enumerate(value):
+                if dataclasses.is_dataclass(part):
+                    yield from leaves(part, f"{inner}[{i}].")
+        elif field.name[0] != "_" and not field.name.isupper():  # constants
+            yield inner, message, field.name
+
+
+@settings(deadline=None, max_examples=100)
+@given(data=st.data())
+def test_whatever_single_field_is_changed_is_found(data: Any) -> None:
+    """In every kind of message that a recording holds."""
+    message = data.draw(st.sampled_from(list(ANY)).flatmap(lambda kind: ANY[kind]))
+    ros_type = RECORDED_FORMS[type(message)].ros_type
+    recorded = bytes(to_cdr(message))
+    decoded = STORE.deserialize_cdr(recorded, ros_type)
+    path, owner, name = data.draw(st.sampled_from([*leaves(decoded)]))
+    value = getattr(owner, name)
+    if isinstance(value, np.ndarray):
+        if not len(value):
+            return
+        value = value.copy()
+        flat = value.view(np.uint8)
+        flat[data.draw(st.integers(0, len(flat) - 1))] ^= 1
+    elif isinstance(value, float):
+        value = 2.5 if value == 1.5 else 1.5
+    else:
+        value = value + "x" if isinstance(value, str) else not value
+    setattr(owner, name, value)
+    again = bytes(STORE.serialize_cdr(decoded, ros_type))
+    found = message_difference(ros_type, recorded, again)
+    assert found.field.startswith(path), found
+
+
+def test_bytes_that_are_no_message_any_more_are_still_placed() -> None:
+    recorded = bytes(to_cdr(IMU))
+    again = bytearray(recorded)
+    again[12] ^= 0x80  # the length of the frame's name: beyond the end
+    again[13] ^= 0x80
+    found = message_difference("sensor_msgs/msg/Imu", recorded, bytes(again))
+    assert str(found) == f"body: byte 12 of {len(recorded)}: 9 recorded, 137 again"
+
+
+def test_bytes_between_fields_are_placed() -> None:
+    recorded = bytes(to_cdr(replace(IMU, frame="imu_")))
+    again = bytearray(recorded)
+    again[22] ^= 1  # what aligns the orientation behind the name
+    found = message_difference("sensor_msgs/msg/Imu", recorded, bytes(again))
+    assert found.field == f"body: byte 22 of {len(recorded)}"
+
+
+def test_of_dicts_and_lists_the_first_difference_is_named() -> None:
+    was = {"seed": 1, "vehicles": [{"name": "rover", "sensors": [{"name": "imu", "noise": 0.1}]}]}
+    now = {"seed": 1, "vehicles": [{"name": "rover", "sensors": [{"name": "imu", "noise": 0.2}]}]}
+    found = first_difference(was, now)
+    assert str(found) == "vehicles[0].sensors[0].noise (rover, imu): 0.1 recorded, 0.2 again"
+    assert first_difference(was, was) is None
+    assert str(first_difference({"route": None}, {"route": 1})) == (
+        "route: nothing recorded, 1 again"
+    )

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a recording can be compared, and how its run is told again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.errors import UserError
+from groundlink.faults import Faults
+from groundlink.gaps import Cause, Gap, Gaps
+from groundlink.journal import Commanded, Journal, dumped, encode_entry, this_machine
+from groundlink.messages import Clock, Command, Imu, Message
+from groundlink.recording import verifying
+from groundlink.recording.comparison import Extent
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.reading import Recording
+from groundlink.recording.ros_channels import RosFile
+from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros_streams import faults_topic, gaps_topic
+from groundlink.scenario import Scenario, load
+from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
+from groundlink.scenario.load import SHIPPED
+
+EPOCH = 1_000 * NANOS
+STILL = (0.0, 0.0, 0.0)
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+ENTRY = encode_entry(Commanded(3, "rover", Command(0, STILL, STILL)))
+IMU = "rover/imu"
+
+
+@pytest.fixture(scope="module")
+def lab() -> Scenario:
+    return load(str(SHIPPED / "indoor_lab.yaml"))
+
+
+def clock(seconds: float) -> Clock:
+    tick = round(seconds * 400)
+    return Clock(EPOCH + tick * TICK_NANOS, EPOCH, tick, 1)
+
+
+Rows = Iterable[tuple[str, Message]]
+
+
+def record(
+    path: Path,
+    scenario: Scenario,
+    rows: Rows,
+    end_nanos: int | None = None,
+    known: Journal | None = None,
+) -> Recording:
+    """Return a recording of some messages, and of a clock."""
+    file = RosFile(path)
+    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
+    clocks = [("/clock", clock(i / 10)) for i in range(100)]
+    for topic, message in sorted([*clocks, *rows], key=lambda row: stamp(row[1])):
+        form = RECORDED_FORMS[type(message)]
+        file.topic(topic, form.ros_type).write(stamp(message), to_cdr(message))
+    file.lacks({"/imu": 2, "/ground_truth/odom": 1})
+    if known is not None:
+        file.add_journal(EPOCH, dumped(known))
+    if end_nanos is not None:
+        file.end(end_nanos)
+    file.commit({})
+    file.close()
+    return Recording(path)
+
+
+def stamp(message: Any) -> int:
+    nanos: int = message.stamp_nanos
+    return nanos
+
+
+def journal(scenario: Scenario, seconds: float) -> Journal:
+    return Journal(
+        made_on=this_machine(),
+        run="lab",
+        life=1,
+        epoch_nanos=EPOCH,
+        scenario=scenario,
+        tick=round(seconds * 400),
+        digest="",
+        entries=(ENTRY,),
+    )
+
+
+LAST = EPOCH + 9_900_000_000
+
+
+@pytest.mark.parametrize(
+    ("end_s", "journal_s", "expected"),
+    [
+        (9.0, 9.95, Extent(EPOCH, EPOCH + 9 * NANOS, EPOCH, EPOCH + 9 * NANOS)),
+        (None, 9.95, Extent(EPOCH, LAST + 1, EPOCH, LAST - NANOS)),
+        (None, None, Extent(EPOCH, LAST + 1, EPOCH, LAST - NANOS)),
+        (None, 6.0, Extent(EPOCH, EPOCH + 5 * NANOS, EPOCH, EPOCH + 5 * NANOS)),
+    ],
+    ids=["whole", "ended early", "without a journal", "journal cut off"],
+)
+def test_what_is_compared(
+    lab: Scenario,
+    tmp_path: Path,
+    end_s: float | None,
+    journal_s: float | None,
+    expected: Extent,
+) -> None:
+    end = None if end_s is None else EPOCH + round(end_s * NANOS)
+    known = None if journal_s is None else journal(lab, journal_s)
+    with record(tmp_path / "a.mcap", lab, [], end, known) as recording:
+        assert verifying.extent(recording) == expected
+
+
+def test_too_little_is_one_line(lab: Scenario, tmp_path: Path) -> None:
+    with (
+        record(tmp_path / "a.mcap", lab, [], None, journal(lab, 0.5)) as recording,
+        pytest.raises(UserError, match="too short"),
+    ):
+        verifying.extent(recording)
+    file = RosFile(tmp_path / "b.mcap")
+    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(lab, "lab", EPOCH)))
+    file.commit({})
+    file.close()
+    with (
+        Recording(tmp_path / "b.mcap") as recording,
+        pytest.raises(UserError, match="not even the run's clock"),
+    ):
+        verifying.extent(recording)
+
+
+def imu(seconds: float) -> tuple[str, Imu]:
+    nanos = EPOCH + round(seconds * NANOS)
+    return "/imu", Imu(nanos, "imu_link", UPRIGHT, STILL, STILL, 0.0, 0.0, 0.0)
+
+
+def faults(seconds: float, *active: Fault) -> tuple[str, Faults]:
+    nanos = EPOCH + round(seconds * NANOS)
+    return faults_topic(IMU), Faults(nanos, IMU, round(seconds * 400), active)
+
+
+def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) -> None:
+    command = ("/cmd_vel", Command(EPOCH, STILL, STILL))
+    gaps = (gaps_topic(IMU), Gaps(EPOCH, IMU, ()))
+    rows: list[tuple[str, Message]] = [imu(1.0), command, gaps, faults(2.0, Stuck(at_s=2.0))]
+    with record(tmp_path / "a.mcap", lab, rows) as recording:
+        assert verifying.silent_sensors(recording, lab) == [
+            "rover/lidar",
+            "rover/encoders",
+            "rover/camera",
+        ]
+        assert verifying.not_compared(recording) == {
+            "/cmd_vel": "what the run was told, and is told again",
+            "/faults/rover/imu": "changed by hand; now there from the start",
+            "/gaps/rover/imu": "what was left out then",
+        }
+        compared = {message.topic for message in verifying.compared(recording)}
+    assert compared == {"/clock", "/imu"}
+
+
+STUCK, BIAS = Stuck(at_s=2.0), Bias(at_s=4.0, value=0.5)
+DROP = Drop(at_s=3.0, for_s=1.0, share=0.5)
+JOINED = "told by a process that joined later"
+BY_HAND = "changed by hand; now there from the start"
+LIVE: dict[str, tuple[tuple[Fault, ...], Rows, tuple[Fault, ...] | None, str | None]] = {
+    "none": ((), [], None, None),
+    "the scenario's": (
+        (DROP, BIAS),
+        [faults(3.0, DROP), faults(4.0, BIAS)],
+        None,
+        None,
+    ),
+    "joined later": ((DROP,), [faults(0.5), faults(3.0, DROP), faults(4.0)], None, JOINED),
+    "joined in the midst of one": ((DROP,), [faults(3.5, DROP), faults(4.0)], None, JOINED),
+    "one more": (
+        (DROP,),
+        [faults(2.0, STUCK), faults(3.0, DROP, STUCK), faults(4.0, STUCK)],
+        (DROP, STUCK),
+        BY_HAND,
+    ),
+    "cleared": (
+        (BIAS,),
+        [faults(2.0, STUCK), faults(2.5), faults(4.0, BIAS), faults(6.0)],
+        (replace(BIAS, for_s=2.0), replace(STUCK, for_s=0.5)),
+        BY_HAND,
+    ),
+}
+
+
+@pytest.mark.parametrize(("given", "told", "expected", "reason"), LIVE.values(), ids=LIVE)
+def test_faults_that_were_changed_by_hand_become_the_scenarios(
+    lab: Scenario,
+    tmp_path: Path,
+    given: tuple[Fault, ...],
+    told: Rows,
+    expected: tuple[Fault, ...] | None,
+    reason: str | None,
+) -> None:
+    scenario = with_faults(lab, given)
+    with record(tmp_path / "a.mcap", scenario, told, None, journal(scenario, 9.95)) as recording:
+        found = verifying.live_faults(recording)
+        assert found == ({} if expected is None else {IMU: expected})
+        again = verifying.journal_again(recording, scenario)
+        why = verifying.not_compared(recording).get(faults_topic(IMU))
+    assert why == reason
+    pair = again.scenario.sensor(IMU)
+    assert pair is not None
+    assert pair[1].faults == (given if expected is None else expected)
+    assert again.entries == (ENTRY,)
+    assert again.scenario.time.mode == "fast"
+    assert again.acks == {}
+    assert again.tick > 10**12
+
+
+def with_faults(scenario: Scenario, faults: tuple[Fault, ...]) -> Scenario:
+    (vehicle,) = scenario.vehicles
+    sensors = tuple(
+        replace(sensor, faults=faults) if sensor.name == "imu" else sensor
+        for sensor in vehicle.sensors
+    )
+    return replace(scenario, vehicles=(replace(vehicle, sensors=sensors),))
+
+
+def test_without_a_journal_commands_are_taken_at_their_stamps(
+    lab: Scenario, tmp_path: Path
+) -> None:
+    rows = [
+        ("/cmd_vel", Command(EPOCH + tick * TICK_NANOS, (0.01 * tick, 0.0, 0.0), STILL))
+        for tick in (40, 80)
+    ]
+    with record(tmp_path / "a.mcap", lab, rows) as recording:
+        again = verifying.journal_again(recording, lab)
+    assert again.epoch_nanos == EPOCH
+    assert list(again.read()) == [
+        Commanded(tick, "rover", Command(tick * TICK_NANOS, (0.01 * tick, 0.0, 0.0), STILL))
+        for tick in (40, 80)
+    ]
+
+
+def gap(cause: Cause, first_s: float, last_s: float, *outputs: str) -> Gap:
+    first, last = (EPOCH + round(s * NANOS) for s in (first_s, last_s))
+    return Gap(cause, first, last, 1, outputs or ("",))
+
+
+def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path) -> None:
+    told = [
+        Gaps(EPOCH + NANOS, "rover/camera", (gap("not there", 0.0, 0.5, "", "camera_info"),)),
+        Gaps(
+            EPOCH + 3 * NANOS,
+            "rover/camera",
+            (gap("overloaded", 2.0, 2.5), gap("states lost", 1.0, 1.1)),
+        ),
+    ]
+    with record(tmp_path / "a.mcap", lab, [(gaps_topic("rover/camera"), g) for g in told]) as it:
+        cause_of = verifying.left_out(it)
+    picture, info = "/camera/image_raw/compressed", "/camera/camera_info"
+    asked = ((picture, 0.25), (info, 0.5), (picture, 0.75), (picture, 1.0), (picture, 2.5))
+    causes = [cause_of(topic, EPOCH + round(s * NANOS)) for topic, s in asked]
+    assert causes == ["not there", "not there", None, "states lost", "overloaded"]
+    assert cause_of(info, EPOCH + 2 * NANOS) is None
+    assert [cause_of("/imu", EPOCH) for _ in range(3)] == ["recorder behind"] * 2 + [None]
+    assert [cause_of("/tf", EPOCH) for _ in range(2)] == ["recorder behind", None]
+
+
+def test_only_what_bytes_may_depend_on_tells_scenarios_apart(lab: Scenario) -> None:
+    paced = replace(lab, name="other", time=replace(lab.time, mode="fast", factor=3.0))
+    assert verifying.scenario_difference(lab, paced) is None
+    assert str(verifying.scenario_difference(lab, replace(lab, seed=2))) == (
+        "seed: 1 recorded, 2 again"
+    )
+    faulty = verifying.scenario_difference(lab, with_faults(lab, (STUCK,)))
+    assert str(faulty) == (
+        "vehicles[0].sensors[1].faults (rover, imu): 0 parts recorded, 1 parts again"
+    )
+
+
+def test_vehicles_that_came_before_the_recording_are_expected(
+    lab: Scenario, tmp_path: Path
+) -> None:
+    (rover,) = lab.vehicles
+    second = replace(rover, name="second", namespace="/second")
+    grown = replace(lab, vehicles=(rover, second))
+    with record(tmp_path / "a.mcap", grown, [], None, journal(lab, 9.95)) as recording:
+        assert verifying.with_later_vehicles(recording, lab) == grown
+        assert verifying.later_sensors(recording) == [
+            name for name in grown.sensor_names() if name.startswith("second/")
+        ]
+    with record(tmp_path / "b.mcap", lab, [], None, journal(lab, 9.95)) as recording:
+        assert verifying.with_later_vehicles(recording, lab) == lab

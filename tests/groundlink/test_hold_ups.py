@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import pytest
+
+from groundlink.hold_ups import HoldUps
+
+CASES = [
+    (HoldUps(), ""),
+    (HoldUps(("rover/imu",), {"rover/imu": 5.25}), "silent: rover/imu"),
+    (HoldUps((), {"rover/imu": 5.25}), ""),
+    (
+        HoldUps((), {}, {"physics": 0.25, "rover/lidar": 2.0, "rover/imu": 0.03}),
+        "time stretched by 2.3 s (rover/lidar 2.0 s, physics 0.2 s)",
+    ),
+]
+
+
+@pytest.mark.parametrize(("told", "line"), CASES)
+def test_what_is_told_is_read_again_and_shown_in_a_line(told: HoldUps, line: str) -> None:
+    assert HoldUps.read({"worlds": 1} | told.counters()) == told
+    assert str(told) == line

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The package `simulation_interfaces`, built for tests that need it, outside the environment.
+
+Nothing is installed, so that all other tests have a ROS without it: who wants it puts the folder
+into PYTHONPATH. It is kept between runs for as long as its sources and the build stay the same.
+"""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from .bodies import ROS_FOLDER
+
+SOURCES = Path(__file__).resolve().parent / "simulation_interfaces"
+
+
+def simulation_interfaces(cache: Path) -> Path:
+    """Return a folder for PYTHONPATH that holds the package."""
+    command = [sys.executable, "-m", "tests.ros.interfaces", str(cache)]
+    done = subprocess.run(command, text=True, stdout=subprocess.PIPE, check=True, timeout=110)
+    return Path(done.stdout.splitlines()[-1])
+
+
+def main(cache: Path) -> None:
+    """Build it where `cache` lacks it, and print the folder: the generators are a world of their
+    own, with warnings, so they get a process."""
+    sys.path.append(str(ROS_FOLDER / "ros2"))
+    builder = importlib.import_module("build_messages")
+    package = builder.InterfacePackage(SOURCES)
+    folder = cache / package.content_hash()
+    if not folder.is_dir():
+        with tempfile.TemporaryDirectory(dir=cache) as scratch:
+            build = Path(scratch)
+            builder.generate(package, build)
+            libraries = builder.compile_sources(package, build)
+            modules = build / "py" / package.name
+            for library in libraries.glob("*.so"):  # they look for each other beside themselves
+                shutil.copy(library, modules)
+            modules.parent.rename(folder)
+    print(folder)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

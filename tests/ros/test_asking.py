@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wishes on their way to a gateway that loses some, is silent, or is not alone."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from udp_bridge.wishing import PAUSE, PAUSED, RESET, RUNNING, Wish, WishAnswer
+from udp_bridge_ros2.asking import HEARD_NANOS, Asking, Unable
+
+GATEWAY = ("127.0.0.1", 7510)
+OTHER = ("127.0.0.1", 7520)
+
+Reply = Callable[[Wish, int], WishAnswer | None]
+"""Given a wish and how often it came before, what the gateway answers."""
+
+
+class Gateway:
+    """Stands for the link and the gateway behind it."""
+
+    def __init__(self, reply: Reply) -> None:
+        self.wishes: list[tuple[Wish, tuple[str, int]]] = []
+        self.now_nanos = 0
+        self._reply = reply
+        self.asking = Asking(self.send, patience_s=0.5, now_nanos=lambda: self.now_nanos)
+
+    def send(self, wish: Wish, to: tuple[str, int]) -> None:
+        before = sum(earlier.number == wish.number for earlier, _ in self.wishes)
+        self.wishes.append((wish, to))
+        if answer := self._reply(wish, before):
+            self.asking.answered(answer, to)
+
+
+def paused(wish: Wish, before: int) -> WishAnswer:
+    return WishAnswer(wish.number, PAUSED, 7)
+
+
+def test_a_wish_is_answered() -> None:
+    gateway = Gateway(paused)
+    gateway.asking.heard(GATEWAY)
+    assert gateway.asking.ask(PAUSE).tick == 7
+    [(wish, to)] = gateway.wishes
+    assert (wish.action, wish.ticks, to) == (PAUSE, 0, GATEWAY)
+
+
+def test_what_is_lost_is_sent_again_with_the_same_number() -> None:
+    gateway = Gateway(lambda wish, before: paused(wish, before) if before == 2 else None)
+    gateway.asking.heard(GATEWAY)
+    gateway.asking.ask(RESET)
+    assert len(gateway.wishes) == 3
+    assert len({wish.number for wish, _ in gateway.wishes}) == 1
+
+
+def test_each_wish_has_a_number_of_its_own_that_grows() -> None:
+    gateway = Gateway(paused)
+    gateway.asking.heard(GATEWAY)
+    for _ in range(20):
+        gateway.asking.ask(PAUSE)
+    numbers = [wish.number for wish, _ in gateway.wishes]
+    assert numbers == sorted(set(numbers))
+
+
+def test_answers_to_others_and_of_others_count_for_nothing() -> None:
+    def reply(wish: Wish, before: int) -> None:
+        gateway.asking.answered(WishAnswer(wish.number + 1, RUNNING, 1), GATEWAY)
+        gateway.asking.answered(WishAnswer(wish.number, RUNNING, 1), OTHER)
+
+    gateway = Gateway(reply)
+    gateway.asking.heard(GATEWAY)
+    with pytest.raises(Unable, match=r"the gateway at 127\.0\.0\.1:7510 was silent for 0\.5 s"):
+        gateway.asking.ask(PAUSE)
+
+
+def test_why_it_could_not_be_done() -> None:
+    gateway = Gateway(lambda wish, _: WishAnswer(wish.number, RUNNING, 1, "physics is busy"))
+    gateway.asking.heard(GATEWAY)
+    with pytest.raises(Unable, match=r"^physics is busy$"):
+        gateway.asking.ask(PAUSE)
+
+
+def test_a_gateway_that_fell_silent_is_asked_where_no_other_is_there() -> None:
+    gateway = Gateway(paused)
+    gateway.asking.heard(OTHER)
+    gateway.now_nanos = HEARD_NANOS
+    gateway.asking.ask(PAUSE)
+    gateway.asking.heard(GATEWAY)
+    for gateway.now_nanos in (HEARD_NANOS, 10 * HEARD_NANOS):
+        gateway.asking.ask(PAUSE)
+    assert [to for _, to in gateway.wishes] == [OTHER, GATEWAY, GATEWAY]
+
+
+def test_where_there_was_never_a_gateway() -> None:
+    gateway = Gateway(paused)
+    with pytest.raises(Unable, match="no gateway was heard yet"):
+        gateway.asking.ask(PAUSE)
+    assert gateway.wishes == []
+
+
+def test_a_gateway_that_comes_is_waited_for() -> None:
+    gateway = Gateway(paused)
+    timer = threading.Timer(0.15, gateway.asking.heard, [GATEWAY])
+    timer.start()
+    assert gateway.asking.ask(PAUSE).tick == 7
+    timer.join()
+
+
+def test_which_of_two_gateways_is_not_guessed() -> None:
+    gateway = Gateway(paused)
+    gateway.asking.heard(OTHER)
+    gateway.asking.heard(GATEWAY)
+    with pytest.raises(Unable, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520; name one"):
+        gateway.asking.ask(PAUSE)
+    assert gateway.wishes == []
+
+
+def test_nobody_waits_when_it_is_over() -> None:
+    gateway = Gateway(lambda wish, before: gateway.asking.close())
+    gateway.asking.heard(GATEWAY)
+    with pytest.raises(Unable, match="the bridge is ending"):
+        gateway.asking.ask(PAUSE)
+    assert len(gateway.wishes) == 1

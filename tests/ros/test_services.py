@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node's services with real ROS 2, and a gateway that stands in for a simulator."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from udp_bridge import Link, Message, control
+from udp_bridge.control import Subscribe, Wish, WishAnswer
+from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
+from udp_bridge.wishing import PAUSED, STEP
+
+from .bodies import imu
+from .calling import Caller
+from .conftest import RELIABLE, Ros
+
+Address = tuple[str, int]
+
+
+class Simulator:
+    """A gateway that wishes for commands, and answers wishes where it is not silent."""
+
+    def __init__(self, node: Address, *, is_silent: bool = False) -> None:
+        self.node = node
+        self.wishes: list[Wish] = []
+        self._is_silent = is_silent
+        self._is_over = threading.Event()
+        self.link = Link(("127.0.0.1", 0), on_message=self._on_message)
+        self._thread = threading.Thread(target=self._keep_wishing)
+        self._thread.start()
+
+    def _keep_wishing(self) -> None:
+        subscribe = Subscribe(type_number("Twist"), lease_s=3).pack()
+        while not self._is_over.wait(0.1):
+            self.link.send(SUBSCRIBE, "/cmd_vel", "", time.time_ns(), subscribe, self.node)
+
+    def _on_message(self, message: Message, sender: Address) -> None:
+        if message.msg_type == CONTROL and isinstance(wish := control.parse(message.body), Wish):
+            self.wishes.append(wish)
+            if not self._is_silent:
+                ticks = sum({wish.number: wish.ticks for wish in self.wishes}.values())
+                answer = WishAnswer(wish.number, PAUSED, ticks)
+                self.link.send(CONTROL, "", "", time.time_ns(), answer.pack(), sender)
+
+    def close(self) -> None:
+        self._is_over.set()
+        self._thread.join()
+        self.link.close()
+
+
+@contextmanager
+def simulator(node: Address, *, is_silent: bool = False) -> Iterator[Simulator]:
+    it = Simulator(node, is_silent=is_silent)
+    try:
+        yield it
+    finally:
+        it.close()
+
+
+@contextmanager
+def calling(ros: Ros, node: str = "/udp_bridge") -> Iterator[Caller]:
+    caller = Caller(ros.environment, node)
+    try:
+        yield caller
+    finally:
+        caller.close()
+
+
+def test_names_stand_under_the_nodes_and_steps_are_as_many_as_the_parameter_says(ros: Ros) -> None:
+    arguments = ("--ros-args", "-r", "__ns:=/rig", "-r", "__node:=bridge", "-p", "step_ticks:=40")
+    _, address = ros.bridge(*arguments, "-r", "~/pause:=/stand_still")
+    with simulator(address) as it, calling(ros, "/rig/bridge") as caller:
+        assert caller.trigger("step") == (True, "paused at tick 40")
+        assert caller.trigger("state") == (True, "paused at tick 40")
+        assert {wish.ticks for wish in it.wishes if wish.action == STEP} == {40}
+        with calling(ros, "") as other:
+            assert other.trigger("stand_still") == (True, "paused at tick 40")
+
+
+def test_without_a_gateway_it_says_so(ros: Ros) -> None:
+    ros.bridge()
+    with calling(ros) as caller:
+        is_done, said = caller.trigger("pause")
+    assert not is_done
+    assert said.startswith("no gateway was heard yet")
+
+
+def test_of_two_gateways_the_peer_is_told(ros: Ros) -> None:
+    _, address = ros.bridge()
+    with simulator(address) as one, simulator(address) as other:
+        with calling(ros) as caller:
+            is_done, said = caller.trigger("pause")
+            assert not is_done
+            for it in (one, other):
+                assert f"127.0.0.1:{it.link.address[1]}" in said
+        assert one.wishes == other.wishes == []
+
+        peer = f"peer:=127.0.0.1:{one.link.address[1]}"
+        _, one.node = ros.bridge("--ros-args", "-p", peer, "-r", "__node:=sure")
+        other.node = one.node
+        with calling(ros, "/sure") as caller:
+            assert caller.trigger("pause") == (True, "paused at tick 0")
+        assert one.wishes
+        assert not other.wishes
+
+
+def test_while_one_waits_data_flow_and_the_node_ends_at_once(ros: Ros) -> None:
+    node, address = ros.bridge()
+    listener = ros.listen(("sensor_msgs/msg/Imu", "/imu", RELIABLE))
+    with simulator(address, is_silent=True) as it, calling(ros) as caller:
+        waiting = threading.Thread(target=caller.trigger, args=["pause"], daemon=True)
+        waiting.start()
+        stamp = 0
+        while len(it.wishes) < 30:  # three seconds
+            stamp += 10_000_000
+            it.link.send(type_number("Imu"), "/imu", "imu", stamp, imu(stamp), address)
+            time.sleep(0.01)
+        listener.wait_for_stamp("/imu", stamp)
+        assert waiting.is_alive()
+        assert node.end() == 0
+        assert len(it.wishes) < 70, "it did not wait for the 80th"
+        caller.process.kill()
+        waiting.join(20)
+
+
+def test_a_ros_without_either_package(ros: Ros, tmp_path: Path) -> None:
+    hidden = "import sys\nsys.modules['std_srvs'] = None\n"
+    (tmp_path / "sitecustomize.py").write_text(hidden, encoding="utf-8")
+    ros.environment["PYTHONPATH"] += f":{tmp_path}"
+    node, _ = ros.bridge()
+    node.wait_for("neither simulation_interfaces nor std_srvs is installed: no services")

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wishes of ROS: each is done once, answered as often as it comes, and nobody waits for physics."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.errors import UserError
+from groundlink.scenario.schema import Gateway as GatewaySettings
+from services.gateway.__main__ import sockets
+from services.gateway.wishes import ANSWERS_KEPT, WISHES_WAITING, Wishes
+from udp_bridge import Link, Message, wishing
+from udp_bridge.around import sealed_socket
+from udp_bridge.seal import FROM_ROS
+from udp_bridge.types import CONTROL
+from udp_bridge.wishing import PAUSED, RUNNING, STOPPED, Wish, WishAnswer
+
+
+class Bench:
+    """Wishes with a physics that answers when it is let."""
+
+    def __init__(self) -> None:
+        self.asked: list[AnyWish | None] = []
+        self.told: list[WishAnswer] = []
+        self.error = ""
+        self.answers = threading.Event()
+        self.answers.set()
+        self.backlog = 0
+        self._told = threading.Condition()
+        self.wishes = Wishes(self._ask, backlog=lambda: self.backlog)
+        self.wishes.tell_by(self._tell)
+
+    def _ask(self, wish: AnyWish | None) -> ControlAnswer:
+        self.asked.append(wish)
+        assert self.answers.wait(10)
+        if self.error:
+            raise UserError(self.error)
+        return ControlAnswer("", 40 + len(self.asked), paused=isinstance(wish, Pause))
+
+    def _tell(self, answer: WishAnswer) -> None:
+        with self._told:
+            self.told.append(answer)
+            self._told.notify_all()
+
+    def wait(self, is_enough: Callable[[], bool]) -> None:
+        with self._told:
+            assert self._told.wait_for(is_enough, 10), (self.asked, self.told)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    it = Bench()
+    yield it
+    it.answers.set()
+    it.wishes.close()
+
+
+@pytest.mark.parametrize(
+    ("wish", "on_the_bus", "state"),
+    [
+        (Wish(5, wishing.ASK), None, RUNNING),
+        (Wish(5, wishing.PAUSE), Pause(), PAUSED),
+        (Wish(5, wishing.RESUME), Resume(), RUNNING),
+        (Wish(5, wishing.STEP, 7), Step(7), RUNNING),
+        (Wish(5, wishing.RESET), Reset(), RUNNING),
+    ],
+)
+def test_what_is_wished_and_answered(
+    bench: Bench, wish: Wish, on_the_bus: AnyWish | None, state: int
+) -> None:
+    bench.wishes.take(wish)
+    bench.wait(lambda: len(bench.told) == 1)
+    assert bench.asked == [on_the_bus]
+    assert bench.told == [WishAnswer(5, state, 41)]
+
+
+def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
+    for _ in range(3):
+        bench.wishes.take(Wish(5, wishing.RESET))
+    bench.wait(lambda: len(bench.told) == 1)
+    bench.wishes.take(Wish(5, wishing.RESET))
+    bench.wait(lambda: len(bench.told) == 2)
+    assert bench.asked == [Reset()]
+    assert bench.told[0] == bench.told[1]
+
+
+def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Bench) -> None:
+    bench.answers.clear()
+    for number in (5, 5, 6, 5):
+        bench.wishes.take(Wish(number, wishing.RESET))  # returns while physics is silent
+    assert bench.told == []
+    bench.answers.set()
+    bench.wait(lambda: len(bench.told) == 2)
+    assert [answer.number for answer in bench.told] == [5, 6]
+    assert bench.asked == [Reset(), Reset()]
+
+
+def test_why_it_could_not_be_done(bench: Bench) -> None:
+    bench.error = "physics of run `lab` does not answer " + 2000 * "ä"
+    bench.wishes.take(Wish(5, wishing.PAUSE))
+    bench.wait(lambda: len(bench.told) == 1)
+    answer = WishAnswer.parse(bench.told[0].pack())
+    assert (answer.state, answer.tick) == (STOPPED, -1)
+    assert answer.error.startswith("physics of run `lab` does not answer ä")
+
+
+def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
+    bench.backlog = 3
+    began = threading.Timer(0.1, lambda: setattr(bench, "backlog", 0))
+    began.start()
+    bench.wishes.take(Wish(5, wishing.PAUSE))
+    bench.wait(lambda: len(bench.told) == 1)
+    assert bench.backlog == 0
+    began.join()
+
+
+def test_what_is_kept_is_bounded(bench: Bench) -> None:
+    bench.answers.clear()
+    for number in range(1000):
+        bench.wishes.take(Wish(number, wishing.PAUSE))
+    bench.answers.set()
+    bench.wait(lambda: len(bench.told) >= WISHES_WAITING)
+    assert len(bench.told) <= WISHES_WAITING + 1  # one is with physics
+    first = bench.told[0].number
+    for number in range(2000, 2000 + ANSWERS_KEPT):
+        sent = len(bench.told)
+        bench.wishes.take(Wish(number, wishing.PAUSE))
+        bench.wait(lambda sent=sent: len(bench.told) > sent)  # type: ignore[misc]
+    asked = len(bench.asked)
+    bench.wishes.take(Wish(first, wishing.PAUSE))
+    bench.wait(lambda: bench.told[-1].number == first)
+    assert len(bench.asked) == asked + 1, "it was forgotten"
+
+
+def test_a_wish_without_the_key_or_from_elsewhere_does_not_get_in(tmp_path: Path) -> None:
+    secret = b"sixteen bytes and more"
+    key_file = tmp_path / "key"
+    key_file.write_bytes(secret)
+    key_file.chmod(0o600)
+    came: list[int] = []
+    all_came = threading.Event()
+
+    def on_message(message: Message, sender: object) -> None:
+        came.append(Wish.parse(message.body).number)
+        if came[-1] == 3:
+            all_came.set()
+
+    anywhere = ("127.0.0.1", 0)
+    around, _ = sockets(GatewaySettings(), anywhere, ("127.0.0.1", 7511), str(key_file))
+    with Link(anywhere, socket=around, on_message=on_message) as gateway:
+        elsewhere = sealed_socket(("127.0.0.2", 0), secret, sends=FROM_ROS)
+        friend = sealed_socket(anywhere, secret, sends=FROM_ROS)
+        for number, socket in ((1, None), (2, elsewhere), (3, friend)):
+            with Link(anywhere, socket=socket) as link:
+                body = Wish(number, wishing.RESET).pack()
+                link.send(CONTROL, "", "", time.time_ns(), body, gateway.address)
+                assert link.flush(5)
+        assert all_came.wait(10)
+        assert came == [3]
+        refused = gateway.counters()["refused"]
+        assert (refused["unsealed"], refused["stranger"]) == (1, 1)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run without its processes: a pace, its patience, and sensors that follow as fast as told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from groundlink.clock import TICK_SECONDS
+from groundlink.messages import Ack
+from groundlink.scenario import load
+from groundlink.scenario.schema import Time
+from services.physics.pace import pace_of
+from services.physics.patience import Patience
+
+LAB = load(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml")
+SENSORS = LAB.sensor_names()
+LIDAR = "rover/lidar"
+LIFE = 5
+STEP_SECONDS = 50e-6
+"""That a step of physics takes."""
+
+
+class Paced:
+    """Physics as its loop runs it, on a machine where nothing else takes time."""
+
+    def __init__(self, time: Time, *, others: Sequence[str] = ()) -> None:
+        self.time = time
+        self.pace = pace_of(replace(LAB, time=time), LIFE, others)
+        self.patience = Patience(time)
+        self.lines: list[str] = []
+        self.now = 100.0
+        self.tick = 0
+        self._followed = dict.fromkeys((*SENSORS, *others), -1.0)
+
+    def join(self) -> None:
+        """Let all have said that they are there, and the first state be told."""
+        for name in self._followed:
+            self._say(name, -1)
+        assert self.pace.parties.missing(0) == []
+        self.pace.wait_seconds(0, self.now)
+
+    def run(
+        self, seconds: float, *, times_real: Mapping[str, float] | None = None, pause: float = 0.0
+    ) -> None:
+        """Go on for wall seconds; after a pause in which physics was not let run.
+
+        Parameters
+        ----------
+        times_real
+            how many times as fast as real time some can follow, 0 for not at all; all others are
+            at each state at once.
+        """
+        times_real = times_real or {}
+        until = self.now + seconds
+        self.now += pause
+        while self.now < until:
+            wait = self.pace.wait_seconds(self.tick + 1, self.now)
+            self.lines += self.patience.look(
+                self.pace, self.tick + 1, self.now, holding=self.pace.holding
+            )
+            self.tick += wait == 0
+            passed = wait or STEP_SECONDS
+            self.now += passed
+            for name in self._followed:
+                self._follow(name, passed * times_real.get(name, 1e9) / TICK_SECONDS)
+
+    @property
+    def sim_seconds(self) -> float:
+        return self.tick * TICK_SECONDS
+
+    @property
+    def stretched(self) -> dict[str, float]:
+        return self.pace.stretched_seconds
+
+    def lag_ticks(self, name: str) -> float:
+        return self.tick - self._followed[name]
+
+    def _follow(self, name: str, ticks: float) -> None:
+        before = self._followed[name]
+        self._followed[name] = min(before + ticks, float(self.tick))
+        every = self.time.ack_ticks
+        word = int(self._followed[name]) // every * every
+        if word > before:
+            self._say(name, word)
+
+    def _say(self, name: str, tick: int) -> None:
+        self.pace.parties.acknowledged(name, Ack(LIFE, tick, tick))

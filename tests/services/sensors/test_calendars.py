@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Of every kind of sensor: what is due is what its model makes, and what it misses is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from groundlink.calendars import Calendar, calendar
+from groundlink.clock import TICK_NANOS
+from groundlink.gaps import Gaps
+from groundlink.messages import Message, State, encode, measured_nanos, packed
+from groundlink.scenario.inertial import InertialNoise
+from groundlink.scenario.lenses import Imager
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import (
+    Camera,
+    DepthCamera,
+    Encoders,
+    Gnss,
+    Imu,
+    Lidar,
+    Lidar2d,
+    Range,
+    Sensor,
+    StereoCamera,
+    WheelOdometry,
+)
+from groundlink.topics import SENSOR_TOPICS, sensor_outputs
+from services.sensors.account import Account
+from services.sensors.depth_camera.eyes import RayEye
+from services.sensors.depth_camera.model import DepthCameraModel
+from services.sensors.encoders.model import EncodersModel
+from services.sensors.gnss.model import GnssModel
+from services.sensors.imu.model import ImuModel
+from services.sensors.lidar.model import LidarModel
+from services.sensors.lidar_2d.model import Lidar2dModel
+from services.sensors.model import Beside, SensorModel, SkippingModel, parted
+from services.sensors.pictures import PictureModel
+from services.sensors.range.model import RangeModel
+from services.sensors.shell import SensorProcess
+from services.sensors.wheel_odometry.model import WheelOdometryModel
+
+from .states import EPOCH_NANOS, WHEELS
+from .yards import box, moving, yard
+
+TICKS = 240
+RATES_HZ = st.sampled_from([7.5, 10.0, 29.97, 30.0, 50.0, 59.94, 100.0, 119.88, 399.6, 400.0])
+TURNS_HZ = st.sampled_from([5.0, 9.99, 10.0, 12.5, 20.0, 29.97])
+PLACE: dict[str, Any] = {"name": "it", "topic": "/it", "frame": "it_link"}
+COUNTED = Encoders(name="wheels", topic="/wheels", frame="base_link")
+
+
+class Blank(PictureModel):
+    """A camera that looks at nothing: all streams of a picture, when there is one."""
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Any) -> None:
+        span = spec.imager.span_s if isinstance(spec, Camera) else 0.0
+        super().__init__(spec, self, span_nanos=round(span * 1e9))
+        self._spec = spec
+
+    def take(self, state: State) -> None:
+        """Look away."""
+
+    def restart(self) -> None:
+        """Forget earlier states; called by the other, too."""
+        if not hasattr(self, "_restarting"):
+            self._restarting = True
+            super().restart()
+            del self._restarting
+
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+        return [Beside(output.name, _Stamped(stamp_nanos)) for output in sensor_outputs(self._spec)]
+
+
+class _Stamped(Message, frozen=True):
+    stamp_nanos: int
+
+
+def of_rate(kind: type[Any], **fields: Any) -> st.SearchStrategy[Any]:
+    return st.builds(kind, **{n: st.just(v) for n, v in (PLACE | fields).items()}, rate_hz=RATES_HZ)
+
+
+def turning(kind: type[Any], **fields: Any) -> st.SearchStrategy[Any]:
+    blocks = st.sampled_from([0.0, 120.0, 36.0])
+    just = {n: st.just(v) for n, v in (PLACE | fields).items()}
+    return st.builds(
+        kind,
+        **just,
+        firings_per_revolution=st.just(64),
+        rotation_rate_hz=TURNS_HZ,
+        block_deg=blocks,
+    )
+
+
+def exposing(camera: Camera) -> Camera:
+    """Return one that takes its time, where its rate leaves some."""
+    if camera.rate_hz > 100:
+        return camera
+    return replace(camera, imager=Imager(exposure_s=0.004, readout_s=0.003, poses=2))
+
+
+LENS = {"width": 16, "height": 16}
+KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]] = {
+    Lidar: (turning(Lidar, elevations_deg=(-1.0, 1.0), truth=True), LidarModel),
+    Lidar2d: (turning(Lidar2d), Lidar2dModel),
+    Imu: (
+        st.builds(
+            lambda imu, hz: replace(imu, accelerometer=InertialNoise(bandwidth_hz=hz)),
+            of_rate(Imu),
+            st.sampled_from([0.0, 50.0, 200.0]),
+        ),
+        ImuModel,
+    ),
+    Encoders: (of_rate(Encoders), EncodersModel),
+    WheelOdometry: (of_rate(WheelOdometry, encoders="wheels"), WheelOdometryModel),
+    Gnss: (
+        st.builds(
+            lambda gnss, latency: replace(gnss, latency_s=latency),
+            of_rate(Gnss),
+            st.sampled_from([0.0, 0.07]),
+        ),
+        GnssModel,
+    ),
+    Range: (
+        of_rate(Range, radiation="ultrasound", field_of_view_deg=10.0, max_range_m=4.0, rays=4),
+        RangeModel,
+    ),
+    Camera: (of_rate(Camera, **LENS, publish="both").map(exposing), Blank),
+    DepthCamera: (
+        of_rate(DepthCamera, **LENS, publish="both", points_topic="/points"),
+        lambda scenario, vehicle, spec: DepthCameraModel(
+            scenario, vehicle, spec, eye=RayEye(scenario, vehicle, spec)
+        ),
+    ),
+    StereoCamera: (
+        of_rate(StereoCamera, **LENS, topic="/left/it", right_topic="/right/it", baseline_m=0.1),
+        Blank,
+    ),
+}
+
+
+def test_every_kind_of_sensor_is_tried() -> None:
+    assert set(KINDS) == set(SENSOR_TOPICS)
+
+
+def run() -> list[State]:
+    """Return states of a rover that drives by a wall."""
+    places = np.outer(np.arange(TICKS), (0.002, 0.0, 0.0))
+    angles = np.outer(np.arange(TICKS), (0.02,) * len(WHEELS))
+    return [
+        replace(
+            state,
+            vehicles={
+                "rover": replace(
+                    state.vehicles["rover"],
+                    joint_positions=packed(angles[state.tick].copy()),
+                    joint_velocities=packed(np.zeros(len(WHEELS))),
+                )
+            },
+        )
+        for state in moving(places)
+    ]
+
+
+STATES = run()
+MADE = yard(box("wall", (1, 40, 40), (3, 0, 0)))
+
+
+class Fed:
+    """What came of a sensor and what it told, by stream and number of the reading."""
+
+    def __init__(self, spec: Sensor, *, patience_ticks: int | None = None) -> None:
+        rover = replace(MADE.vehicles[0], sensors=(COUNTED, spec))
+        self.model = KINDS[type(spec)][1](replace(MADE, vehicles=(rover,)), rover, spec)
+        self.due: Calendar = calendar(spec)
+        self.came: dict[str, dict[int, bytes]] = {o.name: {} for o in sensor_outputs(spec)}
+        self.missing: dict[str, dict[int, str]] = {name: {} for name in self.came}
+        self.process = SensorProcess(
+            self.model,
+            expected_world_hash="",
+            ack_ticks=50,
+            publish=self._publish,
+            acknowledge=lambda _: None,
+            account=Account("rover/it", self.due, self.came, self._tell),
+            patience_ticks=patience_ticks,
+        )
+
+    def _publish(self, made: Message | Beside) -> None:
+        output, message = parted(made)
+        reading = self._reading(measured_nanos(message))
+        assert reading not in self.came[output]
+        self.came[output][reading] = encode(message)
+
+    def _tell(self, told: Gaps) -> None:
+        for gap in told.gaps:
+            first, last = map(self._reading, (gap.first_nanos, gap.last_nanos))
+            assert gap.readings == last - first + 1
+            for output in gap.outputs:
+                for reading in range(first, last + 1):
+                    assert reading not in self.missing[output]
+                    self.missing[output][reading] = gap.cause
+
+    def _reading(self, stamp_nanos: int) -> int:
+        """Return the number of the reading with a stamp; it is exactly one's."""
+        nanos = stamp_nanos - EPOCH_NANOS
+        reading = self.due.at_or_after(nanos)
+        assert self.due.nanos(reading) == nanos
+        return reading
+
+    def check(self) -> None:
+        """Each reading that is due, up to the last that came, came or was told, not both."""
+        self.process.tell_progress()
+        over = self.due.at_or_after(self.model.settled_tick() * TICK_NANOS)
+        for output, came in self.came.items():
+            missing = self.missing[output]
+            assert not came.keys() & missing.keys()
+            whole = came.keys() | missing.keys()
+            assert whole == set(range(self.due.first, max([*whole, over - 1], default=-1) + 1))
+
+
+STRATEGIES = [pytest.param(KINDS[kind][0], id=kind.__name__) for kind in KINDS]
+SKIPPING = [pytest.param(KINDS[k][0], id=k.__name__) for k in (Lidar, Lidar2d, Camera, DepthCamera)]
+
+FEW = settings(
+    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@FEW
+@given(data=st.data())
+def test_of_a_whole_run_nothing_is_missing(
+    strategy: st.SearchStrategy[Any], data: st.DataObject
+) -> None:
+    fed = Fed(data.draw(strategy))
+    for state in STATES:
+        fed.process.take(state)
+    fed.check()
+    assert not any(fed.missing.values())
+    assert all(fed.came.values())
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@FEW
+@given(data=st.data())
+def test_what_is_missing_and_what_came_are_all_that_was_due(
+    strategy: st.SearchStrategy[Any], data: st.DataObject
+) -> None:
+    spec = data.draw(strategy)
+    whole, fed = Fed(spec), Fed(spec)
+    begin = data.draw(st.integers(0, 100), label="joins at")
+    lost = data.draw(st.integers(begin + 1, TICKS - 60), label="loses states from")
+    back = data.draw(st.integers(lost + 1, TICKS - 50), label="gets them again from")
+    for state in STATES:
+        whole.process.take(state)
+        if begin <= state.tick < lost or state.tick >= back:
+            fed.process.take(state)
+    fed.check()
+    for output, missing in fed.missing.items():
+        assert set(missing.values()) <= {"not there", "states lost"}
+        # What came has the very bytes that it has without a gap, but for what counts on.
+        if not isinstance(spec, WheelOdometry):
+            assert fed.came[output].items() <= whole.came[output].items()
+
+
+@pytest.mark.parametrize("strategy", SKIPPING)
+@FEW
+@given(data=st.data())
+def test_what_would_come_late_is_left_out_and_the_rest_is_the_same(
+    strategy: st.SearchStrategy[Any], data: st.DataObject
+) -> None:
+    spec = data.draw(strategy)
+    whole, late = Fed(spec), Fed(spec, patience_ticks=400)
+    assert isinstance(late.model, SkippingModel)
+    behind = range(60, 180)
+    for state in STATES:
+        whole.process.take(state)
+        late.process.take(state, 100 if state.tick in behind else 0)
+    late.check()
+    for output, missing in late.missing.items():
+        assert set(missing.values()) == {"overloaded"}
+        assert late.came[output].items() <= whole.came[output].items()
+        assert len(late.came[output]) + len(missing) == len(whole.came[output])

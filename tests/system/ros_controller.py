@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A controller in the loop, as users write them: follows a wavy line by what it sees.
+
+Run as ``python -m tests.system.ros_controller WAY LONGEST_DELAY_S``. WAY is `odom`: it answers each
+message on /odom with one on /cmd_vel; or `timer`: a timer of sim time does so, every 20 ms, with
+the newest odometry. Delays are random, on the wall clock, and differ from run to run.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import sys
+import time
+
+from udp_bridge_ros2.environment import apply_defaults
+
+apply_defaults(os.environ)
+
+import rclpy  # noqa: E402
+from geometry_msgs.msg import Twist  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+
+class Controller(Node):  # type: ignore[misc]
+    """Steers to and fro by its position and its heading."""
+
+    def __init__(self, way: str, longest_delay_s: float) -> None:
+        use_sim_time = Parameter("use_sim_time", value=way == "timer")
+        super().__init__("controller", parameter_overrides=[use_sim_time])
+        self._longest_delay_s = longest_delay_s
+        self._odometry = Odometry()
+        self._publisher = self.create_publisher(Twist, "/cmd_vel", 10)
+        self.create_subscription(Odometry, "/odom", self._take, 10)
+        self._answers = way == "odom"
+        if way == "timer":
+            self.create_timer(0.02, self._steer)
+
+    def _take(self, odometry: Odometry) -> None:
+        self._odometry = odometry
+        if self._answers:
+            self._steer()
+
+    def _steer(self) -> None:
+        if self._longest_delay_s and random.random() < 0.2:
+            time.sleep(random.uniform(0.0, self._longest_delay_s))
+        pose = self._odometry.pose.pose
+        yaw = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
+        stamp = self._odometry.header.stamp
+        now = stamp.sec + 1e-9 * stamp.nanosec
+        twist = Twist()
+        twist.linear.x = 0.6 + 0.2 * math.sin(3 * pose.position.x)
+        wanted = 0.5 * math.sin(0.9 * now + pose.position.x)
+        twist.angular.z = 1.5 * (wanted - yaw) - 0.8 * pose.position.y
+        self._publisher.publish(twist)
+
+
+def main(way: str, longest_delay_s: float) -> None:
+    rclpy.init()
+    rclpy.spin(Controller(way, longest_delay_s))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], float(sys.argv[2]))

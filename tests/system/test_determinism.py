@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""In lockstep every sensor gives the same bytes, wherever, whenever and however slowly it runs.
+
+A run of 20 s with every kind of sensor, undisturbed and in fast mode, is what all others have to
+equal. Two that keep to the wall clock go on beside the others.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from benchmarks.two_hosts import HOSTS, NotAllowed
+from benchmarks.two_hosts import run as run_on_two_hosts
+from groundlink import journal
+from groundlink.clock import TICK_NANOS
+from groundlink.control import Pause, Resume
+from groundlink.control_query import ask
+from groundlink.emulation import Impairment
+from tests.bridge.programs import missing
+
+from .determined import HEARD, RUN, UNTIL_NANOS, Heard, Run, difference, run
+from .rig import REPOSITORY, is_answered, wait_for
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+FACTORS = (0.5, 1.0)
+
+
+def together(it: Run) -> None:
+    """Start the run with all sensors in one process."""
+    it.start("physics", "rover/driver")
+    it.start_module("sensors", "services.sensors")
+
+
+@pytest.fixture(scope="module")
+def paced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[float, Run]]:
+    with ExitStack() as opened:
+        runs = {}
+        for factor in FACTORS:
+            folder = tmp_path_factory.mktemp("paced")
+            it = opened.enter_context(run(folder, f"mode: lockstep, factor: {factor}"))
+            together(it)
+            runs[factor] = it
+        yield runs
+
+
+@pytest.fixture(scope="module")
+def expected(paced: dict[float, Run], tmp_path_factory: pytest.TempPathFactory) -> Heard:
+    with run(tmp_path_factory.mktemp("undisturbed")) as it:
+        it.start(*it.names)
+        return it.witness.heard()
+
+
+def test_every_stream_is_complete(expected: Heard) -> None:
+    counts = {key.removeprefix(f"groundlink/{RUN}/rover/"): len(b) for key, b in expected.items()}
+    assert 160 < counts.pop("lidar") < 200, "a fault drops some"
+    assert counts.pop("imu") in (7998, 7999, 8000)
+    rates_hz = {
+        "truth": 10,
+        "scanner": 10,
+        "encoders": 50,
+        "worn": 50,
+        "odometry": 50,
+        "gnss": 5,
+        "sonar": 15,
+    }
+    declared = {name: 20 * rates_hz.get(name.rpartition("/")[2], 4) for name in counts}
+    assert counts == declared
+    assert all(len({body for _, body in bodies}) > 1 for bodies in expected.values())
+
+
+def test_again(expected: Heard, tmp_path: Path) -> None:
+    with run(tmp_path) as it:
+        it.start(*it.names)
+        assert difference(it.witness.heard(), expected) is None
+
+
+def test_all_sensors_in_one_process(expected: Heard, tmp_path: Path) -> None:
+    with run(tmp_path) as it:
+        together(it)
+        assert difference(it.witness.heard(), expected) is None
+
+
+def test_started_in_any_order_and_killed(expected: Heard, tmp_path: Path) -> None:
+    with run(tmp_path) as it:
+        names = random.Random(8).sample(it.names, len(it.names))
+        assert names.index("physics") > 2, "some are there before it"
+        it.start(*names)
+        for victim, at_nanos in (("rover/lidar", UNTIL_NANOS // 4), ("rover/odometry", 10**10)):
+            it.witness.wait(at_nanos)
+            os.kill(it.pids[victim], signal.SIGKILL)
+            it.start(victim)
+        assert difference(it.witness.heard(), expected) is None
+
+
+def stopped(pid: int, seconds: float) -> None:
+    """Let a process stand still for a while."""
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    os.kill(pid, signal.SIGCONT)
+
+
+def test_random_delays_and_two_seconds_in_a_sensor_and_in_the_gateway(
+    expected: Heard, tmp_path: Path
+) -> None:
+    with run(tmp_path) as it:
+        it.rig.start(
+            *("-m", "udp_bridge", "listen", "--bind", it.rig.address(it.rig.peer)), log="r"
+        )
+        it.start(*it.names)
+        it.start_module("gateway", "services.gateway")
+        for number, victim in enumerate(("rover/lidar", "gateway"), start=1):
+            it.witness.wait(number * 10**9)
+            stopped(it.pids[victim], 2.0)
+        chance = random.Random(8)
+        while it.witness.reached_nanos < UNTIL_NANOS:
+            stopped(it.pids[chance.choice(sorted(it.pids))], chance.uniform(0.001, 0.1))
+            time.sleep(chance.uniform(0.0, 0.1))
+        assert difference(it.witness.heard(), expected) is None
+
+
+def test_restored_from_half_time(expected: Heard, tmp_path: Path) -> None:
+    file, elsewhere = tmp_path / "half_time.run", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with run(tmp_path) as it:
+        it.start(*it.names)
+        it.witness.wait(UNTIL_NANOS // 2)
+        ask(it.bus, RUN, Pause())
+        join = ("--connect", it.rig.endpoint, "--run", RUN)
+        saving = it.rig.start("-m", "groundlink", "save", str(file), *join, log="save.log")
+        assert saving.wait(60) == 0, it.rig.log("save.log")
+        saved = journal.loaded(journal.read(file), str(file))
+        assert saved.tick * TICK_NANOS < 0.75 * UNTIL_NANOS
+        ask(it.bus, RUN, Resume())
+        it.witness.wait(saved.tick * TICK_NANOS)
+        before = it.witness.so_far()
+    with run(elsewhere) as it:
+        it.start_module("physics", "services.physics", str(file))
+        it.start(*(name for name in it.names if name != "physics"))
+        after = it.witness.heard()
+    whole = {}
+    for key, bodies in after.items():
+        assert bodies[0][0] > UNTIL_NANOS // 4, "the first half is not told again"
+        whole[key] = [*(body for body in before[key] if body[0] < bodies[0][0]), *bodies]
+    assert difference(whole, expected) is None
+
+
+def test_a_sensor_on_another_host(expected: Heard, tmp_path: Path) -> None:
+    """Behind a network that takes 2 ms each way, more or less, and loses packets."""
+    address = (HOSTS[1], 7447)
+    endpoint = f"tcp/{address[0]}:{address[1]}"
+
+    def become(*command: str) -> None:
+        os.chdir(REPOSITORY)
+        os.execv(sys.executable, [sys.executable, "-m", *command])
+
+    def sensor() -> None:
+        wait_for(lambda: is_answered(address), 60, "the other host listens")
+        become("services.sensors.lidar", "--name", "rover/lidar", "--connect", endpoint)
+
+    def others() -> None:
+        become("tests.system.determined", str(tmp_path), endpoint)
+
+    try:
+        link = Impairment(delay_ms=2, jitter_ms=1, loss=0.001)
+        run_on_two_hosts((sensor, others), link, mtu=65535, seconds=110)
+    except NotAllowed as error:
+        missing(f"no network of its own: {error}")
+    there = tmp_path / HEARD
+    assert there.exists(), "".join(log.read_text() for log in tmp_path.glob("*.log"))
+    heard = msgspec.json.decode(there.read_bytes(), type=Heard)
+    assert difference(heard, expected) is None
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+def test_at_the_wall_clocks_pace(factor: float, expected: Heard, paced: dict[float, Run]) -> None:
+    assert difference(paced[factor].witness.heard(), expected) is None

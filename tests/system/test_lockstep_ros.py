@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS 2 controller in the loop of a run in lockstep: the same way to the bit, every time."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.messages import State, encode
+from groundlink.topics import STATE
+
+from .rig import Rig, children_of, rig, wait_for
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+pytestmark = pytest.mark.system
+
+TICKS = 4000
+"""Ten seconds."""
+
+VEHICLES = """
+vehicles:
+  - name: rover
+    model: vehicles/rover.yaml
+    sensors:
+      - {kind: imu, datasheet: sensors/imu_mti1.yaml, name: imu, topic: /imu, frame: imu_link,
+         mount: imu}
+      - {kind: encoders, name: encoders, topic: /wheel_encoders, frame: base_link, rate_hz: 50.0}
+      - {kind: wheel_odometry, name: odometry, encoders: encoders, topic: /odom, frame: odom}
+"""
+LOSS = ", link: {seed: 3, to_ros: {loss: 0.05}, from_ros: {loss: 0.05}}"
+
+
+def write(it: Rig, *, answers: str, link: str = "") -> None:
+    it.scenario.write_text(
+        "name: loop\nseed: 7\nworld: worlds/lab.yaml\n"
+        "time: {mode: fast, lockstep: ros, epoch: zero, clock_rate_hz: 50.0, "
+        f"answers: {{/cmd_vel: {answers}}}}}\n"
+        f"gateway: {{bind: {it.address(it.bind)}, peer: {it.address(it.peer)}{link}}}\n" + VEHICLES,
+        encoding="utf-8",
+    )
+
+
+class Way:
+    """Listens to where the rover is, from tick 0 to the end."""
+
+    def __init__(self, bus: Bus, run: str) -> None:
+        self._states: Inbox[State] = Inbox(depth=1 << 16)
+        self._digest = hashlib.sha256()
+        self.tick = -1
+        self.end_m = (0.0, 0.0)
+        bus.subscribe(STATE.key_in(run), State, self._states)
+
+    def has_come_to(self, tick: int) -> bool:
+        """Take in states up to a tick; return whether all of them were there."""
+        while self.tick < tick and len(self._states) and (got := self._states.get(seconds=0)):
+            state = got[1]
+            assert state.tick == self.tick + 1, "the test itself has missed states"
+            self.tick = state.tick
+            self._digest.update(encode(State("", 0, 0, state.tick, 0, "", state.vehicles)))
+            x, y, *_ = state.vehicles["rover"].poses()[0].tolist()
+            self.end_m = x, y
+        return self.tick >= tick
+
+    @property
+    def digest(self) -> str:
+        return self._digest.hexdigest()
+
+
+@contextmanager
+def driving(
+    folder: Path, *, way: str, delay_s: float = 0.0, link: str = ""
+) -> Iterator[tuple[Rig, Way]]:
+    """A run with a controller; yields it, and the way that is driven."""
+    folder.mkdir()
+    with rig(folder) as it:
+        write(it, answers="/odom" if way == "odom" else "/clock", link=link)
+        it.start("-m", "tests.system.ros_controller", way, str(delay_s), log="controller.log")
+        it.up()
+        wait_for(it.is_answered, 60, "a router")
+        with Bus(connect=it.endpoint) as bus:  # long before the sensors, which physics waits for
+            yield it, Way(bus, it.run)
+
+
+def driven(folder: Path, *, ticks: int = TICKS, **how: Any) -> str:
+    """Return in short the way that a controller has driven in a run of its own."""
+    with driving(folder, **how) as (it, seen):
+        wait_for(lambda: seen.has_come_to(ticks), 300, f"tick {ticks}: {it.log('up.log')}")
+    assert seen.end_m[0] > 1.0, "it has not driven"
+    return seen.digest
+
+
+def process_of(it: Rig, module: str) -> int:
+    """Return the number of a process that `groundlink up` has started; 0 where there is none."""
+    up = it.started[-1]
+    return next((pid for pid, said in children_of(up.pid).items() if module in said), 0)
+
+
+@pytest.mark.parametrize(("way", "ticks"), [("odom", TICKS), ("timer", 1200)])
+def test_the_way_is_the_same_whatever_delays_and_losses(
+    tmp_path: Path, way: str, ticks: int
+) -> None:
+    undisturbed = driven(tmp_path / "undisturbed", way=way, ticks=ticks)
+    assert driven(tmp_path / "delayed", way=way, ticks=ticks, delay_s=0.03) == undisturbed
+    assert driven(tmp_path / "lossy", way=way, ticks=ticks, link=LOSS) == undisturbed
+
+
+@pytest.mark.parametrize("module", ["udp_bridge_ros2", "services.gateway"])
+def test_who_is_started_again_takes_part_again(tmp_path: Path, module: str) -> None:
+    with driving(tmp_path / "run", way="odom") as (it, seen):
+        wait_for(lambda: seen.has_come_to(200), 60, f"tick 200: {it.log('up.log')}")
+        killed = process_of(it, module)
+        os.kill(killed, signal.SIGKILL)
+        wait_for(lambda: process_of(it, module) not in (0, killed), 30, "its successor")
+        last = seen.tick + 400
+        wait_for(lambda: seen.has_come_to(last), 60, f"tick {last}: {it.log('up.log')}")
+
+
+def test_time_waits_for_a_controller_and_says_so(tmp_path: Path) -> None:
+    with driving(tmp_path / "run", way="odom") as (it, seen):
+        wait_for(lambda: seen.has_come_to(200), 60, f"tick 200: {it.log('up.log')}")
+        it.started[0].send_signal(signal.SIGINT)
+        it.started[0].wait(10)
+        wait_for(lambda: "waits for /cmd_vel since" in it.log("up.log"), 30, "a line")
+        wait_for(lambda: "lockstep: tick" in it.log("up.log"), 10, "the node's line")
+        seen.has_come_to(10**6)
+        stands_at = seen.tick
+        it.start("-m", "tests.system.ros_controller", "odom", "0", log="second.log")
+        wait_for(lambda: seen.has_come_to(stands_at + 200), 60, "time goes on")

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor that cannot follow: time gives way, or its readings, or the run; and all of it is said.
+
+A sensor that is stopped for a while is as one whose machine is too busy, at a time that is known.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from groundlink.bus import Bus
+from groundlink.gaps import Gap, Gaps
+from groundlink.inbox import Inbox
+from groundlink.messages import Imu, Message, PointCloud, WheelEncoders
+from groundlink.topics import ENCODERS, GAPS, IMU, POINTS, Topic
+
+from .rig import Rig, children_of, rig, wait_for
+
+pytestmark = pytest.mark.system
+
+LIDAR = "rover/lidar"
+LIDAR_PERIOD = 100_000_000
+STREAMS: dict[str, tuple[Topic, type[Message], int]] = {
+    "lidar": (POINTS, PointCloud, LIDAR_PERIOD),
+    "imu": (IMU, Imu, 2_500_000),
+    "encoders": (ENCODERS, WheelEncoders, 20_000_000),
+}
+STOPPED_SECONDS = 4.0
+
+
+class Run:
+    """A run under a supervisor, and all that its sensors say."""
+
+    def __init__(self, it: Rig, bus: Bus) -> None:
+        self._rig = it
+        self._report = it.folder / "report.json"
+        self._inboxes: dict[str, Inbox[Message]] = {}
+        for name, (row, message, _) in STREAMS.items():
+            inbox: Inbox[Message] = Inbox(depth=100_000)
+            bus.subscribe(row.key_in(it.run, vehicle="rover", sensor=name), message, inbox)
+            self._inboxes[name] = inbox
+        self._gaps: Inbox[Gaps] = Inbox(depth=1000)
+        bus.subscribe(GAPS.key_in(it.run, process=LIDAR), Gaps, self._gaps)
+        self._stamps: dict[str, list[int]] = {name: [] for name in STREAMS}
+        self._told: list[Gap] = []
+
+    def stamps(self, name: str) -> NDArray[np.int64]:
+        """Return the stamps of a sensor's readings up to now."""
+        while arrived := self._inboxes[name].get(seconds=0):
+            stamp: int = arrived[1].stamp_nanos  # type: ignore[attr-defined]
+            self._stamps[name].append(stamp)
+        return np.array(self._stamps[name])
+
+    def gaps(self) -> list[Gap]:
+        """Return what the LiDAR has told to be missing up to now."""
+        while arrived := self._gaps.get(seconds=0):
+            self._told += arrived[1].gaps
+        return self._told
+
+    def goes_on(self, readings: int = 10) -> None:
+        """Wait for more readings of every sensor."""
+        wanted = {name: len(self.stamps(name)) + readings for name in STREAMS}
+        for name, count in wanted.items():
+            wait_for(lambda n=name, c=count: len(self.stamps(n)) >= c, 60, f"{name} publishes")
+
+    def stop_lidar(self, condition: Any) -> None:
+        """Let the LiDAR stand still until a condition holds."""
+        children = children_of(self._rig.started[0].pid)
+        pid = next(pid for pid, command in children.items() if "sensors.lidar" in command)
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            wait_for(condition, 60, "what the stop is for")
+        finally:
+            if os.path.exists(f"/proc/{pid}"):
+                os.kill(pid, signal.SIGCONT)
+
+    def end(self) -> dict[str, Any]:
+        """End the run; return the supervisor's report."""
+        supervisor = self._rig.started[0]
+        if supervisor.poll() is None:
+            supervisor.send_signal(signal.SIGINT)
+        supervisor.wait(15)
+        report: dict[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
+        return report
+
+
+@contextmanager
+def run(folder: Path, time_section: str) -> Iterator[tuple[Rig, Run]]:
+    with rig(folder, time_section=f"time: {{{time_section}}}\n") as it:
+        it.up("--no-ros", "--report", str(folder / "report.json"))
+        wait_for(it.is_answered, 20, "the bus opens")
+        with Bus(connect=it.endpoint) as bus:
+            begun = Run(it, bus)
+            begun.goes_on()
+            yield it, begun
+
+
+def seconds_passed() -> Any:
+    """Return a condition that holds after the sensor has stood still for long enough."""
+    until = time.monotonic() + STOPPED_SECONDS
+    return lambda: time.monotonic() > until
+
+
+def test_slow_lets_time_stretch_and_no_reading_out(tmp_path: Path) -> None:
+    with run(tmp_path, "overload: slow, deadline_s: 60") as (it, begun):
+        begun.stop_lidar(seconds_passed())
+        begun.goes_on()
+        for name, (_, _, period) in STREAMS.items():
+            assert set(np.diff(begun.stamps(name)).tolist()) == {period}, name
+        report = begun.end()
+    # Of the time it stood still, a window of 400 ticks has passed for the others.
+    stretched = report["held_up"]["stretched_seconds"]
+    assert sum(stretched.values()) > 0.8 * (STOPPED_SECONDS - 1.0)
+    assert max(stretched, key=stretched.__getitem__) == LIDAR
+    assert report["real_time_factor"] < 0.97
+    assert "time stretched by" in it.log("up.log")
+    assert report["held_up"]["silent_seconds"] == {}
+
+
+def test_slow_names_who_is_silent_and_goes_on_without_it_until_it_is_back(tmp_path: Path) -> None:
+    with run(tmp_path, "overload: slow, deadline_s: 1.5") as (it, begun):
+        begun.stop_lidar(lambda: f"goes on without {LIDAR}" in it.log("up.log"))
+        assert f"has waited 1.5 s for {LIDAR}" in it.log("up.log")
+        wait_for(lambda: f"{LIDAR} is back after" in it.log("up.log"), 20, "it is back")
+        begun.goes_on()
+        report = begun.end()
+    assert report["held_up"]["silent_seconds"][LIDAR] >= 1.5
+
+
+def test_skip_lets_readings_out_and_marks_each_but_no_time_stretch(tmp_path: Path) -> None:
+    with run(tmp_path, "overload: skip") as (_, begun):
+        begun.stop_lidar(seconds_passed())
+        begun.goes_on()
+        stamps = begun.stamps("lidar")
+        missing = int((stamps[-1] - stamps[0]) // LIDAR_PERIOD) + 1 - len(stamps)
+        assert missing > 10
+
+        def marked() -> int:
+            """Return how many readings are told to be missing between the first and the last."""
+            inside = [g for g in begun.gaps() if stamps[0] < g.first_nanos < stamps[-1]]
+            assert {gap.cause for gap in inside} == {"overloaded"}
+            return sum(gap.readings for gap in inside)
+
+        wait_for(lambda: marked() == missing, 20, f"{missing} readings are marked")
+        report = begun.end()
+    # What physics is behind by on a busy machine it makes up for.
+    assert report["held_up"]["stretched_seconds"] == {}
+
+
+@pytest.mark.parametrize("mode", ["realtime", "lockstep"])
+def test_fail_ends_the_run_in_one_line(tmp_path: Path, mode: str) -> None:
+    with run(tmp_path, f"mode: {mode}, overload: fail, deadline_s: 3") as (it, begun):
+        supervisor = it.started[0]
+        children = children_of(supervisor.pid)
+        begun.stop_lidar(lambda: supervisor.poll() is not None)
+        assert supervisor.poll() == 1
+        assert not [pid for pid in children if os.path.exists(f"/proc/{pid}/exe")]
+        lines = it.log("up.log").splitlines()
+        [why] = [line for line in lines if "`overload: fail` ends the run" in line]
+        assert LIDAR in why
+        assert "Traceback" not in it.log("up.log")
+        assert begun.end()["processes"]["physics"]["last_exit"] == "exit code 4"
+
+
+def test_fail_ends_a_run_whose_readings_get_lost(tmp_path: Path) -> None:
+    """A sensor that is killed is started again, but has missed more than physics keeps for it."""
+    with run(tmp_path, "factor: 8, overload: fail, deadline_s: 60") as (it, _):
+        supervisor = it.started[0]
+        children = children_of(supervisor.pid)
+        os.kill(next(pid for pid, c in children.items() if "sensors.imu" in c), signal.SIGKILL)
+        assert supervisor.wait(30) == 1
+        assert "rover/imu lacks readings: " in it.log("up.log")
+        assert " restarted; `overload: fail` ends the run" in it.log("up.log")

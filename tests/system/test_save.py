@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run is saved half way; what is restored from there publishes the bytes of one that went on."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from groundlink.bus import Bus
+from groundlink.clock import TICK_NANOS
+from groundlink.control import Pause, Remove, Restore, Resume, Spawn, Step
+from groundlink.control_query import ask
+from groundlink.faults import FaultAnswer
+from groundlink.inbox import Inbox
+from groundlink.journal import loaded, state_digest
+from groundlink.messages import Imu, M, State, decode, encode
+from groundlink.questions import control_key, faults_key, journal_key
+from groundlink.scenario.faults import Delay, Drop, Fault, Stuck
+from groundlink.scenario.spawned import At, addition
+from groundlink.topics import IMU, STATE
+
+from .determined import RUN, Heard, Run, Witness, run
+from .rig import rig, wait_for
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+SAVED_TICK = 1213
+"""Not a multiple of any period, and little after the last change of the world."""
+
+END_TICK = 2400
+END_NANOS = END_TICK * TICK_NANOS
+
+QUIET_LOOKS = 10
+
+
+class States(Inbox[State]):
+    """What physics says of every tick, but for its life."""
+
+    def __init__(self, bus: Bus) -> None:
+        super().__init__(depth=1)
+        self.digests: dict[int, str] = {}
+        bus.subscribe(STATE.key_in(RUN), State, self)
+
+    def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
+        state = decode(payload, State)
+        self.digests[state.tick] = state_digest(state)
+
+    def assert_go_on(self, expected: dict[int, str]) -> None:
+        """Check the states of a run that was restored."""
+        assert sorted(self.digests) == list(range(SAVED_TICK, max(self.digests) + 1))
+        both = self.digests.keys() & expected.keys()
+        assert all(self.digests[tick] == expected[tick] for tick in both)
+
+
+def command(it: Run, *words: str) -> str:
+    """Return what a command of the run prints."""
+    line = [sys.executable, "-m", "groundlink", *words, "--connect", it.rig.endpoint]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=100, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def spawn(bus: Bus, what: str, at: At) -> None:
+    _, more = addition(what, at=at, name=None, taken=(), ground=None)
+    ask(bus, RUN, Spawn(more))
+
+
+def suffer(bus: Bus, sensor: str, fault: Fault) -> None:
+    wish = msgspec.json.encode(fault).decode()
+    (answer,) = bus.ask(faults_key(RUN, sensor), wish, seconds=30).values()
+    assert not msgspec.json.decode(answer, type=FaultAnswer).error
+
+
+def step_to(bus: Bus, tick: int) -> None:
+    ask(bus, RUN, Step(tick - max(ask(bus, RUN).tick, 0)))
+    wait_for(lambda: ask(bus, RUN).tick == tick, 60, f"tick {tick} is stepped to")
+
+
+def quiet(witness: Witness) -> Heard:
+    """Return what has been heard when nothing more comes."""
+    last: list[Heard] = []
+
+    def is_quiet() -> bool:
+        last.append(witness.so_far())
+        return last[-QUIET_LOOKS:] == QUIET_LOOKS * last[-1:]
+
+    wait_for(is_quiet, 60, "silence")
+    return last[-1]
+
+
+def together(first: Heard, second: Heard) -> Heard:
+    """Return two halves as somebody has them who knows a body by its instant."""
+    return {
+        key: [*bodies, *(body for body in second[key] if not bodies or body[0] > bodies[-1][0])]
+        for key, bodies in first.items()
+    }
+
+
+def until_the_end(witness: Witness) -> Heard:
+    """Return what was heard up to the end, when all of it has come."""
+    witness.wait(END_NANOS)
+    found = witness.so_far()
+    return {key: [body for body in bodies if body[0] < END_NANOS] for key, bodies in found.items()}
+
+
+def test_restored_here_and_elsewhere_a_run_goes_on_with_the_same_bytes(tmp_path: Path) -> None:
+    file, elsewhere = tmp_path / "half_way.run", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with run(tmp_path) as it, Bus(connect=it.rig.endpoint) as bus:
+        it.start("physics")
+        wait_for(lambda: bool(bus.ask(control_key(RUN), seconds=1)), 30, "physics is there")
+        ask(bus, RUN, Pause())
+        states = States(bus)
+        it.start(*(name for name in it.names if name != "physics"))
+        step_to(bus, 300)
+        spawn(bus, "crate", At(-6.0, -4.0))
+        suffer(bus, "rover/lidar", Drop(share=0.2))
+        step_to(bus, 700)
+        spawn(bus, "box", At(-4.0, -7.0))
+        suffer(bus, "rover/encoders", Stuck(for_s=5.0))
+        suffer(bus, "rover/imu", Delay(delay_s=0.1))
+        step_to(bus, 1200)
+        ask(bus, RUN, Remove("box"))
+        step_to(bus, SAVED_TICK)
+        said = command(it, "save", str(file))
+        assert said.startswith(f"run `{RUN}` at tick {SAVED_TICK} (3.0325 s) is in {file}, ")
+        first = quiet(it.witness)
+        ask(bus, RUN, Resume())
+        whole = until_the_end(it.witness)
+        ask(bus, RUN, Pause())
+        quiet(it.witness)
+
+        expected, states.digests = states.digests, {}
+        again = Witness(bus, it.rig.scenario)
+        said = command(it, "restore", str(file))
+        # On a busy machine a line of progress comes before.
+        assert said.endswith(f"run `{RUN}` is paused at tick {SAVED_TICK} (3.0325 s)\n")
+        ask(bus, RUN, Resume())
+        assert together(first, until_the_end(again)) == whole
+        states.assert_go_on(expected)
+
+    with run(elsewhere) as it, Bus(connect=it.rig.endpoint) as bus:
+        states = States(bus)
+        it.start_module("physics", "services.physics", str(file))
+        it.start(*(name for name in it.names if name != "physics"))
+        assert together(first, until_the_end(it.witness)) == whole
+        states.assert_go_on(expected)
+
+
+@pytest.mark.parametrize("mode", ["fast", "realtime"])
+def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) -> None:
+    """By the bus alone; what a sensor says again is what it said before."""
+    section = f"time: {{mode: {mode}, epoch: zero}}\n"
+    with rig(tmp_path, time_section=section) as it:
+        physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
+        alone = ("--only", "rover/imu", "--wait-for", "rover/imu", "--run", it.run)
+        it.start(*physics, *alone, log="physics.log")
+        wait_for(it.is_answered, 60, "physics listens")
+        with Bus(connect=it.endpoint) as bus:
+            samples: Inbox[Imu] = Inbox(depth=1_000_000)
+            bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
+            sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
+            it.start(*sensor, "--connect", it.endpoint, log="imu.log")
+            wait_for(lambda: len(samples) > 100, 60, "samples come")
+            content = b"".join(bus.ask(journal_key(it.run), seconds=30).values())
+            saved = loaded(content, "the bus")
+            assert not ask(bus, it.run).paused
+            end_nanos = (saved.tick + 400) * TICK_NANOS
+            before = heard(samples, end_nanos)
+            ask(bus, it.run, Restore(), content=content)
+            wait_for(lambda: ask(bus, it.run).restoring_to < 0, 60, "it is restored")
+            assert ask(bus, it.run).warning == ""
+            again = heard_again(samples, saved.tick * TICK_NANOS, end_nanos)
+        assert set(again) >= {n for n in before if saved.tick * TICK_NANOS <= n < end_nanos}
+        assert all(before.get(nanos, body) == body for nanos, body in again.items())
+
+
+def heard(samples: Inbox[Imu], until_nanos: int) -> dict[int, bytes]:
+    """Return samples up to an instant, by their stamps."""
+    found: dict[int, bytes] = {}
+    while max(found, default=0) < until_nanos:
+        arrived = samples.get(seconds=60)
+        assert arrived, "the sensor fell silent"
+        found[arrived[1].stamp_nanos] = encode(arrived[1])
+    return found
+
+
+def heard_again(samples: Inbox[Imu], from_nanos: int, until_nanos: int) -> dict[int, bytes]:
+    """Return samples from where time has jumped back, up to an instant."""
+    last = -1
+    while arrived := samples.get(seconds=60):
+        stamp = arrived[1].stamp_nanos
+        if stamp < last:
+            break
+        last = stamp
+    assert arrived, "time never jumped back"
+    assert stamp <= from_nanos, "nothing was left out"
+    return {stamp: encode(arrived[1])} | heard(samples, until_nanos)

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink up --sensors-together`: one process for all sensors, each told as ever."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from .rig import children_of, rig, wait_for
+
+pytestmark = pytest.mark.system
+
+SENSORS = {"rover/lidar", "rover/imu", "rover/encoders"}
+
+
+def test_sensors_share_a_process_and_are_told_one_by_one(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    with rig(tmp_path, time_section="time: {mode: fast}\n") as it:
+        up = it.up("--sensors-together", "--duration", "2", "--report", str(report))
+        wait_for(lambda: len(children_of(up.pid)) == 4, 20, "all processes are there")
+        (one,) = [line for line in children_of(up.pid).values() if "services.sensors" in line]
+        assert "--name" not in one
+        up.wait(60)  # what rates were kept is nothing to this test
+    processes = json.loads(report.read_text(encoding="utf-8"))["processes"]
+    assert processes.keys() == {"physics", "gateway", "ros"} | SENSORS
+    assert all(processes[name]["counters"]["readings"] > 10 for name in SENSORS)
