@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from . import __version__
 from .cli import (
     check,
+    compose,
     control,
     convert,
     drive,
@@ -49,6 +50,7 @@ COMMANDS = (
     view,
     snapshot,
     world,
+    compose,
 )
 
 

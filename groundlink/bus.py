@@ -67,6 +67,7 @@ class Bus:
         self, *, connect: str | None = None, listen: str | None = None, onlooker: bool = False
     ) -> None:
         self._declared: list[Any] = []
+        self._is_router = listen is not None
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
@@ -92,6 +93,10 @@ class Bus:
             declared.undeclare()
         self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]
+
+    def is_linked(self) -> bool:
+        """Return whether there is a way to others: this is the router, or has a link to it."""
+        return self._is_router or bool(self._session.info.routers_zid())
 
     def publisher(self, key: str, delivery: Delivery) -> Callable[[Message], bytes]:
         """Return a function that publishes messages under `key` and returns their bytes."""

@@ -27,6 +27,7 @@ from .gateway import Gateway
 from .kept import NAME, Kept
 from .streams import repair_table, waiting_table
 from .subscriptions import Address
+from .whereabouts import Whereabouts
 
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""
@@ -49,22 +50,28 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join(bus, options.run, stop)
+        process.alone(bus, run, NAME)
         changed: Scenario | None = scenario
         kept = Kept(bus, run)
-        while changed is not None:
-            changed = _carry(kept, changed, options, stop)
+        with Whereabouts(options.peer or scenario.gateway.peer, process.address) as peer:
+            while changed is not None:
+                changed = _carry(kept, changed, options, peer, stop)
 
 
 def _carry(
-    kept: Kept, scenario: Scenario, options: argparse.Namespace, stop: threading.Event
+    kept: Kept,
+    scenario: Scenario,
+    options: argparse.Namespace,
+    peer_now: Whereabouts,
+    stop: threading.Event,
 ) -> Scenario | None:
-    """Carry a scenario's streams until `stop` is set, or the scenario has other vehicles.
+    """Carry a scenario's streams until `stop` is set, or they have to begin anew.
 
-    Returns the scenario with these; streams begin anew with it, as after a restart.
+    That is so with other vehicles, or a peer that is elsewhere now; returns the scenario then.
     """
     inbox = kept.inbox
     bind = process.address(options.bind or scenario.gateway.bind)
-    peer = process.address(options.peer or scenario.gateway.peer)
+    peer = peer_now.address
     gateway = Gateway(
         scenario,
         kept.run,
@@ -113,6 +120,9 @@ def _carry(
             if heartbeat.due():
                 if changed := kept.changed(scenario, stop):
                     return changed
+                if peer_now.address != peer:
+                    print(f"{NAME}: the peer is at {peer_now.address[0]} now", file=sys.stderr)
+                    return scenario
                 gateway.repeat(link)
                 streams, counts = gateway.report(link)
                 wire = link.counters()

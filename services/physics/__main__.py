@@ -223,8 +223,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     run = options.run or scenario.name
     listen = options.listen or (None if options.connect else DEFAULT_ENDPOINT)
     with Bus(connect=options.connect, listen=listen) as bus:
-        if bus.present(HEALTH.key_in(run, process=NAME), seconds=1.0):
-            raise UserError(f"run `{run}` is on the bus already; end it or give --run another name")
+        process.alone(bus, run, NAME)
         physics = Physics(scenario, run, bus, others=options.wait_for)
         try:
             _keep_stepping(physics, process.Heartbeat(bus, run, NAME), stop.is_set)

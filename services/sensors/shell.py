@@ -189,6 +189,7 @@ def _main(
     with Bus(connect=endpoint) as bus:
         run_name, scenario = process.join_world(bus, options.run, stop)
         vehicle, spec = _find(scenario, options.name, spec_type)
+        process.alone(bus, run_name, options.name)
         model = make_model(scenario, vehicle, spec)
         link: NativeLink | NoLink = NoLink()
         if native is not None and isinstance(spec, WithNative):
