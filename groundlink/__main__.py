@@ -20,6 +20,7 @@ from .cli import (
     replay,
     report,
     schema,
+    secure,
     sensors,
     snapshot,
     spawn,
@@ -51,6 +52,7 @@ COMMANDS = (
     snapshot,
     world,
     compose,
+    secure,
 )
 
 

@@ -24,6 +24,9 @@ MAIN = "main"
 
 ROUTER = "tcp/router:7447"
 
+BRIDGE_KEY = "bridge.key"
+"""File beside the folders of credentials."""
+
 HEAD = """\
 # Between these walls stands every container: nothing of it may be written, no rights, no root (the
 # images' user), a restart after a crash, and unhealthy when it is not well for 5 s.
@@ -31,10 +34,13 @@ x-process: &process
   restart: unless-stopped
   init: true
   read_only: true
+  user: "${GROUNDLINK_USER:-65532:65532}"
   tmpfs: ["/tmp:size=256m,mode=1777"]
   cap_drop: [ALL]
   security_opt: ["no-new-privileges:true"]
-  environment: {ALIVE_FILE: /tmp/alive}
+  environment:
+    ALIVE_FILE: /tmp/alive
+    GROUNDLINK_ROUTER: $ROUTER
   healthcheck:
     test: ["CMD-SHELL", "find /tmp/alive -newermt '5 seconds ago' | grep -q ."]
     interval: 2s
@@ -106,9 +112,34 @@ class Deployment:
         rest: dict[str, Any] = {"networks": {network: {} for network in sorted(used)}}
         if host == MAIN:
             rest["volumes"] = {"recordings": {}}
-        blocks = [f"name: groundlink\n\n{HEAD}", "services:"]
+        head = HEAD.replace("$ROUTER", ROUTER if host == MAIN else self._router)
+        blocks = [f"name: groundlink\n\n{head}", "services:"]
         blocks += [_indented(name, service) for name, service in services.items()]
         return "\n".join([*blocks, yaml.safe_dump(rest, sort_keys=False)])
+
+    def secured(self, folder: str, host: str = MAIN) -> str:
+        """Return what is laid over that file where strangers reach the bus or the bridge.
+
+        `folder` is that of the credentials, as the written file names it.
+        """
+        services: dict[str, Any] = {}
+        router = (ROUTER if host == MAIN else self._router).replace("tcp/", "tls/")
+        for name, service in self._services(host):
+            image = service["image"].removeprefix("groundlink-")
+            fields: dict[str, Any] = {"environment": {}, "volumes": []}
+            if "bus" in service["networks"]:
+                fields["environment"] = {
+                    "GROUNDLINK_ROUTER": router,
+                    "GROUNDLINK_CREDENTIALS": "/run/credentials",
+                }
+                fields["volumes"] += [f"{folder}/{name}:/run/credentials:ro"]
+            if image == "router":
+                fields["command"] = [word.replace("tcp/", "tls/") for word in service["command"]]
+            if "ros" in service["networks"]:
+                fields["command"] = [*service["command"], "--key-file", "/run/bridge.key"]
+                fields["volumes"] += [f"{folder}/{BRIDGE_KEY}:/run/bridge.key:ro"]
+            services[name] = {field: value for field, value in fields.items() if value}
+        return yaml.safe_dump({"services": services}, sort_keys=False)
 
     def _services(self, host: str) -> Iterator[tuple[str, Service]]:
         if host == MAIN:
@@ -126,11 +157,10 @@ class Deployment:
     def _process(self, process: str, module: str, host: str) -> Service:
         """Return the service of a process of the run."""
         image = _image_of(process, module)
-        joining = ["--connect", ROUTER if host == MAIN else self._router]
         words = {
-            "physics": [f"/scenario/{self._file.name}", *joining],
-            "gateway": [*joining, "--bind", "0.0.0.0:7510", "--peer", "ros2:7511"],
-        }.get(process, [module, "--name", process, *joining])
+            "physics": [f"/scenario/{self._file.name}"],
+            "gateway": ["--bind", "0.0.0.0:7510", "--peer", "ros2:7511"],
+        }.get(process, [module, "--name", process])
         service = self._of(image, words)
         if process == "physics":
             service["volumes"] = [f"{self._file.parent}:/scenario:ro"]
@@ -161,7 +191,6 @@ class Deployment:
 
     def _around(self) -> Iterator[tuple[str, Service]]:
         """Yield ROS, and what is there only when its profile is asked for."""
-        joining = ["--connect", ROUTER]
         yield "ros2", self._of("ros2", ["--bind", "0.0.0.0:7511"]) | {
             "environment": {"ALIVE_FILE": "/tmp/alive", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
             "ipc": "shareable",
@@ -169,12 +198,12 @@ class Deployment:
         }
         yield (
             "recorder",
-            self._of("recorder", ["--out", "/recordings/run.mcap", *joining])
+            self._of("recorder", ["--out", "/recordings/run.mcap"])
             | {"profiles": ["record"], "volumes": ["recordings:/recordings"]},
         )
         yield (
             "viewer",
-            self._of("viewer", ["--web", "--host", "0.0.0.0", *joining])
+            self._of("viewer", ["--web", "--host", "0.0.0.0"])
             | {"profiles": ["view"], "ports": ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"]},
         )
 

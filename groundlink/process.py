@@ -52,9 +52,18 @@ def parser(process: str, description: str) -> argparse.ArgumentParser:
     return arguments
 
 
+ROUTER_VARIABLE = "GROUNDLINK_ROUTER"
+"""Environment variable with the endpoint to join where `--connect` is not given."""
+
+
+def router_of(options: argparse.Namespace) -> str | None:
+    """Return the endpoint to join: as told, or of the environment; None where there is none."""
+    return options.connect or os.environ.get(ROUTER_VARIABLE)
+
+
 def endpoint(options: argparse.Namespace) -> str:
     """Return where to join: as told, or where physics listens by default."""
-    return str(options.connect or DEFAULT_ENDPOINT)
+    return router_of(options) or DEFAULT_ENDPOINT
 
 
 def address(text: str) -> tuple[str, int]:

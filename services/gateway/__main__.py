@@ -48,7 +48,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--key-file", metavar="FILE", help="instead of the scenario's key")
     options = parser.parse_args(arguments)
     sys.setswitchinterval(SWITCH_SECONDS)
-    with Bus(connect=process.endpoint(options)) as bus:
+    with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
         process.alone(bus, run, NAME)
         changed: Scenario | None = scenario

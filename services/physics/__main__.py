@@ -221,8 +221,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     if options.mode:
         scenario = replace(scenario, time=replace(scenario.time, mode=options.mode))
     run = options.run or scenario.name
-    listen = options.listen or (None if options.connect else DEFAULT_ENDPOINT)
-    with Bus(connect=options.connect, listen=listen) as bus:
+    router = process.router_of(options)
+    listen = options.listen or (None if router else DEFAULT_ENDPOINT)
+    with Bus(connect=router, listen=listen, name=NAME) as bus:
         process.alone(bus, run, NAME)
         physics = Physics(scenario, run, bus, others=options.wait_for)
         try:

@@ -24,7 +24,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         "--listen", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="where (%(default)s)"
     )
     options = parser.parse_args(arguments)
-    with Bus(listen=options.listen) as bus:
+    with Bus(listen=options.listen, name=NAME) as bus:
         bus.watch(HEALTH.key_in("*", process="**"), _tell)
         print(f"{NAME}: listens at {options.listen}", flush=True)
         stop.wait()

@@ -186,7 +186,7 @@ def _main(
         )
     options = parser.parse_args(arguments)
     endpoint = process.endpoint(options)
-    with Bus(connect=endpoint) as bus:
+    with Bus(connect=endpoint, name=options.name) as bus:
         run_name, scenario = process.join_world(bus, options.run, stop)
         vehicle, spec = _find(scenario, options.name, spec_type)
         process.alone(bus, run_name, options.name)
