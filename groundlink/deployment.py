@@ -191,11 +191,18 @@ class Deployment:
 
     def _around(self) -> Iterator[tuple[str, Service]]:
         """Yield ROS, and what is there only when its profile is asked for."""
-        yield "ros2", self._of("ros2", ["--bind", "0.0.0.0:7511"]) | {
-            "environment": {"ALIVE_FILE": "/tmp/alive", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
-            "ipc": "shareable",
-            "shm_size": "512m",
-        }
+        yield (
+            "ros2",
+            self._of("ros2", ["--bind", "0.0.0.0:7511"])
+            | {
+                "environment": {
+                    "ALIVE_FILE": "/tmp/alive",
+                    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+                },
+                "ipc": "shareable",
+                "shm_size": "512m",
+            },
+        )
         yield (
             "recorder",
             self._of("recorder", ["--out", "/recordings/run.mcap"])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink secure SCENARIO FOLDER`: certificates, access rules and a key for a run that strangers
-could reach.
+"""`groundlink secure SCENARIO FOLDER`: what a run needs that strangers could reach.
+
+Rule: it writes and starts nothing. What is written is secret but for the Compose file.
 """
 
 from __future__ import annotations
