@@ -159,7 +159,7 @@ class Deployment:
         image = _image_of(process, module)
         words = {
             "physics": [f"/scenario/{self._file.name}"],
-            "gateway": ["--bind", "0.0.0.0:7510", "--peer", "ros2:7511"],
+            "gateway": ["--bind", "0.0.0.0:7510", "--peer", "${GROUNDLINK_ROS:-ros2:7511}"],
         }.get(process, [module, "--name", process])
         service = self._of(image, words)
         if process == "physics":
@@ -185,7 +185,7 @@ class Deployment:
     def _router_service(self) -> Service:
         listens = "import socket; socket.create_connection(('127.0.0.1', 7447), 1)"
         return self._of("router", ["services.router", "--listen", "tcp/0.0.0.0:7447"]) | {
-            "ports": ["127.0.0.1:7447:7447"],
+            "ports": ["${GROUNDLINK_PUBLISH:-127.0.0.1}:7447:7447"],
             "healthcheck": {"test": ["CMD", "python", "-SEc", listens], "interval": "2s"},
         }
 

@@ -40,9 +40,10 @@ def docker(*words: str, check: bool = True, seconds: float = 60) -> str:
 def needs_docker() -> None:
     """Skip where no engine and Compose answer; under GROUNDLINK_EVERY_TEST fail."""
     for words in (["version"], ["compose", "version"]):
-        if shutil.which("docker") and not subprocess.run(
-            ["docker", *words], capture_output=True, check=False
-        ).returncode:
+        if (
+            shutil.which("docker")
+            and not subprocess.run(["docker", *words], capture_output=True, check=False).returncode
+        ):
             continue
         if os.environ.get("GROUNDLINK_EVERY_TEST"):
             pytest.fail(f"`docker {' '.join(words)}` does not answer")
@@ -56,9 +57,7 @@ class Stack:
         self._files = [word for file in files for word in ("-f", file)]
 
     def compose(self, *words: str, seconds: float = 120, check: bool = True) -> str:
-        return docker(
-            "compose", "-p", PROJECT, *self._files, *words, seconds=seconds, check=check
-        )
+        return docker("compose", "-p", PROJECT, *self._files, *words, seconds=seconds, check=check)
 
     def containers(self) -> dict[str, dict[str, Any]]:
         """Return what Compose knows of each service's container."""
