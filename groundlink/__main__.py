@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from . import __version__
 from .cli import (
     check,
+    compose,
     control,
     convert,
     drive,
@@ -20,6 +21,7 @@ from .cli import (
     report,
     save,
     schema,
+    secure,
     sensors,
     snapshot,
     spawn,
@@ -53,6 +55,8 @@ COMMANDS = (
     view,
     snapshot,
     world,
+    compose,
+    secure,
 )
 
 

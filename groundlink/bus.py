@@ -11,6 +11,7 @@ hangs its process, so a `Bus` is a context manager.
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from typing import Any
 
 import zenoh
 
+from .credentials import from_environment
 from .errors import UserError
 from .inbox import Inbox
 from .messages import M, Message, encode
@@ -61,17 +63,34 @@ class Bus:
         endpoint to listen on as the router that others join through.
     onlooker
         never waited for: what this session does not take in time, the router drops.
+    name
+        of the process, where its credentials have to be its own.
+
+    Raises
+    ------
+    UserError
+        when the endpoints are none, nobody is there, or the credentials are wrong.
     """
 
     def __init__(
-        self, *, connect: str | None = None, listen: str | None = None, onlooker: bool = False
+        self,
+        *,
+        connect: str | None = None,
+        listen: str | None = None,
+        onlooker: bool = False,
+        name: str | None = None,
     ) -> None:
         self._declared: list[Any] = []
+        self._is_router = listen is not None
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
+        credentials = from_environment(os.environ)
+        if credentials is not None and name is not None:
+            credentials.check(name)
+        more = credentials.settings() if credentials is not None else {}
         try:
-            self._session = zenoh.open(_configuration(connect, listen, onlooker))
+            self._session = zenoh.open(_configuration(connect, listen, onlooker, more))
         except zenoh.ZError as error:
             raise BusError(_explained(str(error), connect, listen)) from None
 
@@ -92,6 +111,10 @@ class Bus:
             declared.undeclare()
         self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]
+
+    def is_linked(self) -> bool:
+        """Return whether there is a way to others: this is the router, or has a link to it."""
+        return self._is_router or bool(self._session.info.routers_zid())
 
     def publisher(self, key: str, delivery: Delivery) -> Callable[[Message], bytes]:
         """Return a function that publishes messages under `key` and returns their bytes."""
@@ -183,8 +206,10 @@ class Bus:
         )
 
 
-def _configuration(connect: str | None, listen: str | None, onlooker: bool) -> zenoh.Config:
-    """Return the session's configuration: explicit endpoints only."""
+def _configuration(
+    connect: str | None, listen: str | None, onlooker: bool, more: dict[str, Any]
+) -> zenoh.Config:
+    """Return the session's configuration: explicit endpoints only, and what credentials add."""
     settings: dict[str, Any] = {
         "mode": "router" if listen else "client",
         "connect/endpoints": [connect] if connect else [],
@@ -213,7 +238,7 @@ def _configuration(connect: str | None, listen: str | None, onlooker: bool) -> z
     if onlooker:
         settings["id"] = random.choice(ONLOOKERS)
     configuration = zenoh.Config()
-    for key, value in settings.items():
+    for key, value in (settings | more).items():
         configuration.insert_json5(key, json.dumps(value))
     return configuration
 
@@ -224,6 +249,11 @@ def _explained(problem: str, connect: str | None, listen: str | None) -> str:
         return f"{listen} is in use; end the other process or choose a port with --listen"
     if listen and "listener" in problem:
         return f"cannot listen on {listen}: {problem.split(': ')[-1][:80]}"
+    if connect and connect.startswith("tls/"):
+        return (
+            f"{connect} was not joined within {CONNECT_SECONDS:.0f} s: nobody is there, or one of "
+            "the two does not take the other's certificate; see GROUNDLINK_CREDENTIALS"
+        )
     return (
         f"nobody answered at {connect} within {CONNECT_SECONDS:.0f} s; start physics or a router "
         "there first, or correct --connect"

@@ -21,6 +21,7 @@ from typing import NamedTuple, NoReturn, Protocol
 import msgspec
 
 from . import asset_exchange
+from .alive import Alive
 from .bus import DEFAULT_ENDPOINT, Bus
 from .errors import UserError
 from .inbox import Inbox
@@ -31,6 +32,9 @@ from .topics import HEALTH, ROOT, STATE
 
 JOIN_SECONDS = 20.0
 """How long a process waits for physics to serve the run's scenario, or what it missed."""
+
+GONE_SECONDS = 15.0
+"""After this long Zenoh has told that a process is gone that was cut off: its lease is 10 s."""
 
 HEALTH_PERIOD_SECONDS = 1.0
 
@@ -48,9 +52,18 @@ def parser(process: str, description: str) -> argparse.ArgumentParser:
     return arguments
 
 
+ROUTER_VARIABLE = "GROUNDLINK_ROUTER"
+"""Environment variable with the endpoint to join where `--connect` is not given."""
+
+
+def router_of(options: argparse.Namespace) -> str | None:
+    """Return the endpoint to join: as told, or of the environment; None where there is none."""
+    return options.connect or os.environ.get(ROUTER_VARIABLE)
+
+
 def endpoint(options: argparse.Namespace) -> str:
     """Return where to join: as told, or where physics listens by default."""
-    return str(options.connect or DEFAULT_ENDPOINT)
+    return router_of(options) or DEFAULT_ENDPOINT
 
 
 def address(text: str) -> tuple[str, int]:
@@ -138,6 +151,33 @@ def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
     return None
 
 
+def alone(bus: Bus, run_name: str, process: str) -> None:
+    """Return when no other process of this name is in a run.
+
+    One that was cut off is still counted as there for some seconds; it is waited for.
+
+    Raises
+    ------
+    UserError
+        when there is one, and it is well.
+    """
+    key = HEALTH.key_in(run_name, process=process)
+    if not bus.present(key, seconds=1.0):
+        return
+    beats: Inbox[Health] = Inbox(depth=1)
+    bus.subscribe(key, Health, beats)
+    deadline = time.monotonic() + GONE_SECONDS
+    where = "and does not answer"
+    while bus.present(key, seconds=1.0):
+        if beat := beats.get(seconds=0.5):
+            where = f"on {beat[1].host} (process {beat[1].pid})"
+        if beat or time.monotonic() > deadline:
+            raise UserError(
+                f"`{process}` of run `{run_name}` is there already, {where}; end it, or give "
+                "--run another name"
+            )
+
+
 class StateTaker(Protocol):
     """What a process that follows a run's states does with them."""
 
@@ -212,6 +252,7 @@ class Heartbeat:
         self._process = process
         self._publish = bus.publisher(key, HEALTH.delivery)
         self._next = 0.0
+        self._alive = Alive(process, bus.is_linked, os.environ)
         bus.announce(key)
 
     def due(self) -> bool:
@@ -227,3 +268,4 @@ class Heartbeat:
             self._process, os.getpid(), tick, counters, tuple(streams), socket.gethostname()
         )
         self._publish(health)
+        self._alive.show(time.monotonic())

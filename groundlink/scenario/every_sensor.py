@@ -91,6 +91,9 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     datasheet: str = ""
     """Title of the data sheet that the fields were taken from, with its source."""
 
+    host: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]*$")] = "main"
+    """Label of the machine that it runs on, where containers are spread over several."""
+
     faults: tuple[Fault, ...] = ()
     """What goes wrong with it, and when."""
 

@@ -34,7 +34,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     )
     parser.add_argument("--once", action="store_true", help="end when the route is driven")
     options = parser.parse_args(arguments)
-    with Bus(connect=process.endpoint(options)) as bus:
+    with Bus(connect=process.endpoint(options), name=options.name) as bus:
         run, scenario = process.join(bus, options.run, stop)
         vehicle = _find(scenario, options.name)
         make_follower = _follower_maker(scenario, vehicle, options.route)

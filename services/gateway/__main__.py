@@ -34,6 +34,7 @@ from .lockstep import REPAIR, Lockstep
 from .memory import memory_of, recall
 from .streams import repair_table, waiting_table
 from .subscriptions import Address
+from .whereabouts import Whereabouts
 from .words import Words
 
 RECEIVE_WAIT_SECONDS = 0.1
@@ -52,27 +53,34 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--key-file", metavar="FILE", help="instead of the scenario's key")
     options = parser.parse_args(arguments)
     sys.setswitchinterval(SWITCH_SECONDS)
-    with Bus(connect=process.endpoint(options)) as bus:
+    with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
+        process.alone(bus, run, NAME)
         changed: Scenario | None = scenario
         kept = Kept(bus, run)
+        peer = Whereabouts(options.peer or scenario.gateway.peer, process.address)
         try:
             while changed is not None:
-                changed = _carry(kept, changed, options, stop)
+                changed = _carry(kept, changed, options, peer, stop)
         finally:
+            peer.close()
             kept.wishes.close()
 
 
 def _carry(
-    kept: Kept, scenario: Scenario, options: argparse.Namespace, stop: threading.Event
+    kept: Kept,
+    scenario: Scenario,
+    options: argparse.Namespace,
+    peer_now: Whereabouts,
+    stop: threading.Event,
 ) -> Scenario | None:
-    """Carry a scenario's streams until `stop` is set, or the scenario has other vehicles.
+    """Carry a scenario's streams until `stop` is set, or they have to begin anew.
 
-    Returns the scenario with these; streams begin anew with it, as after a restart.
+    That is so with other vehicles, or a peer that is elsewhere now; returns the scenario then.
     """
     inbox = kept.inbox
     bind = process.address(options.bind or scenario.gateway.bind)
-    peer = process.address(options.peer or scenario.gateway.peer)
+    peer = peer_now.address
     words = Words() if scenario.time.lockstep == "ros" else None
     gateway = Gateway(
         scenario,
@@ -128,6 +136,9 @@ def _carry(
             if heartbeat.due():
                 if changed := kept.changed(scenario, stop):
                     return changed
+                if peer_now.address != peer:
+                    print(f"{NAME}: the peer is at {peer_now.address[0]} now", file=sys.stderr)
+                    return scenario
                 gateway.repeat(link)
                 streams, counts = gateway.report(link, inbox.dropped_of)
                 wire = link.counters()

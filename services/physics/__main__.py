@@ -13,8 +13,7 @@ from collections.abc import Callable, Sequence
 
 from groundlink import process
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
-from groundlink.errors import UserError
-from groundlink.topics import HEALTH, PHYSICS
+from groundlink.topics import PHYSICS
 
 from .authority import Physics
 from .source import add_arguments, source
@@ -41,10 +40,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     options = parser.parse_args(arguments)
     scenario, saved, followed = source(options)
     run = options.run or scenario.name
-    listen = options.listen or (None if options.connect else DEFAULT_ENDPOINT)
-    with Bus(connect=options.connect, listen=listen) as bus:
-        if bus.present(HEALTH.key_in(run, process=NAME), seconds=1.0):
-            raise UserError(f"run `{run}` is on the bus already; end it or give --run another name")
+    router = process.router_of(options)
+    listen = options.listen or (None if router else DEFAULT_ENDPOINT)
+    with Bus(connect=router, listen=listen, name=NAME) as bus:
+        process.alone(bus, run, NAME)
         physics = Physics(
             *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
         )

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     duration = None if options.duration is None else round(options.duration * NANOS)
-    with Bus(connect=process.endpoint(options)) as bus:
+    with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
 
         def journal(question: str) -> bytes:

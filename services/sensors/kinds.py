@@ -78,7 +78,7 @@ def _main(kind: Kind[Any, Any], arguments: Sequence[str], stop: threading.Event)
         )
     options = parser.parse_args(arguments)
     with ExitStack() as opened:
-        bus = opened.enter_context(Bus(connect=process.endpoint(options)))
+        bus = opened.enter_context(Bus(connect=process.endpoint(options), name=options.name))
         run_name, scenario = process.join_world(bus, options.run, stop)
         right = kind_name(scenario, options.name)
         if right != kind.name:
@@ -128,6 +128,7 @@ def follower(
     assert found is not None, "who asks has found it"
     vehicle, spec = found
     assert isinstance(spec, kind.spec_type)
+    process.alone(bus, run_name, name)
     model = kind.make_model(scenario, vehicle, spec)
     link: NativeLink | NoLink = NoLink()
     if kind.native is not None and isinstance(spec, WithNative):

@@ -68,7 +68,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser = process.parser(NAME, "Show a run in Rerun, or serve it to Foxglove.")
     add_arguments(parser)
     options = parser.parse_args(arguments)
-    with Bus(connect=process.endpoint(options), onlooker=True) as bus:
+    with Bus(connect=process.endpoint(options), onlooker=True, name=NAME) as bus:
         run, scenario = process.join_world(bus, options.run, stop)
         intake = Intake(bus, scenario, run)
         outlet = _outlet(options, scenario, run, intake.streams)

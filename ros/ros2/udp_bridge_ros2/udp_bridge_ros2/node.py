@@ -24,6 +24,7 @@ from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
 
 from . import environment
+from .alive import Alive
 from .asking import Asking
 from .diagnostics import Diagnostics
 from .inlet import Inlet
@@ -111,6 +112,7 @@ class BridgeNode(Node):
             self._outlet.close()
             raise
         self._diagnostics = Diagnostics(self, self._link)
+        self._alive = Alive(os.environ)
         host, port = self._link.address
         self.get_logger().info(f"receiving at {host}:{port}; {environment.describe(os.environ)}")
         if hint := buffer_hint(self._link.receive_buffer):
@@ -123,6 +125,8 @@ class BridgeNode(Node):
         wait_s = self._inlet.turn(self._link, now_nanos)
         self._lockstep.turn(self._link)
         self._diagnostics.turn(now_nanos)
+        if self._alive.is_due(now_nanos):
+            self._alive.show(self._link.counters()["received_datagrams"], now_nanos)
         self._executor.spin_once(timeout_sec=wait_s)
 
     def close(self) -> None:

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink compose SCENARIO`: print the Compose file of a scenario's containers."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from groundlink.deployment import MAIN, ROUTER, Deployment
+from groundlink.scenario import load
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("compose", help="print the Compose file of a scenario")
+    parser.add_argument("scenario", type=Path, help="scenario file (YAML)")
+    parser.add_argument(
+        "--host",
+        metavar="LABEL",
+        default=MAIN,
+        help="of the sensors with this `host` in the scenario (default: of all that has none)",
+    )
+    parser.add_argument(
+        "--router",
+        metavar="ENDPOINT",
+        default=ROUTER,
+        help="where other hosts find the router, such as tcp/sim.example:7447",
+    )
+    parser.add_argument(
+        "--sources", metavar="FOLDER", default=".", help="what images are built from (%(default)s)"
+    )
+    parser.set_defaults(command=compose)
+
+
+def compose(options: argparse.Namespace) -> int:
+    """Print it."""
+    file: Path = options.scenario
+    deployment = Deployment(
+        load(file), file.absolute(), sources=options.sources, router=options.router
+    )
+    sys.stdout.write(deployment.compose(options.host))
+    for label in deployment.hosts():
+        if label != options.host:
+            print(f"there are sensors for the host `{label}`: --host {label}", file=sys.stderr)
+    return 0

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The containers of the default scenario on a real engine, and those who look at them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.system.rig import REPOSITORY
+
+PROJECT = "groundlink-test"
+
+UP_SECONDS = 90
+
+
+def docker(*words: str, check: bool = True, seconds: float = 60) -> str:
+    """Return what `docker` prints."""
+    done = subprocess.run(
+        ["docker", *words],
+        cwd=REPOSITORY,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=seconds,
+        check=False,
+    )
+    assert done.returncode == 0 or not check, f"docker {' '.join(words)}: {done.stderr}"
+    return done.stdout
+
+
+def needs_docker() -> None:
+    """Skip where no engine and Compose answer; under GROUNDLINK_EVERY_TEST fail."""
+    for words in (["version"], ["compose", "version"]):
+        if (
+            shutil.which("docker")
+            and not subprocess.run(["docker", *words], capture_output=True, check=False).returncode
+        ):
+            continue
+        if os.environ.get("GROUNDLINK_EVERY_TEST"):
+            pytest.fail(f"`docker {' '.join(words)}` does not answer")
+        pytest.skip(f"`docker {' '.join(words)}` does not answer")
+
+
+class Stack:
+    """A Compose project that is up."""
+
+    def __init__(self, files: Sequence[str]) -> None:
+        self._files = [word for file in files for word in ("-f", file)]
+
+    def compose(self, *words: str, seconds: float = 120, check: bool = True) -> str:
+        return docker("compose", "-p", PROJECT, *self._files, *words, seconds=seconds, check=check)
+
+    def containers(self) -> dict[str, dict[str, Any]]:
+        """Return what Compose knows of each service's container."""
+        lines = self.compose("ps", "-a", "--format", "json").splitlines()
+        return {row["Service"]: row for row in map(json.loads, lines)}
+
+    def name(self, service: str) -> str:
+        return f"{PROJECT}-{service}-1"
+
+    def crash(self, service: str) -> None:
+        """Kill all that runs in a container, from inside."""
+        docker("exec", self.name(service), "sh", "-c", "kill -9 -1", check=False)
+
+    def restarts(self, service: str) -> int:
+        return int(docker("inspect", "-f", "{{.RestartCount}}", self.name(service)))
+
+    def log(self, service: str) -> str:
+        return self.compose("logs", "--no-log-prefix", service)
+
+    @contextmanager
+    def cut_off(self, service: str, network: str = "bus") -> Iterator[None]:
+        """Take a container off a network for a while."""
+        net = f"{PROJECT}_{network}"
+        docker("network", "disconnect", net, self.name(service))
+        try:
+            yield
+        finally:
+            docker("network", "connect", "--alias", service, net, self.name(service))
+
+
+@contextmanager
+def up(*files: str) -> Iterator[Stack]:
+    """Bring the stack up, healthy; afterwards nothing of it is left."""
+    stack = Stack(files or ["compose.yaml"])
+    stack.compose("down", "-v", "--remove-orphans")
+    stack.compose("build", "-q", seconds=600)
+    try:
+        stack.compose("up", "-d", "--wait", "--wait-timeout", str(UP_SECONDS), seconds=150)
+        yield stack
+    finally:
+        stack.compose("down", "-v", "--remove-orphans", "-t", "3")
+
+
+class Observer:
+    """A subscriber in another container, on the network of ROS alone."""
+
+    def __init__(self, stack: Stack) -> None:
+        self._process = subprocess.Popen(
+            [
+                *("docker", "run", "--rm", "-i", "--init", "--name", f"{PROJECT}-observer"),
+                *("--network", f"{PROJECT}_ros", "--ipc", f"container:{stack.name('ros2')}"),
+                *("-e", "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET", "-e", "HOME=/tmp"),
+                *("-v", f"{Path(__file__).with_name('observer.py')}:/observer.py:ro"),
+                *("--entrypoint", "python", "groundlink-ros2", "/observer.py"),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout
+        os.set_blocking(self._process.stdout.fileno(), False)
+        self._rest = ""
+        self.rows: list[dict[str, Any]] = []
+
+    def look(self) -> dict[str, tuple[int, int]]:
+        """Return, by topic, how many messages have come and the stamp of the last one."""
+        assert self._process.stdout
+        self._rest += self._process.stdout.read() or ""
+        *whole, self._rest = self._rest.split("\n")
+        self.rows += [json.loads(line) for line in whole]
+        return self.rows[-1]["seen"] if self.rows else {}
+
+    def rates(self, seconds: float) -> dict[str, float]:
+        """Return messages a second of sim time, by topic, over the next seconds."""
+        before = self.look()
+        time.sleep(seconds)
+        after = self.look()
+        return {
+            topic: (count - before[topic][0]) * 1e9 / max(1, stamp - before[topic][1])
+            for topic, (count, stamp) in after.items()
+            if topic in before
+        }
+
+    def waits_for(self, condition: Callable[[dict[str, Any]], bool], seconds: float) -> float:
+        """Return after how many seconds a condition holds of what has come; fail if never."""
+        begun = time.monotonic()
+        while time.monotonic() - begun < seconds:
+            if condition(self.look()):
+                return time.monotonic() - begun
+            time.sleep(0.1)
+        raise AssertionError(f"not within {seconds} s; last seen {self.look()}")
+
+    def close(self) -> None:
+        docker("rm", "-f", f"{PROJECT}-observer", check=False)
+        self._process.wait(10)

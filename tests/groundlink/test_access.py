@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may say what: the grants against the tables of topics and questions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from groundlink.access import OPERATOR, access_control, grants
+from groundlink.scenario import Scenario, load
+from groundlink.topics import COMMAND, IMU, STATE, process_names
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+@pytest.fixture
+def tour() -> Scenario:
+    """The default scenario with a driver."""
+    return load(SCENARIOS / "indoor_lab_tour.yaml")
+
+
+def who_says(scenario: Scenario, key: str) -> set[str]:
+    return {process for process, grant in grants(scenario) if key in grant.says}
+
+
+def test_every_process_of_a_run_is_granted_something(tour: Scenario) -> None:
+    assert {process for process, _ in grants(tour)} > set(process_names(tour))
+
+
+def test_physics_alone_says_where_things_are(tour: Scenario) -> None:
+    assert who_says(tour, STATE.key_in("*")) == {"physics"}
+
+
+def test_a_sensor_alone_says_its_readings(tour: Scenario) -> None:
+    assert who_says(tour, IMU.key_in("*", vehicle="rover", sensor="imu")) == {"rover/imu"}
+
+
+def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None:
+    own = COMMAND.key_in("*", vehicle="rover")
+    every = COMMAND.key_in("*")
+    assert who_says(tour, every) == {"gateway", OPERATOR}
+    assert who_says(tour, own) == {"rover/driver"}
+
+
+def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> None:
+    control = access_control(tour)
+    assert control["default_permission"] == "deny"
+    used = {rule for policy in control["policies"] for rule in policy["rules"]}
+    assert used == {rule["id"] for rule in control["rules"]}
+    assert all(rule["permission"] == "allow" for rule in control["rules"])
+
+
+def test_only_the_operator_may_ask_anything(tour: Scenario) -> None:
+    policies = access_control(tour)["policies"]
+    assert [p["subjects"] for p in policies if "operate" in p["rules"]] == [[OPERATOR]]

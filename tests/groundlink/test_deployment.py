@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `groundlink compose` writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from groundlink.deployment import MAIN, Deployment
+from groundlink.errors import UserError
+from groundlink.scenario import load
+from groundlink.topics import process_names
+
+ROOT = Path(__file__).parents[2]
+DEFAULT = ROOT / "scenarios/indoor_lab.yaml"
+
+
+def deployment(file: Path = DEFAULT) -> Deployment:
+    return Deployment(load(file), file, sources="..", router="tcp/sim.example:7447")
+
+
+def services(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = yaml.safe_load(text)["services"]
+    return found
+
+
+@pytest.fixture
+def spread(tmp_path: Path) -> Deployment:
+    """The default scenario with its camera on another machine."""
+    text = DEFAULT.read_text().replace("name: camera,", "name: camera, host: gpu,")
+    file = tmp_path / "spread.yaml"
+    for folder in ("worlds", "vehicles", "sensors"):
+        (tmp_path / folder).symlink_to(ROOT / "scenarios" / folder)
+    file.write_text(text)
+    return deployment(file)
+
+
+def test_the_file_that_is_shipped_is_that_of_the_default_scenario() -> None:
+    shipped = (ROOT / "deploy/compose.yaml").read_text()
+    made = Deployment(load(DEFAULT), Path("../scenarios/indoor_lab.yaml"), sources="..").compose()
+    assert made == shipped, "make it anew: groundlink compose scenarios/indoor_lab.yaml"
+
+
+def test_every_process_of_a_run_has_a_container_and_its_walls() -> None:
+    found = services(deployment().compose())
+    for process in process_names(load(DEFAULT)):
+        assert process.replace("/", "-") in found
+    for name, service in found.items():
+        assert service["read_only"], name
+        assert service["init"], name
+        assert service["cap_drop"] == ["ALL"], name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert service["healthcheck"]["test"], name
+        assert service["mem_limit"], name
+        assert service["user"].endswith("65532:65532}"), name
+        assert (ROOT / service["build"]["dockerfile"]).is_file(), name
+
+
+def test_what_is_published_is_published_to_this_machine_alone() -> None:
+    for name, service in services(deployment().compose()).items():
+        for port in service.get("ports", ()):
+            assert port.replace("${GROUNDLINK_PUBLISH:-127.0.0.1}", "127.0.0.1").startswith(
+                "127."
+            ), name
+
+
+def test_ros_sees_the_gateway_and_not_the_bus() -> None:
+    found = services(deployment().compose())
+    on_both = [n for n, service in found.items() if set(service["networks"]) == {"bus", "ros"}]
+    assert on_both == ["gateway"]
+    assert found["ros2"]["networks"] == ["ros"]
+
+
+def test_sensors_go_to_the_host_of_their_label(spread: Deployment) -> None:
+    assert spread.hosts() == [MAIN, "gpu"]
+    assert "rover-camera" not in services(spread.compose())
+    there = services(spread.compose("gpu"))
+    assert list(there) == ["rover-camera"]
+    environment = there["rover-camera"]["environment"]
+    assert environment["GROUNDLINK_ROUTER"] == "tcp/sim.example:7447"
+    assert "depends_on" not in there["rover-camera"]
+
+
+def test_a_host_without_sensors_is_named(spread: Deployment) -> None:
+    with pytest.raises(UserError, match=r"nothing has `host: gpy`.*gpu"):
+        spread.compose("gpy")
+
+
+def test_credentials_are_laid_over_every_container_of_the_bus() -> None:
+    over = services(deployment().secured("/etc/run"))
+    for name, service in services(deployment().compose()).items():
+        if "bus" in service["networks"]:
+            assert over[name]["environment"]["GROUNDLINK_ROUTER"] == "tls/router:7447"
+            assert f"/etc/run/{name}:/run/credentials:ro" in over[name]["volumes"]
+    assert over["router"]["command"][-1] == "tls/0.0.0.0:7447"
+    for name in ("gateway", "ros2"):
+        assert over[name]["command"][-2:] == ["--key-file", "/run/bridge.key"]
