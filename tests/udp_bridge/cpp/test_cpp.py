@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C++ header against the vectors, and against the Python library on datagrams of all kinds."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import shutil
+import struct
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.udp_bridge.vectors import FOLDER, IN_ORDER, NAMES, VECTORS, Vector, load
+from udp_bridge import Message, Reassembler, fragments
+
+HERE = Path(__file__).parent
+HEADER = HERE.parents[2] / "udp-bridge/cpp"
+LENGTH = struct.Struct("<I")
+STRICT = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", f"-I{HEADER}")
+SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+def compiled(source: str, folder: Path, *options: str) -> Path:
+    """Return a program of this folder, compiled; skip where there is no compiler."""
+    compiler = shutil.which("c++")
+    if compiler is None:
+        (pytest.fail if os.environ.get("GROUNDLINK_EVERY_TEST") else pytest.skip)("no C++ compiler")
+    out = folder / source
+    command = [compiler, *STRICT, *options, str(HERE / f"{source}.cpp"), "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="session")
+def receive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled("receive", tmp_path_factory.mktemp("cpp"), "-O2")
+
+
+@pytest.fixture(scope="session")
+def send(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled("send", tmp_path_factory.mktemp("cpp"), "-O2")
+
+
+def received(program: Path, datagrams: list[bytes], folder: Path) -> tuple[list[Any], list[str]]:
+    """Return what the C++ receiver makes of datagrams: messages with their bodies, refusals."""
+    file, bodies = folder / "datagrams.bin", folder / "bodies.bin"
+    file.write_bytes(b"".join(LENGTH.pack(len(datagram)) + datagram for datagram in datagrams))
+    command = [str(program), str(file), str(bodies)]
+    lines = subprocess.run(command, capture_output=True, check=True).stdout.split(b"\n")
+    body, at = bodies.read_bytes(), 0
+    messages, refused = [], []
+    for line in filter(None, lines):
+        word, _, rest = line.decode().partition(" ")
+        if word == "refused":
+            refused.append(rest)
+        elif word == "message":
+            *numbers, names = rest.split(" ", 6)
+            *fields, size = map(int, numbers)
+            topic, _, link = names.partition("|")
+            messages.append((*fields, topic, link, body[at : at + size]))
+            at += size
+        else:
+            messages_counted, incomplete, memory = map(int, rest.split())
+            assert messages_counted == len(messages)
+            assert memory == 0
+            messages.append(incomplete)
+    return messages, refused
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=NAMES)
+def test_a_vector_decodes_to_its_meaning(vector: Vector, receive: Path, tmp_path: Path) -> None:
+    (*messages, incomplete), refused = received(receive, list(vector.datagrams), tmp_path)
+    meant = vector.meaning
+    assert refused == meant.get("refused", [])
+    assert incomplete == meant.get("incomplete", 0)
+    assert len(messages) == len(meant["messages"])
+    for (kind, seq, sec, nsec, parts, topic, link, body), wanted in zip(
+        messages, meant["messages"], strict=True
+    ):
+        assert (kind, seq, sec, nsec) == (
+            *(wanted["msg_type"], wanted["seq_number"]),
+            *(wanted["time_sec"], wanted["time_nsec"]),
+        )
+        assert (parts, topic, link) == (wanted["parts"], wanted["topic"], wanted["link"])
+        assert hashlib.sha256(body).hexdigest() == wanted["body_sha256"]
+
+
+@pytest.mark.parametrize("size", [256, 1472, 9000, 65507])
+@pytest.mark.parametrize("body_size", [0, 1, 1000, 60_000, 400_000])
+def test_a_message_is_cut_as_python_cuts_it(send: Path, size: int, body_size: int) -> None:
+    body = random.Random(body_size).randbytes(body_size)
+    stamp = 1_700_000_000_123_456_789
+    message = Message(1, "/points", "lidar_link", stamp, 2, body)
+    ours = [head + bytes(part) for head, part in fragments(message, size)]
+    words = [str(send), "1", "/points", "lidar_link", str(stamp), "3", str(size)]
+    out = subprocess.run(words, input=body, capture_output=True, check=True).stdout
+    assert out == b"".join(LENGTH.pack(len(datagram)) + datagram for datagram in ours)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_arrives_late_twice_or_never_means_the_same_to_both(
+    receive: Path, tmp_path: Path, seed: int
+) -> None:
+    generator = random.Random(seed)
+    datagrams = []
+    for number in range(12):
+        body = generator.randbytes(generator.choice([0, 5, 900, 5_000, 40_000]))
+        stamp = 10**18 + number * 10**8
+        message = Message(generator.choice([1, 9]), "/a", "", stamp, number, body)
+        size = generator.choice([300, 1472, 9000])
+        datagrams += [head + bytes(part) for head, part in fragments(message, size)]
+    for _ in range(len(datagrams) // 10):
+        datagrams.insert(generator.randrange(len(datagrams)), generator.choice(datagrams))
+        del datagrams[generator.randrange(len(datagrams))]
+        i = generator.randrange(len(datagrams) - 1)
+        datagrams[i], datagrams[i + 1] = datagrams[i + 1], datagrams[i]
+        j = generator.randrange(len(datagrams))
+        spoilt = bytearray(datagrams[j])
+        spoilt[generator.randrange(min(30, len(spoilt)))] ^= 1 << generator.randrange(8)
+        datagrams.insert(generator.randrange(len(datagrams)), bytes(spoilt))
+    reassembler = Reassembler()
+    wanted: list[Any] = []
+    for now, datagram in enumerate(datagrams):
+        if (message := reassembler.receive(datagram, "", now)) is None or message.msg_type >= 64:
+            continue
+        sec, nsec = divmod(message.stamp_nanos, 10**9)
+        names = (message.topic, message.link, bytes(message.body))
+        fields = (message.msg_type, message.seq_number, sec, nsec, message.parts)
+        wanted.append((*fields, *names))
+    reassembler.give_up_all()
+    (*messages, incomplete), refused = received(receive, datagrams, tmp_path)
+    assert messages == wanted
+    assert incomplete == reassembler.counters.incomplete
+    assert {why: refused.count(why) for why in refused} == dict(reassembler.counters.refused)
+
+
+@pytest.mark.parametrize("name", IN_ORDER)
+def test_a_vector_is_cut_anew_to_the_same_bytes(name: str, send: Path) -> None:
+    vector = load(name)
+    reassembler = Reassembler()
+    message = [reassembler.receive(datagram, "", 0) for datagram in vector.datagrams][-1]
+    assert message is not None
+    if message.seq_number > 1000:
+        pytest.skip("the program would have to send billions before")
+    size = max(256, len(vector.datagrams[0]))
+    words = [str(message.msg_type), message.topic, message.link, str(message.stamp_nanos)]
+    command = [str(send), *words, str(message.seq_number + 1), str(size)]
+    done = subprocess.run(command, input=bytes(message.body), capture_output=True, check=True)
+    assert done.stdout == b"".join(LENGTH.pack(len(d)) + d for d in vector.datagrams)
+
+
+def test_a_fuzzer_finds_nothing_that_the_sanitizers_mind(tmp_path: Path) -> None:
+    program = compiled("fuzz", tmp_path, *SANITIZERS)
+    files = sorted(str(path) for path in FOLDER.glob("*.bin"))
+    command = [str(program), "50000", "7", *files]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    taken, handed, credits_ = map(int, done.stdout.split())
+    assert taken == 50_000
+    assert handed > 0
+    assert credits_ > 0

@@ -1,0 +1,720 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// UDP Bridge, version 1, for C++17: datagrams in, whole messages out, and the way back.
+//
+// The rules are those of ../PROTOCOL.md, sections 1 to 8; repair (types 65 and 66) and sealed
+// datagrams (type 68) are refused and counted, as PROTOCOL.md asks of who does not know them.
+// Bytes and time are arguments: nothing here opens a socket, reads a clock or starts a thread, so
+// that it serves a node, a microcontroller and a fuzzer alike. Needs the standard library alone.
+//
+//   udp_bridge::Receiver receiver;
+//   receiver.take(data, size, sender, now_nanos,
+//                 [](const udp_bridge::Message& m) { publish(m.topic, m.body); },
+//                 [](const std::uint8_t* datagram, std::size_t n) { send_back(datagram, n); });
+//
+//   udp_bridge::Sender sender;
+//   sender.send(9, "/cmd_vel", "", stamp_nanos, cdr, size, udp_bridge::kMtu,
+//               [](const std::uint8_t* head, std::size_t h, const std::uint8_t* part,
+//                  std::size_t p) { sendmsg_of_both(head, h, part, p); });
+
+#ifndef UDP_BRIDGE_HPP
+#define UDP_BRIDGE_HPP
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <deque>
+#include <list>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace udp_bridge {
+
+constexpr std::int64_t kNanos = 1000000000;
+constexpr std::size_t kFixedSize = 18;
+constexpr std::size_t kLargestDatagram = 65507;
+
+/// Presets of the size of datagrams; any other from 256 to 65507 bytes will do as well.
+constexpr std::size_t kMtu = 1472;
+constexpr std::size_t kLoopback = 0;
+
+/// Bytes of a body in each part of the preset `loopback`.
+constexpr std::size_t kLoopbackPart = 65280;
+
+constexpr std::uint8_t kSubscribe = 7;
+constexpr std::uint8_t kControl = 64;
+constexpr std::uint8_t kSealed = 68;
+
+/// Why a datagram is refused, in the words of PROTOCOL.md, section 7.
+enum class Refusal {
+  none,
+  empty,
+  short_,
+  header_size_small,
+  header_size_past_end,
+  header_size_unaligned,
+  parts_zero,
+  part_past_parts,
+  nsec_negative,
+  nsec_too_big,
+  topic_past_header,
+  link_past_header,
+  header_size_large,
+  topic_not_utf8,
+  topic_nul,
+  link_not_utf8,
+  link_nul,
+  unknown_type,
+  sealed,
+  part_size,
+  parts_max,
+  link,
+  body_size,
+  body_value,
+  count_
+};
+
+inline const char* name_of(Refusal refusal) {
+  static constexpr std::array<const char*, static_cast<std::size_t>(Refusal::count_)> names = {
+      "none",           "empty",         "short",
+      "header_size_small", "header_size_past_end", "header_size_unaligned",
+      "parts_zero",     "part_past_parts", "nsec_negative",
+      "nsec_too_big",   "topic_past_header", "link_past_header",
+      "header_size_large", "topic_not_utf8", "topic_nul",
+      "link_not_utf8",  "link_nul",      "unknown_type",
+      "sealed",         "part_size",     "parts_max",
+      "link",           "body_size",     "body_value"};
+  return names[static_cast<std::size_t>(refusal)];
+}
+
+/// Whether a message of this type has a ROS type: its body is CDR.
+inline bool has_ros_type(std::uint8_t type) {
+  return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 37);
+}
+
+namespace detail {
+
+inline std::uint32_t read_u32(const std::uint8_t* at) {
+  return std::uint32_t{at[0]} | std::uint32_t{at[1]} << 8 | std::uint32_t{at[2]} << 16 |
+         std::uint32_t{at[3]} << 24;
+}
+
+inline void write_u32(std::uint8_t* at, std::uint32_t value) {
+  for (int i = 0; i < 4; ++i) at[i] = static_cast<std::uint8_t>(value >> 8 * i);
+}
+
+/// UTF-8 as RFC 3629 has it: no surrogates, nothing longer than it needs to be.
+inline bool is_utf8(const std::uint8_t* text, std::size_t size) {
+  for (std::size_t i = 0; i < size;) {
+    const std::uint8_t lead = text[i];
+    std::size_t more = 0;
+    std::uint8_t low = 0x80, high = 0xBF;
+    if (lead < 0x80) {
+      ++i;
+      continue;
+    }
+    if (lead >= 0xC2 && lead <= 0xDF) {
+      more = 1;
+    } else if (lead >= 0xE0 && lead <= 0xEF) {
+      more = 2;
+      if (lead == 0xE0) low = 0xA0;
+      if (lead == 0xED) high = 0x9F;
+    } else if (lead >= 0xF0 && lead <= 0xF4) {
+      more = 3;
+      if (lead == 0xF0) low = 0x90;
+      if (lead == 0xF4) high = 0x8F;
+    } else {
+      return false;
+    }
+    if (size - i <= more) return false;
+    if (text[i + 1] < low || text[i + 1] > high) return false;
+    for (std::size_t k = 2; k <= more; ++k) {
+      if ((text[i + k] & 0xC0) != 0x80) return false;
+    }
+    i += more + 1;
+  }
+  return true;
+}
+
+}  // namespace detail
+
+/// The header of a datagram, PROTOCOL.md, section 2.
+struct Header {
+  std::uint8_t msg_type = 0;
+  std::uint32_t seq_number = 0;
+  std::uint8_t part_number = 0;
+  std::uint8_t parts_max = 1;
+  std::int32_t time_sec = 0;
+  std::int32_t time_nsec = 0;
+  std::string topic;
+  std::string link;
+
+  std::int64_t stamp_nanos() const { return std::int64_t{time_sec} * kNanos + time_nsec; }
+
+  /// Bytes of the header with its padding.
+  std::size_t size() const {
+    return (kFixedSize + topic.size() + link.size() + 3) / 4 * 4;
+  }
+
+  /// Whether it can be sent: its names are text and fit, its fields are in their ranges.
+  bool is_legal() const {
+    const auto text = [](const std::string& name) {
+      return detail::is_utf8(reinterpret_cast<const std::uint8_t*>(name.data()), name.size()) &&
+             name.find('\0') == std::string::npos;
+    };
+    return topic.size() + link.size() <= 234 && part_number < parts_max && time_nsec >= 0 &&
+           time_nsec < kNanos && text(topic) && text(link);
+  }
+
+  /// Write `size()` bytes.
+  void pack(std::uint8_t* at) const {
+    const std::size_t whole = size();
+    at[0] = msg_type;
+    at[1] = static_cast<std::uint8_t>(whole);
+    detail::write_u32(at + 2, seq_number);
+    at[6] = part_number;
+    at[7] = parts_max;
+    detail::write_u32(at + 8, static_cast<std::uint32_t>(time_sec));
+    detail::write_u32(at + 12, static_cast<std::uint32_t>(time_nsec));
+    at[16] = static_cast<std::uint8_t>(topic.size());
+    at[17] = static_cast<std::uint8_t>(link.size());
+    std::copy(topic.begin(), topic.end(), at + kFixedSize);
+    std::copy(link.begin(), link.end(), at + kFixedSize + topic.size());
+    std::fill(at + kFixedSize + topic.size() + link.size(), at + whole, std::uint8_t{0});
+  }
+
+  /// Read a datagram's header; its body begins at the second byte count. Tests in the order of
+  /// PROTOCOL.md, section 7.
+  static Refusal parse(const std::uint8_t* data, std::size_t size, Header& to,
+                       std::size_t& header_size) {
+    if (size < kFixedSize) return size ? Refusal::short_ : Refusal::empty;
+    header_size = data[1];
+    if (header_size < 20) return Refusal::header_size_small;
+    if (header_size > size) return Refusal::header_size_past_end;
+    if (header_size % 4) return Refusal::header_size_unaligned;
+    to.msg_type = data[0];
+    to.seq_number = detail::read_u32(data + 2);
+    to.part_number = data[6];
+    to.parts_max = data[7];
+    if (!to.parts_max) return Refusal::parts_zero;
+    if (to.part_number >= to.parts_max) return Refusal::part_past_parts;
+    to.time_sec = static_cast<std::int32_t>(detail::read_u32(data + 8));
+    to.time_nsec = static_cast<std::int32_t>(detail::read_u32(data + 12));
+    if (to.time_nsec < 0) return Refusal::nsec_negative;
+    if (to.time_nsec >= kNanos) return Refusal::nsec_too_big;
+    const std::size_t topic_end = kFixedSize + data[16], link_end = topic_end + data[17];
+    if (topic_end > header_size) return Refusal::topic_past_header;
+    if (link_end > header_size) return Refusal::link_past_header;
+    if (header_size - link_end > 3) return Refusal::header_size_large;
+    const std::uint8_t *topic_at = data + kFixedSize, *link_at = data + topic_end;
+    if (!detail::is_utf8(topic_at, data[16])) return Refusal::topic_not_utf8;
+    if (std::memchr(topic_at, 0, data[16])) return Refusal::topic_nul;
+    if (!detail::is_utf8(link_at, data[17])) return Refusal::link_not_utf8;
+    if (std::memchr(link_at, 0, data[17])) return Refusal::link_nul;
+    to.topic.assign(reinterpret_cast<const char*>(topic_at), data[16]);
+    to.link.assign(reinterpret_cast<const char*>(link_at), data[17]);
+    if (to.msg_type == kSealed) return Refusal::sealed;
+    if (!has_ros_type(to.msg_type) && to.msg_type != kSubscribe && to.msg_type != kControl) {
+      return Refusal::unknown_type;
+    }
+    return Refusal::none;
+  }
+};
+
+/// A whole message. The body is CDR for types that ROS has.
+struct Message {
+  Header header;  ///< of its part 0, whichever part came last
+  std::vector<std::uint8_t> body;
+};
+
+/// Type 7: who sends it wants a topic, which the header names.
+struct Subscribe {
+  std::uint8_t wanted_type = 0;
+  bool wanted = true;
+  std::uint16_t lease_s = 0;  ///< 0: until unsubscribed
+  float max_rate_hz = 0;      ///< 0: all
+
+  std::array<std::uint8_t, 8> pack() const {
+    std::array<std::uint8_t, 8> body{};
+    body[0] = wanted_type;
+    body[1] = wanted;
+    body[2] = static_cast<std::uint8_t>(lease_s);
+    body[3] = static_cast<std::uint8_t>(lease_s >> 8);
+    std::uint32_t bits = 0;
+    std::memcpy(&bits, &max_rate_hz, 4);
+    detail::write_u32(body.data() + 4, bits);
+    return body;
+  }
+
+  static Refusal parse(const std::uint8_t* body, std::size_t size, Subscribe& to) {
+    if (size != 8) return Refusal::body_size;
+    const std::uint32_t bits = detail::read_u32(body + 4);
+    std::memcpy(&to.max_rate_hz, &bits, 4);
+    to.wanted_type = body[0];
+    to.wanted = body[1] == 1;
+    to.lease_s = static_cast<std::uint16_t>(body[2] | body[3] << 8);
+    const bool is_rate = to.max_rate_hz >= 0 && to.max_rate_hz <= 3.4e38F;
+    if (!has_ros_type(to.wanted_type) || body[1] > 1 || !is_rate) return Refusal::body_value;
+    return Refusal::none;
+  }
+};
+
+/// What a receiver spends at most: guards against peers that err or attack.
+struct Limits {
+  std::size_t memory_bytes = 64u << 20;  ///< announced by all open messages
+  std::size_t open_per_topic = 4;
+  std::size_t senders = 64;
+  std::size_t topics = 1024;
+  std::int64_t time_limit_nanos = 2 * kNanos;  ///< from a message's first part to its last
+  std::uint32_t receive_buffer = 212992;       ///< SO_RCVBUF read back, told by every Credit
+};
+
+struct Counters {
+  std::array<std::uint64_t, static_cast<std::size_t>(Refusal::count_)> refused{};
+  std::uint64_t messages = 0, incomplete = 0, late = 0, missing = 0, duplicates = 0;
+};
+
+/// Whoever a datagram came from, such as an IPv4 address and a port in one number.
+using SenderId = std::uint64_t;
+
+/// Joins the datagrams of any number of senders into messages, and gives Credit for them.
+class Receiver {
+ public:
+  explicit Receiver(Limits limits = {}) : limits_(limits) {}
+
+  /// Take one datagram.
+  ///
+  /// `hand_over(Message&&)` is called for each message that is whole now, `reply(data, size)` for a
+  /// Credit that is due to the sender. `now_nanos` is of any clock that never goes back.
+  template <class HandOver, class Reply>
+  void take(const std::uint8_t* data, std::size_t size, SenderId from, std::int64_t now_nanos,
+            HandOver&& hand_over, Reply&& reply) {
+    std::size_t offset = 0;
+    Refusal refusal = Header::parse(data, size, scratch_, offset);
+    if (refusal == Refusal::none) {
+      expire(now_nanos);
+      refusal = accept(scratch_, data + offset, size - offset, size, from, now_nanos, hand_over,
+                       reply);
+    }
+    if (refusal != Refusal::none) ++counters.refused[static_cast<std::size_t>(refusal)];
+  }
+
+  /// Give up the messages whose time is over; call it now and then while nothing comes.
+  void expire(std::int64_t now_nanos) {
+    while (!oldest_.empty() &&
+           oldest_.front().open->since_nanos <= now_nanos - limits_.time_limit_nanos) {
+      give_up(oldest_.front());
+    }
+  }
+
+  /// Count every open message as incomplete, as at an end.
+  void give_up_all() {
+    while (!oldest_.empty()) give_up(oldest_.front());
+  }
+
+  /// Announced size of all open messages.
+  std::size_t memory_bytes() const { return memory_bytes_; }
+
+  Counters counters;
+
+ private:
+  struct Key {
+    std::uint32_t seq_number;
+    std::int64_t stamp_nanos;
+    bool operator==(const Key& o) const {
+      return seq_number == o.seq_number && stamp_nanos == o.stamp_nanos;
+    }
+  };
+  struct Topic;
+  struct Peer;
+  struct Open {  // a message of which parts are missing
+    Header header;
+    Key key{};
+    std::int64_t since_nanos = 0;
+    std::size_t part_size = 0;             // 0: not known
+    std::vector<std::uint8_t> body;        // part_size * parts_max bytes, once that is known
+    std::vector<std::uint8_t> last;        // the last part, where it came before all others
+    std::array<std::uint64_t, 4> has{};
+    std::size_t parts = 0, last_size = 0, announced = 0;
+
+    bool came(std::size_t part) const { return has[part / 64] >> part % 64 & 1; }
+  };
+  struct Place {  // where an open message is
+    Peer* peer;
+    Topic* topic;
+    std::list<Open>::iterator open;
+  };
+  struct Topic {
+    bool has_handed = false;
+    std::uint32_t last_seq = 0;
+    std::int64_t last_stamp = 0, last_handed_nanos = 0;
+    std::deque<Key> finished;
+    std::list<Open> open;
+    std::uint64_t heard = 0;
+
+    bool is_finished(const Key& key) const {
+      return std::find(finished.begin(), finished.end(), key) != finished.end();
+    }
+    void finish(const Key& key) {
+      if (is_finished(key)) return;
+      finished.push_back(key);
+      if (finished.size() > 64) finished.pop_front();
+    }
+    std::int32_t ahead_by(std::uint32_t seq) const {
+      return has_handed ? static_cast<std::int32_t>(seq - last_seq) : 1;
+    }
+    bool is_restart_by_silence(const Header& h, std::int64_t now_nanos) const {
+      return has_handed && h.seq_number < 256 && now_nanos - last_handed_nanos >= kNanos &&
+             ahead_by(h.seq_number) <= 0;
+    }
+  };
+  using TopicName = std::pair<std::uint8_t, std::string>;
+  struct Peer {
+    std::map<TopicName, Topic> topics;
+    std::size_t memory_bytes = 0, uncredited_bytes = 0;
+    std::uint32_t credits = 0;
+    std::uint64_t heard = 0;
+  };
+
+  template <class HandOver, class Reply>
+  Refusal accept(const Header& h, const std::uint8_t* part, std::size_t size,
+                 std::size_t datagram_size, SenderId from, std::int64_t now_nanos,
+                 HandOver&& hand_over, Reply&& reply) {
+    if (h.parts_max > 1 && !size) return Refusal::part_size;
+    if (h.msg_type == kControl) return control(h, part, size, from, reply);
+    Subscribe ignored;
+    if (h.msg_type == kSubscribe && h.parts_max == 1) {
+      const Refusal refusal = Subscribe::parse(part, size, ignored);
+      if (refusal != Refusal::none) return refusal;
+    }
+    const Key key{h.seq_number, h.stamp_nanos()};
+    const TopicName name{h.msg_type, h.topic};
+    if (const Refusal refusal = check(from, name, key, h, size, now_nanos);
+        refusal != Refusal::none) {
+      return refusal;
+    }
+    Peer& peer = peer_of(from);
+    Topic& topic = topic_of(peer, name);
+    if (topic.is_restart_by_silence(h, now_nanos)) forget(peer, topic, key.stamp_nanos);
+    if (topic.is_finished(key)) {
+      ++counters.duplicates;
+      credit(peer, h, datagram_size, h.parts_max > 1, reply);
+      return Refusal::none;
+    }
+    auto open = find(topic, key);
+    if (h.parts_max == 1 && open == topic.open.end()) {
+      Message message{h, {part, part + size}};
+      finish(peer, topic, key, std::move(message), now_nanos, hand_over);
+      return Refusal::none;
+    }
+    if (open == topic.open.end()) open = begin(peer, topic, key, h, now_nanos);
+    if (open->came(h.part_number)) {
+      ++counters.duplicates;
+      credit(peer, h, datagram_size, h.part_number + 1 == h.parts_max, reply);
+      return Refusal::none;
+    }
+    const Refusal refusal = place(*open, h.part_number, part, size);
+    announce(peer, topic, open);
+    const bool is_whole = open->parts == h.parts_max;
+    const bool is_last = h.part_number + 1 == h.parts_max;
+    if (is_whole) {
+      Message message{std::move(open->header), std::move(open->body)};
+      message.body.resize(open->part_size * (h.parts_max - 1u) + open->last_size);
+      message.header.part_number = 0;
+      release({&peer, &topic, open});
+      finish(peer, topic, key, std::move(message), now_nanos, hand_over);
+    } else {
+      keep_bounds(peer);
+    }
+    credit(peer, h, datagram_size, is_whole || is_last, reply);
+    return refusal;
+  }
+
+  /// Refuse a part that contradicts its message, before it changes anything.
+  Refusal check(SenderId from, const TopicName& name, const Key& key, const Header& h,
+                std::size_t size, std::int64_t now_nanos) {
+    const auto peer = peers_.find(from);
+    if (peer == peers_.end()) return Refusal::none;
+    const auto topic = peer->second.topics.find(name);
+    if (topic == peer->second.topics.end()) return Refusal::none;
+    if (topic->second.is_restart_by_silence(h, now_nanos)) return Refusal::none;
+    const auto open = find(topic->second, key);
+    if (open == topic->second.open.end()) return Refusal::none;
+    if (open->header.parts_max != h.parts_max) return Refusal::parts_max;
+    if (open->header.link != h.link) return Refusal::link;
+    if (open->came(h.part_number) || !open->part_size) return Refusal::none;
+    const bool is_last = h.part_number + 1 == h.parts_max;
+    const bool fits = size <= open->part_size && (size == open->part_size || is_last);
+    return fits ? Refusal::none : Refusal::part_size;
+  }
+
+  static std::list<Open>::iterator find(Topic& topic, const Key& key) {
+    return std::find_if(topic.open.begin(), topic.open.end(),
+                        [&](const Open& open) { return open.key == key; });
+  }
+
+  std::list<Open>::iterator begin(Peer& peer, Topic& topic, const Key& key, const Header& h,
+                                  std::int64_t now_nanos) {
+    while (topic.open.size() >= limits_.open_per_topic) {
+      give_up({&peer, &topic, topic.open.begin()});
+    }
+    Open open;
+    open.header = h;
+    open.key = key;
+    open.since_nanos = now_nanos;
+    topic.open.push_back(std::move(open));
+    const auto at = std::prev(topic.open.end());
+    oldest_.push_back({&peer, &topic, at});
+    return at;
+  }
+
+  /// Put a part where it belongs; the first one that is not the last fixes the part size.
+  static Refusal place(Open& open, std::size_t number, const std::uint8_t* part,
+                       std::size_t size) {
+    const std::size_t parts_max = open.header.parts_max;
+    const bool is_last = number + 1 == parts_max;
+    open.has[number / 64] |= std::uint64_t{1} << number % 64;
+    ++open.parts;
+    if (is_last) open.last_size = size;
+    if (!open.part_size) {
+      if (is_last) {  // kept aside until another one says how large parts are
+        open.last.assign(part, part + size);
+        return Refusal::none;
+      }
+      open.part_size = size;
+      open.body.resize(size * parts_max);
+      const std::vector<std::uint8_t> last = std::move(open.last);
+      open.last.clear();
+      if (last.size() > size) {  // a right one may still come
+        open.has[(parts_max - 1) / 64] &= ~(std::uint64_t{1} << (parts_max - 1) % 64);
+        --open.parts;
+        std::copy(part, part + size, open.body.begin() + offset(number, size));
+        return Refusal::part_size;
+      }
+      std::copy(last.begin(), last.end(), open.body.begin() + offset(parts_max - 1, size));
+    }
+    std::copy(part, part + size, open.body.begin() + offset(number, open.part_size));
+    return Refusal::none;
+  }
+
+  static std::ptrdiff_t offset(std::size_t number, std::size_t part_size) {
+    return static_cast<std::ptrdiff_t>(number * part_size);
+  }
+
+  template <class HandOver>
+  void finish(Peer& peer, Topic& topic, const Key& key, Message&& message, std::int64_t now_nanos,
+              HandOver&& hand_over) {
+    topic.finish(key);
+    const std::int32_t ahead = topic.ahead_by(key.seq_number);
+    if (ahead <= 0) {
+      if (key.stamp_nanos <= topic.last_stamp) {
+        ++counters.late;
+        return;
+      }
+      forget(peer, topic, key.stamp_nanos);
+      topic.finish(key);
+    } else {
+      counters.missing += static_cast<std::uint64_t>(ahead - 1);
+    }
+    topic.has_handed = true;
+    topic.last_seq = key.seq_number;
+    topic.last_stamp = key.stamp_nanos;
+    topic.last_handed_nanos = now_nanos;
+    ++counters.messages;
+    hand_over(std::move(message));
+  }
+
+  /// Begin a topic anew, as for a sender never heard of; open messages older than a stamp go.
+  void forget(Peer& peer, Topic& topic, std::int64_t before_nanos) {
+    for (auto open = topic.open.begin(); open != topic.open.end();) {
+      const auto next = std::next(open);
+      if (open->key.stamp_nanos < before_nanos) give_up({&peer, &topic, open});
+      open = next;
+    }
+    topic.has_handed = false;
+    topic.finished.clear();
+  }
+
+  void announce(Peer& peer, Topic&, std::list<Open>::iterator open) {
+    const std::size_t size = open->part_size ? open->part_size : open->last_size;
+    const std::size_t announced = size * open->header.parts_max;
+    const std::size_t before = std::exchange(open->announced, announced);
+    peer.memory_bytes += announced - before;
+    memory_bytes_ += announced - before;
+  }
+
+  void keep_bounds(Peer& peer) {
+    while (peer.memory_bytes > limits_.memory_bytes / 4) give_up_oldest(peer);
+    while (memory_bytes_ > limits_.memory_bytes) {
+      const auto most = std::max_element(
+          peers_.begin(), peers_.end(),
+          [](const auto& a, const auto& b) { return a.second.memory_bytes < b.second.memory_bytes; });
+      give_up_oldest(most->second);
+    }
+  }
+
+  void give_up_oldest(Peer& peer) {
+    give_up(*std::find_if(oldest_.begin(), oldest_.end(),
+                          [&](const Place& place) { return place.peer == &peer; }));
+  }
+
+  void give_up(Place place) {
+    place.topic->finish(place.open->key);
+    ++counters.incomplete;
+    release(place);
+  }
+
+  void release(Place place) {
+    place.peer->memory_bytes -= place.open->announced;
+    memory_bytes_ -= place.open->announced;
+    oldest_.remove_if([&](const Place& other) { return other.open == place.open; });
+    place.topic->open.erase(place.open);
+  }
+
+  Peer& peer_of(SenderId from) {
+    if (peers_.size() >= limits_.senders && !peers_.count(from)) {
+      const auto silent = std::min_element(
+          peers_.begin(), peers_.end(),
+          [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
+      while (!silent->second.topics.empty()) forget_topic(silent->second);
+      peers_.erase(silent);
+    }
+    Peer& peer = peers_[from];
+    peer.heard = ++heard_;
+    return peer;
+  }
+
+  Topic& topic_of(Peer& peer, const TopicName& name) {
+    if (topics_ >= limits_.topics && !peer.topics.count(name)) {
+      Peer* loser = &peer;  // its own oldest; a newcomer takes from the one who holds the most
+      if (peer.topics.empty()) {
+        loser = &std::max_element(peers_.begin(), peers_.end(),
+                                  [](const auto& a, const auto& b) {
+                                    return a.second.topics.size() < b.second.topics.size();
+                                  })
+                     ->second;
+      }
+      forget_topic(*loser);
+    }
+    const auto [at, is_new] = peer.topics.try_emplace(name);
+    topics_ += is_new;
+    at->second.heard = ++heard_;
+    return at->second;
+  }
+
+  void forget_topic(Peer& peer) {
+    const auto oldest = std::min_element(
+        peer.topics.begin(), peer.topics.end(),
+        [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
+    while (!oldest->second.open.empty()) {
+      give_up({&peer, &oldest->second, oldest->second.open.begin()});
+    }
+    peer.topics.erase(oldest);
+    --topics_;
+  }
+
+  /// Of Control only CreditRequest asks something of a receiver; reports are for who sends.
+  template <class Reply>
+  Refusal control(const Header& h, const std::uint8_t* part, std::size_t size, SenderId from,
+                  Reply&& reply) {
+    if (h.parts_max != 1) return Refusal::parts_max;
+    if (!size) return Refusal::body_size;
+    if (part[0] > 3) return Refusal::body_value;
+    if (part[0] == 3) {
+      if (size != 4) return Refusal::body_size;
+      credit(peer_of(from), h, size, true, reply);
+    }
+    return Refusal::none;
+  }
+
+  /// Acknowledge a datagram where that is due, or an eighth of the buffer was taken since the last.
+  template <class Reply>
+  void credit(Peer& peer, const Header& h, std::size_t datagram_size, bool is_due, Reply&& reply) {
+    if (h.parts_max == 1 && h.msg_type != kControl) return;
+    peer.uncredited_bytes += datagram_size + 1024 + (datagram_size <= 16384 ? datagram_size : 0);
+    if (!is_due && peer.uncredited_bytes <= limits_.receive_buffer / 8) return;
+    peer.uncredited_bytes = 0;
+    Header header;
+    header.msg_type = kControl;
+    header.seq_number = peer.credits++;
+    header.time_sec = h.time_sec;
+    header.time_nsec = h.time_nsec;
+    header.topic = h.topic;
+    std::array<std::uint8_t, 256 + 12> datagram{};
+    header.pack(datagram.data());
+    std::uint8_t* body = datagram.data() + header.size();
+    body[1] = h.msg_type;
+    body[2] = h.part_number;
+    detail::write_u32(body + 4, h.seq_number);
+    detail::write_u32(body + 8, limits_.receive_buffer);
+    reply(datagram.data(), header.size() + 12);
+  }
+
+  Limits limits_;
+  std::map<SenderId, Peer> peers_;
+  std::list<Place> oldest_;  // open messages of all senders, oldest first
+  std::size_t memory_bytes_ = 0, topics_ = 0;
+  std::uint64_t heard_ = 0;
+  Header scratch_;
+};
+
+/// Cuts messages into datagrams and numbers them.
+class Sender {
+ public:
+  /// Send one message; return false, having sent nothing, where it cannot be sent.
+  ///
+  /// `emit(header, header_size, part, part_size)` is called for each datagram, in order; the two
+  /// are sent as one. `largest` bounds a datagram in bytes, or is a preset. A message that needs more than
+  /// 255 parts is cut into larger ones, as PROTOCOL.md, section 3, has it.
+  template <class Emit>
+  bool send(std::uint8_t msg_type, const std::string& topic, const std::string& link,
+            std::int64_t stamp_nanos, const std::uint8_t* body, std::size_t size,
+            std::size_t largest, Emit&& emit) {
+    Header header;
+    header.msg_type = msg_type;
+    header.topic = topic;
+    header.link = link;
+    const std::int64_t nsec = (stamp_nanos % kNanos + kNanos) % kNanos;
+    const std::int64_t sec = (stamp_nanos - nsec) / kNanos;
+    header.time_sec = static_cast<std::int32_t>(sec);
+    header.time_nsec = static_cast<std::int32_t>(nsec);
+    if (header.time_sec != sec || !header.is_legal()) return false;
+    const std::size_t part_size = part_size_of(size, header.size(), largest);
+    if (!part_size) return false;
+    const std::size_t parts = std::max<std::size_t>(1, (size + part_size - 1) / part_size);
+    header.parts_max = static_cast<std::uint8_t>(parts);
+    header.seq_number = numbers_[{msg_type, topic}]++;
+    std::array<std::uint8_t, 256> packed{};
+    for (std::size_t part = 0; part < parts; ++part) {
+      header.part_number = static_cast<std::uint8_t>(part);
+      header.pack(packed.data());
+      const std::size_t begin = part * part_size;
+      emit(packed.data(), header.size(), body + begin, std::min(part_size, size - begin));
+    }
+    return true;
+  }
+
+  /// Return how many bytes of a body a part carries; 0 where the message fits at no size.
+  static std::size_t part_size_of(std::size_t size, std::size_t header_size, std::size_t largest) {
+    if (largest != kLoopback && (largest < 256 || largest > kLargestDatagram)) return 0;
+    const std::size_t most = kLargestDatagram - header_size;
+    const std::size_t wanted =
+        largest == kLoopback ? std::min(kLoopbackPart, most) : largest - header_size;
+    if (size <= wanted * 255) return wanted;
+    for (std::size_t datagram = kMtu; datagram < kLargestDatagram; datagram += 1480) {
+      if (size <= (datagram - header_size) * 255) return datagram - header_size;
+    }
+    return size <= most * 255 ? most : 0;
+  }
+
+ private:
+  std::map<std::pair<std::uint8_t, std::string>, std::uint32_t> numbers_;
+};
+
+}  // namespace udp_bridge
+
+#endif  // UDP_BRIDGE_HPP
