@@ -215,6 +215,12 @@ def _configuration(
         "connect/endpoints": [connect] if connect else [],
         "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
         "connect/exit_on_failure": True,
+        # Once joined, a router that was lost is looked for so often, and not each 4 s as by default.
+        "connect/retry": {
+            "period_init_ms": 250,
+            "period_max_ms": 1000,
+            "period_increase_factor": 2,
+        },
         "listen/endpoints": [listen] if listen else [],
         "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,

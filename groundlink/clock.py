@@ -57,3 +57,8 @@ class Schedule:
     def at_or_after_nanos(self, nanos: int) -> int:
         """Return the index of the first event that happens at a sim time or later."""
         return -int(-(nanos * self.rate_hz / NANOS) // 1)
+
+    def between(self, tick: int, later: int) -> int:
+        """Return how many events there are after that of one tick and before that of a later."""
+        per_tick = self.rate_hz * TICK_NANOS / NANOS
+        return max(int((later - 1) * per_tick) - int(tick * per_tick), 0)

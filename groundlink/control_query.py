@@ -13,8 +13,8 @@ from .control import AnyWish, ControlAnswer
 from .errors import UserError
 from .questions import control_key
 
-ANSWER_SECONDS = 5.0
-"""How long physics may be silent; it answers within 2 s what it has no time for."""
+ANSWER_SECONDS = 7.0
+"""How long physics may be silent; it answers within 6 s what it has no time for."""
 
 
 def ask(

@@ -85,12 +85,21 @@ class Deployment:
         the folder that images are built from.
     router
         where processes on other hosts than the router's join.
+    overload
+        what gives way where the environment says nothing; None: as the scenario says.
     """
 
     def __init__(
-        self, scenario: Scenario, file: Path, *, sources: str, router: str = ROUTER
+        self,
+        scenario: Scenario,
+        file: Path,
+        *,
+        sources: str,
+        router: str = ROUTER,
+        overload: str | None = None,
     ) -> None:
         self._scenario, self._file, self._sources, self._router = scenario, file, sources, router
+        self._overload = overload or scenario.time.overload
 
     def hosts(self) -> list[str]:
         """Return the labels of all hosts, the main one first."""
@@ -158,7 +167,10 @@ class Deployment:
         """Return the service of a process of the run."""
         image = _image_of(process, module)
         words = {
-            "physics": [f"/scenario/{self._file.name}"],
+            "physics": [
+                f"/scenario/{self._file.name}",
+                *("--overload", f"${{GROUNDLINK_OVERLOAD:-{self._overload}}}"),
+            ],
             "gateway": ["--bind", "0.0.0.0:7510", "--peer", "${GROUNDLINK_ROS:-ros2:7511}"],
         }.get(process, [module, "--name", process])
         service = self._of(image, words)

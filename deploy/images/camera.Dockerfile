@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 # Cameras: pictures are drawn by OpenGL, in software where there is no GPU.
 
+FROM python:3.11-slim-bookworm AS requirements
+COPY pyproject.toml .
+RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+print(*p["dependencies"] + p["optional-dependencies"]["sensors"] + p["optional-dependencies"]["camera"], sep="\n")' > /requirements.txt
+
 FROM python:3.11-slim-bookworm AS build
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends gcc libc6-dev \
  && rm -rf /var/lib/apt/lists/*
 RUN python -m venv --without-pip /opt/groundlink
 WORKDIR /source
-COPY pyproject.toml .
+COPY --from=requirements /requirements.txt .
 RUN --mount=type=cache,target=/root/.cache/pip \
-    python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
-print(*p["dependencies"] + p["optional-dependencies"]["sensors"] + p["optional-dependencies"]["camera"], sep="\n")' \
-    | sed 's/udp-bridge\[fec\]/raptorq>=2/' > requirements.txt \
- && pip --python /opt/groundlink/bin/python install -q -r requirements.txt
+    pip --python /opt/groundlink/bin/python install -q -r requirements.txt
 COPY . .
 RUN pip --python /opt/groundlink/bin/python install -q --no-deps . \
  && find /opt/groundlink -name tests -type d -prune -exec rm -r {} +

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 # The ROS 2 node: what the gateway sends becomes topics, commands go back.
 
+FROM python:3.11-slim-bookworm AS requirements
+COPY pyproject.toml .
+RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+print(*p["optional-dependencies"]["ros2"], sep="\n")' > /requirements.txt
+
 FROM python:3.11-slim-bookworm AS build
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends cmake g++ gcc libc6-dev make \
  && rm -rf /var/lib/apt/lists/*
 RUN python -m venv --without-pip /opt/groundlink
 WORKDIR /source
-COPY pyproject.toml .
+COPY --from=requirements /requirements.txt .
 RUN --mount=type=cache,target=/root/.cache/pip \
-    python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["ros2"])' \
-    | xargs pip --python /opt/groundlink/bin/python install -q
+    pip --python /opt/groundlink/bin/python install -q -r requirements.txt
 COPY . .
 RUN --mount=type=cache,target=/root/.cache/pip \
     /opt/groundlink/bin/python ros/ros2/build_messages.py \

@@ -28,6 +28,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="where other hosts find the router, such as tcp/sim.example:7447",
     )
     parser.add_argument(
+        "--overload",
+        choices=("slow", "skip", "fail"),
+        help="what gives way when a sensor is slow or cut off (default: as the scenario says)",
+    )
+    parser.add_argument(
         "--sources", metavar="FOLDER", default=".", help="what images are built from (%(default)s)"
     )
     parser.set_defaults(command=compose)
@@ -37,7 +42,11 @@ def compose(options: argparse.Namespace) -> int:
     """Print it."""
     file: Path = options.scenario
     deployment = Deployment(
-        load(file), file.absolute(), sources=options.sources, router=options.router
+        load(file),
+        file.absolute(),
+        sources=options.sources,
+        router=options.router,
+        overload=options.overload,
     )
     sys.stdout.write(deployment.compose(options.host))
     for label in deployment.hosts():

@@ -12,7 +12,8 @@ import sys
 
 import msgspec
 
-from groundlink.bus import DEFAULT_ENDPOINT, Bus
+from groundlink import process
+from groundlink.bus import Bus
 from groundlink.emulation.arguments import add_arguments, command_line, impairments
 from groundlink.errors import UserError
 from groundlink.questions import link_key
@@ -50,7 +51,7 @@ def link(options: argparse.Namespace) -> int:
             raise UserError("expected --listen HOST:PORT and --to HOST:PORT, or --run NAME")
         words = command_line(options) + (["--json"] if options.json else [])
         os.execv(sys.executable, [sys.executable, "-m", "services.link", *words])
-    with Bus(connect=options.connect or DEFAULT_ENDPOINT) as bus:
+    with Bus(connect=process.endpoint(options)) as bus:
         wish = ";".join(options.set or ())
         replies = bus.ask(link_key(options.run), wish, seconds=ANSWER_SECONDS)
     if not replies:

@@ -7,9 +7,7 @@ named with its reason.
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import msgspec
 from msgspec.structs import replace
@@ -17,12 +15,11 @@ from msgspec.structs import replace
 from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ
 from groundlink.errors import UserError
 from groundlink.faults import Faults
-from groundlink.gaps import Gaps
 from groundlink.journal import Commanded, Journal, encode_entry, this_machine
-from groundlink.messages import Command, M
+from groundlink.messages import Command
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros_readings import Moment, from_cdr
-from groundlink.ros_streams import CLOCK_TOPIC, TF_TOPIC, faults_topic, gaps_topic, incoming
+from groundlink.ros_streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
 from groundlink.topics import sensor_outputs
@@ -31,10 +28,8 @@ from groundlink.world.build import world_hash
 from .comparison import Extent
 from .fields import Difference, first_difference
 from .metadata import versions
+from .missing import told_of
 from .reading import Recorded, Recording
-
-RECORDER_BEHIND = "recorder behind"
-"""The cause of what came faster than it could be written."""
 
 UNDER_WAY_NANOS = NANOS
 """How long before the end of a recording that was ended early a reading may have begun that is not
@@ -42,9 +37,6 @@ in it; and how long it may take until all topics are heard of a run that a recor
 
 ENDLESS_TICK = 2**62
 """Which no run comes to."""
-
-LeftOut = Callable[[str, int], str | None]
-"""Says why a topic has no message of an instant; None for no reason."""
 
 
 def extent(recording: Recording) -> Extent:
@@ -115,7 +107,7 @@ def not_compared(recording: Recording) -> dict[str, str]:
         for spec in vehicle.sensors:
             topic = faults_topic(f"{vehicle.name}/{spec.name}")
             changes = {tick for fault in spec.faults for tick in (fault.begin_tick, fault.end_tick)}
-            if any(news.tick not in changes for news in _told(recording, topic, Faults)):
+            if any(news.tick not in changes for news in told_of(recording, topic, Faults)):
                 found[topic] = "told by a process that joined later"
     for name in live_faults(recording):
         found[faults_topic(name)] = "changed by hand; now there from the start"
@@ -132,51 +124,16 @@ def compared(recording: Recording) -> Iterator[Recorded]:
     return recording.read([topic for topic in recording.types if topic not in ignored])
 
 
-def left_out(recording: Recording) -> LeftOut:
-    """Return what knows which messages were missing when the recording was made.
-
-    Of those that a recorder was too slow for it only knows how many they were, and counts.
-    """
-    scenario = recording.run.scenario
-    behind = Counter(recording.dropped)
-    behind[TF_TOPIC] = sum(behind[scenario.ground_truth_topic(v)] for v in scenario.vehicles)
-    found: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
-    for vehicle in scenario.vehicles:
-        for sensor in vehicle.sensors:
-            topics = sensor.ros_topics()
-            for told in _told(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps):
-                for gap in told.gaps:
-                    for output in gap.outputs:
-                        found[topics[output]].append((gap.first_nanos, gap.last_nanos, gap.cause))
-    for gaps in found.values():
-        gaps.sort()
-
-    def cause_of(topic: str, nanos: int) -> str | None:
-        gaps = found.get(topic, [])
-        at = bisect_right(gaps, nanos, key=lambda gap: gap[0]) - 1
-        if at >= 0 and nanos <= gaps[at][1]:
-            return gaps[at][2]
-        behind[topic] -= 1
-        return RECORDER_BEHIND if behind[topic] >= 0 else None
-
-    return cause_of
-
-
 def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
     """Return all faults of those sensors that had others than their scenario gives them."""
     found = {}
     for vehicle in recording.run.scenario.vehicles:
         for sensor in vehicle.sensors:
             name = f"{vehicle.name}/{sensor.name}"
-            faults = _with_told(sensor.faults, _told(recording, faults_topic(name), Faults))
+            faults = _with_told(sensor.faults, told_of(recording, faults_topic(name), Faults))
             if faults != sensor.faults:
                 found[name] = faults
     return found
-
-
-def _told(recording: Recording, topic: str, message: type[M]) -> Iterator[M]:
-    for recorded in recording.read([topic]):
-        yield from_cdr(recorded.cdr, message, Moment(recorded.nanos, recording.run.epoch_nanos))
 
 
 def _with_told(known: tuple[Fault, ...], told: Iterator[Faults]) -> tuple[Fault, ...]:

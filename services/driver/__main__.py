@@ -65,7 +65,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             return stop.is_set() or (options.once and finished.is_set())
 
         follower = process.Follower(options.name, driver, counters)
-        process.follow_states(bus, run, [follower], ended)
+        process.follow_states(
+            bus, run, [follower], ended, waited_for=scenario.time.mode != "realtime"
+        )
 
 
 def _find(scenario: Scenario, name: str) -> Vehicle:

@@ -70,7 +70,7 @@ class DriverProcess:
         self._follower: Follower | None = None
         self._commanded_tick = -1
         self._due = 0
-        self.tick = -1
+        self.tick = self.acknowledged_tick = -1
 
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped: states that it answered are not answered again.
@@ -84,7 +84,8 @@ class DriverProcess:
             self._start, self._commanded_tick = known.start, known.commanded_tick
             self._follower = self._make_follower(*known.start)
             self._follower.progress = known.progress
-            self.tick, self._due = ack.tick, _due_after(ack.tick)
+            self.tick = self.acknowledged_tick = ack.tick
+            self._due = _due_after(ack.tick)
             self._acknowledge(ack)
         else:
             self._acknowledge(replace(ack, tick=-DRIVER_PERIOD_TICKS))
@@ -108,6 +109,7 @@ class DriverProcess:
             return
         memory = _Memory(self._start, follower.progress, self._commanded_tick)
         commanded = {self._vehicle: self._commanded_tick}
+        self.acknowledged_tick = state.tick
         self._acknowledge(
             Ack(state.life, state.tick, state.tick, msgspec.msgpack.encode(memory), commanded)
         )

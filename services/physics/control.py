@@ -27,9 +27,9 @@ from groundlink.control import (
 )
 from groundlink.errors import UserError
 
-ANSWER_SECONDS = 2.0
-"""How long who asks is kept waiting: a step of physics takes milliseconds, a reset somewhat longer.
-"""
+ANSWER_SECONDS = 6.0
+"""How long who asks is kept waiting: a step of physics takes milliseconds, but a reset or a change
+of a world with hills on a machine that has other work seconds."""
 
 
 T = TypeVar("T")
@@ -110,7 +110,7 @@ class Control:
         try:
             return done.result(ANSWER_SECONDS)
         except TimeoutError:
-            raise UserError("physics is busy; ask again what became of it") from None
+            raise UserError(f"physics is busy for longer than {ANSWER_SECONDS:g} s; ask again what became of it") from None
 
     def fulfil(self) -> None:
         """Do all that was wished; to be called between two ticks."""

@@ -17,12 +17,12 @@ from groundlink import process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.recording.comparison import Comparison
+from groundlink.recording.missing import left_out
 from groundlink.recording.reading import Recording
 from groundlink.recording.verifying import (
     compared,
     extent,
     later_sensors,
-    left_out,
     not_compared,
     silent_sensors,
     with_later_vehicles,

@@ -39,7 +39,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         ]
         if not sensors:
             raise UserError(f"scenario `{scenario.name}` has no sensors")
-        process.follow_states(bus, run_name, sensors, stop.is_set)
+        process.follow_states(
+            bus, run_name, sensors, stop.is_set, waited_for=scenario.time.mode != "realtime"
+        )
 
 
 def _kind(name: str) -> Kind[Any, Any]:

@@ -87,7 +87,9 @@ def _main(kind: Kind[Any, Any], arguments: Sequence[str], stop: threading.Event)
             )
         native = options.native if kind.native is not None else None
         sensor = follower(kind, options.name, scenario, bus, run_name, opened, native=native)
-        process.follow_states(bus, run_name, [sensor], stop.is_set)
+        process.follow_states(
+            bus, run_name, [sensor], stop.is_set, waited_for=scenario.time.mode != "realtime"
+        )
 
 
 def kind_name(scenario: Scenario, name: str) -> str:

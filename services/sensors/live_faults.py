@@ -83,6 +83,11 @@ class LiveFaults:
         return self._sensor.tick
 
     @property
+    def acknowledged_tick(self) -> int:
+        """The last one told to be taken."""
+        return self._sensor.acknowledged_tick
+
+    @property
     def active(self) -> tuple[Fault, ...]:
         """What is in effect."""
         return self._model.active(self._sensor.tick)

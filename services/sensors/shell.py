@@ -75,6 +75,7 @@ class SensorProcess:
         self._ack_ticks = ack_ticks
         self._publish = publish
         self._acknowledge = acknowledge
+        self.acknowledged_tick = -1
         self.epoch_nanos = 0
         self._life: int | None = None
         self._published_to = -1
@@ -92,6 +93,7 @@ class SensorProcess:
         self.tick = max(ack.settled_tick, 0) - 1
         self._gap_cause = "restarted"
         self._remember(ack.memory)
+        self.acknowledged_tick = ack.tick
         self._acknowledge(ack)
 
     def _remember(self, memory: bytes) -> None:
@@ -133,6 +135,7 @@ class SensorProcess:
         self.epoch_nanos = state.epoch_nanos
         if state.life != self._life:
             self._life, self._published_to, self.tick = state.life, -1, -1
+            self.acknowledged_tick = -1
             self._model.restart()
             self._remember(b"")
         elif self.tick >= 0 and state.tick != self.tick + 1:
@@ -173,4 +176,5 @@ class SensorProcess:
         self._account.tell(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos)
         memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
         known = _Memory(self._account.memory(), memory)
+        self.acknowledged_tick = self.tick
         self._acknowledge(Ack(self._life, self.tick, settled, msgspec.msgpack.encode(known)))

@@ -7,19 +7,35 @@ import json
 import os
 import shutil
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
+from msgspec import structs
 
-from tests.system.rig import REPOSITORY
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.messages import Health
+from groundlink.topics import GATEWAY, HEALTH
+from tests.system.rig import REPOSITORY, wait_for
 
 PROJECT = "groundlink-test"
 
+HOST = "127.74.47.1"
+"""An address of this machine that nobody else listens at."""
+
 UP_SECONDS = 90
+
+ALL = {"container": ["-a"], "network": [], "volume": []}
+"""What shows those that are stopped, too."""
+
+Seen: TypeAlias = dict[str, tuple[int, int]]
+"""By topic, how many messages have come and the stamp of the last one, in nanoseconds."""
 
 
 def docker(*words: str, check: bool = True, seconds: float = 60) -> str:
@@ -27,6 +43,7 @@ def docker(*words: str, check: bool = True, seconds: float = 60) -> str:
     done = subprocess.run(
         ["docker", *words],
         cwd=REPOSITORY,
+        env=os.environ | {"GROUNDLINK_PUBLISH": HOST},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -53,6 +70,9 @@ def needs_docker() -> None:
 class Stack:
     """A Compose project that is up."""
 
+    endpoint = f"tcp/{HOST}:7447"
+    """Where its router is reached from this machine."""
+
     def __init__(self, files: Sequence[str]) -> None:
         self._files = [word for file in files for word in ("-f", file)]
 
@@ -76,6 +96,15 @@ class Stack:
 
     def log(self, service: str) -> str:
         return self.compose("logs", "--no-log-prefix", service)
+
+    def streams(self) -> list[dict[str, Any]]:
+        """Return what became of what the gateway has sent, by stream."""
+        with Bus(connect=self.endpoint) as bus:
+            run, _ = process.join(bus, None, threading.Event())
+            beats: Inbox[Health] = Inbox(depth=1)
+            bus.subscribe(HEALTH.key_in(run, process=GATEWAY), Health, beats)
+            beat = wait_for(lambda: beats.get(seconds=0.1), 10, "the gateway is well")
+        return [structs.asdict(row) for row in beat[1].streams if row.direction == "to ROS"]
 
     @contextmanager
     def cut_off(self, service: str, network: str = "bus") -> Iterator[None]:
@@ -122,8 +151,8 @@ class Observer:
         self._rest = ""
         self.rows: list[dict[str, Any]] = []
 
-    def look(self) -> dict[str, tuple[int, int]]:
-        """Return, by topic, how many messages have come and the stamp of the last one."""
+    def look(self) -> Seen:
+        """Return what has come so far."""
         assert self._process.stdout
         self._rest += self._process.stdout.read() or ""
         *whole, self._rest = self._rest.split("\n")
@@ -141,7 +170,7 @@ class Observer:
             if topic in before
         }
 
-    def waits_for(self, condition: Callable[[dict[str, Any]], bool], seconds: float) -> float:
+    def waits_for(self, condition: Callable[[Seen], bool], seconds: float) -> float:
         """Return after how many seconds a condition holds of what has come; fail if never."""
         begun = time.monotonic()
         while time.monotonic() - begun < seconds:

@@ -40,8 +40,18 @@ def spread(tmp_path: Path) -> Deployment:
 
 def test_the_file_that_is_shipped_is_that_of_the_default_scenario() -> None:
     shipped = (ROOT / "deploy/compose.yaml").read_text()
-    made = Deployment(load(DEFAULT), Path("../scenarios/indoor_lab.yaml"), sources="..").compose()
-    assert made == shipped, "make it anew: groundlink compose scenarios/indoor_lab.yaml"
+    file = Path("../scenarios/indoor_lab.yaml")
+    made = Deployment(load(DEFAULT), file, sources="..", overload="skip").compose()
+    assert made == shipped, "make it anew as is done here"
+
+
+@pytest.mark.parametrize(("told", "expected"), [(None, "slow"), ("skip", "skip")])
+def test_what_gives_way_is_as_told_or_as_the_scenario_says(
+    told: str | None, expected: str
+) -> None:
+    made = Deployment(load(DEFAULT), DEFAULT, sources=".", overload=told).compose()
+    command = services(made)["physics"]["command"]
+    assert command[-2:] == ["--overload", f"${{GROUNDLINK_OVERLOAD:-{expected}}}"]
 
 
 def test_every_process_of_a_run_has_a_container_and_its_walls() -> None:

@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 
 from udp_bridge import MSG_TYPES, Message
+from udp_bridge.ros_end import outlet as module
+from udp_bridge.ros_end.outlet import MAX_TOPICS, QUICK_SECONDS
 
 from .waiting import wait_until
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge_ros2 import outlet as module
-from udp_bridge_ros2.outlet import MAX_TOPICS, QUICK_SECONDS, Outlet
+from udp_bridge_ros2.outlet import Outlet
 
 SENDER = ("127.0.0.1", 1)
 

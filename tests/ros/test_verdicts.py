@@ -11,7 +11,7 @@ from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, TopicReport
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge_ros2.verdicts import (
+from udp_bridge.ros_end.verdicts import (
     BUFFER_HINT,
     GOOD_BUFFER_BYTES,
     OK,

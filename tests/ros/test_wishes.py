@@ -4,7 +4,7 @@ from __future__ import annotations
 import pytest
 
 from udp_bridge.control import Subscribe
-from udp_bridge_ros2.wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+from udp_bridge.ros_end.wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 
 
 def outgoing(number: int) -> Outgoing:

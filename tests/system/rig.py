@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -79,11 +79,16 @@ class Rig:
         )
         self.started: list[subprocess.Popen[str]] = []
 
-    def start(self, *command: str, log: str) -> subprocess.Popen[str]:
-        """Start a Python process whose output goes to a file of this name."""
+    def start(
+        self, *command: str, log: str, through: Sequence[str] = ()
+    ) -> subprocess.Popen[str]:
+        """Start a Python process whose output goes to a file of this name.
+
+        `through` are the words of a program that becomes it, such as `env` or `nsenter`.
+        """
         with (self.folder / log).open("w", encoding="utf-8") as output:
             process = subprocess.Popen(
-                [sys.executable, *command],
+                [*through, sys.executable, *command],
                 cwd=REPOSITORY,
                 env=self.environment,
                 stdin=subprocess.DEVNULL,

@@ -14,7 +14,12 @@ import pytest
 import udp_bridge
 
 SOURCES = sorted(Path(udp_bridge.__file__).parent.glob("**/*.py"))
-MODULES = [path.stem for path in SOURCES if path.stem != "__init__"]
+ROOT = Path(udp_bridge.__file__).parent
+MODULES = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in SOURCES
+    if path.stem != "__init__"
+]
 
 IMPORT_ALL = """
 import importlib, json, sys
@@ -26,7 +31,7 @@ print(json.dumps(sorted(name for name in sys.modules if not name.startswith("udp
 
 
 def test_nothing_but_the_standard_library_is_imported() -> None:
-    source = str(SOURCES[0].parents[1])
+    source = str(ROOT.parent)
     command = [sys.executable, "-I", "-S", "-c", IMPORT_ALL, source, json.dumps(MODULES)]
     out = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
     imported = {name.partition(".")[0] for name in json.loads(out)} - {"__main__"}

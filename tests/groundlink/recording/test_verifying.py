@@ -16,7 +16,7 @@ from groundlink.faults import Faults
 from groundlink.gaps import Cause, Gap, Gaps
 from groundlink.journal import Commanded, Journal, dumped, encode_entry, this_machine
 from groundlink.messages import Clock, Command, Imu, Message
-from groundlink.recording import verifying
+from groundlink.recording import missing, verifying
 from groundlink.recording.comparison import Extent
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
@@ -26,6 +26,7 @@ from groundlink.ros_streams import faults_topic, gaps_topic
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
 from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.sensors import Encoders
 
 EPOCH = 1_000 * NANOS
 STILL = (0.0, 0.0, 0.0)
@@ -255,7 +256,7 @@ def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path
         ),
     ]
     with record(tmp_path / "a.mcap", lab, [(gaps_topic("rover/camera"), g) for g in told]) as it:
-        cause_of = verifying.left_out(it)
+        cause_of = missing.left_out(it)
     picture, info = "/camera/image_raw/compressed", "/camera/camera_info"
     asked = ((picture, 0.25), (info, 0.5), (picture, 0.75), (picture, 1.0), (picture, 2.5))
     causes = [cause_of(topic, EPOCH + round(s * NANOS)) for topic, s in asked]
@@ -263,6 +264,32 @@ def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path
     assert cause_of(info, EPOCH + 2 * NANOS) is None
     assert [cause_of("/imu", EPOCH) for _ in range(3)] == ["recorder behind"] * 2 + [None]
     assert [cause_of("/tf", EPOCH) for _ in range(2)] == ["recorder behind", None]
+
+
+@pytest.mark.parametrize(
+    ("missed_ticks", "cause", "expected"),
+    [
+        (0.01, "not there", {"/odom", "/wheel_encoders"}),
+        (0.0, "states lost", {"/odom"}),
+        (0.01, "drop", set()),
+    ],
+)
+def test_what_adds_up_from_states_that_it_did_not_see_may_differ(
+    tmp_path: Path, missed_ticks: float, cause: Cause, expected: set[str]
+) -> None:
+    tour = load(str(SHIPPED / "indoor_2d.yaml"))
+    (rover,) = tour.vehicles
+    sensors = tuple(
+        replace(sensor, missed_ticks=missed_ticks) if isinstance(sensor, Encoders) else sensor
+        for sensor in rover.sensors
+    )
+    tour = replace(tour, vehicles=(replace(rover, sensors=sensors),))
+    rows = [
+        (gaps_topic(name), Gaps(EPOCH + NANOS, name, (gap(cause, 0.0, 0.5),)))
+        for name in ("rover/imu", "rover/encoders", "rover/odometry")
+    ]
+    with record(tmp_path / "a.mcap", tour, rows) as recording:
+        assert missing.counting_on(recording).keys() == expected
 
 
 def test_only_what_bytes_may_depend_on_tells_scenarios_apart(lab: Scenario) -> None:

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from udp_bridge.lockstep import Answer
-
-    from .inlet import Key
+    from udp_bridge.ros_end.inlet import Key
 
 LOOK_S = 0.5
 """How often it is looked whether somebody who owes an answer is still there."""
@@ -132,7 +131,7 @@ class Answers:
                 topics.message_class(info.topic_type),
                 topic,
                 partial(self._take, topic),
-                topics.subscribed("").qos(),
+                topics.subscribed(""),
                 raw=True,
             )
             return

@@ -19,7 +19,7 @@ Address = tuple[str, int]
 REPEAT_S = 0.1
 """How long an answer may take before the wish is sent again: one of the two may be lost."""
 PATIENCE_S = 8.0
-"""How long a gateway may be silent. It gives physics 5 s, and tells when that is silent."""
+"""How long a gateway may be silent. It gives physics 7 s, and tells when that is silent."""
 HEARD_NANOS = 5_000_000_000
 """A gateway tells once a second what it wants of ROS. One that was silent for longer may be gone,
 and is asked only where no other is there."""

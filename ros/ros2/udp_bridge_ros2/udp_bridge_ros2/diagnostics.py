@@ -11,8 +11,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from udp_bridge import MSG_TYPES
-
-from .verdicts import Verdict, Verdicts
+from udp_bridge.ros_end.verdicts import Verdict, Verdicts
 
 if TYPE_CHECKING:
     from rclpy.node import Node

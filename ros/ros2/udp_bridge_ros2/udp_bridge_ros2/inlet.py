@@ -1,182 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From ROS to the bridge: subscriptions that peers asked for, as long as their leases last.
-
-Rule: a subscription lives exactly as long as somebody wants it. All but `put` belongs to the
-thread that spins the node. Bodies go out as the bytes that came in; of those that begin with a
-std_msgs/Header, stamp and frame are read, as the datagram's header has to repeat them.
-"""
+"""The inlet's subscriptions as ROS 2 makes them: raw ones, whose messages are CDR already."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from functools import partial
-from struct import Struct
 from typing import TYPE_CHECKING, Any
 
-from udp_bridge import MSG_TYPES, BadMessage, Link
+from udp_bridge.ros_end.inlet import Subscription
 
 from . import topics
-from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from udp_bridge.control import Subscribe
     from udp_bridge.types import MessageType
 
-Address = tuple[str, int]
-Key = tuple[int, str]
-"""A msg_type and a topic."""
 
-MAX_SUBSCRIPTIONS = 64
-"""Subscriptions, and peers of each, at most: a hostile peer must not fill the ROS graph."""
-_HEADER = Struct("<iII")
-"""sec, nanosec and the size of frame_id, behind the 4 bytes of the encapsulation."""
+class Subscriptions:
+    """Subscriptions of a node, which are heard in the thread that spins it."""
 
-
-class Inlet:
-    """Subscribes to what peers want and sends it to them.
-
-    Parameters
-    ----------
-    node
-        Where subscriptions are created; its clock stamps what has no stamp of its own.
-    is_published
-        Tells whether a topic is one that the bridge itself fills.
-    heard
-        Called with the topic of each message that came, in the thread that spins the node.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        *,
-        is_published: Callable[[str], bool],
-        heard: Callable[[str], object] = lambda _: None,
-    ) -> None:
-        self.sent = 0
-        """Messages handed to the link."""
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._is_published = is_published
-        self._heard = heard
-        self._asked: deque[tuple[Subscribe, str, Address]] = deque(maxlen=1024)
-        self._subscriptions: dict[Key, Any] = {}
-        self._wishes: dict[Key, dict[Address, Wish]] = {}
-        self._complaints: dict[Key, str] = {}
 
-    def put(self, subscribe: Subscribe, topic: str, sender: Address) -> None:
-        """Hand over what a peer asked for; from any thread, never blocks."""
-        self._asked.append((subscribe, topic, sender))
+    def get_logger(self) -> Any:
+        """Return the node's."""
+        return self._node.get_logger()
 
-    @property
-    def topics(self) -> list[Key]:
-        """What is subscribed to."""
-        return list(self._subscriptions)
+    def now_nanos(self) -> int:
+        """Return the node's time."""
+        return int(self._node.get_clock().now().nanoseconds)
 
-    def turn(self, link: Link, now_nanos: int) -> float:
-        """Do what is due; return the seconds until something else may be.
-
-        Parameters
-        ----------
-        link
-            Where messages go.
-        now_nanos
-            A clock that never goes back.
-        """
-        while self._asked:
-            self._answer(*self._asked.popleft(), now_nanos)
-        wait_nanos = MAX_WAIT_NANOS
-        for key, sender, wish in self._all_wishes():
-            if wish.is_over(now_nanos):
-                self._end(key, sender, "the lease ran out")
-                continue
-            outgoing = wish.take(now_nanos)
-            if outgoing is not None:
-                self._send(link, key, sender, outgoing)
-            wait_nanos = min(wait_nanos, wish.wait_nanos(now_nanos))
-        return wait_nanos / NANOS
-
-    def _all_wishes(self) -> list[tuple[Key, Address, Wish]]:
-        return [
-            (key, sender, wish)
-            for key, wishes in self._wishes.items()
-            for sender, wish in wishes.items()
-        ]
-
-    def _answer(self, subscribe: Subscribe, topic: str, sender: Address, now_nanos: int) -> None:
-        row = MSG_TYPES[subscribe.wanted_type]
-        key = (row.number, topic or row.default_topic)
-        if not subscribe.action:
-            self._end(key, sender, "unsubscribed")
-            return
-        if key not in self._subscriptions:
-            complaint = self._subscribe(row, key[1], sender)
-            if complaint and self._complaints.get(key) != complaint:
-                if len(self._complaints) < MAX_SUBSCRIPTIONS:
-                    self._complaints[key] = complaint
-                    self._node.get_logger().warning(f"{key[1]}: not subscribed to: {complaint}")
-            if complaint:
-                return
-        wishes = self._wishes.setdefault(key, {})
-        if sender in wishes or len(wishes) < MAX_SUBSCRIPTIONS:
-            wishes.setdefault(sender, Wish()).renew(subscribe, now_nanos)
-
-    def _subscribe(self, row: MessageType, topic: str, sender: Address) -> str:
-        """Subscribe; return why it can't be done, or nothing."""
-        if row.direction == "to ROS" or self._is_published(topic):
-            return f"{row.name} comes from the bridge itself"
-        if len(self._subscriptions) >= MAX_SUBSCRIPTIONS:
-            return f"there are {MAX_SUBSCRIPTIONS} subscriptions, which is the most"
-        key = (row.number, topic)
-        try:
-            message_class = topics.message_class(str(row.ros_type))
-            fields = message_class.get_fields_and_field_types()
-            callback = self._stamped if fields.get("header") == "std_msgs/Header" else self._plain
-            self._subscriptions[key] = self._node.create_subscription(
-                message_class,
-                topic,
-                partial(callback, key),
-                topics.subscribed(row.name).qos(),
-                raw=True,
-            )
-        except Exception as error:
-            return " ".join(str(error).split())
-        asker = f"{sender[0]}:{sender[1]}"
-        self._node.get_logger().info(f"{topic}: {row.ros_type} subscribed to for {asker}")
-        return ""
-
-    def _end(self, key: Key, sender: Address, why: str) -> None:
-        wishes = self._wishes.get(key, {})
-        if wishes.pop(sender, None) is None or wishes:
-            return
-        del self._wishes[key]
-        self._node.destroy_subscription(self._subscriptions.pop(key))
-        self._node.get_logger().info(f"{key[1]}: no longer subscribed to: {why}")
-
-    def _stamped(self, key: Key, body: bytes) -> None:
-        if len(body) < 4 + _HEADER.size:
-            return
-        sec, nanosec, size = _HEADER.unpack_from(body, 4)
-        frame = body[4 + _HEADER.size :][: size - 1].decode("utf-8", "replace")
-        self._offer(key, Outgoing(frame, sec * NANOS + nanosec, body))
-
-    def _plain(self, key: Key, body: bytes) -> None:
-        self._offer(key, Outgoing("", None, body))
-
-    def _offer(self, key: Key, outgoing: Outgoing) -> None:
-        for wish in self._wishes.get(key, {}).values():
-            wish.offer(outgoing)
-        self._heard(key[1])
-
-    def _send(self, link: Link, key: Key, to: Address, outgoing: Outgoing) -> None:
-        stamp_nanos = outgoing.stamp_nanos
-        if stamp_nanos is None:
-            stamp_nanos = self._node.get_clock().now().nanoseconds
-        try:
-            link.send(*key, outgoing.link, stamp_nanos, outgoing.body, to)
-            self.sent += 1
-        except BadMessage as error:  # TooLarge is one, too
-            if self._complaints.get(key) != str(error):
-                self._complaints[key] = str(error)
-                self._node.get_logger().error(f"{key[1]}: can't be sent: {error}")
+    def subscribe(
+        self, row: MessageType, topic: str, take: Callable[[bytes], None]
+    ) -> Subscription:
+        """Have `take` called with the body of each message."""
+        message_class = topics.message_class(str(row.ros_type))
+        fields = message_class.get_fields_and_field_types()
+        made = self._node.create_subscription(
+            message_class, topic, take, topics.subscribed(row.name), raw=True
+        )
+        return Subscription(
+            fields.get("header") == "std_msgs/Header",
+            lambda: self._node.destroy_subscription(made),
+        )

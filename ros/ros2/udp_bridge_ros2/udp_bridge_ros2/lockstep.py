@@ -21,17 +21,17 @@ from udp_bridge import MSG_TYPES
 from udp_bridge.gathering import Gathering, Tally, in_order
 from udp_bridge.lockstep import DONE, INCOMPLETE, WAITING, Barrier, Word
 from udp_bridge.repair import Resend
+from udp_bridge.ros_end.deliveries import published
 from udp_bridge.types import CONTROL
 
-from . import topics
 from .answers import Answers
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
     from udp_bridge import Link, Message
+    from udp_bridge.ros_end.inlet import Inlet
 
-    from .inlet import Inlet
     from .outlet import Outlet
 
 Address = tuple[str, int]
@@ -115,7 +115,7 @@ class Lockstep:
         """Take a message from the gateway if it waits for its Barrier."""
         run = self._runs.get(sender)
         row = MSG_TYPES[message.msg_type]
-        if run is None or topics.published(row.name, message.topic).is_latched:
+        if run is None or published(row.name, message.topic).is_latched:
             return False
         with self._lock:
             run.gathering.put(message)

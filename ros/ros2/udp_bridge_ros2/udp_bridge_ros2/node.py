@@ -8,7 +8,6 @@ publishes, and the thread that calls `turn` owns the subscriptions.
 from __future__ import annotations
 
 import os
-import socket
 import time
 
 from rclpy.executors import SingleThreadedExecutor
@@ -19,36 +18,22 @@ from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
 from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.keys import read_key
+from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
+from udp_bridge.ros_end.alive import Alive
+from udp_bridge.ros_end.inlet import Inlet
 from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
 
 from . import environment
-from .alive import Alive
 from .asking import Asking
 from .diagnostics import Diagnostics
-from .inlet import Inlet
+from .inlet import Subscriptions
 from .lockstep import Lockstep
 from .outlet import Outlet
 from .services import Services
 
 Address = tuple[str, int]
-
-DEFAULT_BIND = "127.0.0.1:7511"
-
-
-def parse_address(text: str, *, what: str) -> Address:
-    """Return host and port of ``HOST:PORT``.
-
-    Raises
-    ------
-    ValueError
-        When it is none; the text begins with `what`.
-    """
-    host, _, port = text.rpartition(":")
-    if not host or not port.isascii() or not port.isdigit() or int(port) > 0xFFFF:
-        raise ValueError(f"{what} is {text!r}, which is no HOST:PORT such as {DEFAULT_BIND}")
-    return host, int(port)
 
 
 class BridgeNode(Node):
@@ -83,11 +68,11 @@ class BridgeNode(Node):
         key_env = str(self.declare_parameter("key_env", "").value) or None
         secret = read_key(key_file, key_env, os.environ)
         bind_address = parse_address(bind, what="bind")
-        self._peer = _resolve(parse_address(peer, what="peer")) if peer else None
+        self._peer = resolve(parse_address(peer, what="peer")) if peer else None
         self._refused = 0
         self._outlet = Outlet(self, self._fated)
         self._inlet = Inlet(
-            self,
+            Subscriptions(self),
             is_published=self._outlet.publishes,
             heard=lambda topic: self._lockstep.heard(topic),
         )
@@ -145,7 +130,7 @@ class BridgeNode(Node):
         self.destroy_node()
 
     def _take(self, message: Message, sender: Address) -> None:
-        if self._peer is not None and not _is_from(sender, self._peer):
+        if self._peer is not None and not is_from(sender, self._peer):
             self._refused += 1
             self._link.dropped(message, sender)
             return
@@ -175,15 +160,3 @@ class BridgeNode(Node):
 
     def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
         (self._link.published if is_published else self._link.dropped)(message, sender)
-
-
-def _resolve(address: Address) -> Address:
-    host, port = address
-    try:
-        return socket.gethostbyname(host), port
-    except OSError as error:
-        raise OSError(error.errno, f"peer: {host} is no known host: {error.strerror}") from None
-
-
-def _is_from(sender: Address, peer: Address) -> bool:
-    return sender[0] == peer[0] and peer[1] in (0, sender[1])

@@ -1,258 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the bridge to ROS: a bounded queue for each topic, and the thread that publishes.
-
-Rule: whatever ROS makes slow (creating a publisher, a large body, a subscriber that stalls) is done
-behind a queue; it costs messages of these queues, which are counted, and no datagrams. The thread
-that receives publishes itself only messages of a topic whose last one was quick and for which
-nothing waits: to wake another thread takes longer. Bodies are published as the bytes that they are;
-nothing here decodes them.
-"""
+"""The outlet as ROS 2 fills it: publishers that take CDR bytes as they are."""
 
 from __future__ import annotations
 
-import math
-import threading
-import time
-from collections import deque
-from collections.abc import Callable, Sequence
-from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from udp_bridge import MSG_TYPES
+from udp_bridge.ros_end import outlet
 
 from . import topics
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from rclpy.node import Node
 
-    from udp_bridge import Message
+    from udp_bridge.header import Buffer
+    from udp_bridge.ros_end.deliveries import Delivery
     from udp_bridge.types import MessageType
 
-Address = tuple[str, int]
 
-MAX_TOPICS = 256
-"""Publishers at most, so that a hostile sender can't fill the ROS graph."""
-QUICK_SECONDS = 0.002
-"""A topic of which a message took longer goes by the queue until one takes less there."""
-OnFate = Callable[["Message", Address, bool], None]
-_ENCAPSULATION = b"\x00\x01"
-"""How little-endian CDR begins; a body of anything else would break its subscribers."""
+class _Publishers:
+    """Publishers of a node; its logger tells of them."""
 
-
-class _Channel:
-    """One topic of one type: what waits for it, and its publisher once there is one."""
-
-    def __init__(self, row: MessageType, topic: str) -> None:
-        self.row = row
-        self.topic = topic
-        self.delivery = topics.published(row.name, topic)
-        self.waiting: deque[tuple[Message, Address]] = deque()
-        self.publisher: Any = None
-        self.is_refused = False
-        self.has_complained = False
-        self.is_publishing = False
-        self.took_s = math.inf
-        """How long ROS took with the last message that it was given."""
-        self.latest: dict[Address, bytes] = {}
-        """Of a latched topic: what each sender had published last."""
-
-    def is_quick(self) -> bool:
-        """Tell whether a message may be published at once, before any other of its topic."""
-        return (
-            self.took_s <= QUICK_SECONDS
-            and not self.waiting
-            and not self.is_publishing
-            and not self.delivery.is_latched
-        )
-
-    def is_news(self, body: bytes, sender: Address) -> bool:
-        """Tell whether ROS lacks a body of a latched topic, and take note of it.
-
-        The sender repeats it for receivers that come late; DDS does that for ours.
-        """
-        if self.latest.get(sender) == body:
-            return False
-        if len(self.latest) >= self.delivery.depth:
-            self.latest.clear()
-        self.latest[sender] = body
-        return True
-
-    def is_full(self) -> bool:
-        """Tell whether the oldest message that waits has to give way."""
-        if len(self.waiting) <= self.delivery.waiting:
-            return False
-        return sum(len(message.body) for message, _ in self.waiting) > self.delivery.waiting_bytes
-
-
-class Outlet:
-    """Publishes messages on a thread of its own.
-
-    Parameters
-    ----------
-    node
-        Where publishers are created; its logger tells of first arrivals.
-    on_fate
-        Called once with each message, its sender, and whether it was published: `put` tells of
-        those that are not taken and the thread that publishes of the rest.
-    """
-
-    def __init__(self, node: Node, on_fate: OnFate = lambda *_: None) -> None:
-        self._published_here = self._published_behind = 0  # each is counted by one thread
-        self.dropped = 0
-        """Messages that a newer one of their topic pushed out before they were published."""
-        self.refused = 0
-        """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._on_fate = on_fate
-        self._lock = threading.Lock()  # guards channels and what waits in them
-        self._channels: dict[tuple[int, str], _Channel] = {}
-        # Of each message that waits, its channel; a queue of C wakes its reader soonest.
-        self._turn: SimpleQueue[_Channel | Callable[[], object] | None] = SimpleQueue()
-        self._is_closed = False
-        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
-        self._thread.start()
 
-    @property
-    def published(self) -> int:
-        """Messages handed to ROS."""
-        return self._published_here + self._published_behind
+    def get_logger(self) -> Any:
+        return self._node.get_logger()
 
-    @property
-    def topic_count(self) -> int:
-        """Topics that have a publisher."""
-        return sum(channel.publisher is not None for channel in list(self._channels.values()))
-
-    def put(self, row: MessageType, message: Message, sender: Address) -> None:
-        """Publish a message, or queue it for that; from one thread, which is hardly held up.
-
-        Parameters
-        ----------
-        row
-            The message's type, one with a ROS type.
-        message
-            As it came; an empty topic means the type's default.
-        sender
-            Where it came from.
-        """
-        with self._lock:
-            channel = self._channel(row, message)
-            if channel is None:
-                self._refuse(message, sender)
-                return
-            if not channel.is_quick():
-                channel.waiting.append((message, sender))
-                if channel.is_full():
-                    self._on_fate(*channel.waiting.popleft(), False)
-                    self.dropped += 1
-                else:
-                    self._turn.put(channel)
-                return
-        if self._publish(channel, message, sender):
-            self._published_here += 1
-
-    def prepare(self, row: MessageType, message: Message, sender: Address) -> bool:
-        """Have a publisher for messages like this one; return whether it is new."""
-        with self._lock:
-            channel = self._channel(row, message)
-        if channel is None or channel.publisher is not None:
-            return False
-        try:
-            channel.publisher = self._create_publisher(channel, message, sender)
-        except Exception as error:
-            self._complain(channel, error)
-        return True
-
-    def put_all(
-        self, messages: Sequence[Message], sender: Address, then: Callable[[], object]
-    ) -> None:
-        """Publish all of these in their order, behind the queue, and call `then` on its thread."""
-
-        def publish() -> None:
-            for message in messages:
-                with self._lock:
-                    channel = self._channel(MSG_TYPES[message.msg_type], message)
-                if channel is None:
-                    self._refuse(message, sender)
-                else:
-                    self._published_behind += self._publish(channel, message, sender)
-            then()
-
-        self._turn.put(publish)
-
-    def publishes(self, topic: str) -> bool:
-        """Tell whether messages of the bridge go out on this topic."""
-        with self._lock:
-            return any(channel.topic == topic for channel in self._channels.values())
-
-    def close(self) -> None:
-        """End the thread; what waits is not published."""
-        self._is_closed = True
-        self._turn.put(None)
-        self._thread.join()
-
-    def _channel(self, row: MessageType, message: Message) -> _Channel | None:
-        """Return the channel of a message, a new one perhaps; None where ROS can't take it."""
-        topic = message.topic or row.default_topic
-        channel = self._channels.get((row.number, topic))
-        if channel is None:
-            if len(self._channels) >= MAX_TOPICS:
-                return None
-            channel = self._channels[row.number, topic] = _Channel(row, topic)
-        is_taken = not channel.is_refused and message.body[:2] == _ENCAPSULATION
-        return channel if is_taken else None
-
-    def _run(self) -> None:
-        while (turn := self._turn.get()) is not None and not self._is_closed:
-            if not isinstance(turn, _Channel):
-                turn()
-                continue
-            with self._lock:
-                turn.is_publishing = True
-                message, sender = turn.waiting.popleft()
-            self._published_behind += self._publish(turn, message, sender)
-            turn.is_publishing = False
-
-    def _publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
-        """Return whether a message was handed to ROS; it is not when ROS has it or refuses it."""
-        if channel.is_refused:
-            self._refuse(message, sender)
-            return False
-        try:
-            if channel.publisher is None:
-                channel.publisher = self._create_publisher(channel, message, sender)
-            began_s = time.monotonic()
-            body = bytes(message.body)  # the one copy: rclpy takes nothing but bytes
-            is_news = not channel.delivery.is_latched or channel.is_news(body, sender)
-            if is_news:
-                channel.publisher.publish(body)
-                channel.took_s = time.monotonic() - began_s
-        except Exception as error:
-            self._complain(channel, error)
-            self._refuse(message, sender)
-            return False
-        self._on_fate(message, sender, True)
-        return is_news
-
-    def _complain(self, channel: _Channel, error: Exception) -> None:
-        channel.is_refused = channel.publisher is None
-        if not channel.has_complained:
-            channel.has_complained = True
-            reason = " ".join(str(error).split())
-            self._node.get_logger().error(
-                f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
-            )
-
-    def _refuse(self, message: Message, sender: Address) -> None:
-        self.refused += 1
-        self._on_fate(message, sender, False)
-
-    def _create_publisher(self, channel: _Channel, message: Message, sender: Address) -> Any:
-        assert channel.row.ros_type is not None
+    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> outlet.Publish:
+        assert row.ros_type is not None
         publisher = self._node.create_publisher(
-            topics.message_class(channel.row.ros_type), channel.topic, channel.delivery.qos()
+            topics.message_class(row.ros_type), topic, topics.published(delivery)
         )
-        frame = f", frame {message.link}" if message.link else ""
-        self._node.get_logger().info(
-            f"{channel.topic}: {channel.row.ros_type} from {sender[0]}:{sender[1]}{frame}"
-        )
-        return publisher
+
+        def publish(body: Buffer) -> None:
+            publisher.publish(bytes(body))  # the one copy: rclpy takes nothing but bytes
+
+        return publish
+
+
+class Outlet(outlet.Outlet):
+    """Publishes messages on a thread of its own, by the publishers of a node."""
+
+    def __init__(self, node: Node, on_fate: outlet.OnFate = lambda *_: None) -> None:
+        super().__init__(_Publishers(node), on_fate)

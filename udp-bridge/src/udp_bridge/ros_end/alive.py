@@ -8,8 +8,8 @@ repeats its wishes every second.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Mapping
 
 VARIABLE = "ALIVE_FILE"
 """Environment variable with the file's name; without it nothing is touched."""

@@ -7,7 +7,7 @@ one that says stop; so the newest is held until it is due. It knows neither ROS 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Optional
 
 if TYPE_CHECKING:
     from udp_bridge.control import Subscribe
@@ -21,7 +21,7 @@ class Outgoing(NamedTuple):
     """A message on its way to a peer."""
 
     link: str
-    stamp_nanos: int | None
+    stamp_nanos: Optional[int]
     """None where the message has none of its own: the time of sending stands for it."""
     body: bytes
 
@@ -30,10 +30,10 @@ class Wish:
     """One peer's wish for one topic: until when, how often, and what waits for its time."""
 
     def __init__(self) -> None:
-        self._expires_nanos: int | None = None
+        self._expires_nanos: Optional[int] = None
         self._period_nanos = 0
         self._due_nanos = 0
-        self._held: Outgoing | None = None
+        self._held: Optional[Outgoing] = None
 
     def renew(self, subscribe: Subscribe, now_nanos: int) -> None:
         """Take over lease and rate."""
@@ -50,7 +50,7 @@ class Wish:
         """Take the newest message; it stays until it is due, so that the last is never lost."""
         self._held = outgoing
 
-    def take(self, now_nanos: int) -> Outgoing | None:
+    def take(self, now_nanos: int) -> Optional[Outgoing]:
         """Return the message to send now, if there is one."""
         if self._held is None or now_nanos < self._due_nanos:
             return None

@@ -12,13 +12,12 @@ diagnostic_msgs/DiagnosticStatus, and these are their rules:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Dict, Mapping, Tuple
 
-from udp_bridge import MSG_TYPES
 from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, TopicReport
+from udp_bridge.types import MSG_TYPES
 
 OK, WARN, STALE = 0, 1, 3
 STALE_NANOS = 5_000_000_000
@@ -50,8 +49,8 @@ class Verdicts:
     """Remembers what was said last, so that a level is about what happened since."""
 
     def __init__(self) -> None:
-        self._before: dict[tuple[str, ...], _Before] = {}
-        self._older: dict[tuple[str, ...], _Before] = {}
+        self._before: Dict[Tuple[str, ...], _Before] = {}
+        self._older: Dict[Tuple[str, ...], _Before] = {}
 
     def begin(self) -> None:
         """Begin a round; what nothing was said about in the last one is forgotten."""
@@ -100,7 +99,7 @@ class Verdicts:
 
     def link(self, counts: Mapping[str, Any], receive_buffer: int) -> Verdict:
         """Return what is so of the node's socket; `counts` are those of `Link.counters`."""
-        refused: dict[str, int] = counts["refused"]
+        refused: Dict[str, int] = counts["refused"]
         trouble = {
             "kernel_drops": int(counts["kernel_drops"]),
             "refused": sum(refused.values()),
@@ -129,7 +128,7 @@ class Verdicts:
 
     def _judge(
         self,
-        key: tuple[str, ...],
+        key: Tuple[str, ...],
         topic: str,
         causes: Mapping[str, int],
         done: int,
@@ -148,7 +147,7 @@ class Verdicts:
             return Verdict(WARN, topic, f"{lost - before.lost} lost; in all {named}", values)
         return Verdict(OK, topic, "all arrives", values)
 
-    def _last(self, key: tuple[str, ...]) -> _Before:
+    def _last(self, key: Tuple[str, ...]) -> _Before:
         return self._older.get(key, _Before())
 
 

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From ROS to the bridge: subscriptions that peers asked for, as long as their leases last.
+
+Rule: a subscription lives exactly as long as somebody wants it. All but `put` belongs to the
+thread that calls `turn`. Bodies go out as the CDR that came in; of those that begin with a
+std_msgs/Header, stamp and frame are read, as the datagram's header has to repeat them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from functools import partial
+from struct import Struct
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Protocol, Tuple
+
+from udp_bridge.control import Subscribe
+from udp_bridge.header import BadMessage
+from udp_bridge.link import Link
+from udp_bridge.sending import Address
+from udp_bridge.types import MSG_TYPES, MessageType
+
+from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+
+Key = Tuple[int, str]
+"""A msg_type and a topic."""
+
+MAX_SUBSCRIPTIONS = 64
+"""Subscriptions, and peers of each, at most: a hostile peer must not fill the ROS graph."""
+_HEADER = Struct("<iII")
+"""sec, nanosec and the size of frame_id, behind the 4 bytes of the encapsulation."""
+
+
+class Subscription(NamedTuple):
+    """A topic that is subscribed to."""
+
+    is_stamped: bool
+    """Whether its messages begin with a std_msgs/Header."""
+    end: Callable[[], object]
+
+
+class Ros(Protocol):
+    """What an inlet needs of ROS."""
+
+    def subscribe(
+        self, row: MessageType, topic: str, take: Callable[[bytes], None]
+    ) -> Subscription:
+        """Have `take` called with the CDR of each message, in the thread of `turn`.
+
+        Raises whatever ROS says against it.
+        """
+
+    def now_nanos(self) -> int:
+        """Return the time as ROS has it."""
+
+    def get_logger(self) -> Any:
+        """Return what has `info`, `warning` and `error`."""
+
+
+class Inlet:
+    """Subscribes to what peers want and sends it to them.
+
+    Parameters
+    ----------
+    ros
+        Where subscriptions are made; its clock stamps what has no stamp of its own.
+    is_published
+        Tells whether a topic is one that the bridge itself fills.
+    heard
+        Called with the topic of each message that came, in the thread of `turn`.
+    """
+
+    def __init__(
+        self,
+        ros: Ros,
+        *,
+        is_published: Callable[[str], bool],
+        heard: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        self.sent = 0
+        """Messages handed to the link."""
+        self._ros = ros
+        self._is_published = is_published
+        self._heard = heard
+        self._asked: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
+        self._subscriptions: Dict[Key, Subscription] = {}
+        self._wishes: Dict[Key, Dict[Address, Wish]] = {}
+        self._complaints: Dict[Key, str] = {}
+
+    def put(self, subscribe: Subscribe, topic: str, sender: Address) -> None:
+        """Hand over what a peer asked for; from any thread, never blocks."""
+        self._asked.append((subscribe, topic, sender))
+
+    @property
+    def topics(self) -> List[Key]:
+        """What is subscribed to."""
+        return list(self._subscriptions)
+
+    def turn(self, link: Link, now_nanos: int) -> float:
+        """Do what is due; return the seconds until something else may be.
+
+        Parameters
+        ----------
+        link
+            Where messages go.
+        now_nanos
+            A clock that never goes back.
+        """
+        while self._asked:
+            self._answer(*self._asked.popleft(), now_nanos)
+        wait_nanos = MAX_WAIT_NANOS
+        for key, sender, wish in self._all_wishes():
+            if wish.is_over(now_nanos):
+                self._end(key, sender, "the lease ran out")
+                continue
+            outgoing = wish.take(now_nanos)
+            if outgoing is not None:
+                self._send(link, key, sender, outgoing)
+            wait_nanos = min(wait_nanos, wish.wait_nanos(now_nanos))
+        return wait_nanos / NANOS
+
+    def _all_wishes(self) -> List[Tuple[Key, Address, Wish]]:
+        return [
+            (key, sender, wish)
+            for key, wishes in self._wishes.items()
+            for sender, wish in wishes.items()
+        ]
+
+    def _answer(self, subscribe: Subscribe, topic: str, sender: Address, now_nanos: int) -> None:
+        row = MSG_TYPES[subscribe.wanted_type]
+        key = (row.number, topic or row.default_topic)
+        if not subscribe.action:
+            self._end(key, sender, "unsubscribed")
+            return
+        if key not in self._subscriptions:
+            complaint = self._subscribe(row, key[1], sender)
+            if complaint and self._complaints.get(key) != complaint:
+                if len(self._complaints) < MAX_SUBSCRIPTIONS:
+                    self._complaints[key] = complaint
+                    self._ros.get_logger().warning(f"{key[1]}: not subscribed to: {complaint}")
+            if complaint:
+                return
+        wishes = self._wishes.setdefault(key, {})
+        if sender in wishes or len(wishes) < MAX_SUBSCRIPTIONS:
+            wishes.setdefault(sender, Wish()).renew(subscribe, now_nanos)
+
+    def _subscribe(self, row: MessageType, topic: str, sender: Address) -> str:
+        """Subscribe; return why it can't be done, or nothing."""
+        if row.direction == "to ROS" or self._is_published(topic):
+            return f"{row.name} comes from the bridge itself"
+        if len(self._subscriptions) >= MAX_SUBSCRIPTIONS:
+            return f"there are {MAX_SUBSCRIPTIONS} subscriptions, which is the most"
+        key = (row.number, topic)
+        try:
+            self._subscriptions[key] = self._ros.subscribe(row, topic, partial(self._take, key))
+        except Exception as error:
+            return " ".join(str(error).split())
+        asker = f"{sender[0]}:{sender[1]}"
+        self._ros.get_logger().info(f"{topic}: {row.ros_type} subscribed to for {asker}")
+        return ""
+
+    def _end(self, key: Key, sender: Address, why: str) -> None:
+        wishes = self._wishes.get(key, {})
+        if wishes.pop(sender, None) is None or wishes:
+            return
+        del self._wishes[key]
+        self._subscriptions.pop(key).end()
+        self._ros.get_logger().info(f"{key[1]}: no longer subscribed to: {why}")
+
+    def _take(self, key: Key, body: bytes) -> None:
+        if not self._subscriptions[key].is_stamped:
+            self._offer(key, Outgoing("", None, body))
+            return
+        if len(body) < 4 + _HEADER.size:
+            return
+        sec, nanosec, size = _HEADER.unpack_from(body, 4)
+        frame = body[4 + _HEADER.size :][: size - 1].decode("utf-8", "replace")
+        self._offer(key, Outgoing(frame, sec * NANOS + nanosec, body))
+
+    def _offer(self, key: Key, outgoing: Outgoing) -> None:
+        for wish in self._wishes.get(key, {}).values():
+            wish.offer(outgoing)
+        self._heard(key[1])
+
+    def _send(self, link: Link, key: Key, to: Address, outgoing: Outgoing) -> None:
+        stamp_nanos = outgoing.stamp_nanos
+        if stamp_nanos is None:
+            stamp_nanos = self._ros.now_nanos()
+        try:
+            link.send(*key, outgoing.link, stamp_nanos, outgoing.body, to)
+            self.sent += 1
+        except BadMessage as error:  # TooLarge is one, too
+            if self._complaints.get(key) != str(error):
+                self._complaints[key] = str(error)
+                self._ros.get_logger().error(f"{key[1]}: can't be sent: {error}")
