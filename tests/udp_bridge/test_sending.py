@@ -4,7 +4,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
@@ -255,6 +255,7 @@ def express_run(box: Outbox, message: Message, most_bytes: int) -> Datagram | No
     return box.express_run(msg_type, topic, link, stamp_nanos, body, 0, most_bytes)
 
 
+@settings(deadline=None)  # to compare a megabyte takes a while
 @given(
     st.integers(65_281, 1_200_000),
     st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), max_size=4),

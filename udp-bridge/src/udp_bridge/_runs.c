@@ -6,7 +6,8 @@
 // one after the other, each into its place, and acknowledged; all else is handed back at once,
 // whole and in order, and `receiving` judges it by every rule. Nothing is kept between two calls,
 // but for credits: while a sender finds room for more, those for what it sends are kept here until
-// it looks (`parking.py`), and wake nobody.
+// it looks (`parking.py`), and wake nobody. Where it finds none it may leave the rest of a message
+// here, and the thread that receives a credit sends what that makes room for.
 #define PY_SSIZE_T_CLEAN
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
@@ -26,6 +27,7 @@ enum {
     SEQ_NUMBER = 2, PART_NUMBER = 6, PARTS_MAX = 7, TIME = 8, TIME_NSEC = 12, TOPIC_SIZE = 16,
     NAMES = 18, HEADER_MIN = 20, HEADER_ROOM = 256, MOST_PARTS = 255,
     CONTROL = 64, CREDIT_SIZE = 12, CREDIT_SHARE = 8, BATCH = 64, NANOS = 1000000000, PARKED = 64,
+    FLIGHTS = 16, WINDOW_SHARE = 2,
     LONGEST_NANOS = 20000000 // of a run, behind its first datagram; then Python looks around
 };
 
@@ -57,57 +59,90 @@ static int to_address(const char *host, int port, struct sockaddr_in *address)
     return 0;
 }
 
-// send(fd, (host, port), header of part 0, body, part size, first, count) -> sent, errno or 0
-//
-// Sends parts in their order until all are out or the kernel does not take one.
-static PyObject *send_parts(PyObject *self, PyObject *args)
-{
-    static const char *misfit = "the parts do not lie in the body";
-    int fd, port, first, count;
-    const char *host;
-    Py_ssize_t size;
-    Py_buffer packed, body;
+// Parts of a message, and where they are to go.
+struct parts {
     struct sockaddr_in to;
-    (void)self;
-    if (!PyArg_ParseTuple(args, "i(si)y*y*nii", &fd, &host, &port, &packed, &body, &size, &first,
-                          &count))
-        return NULL;
-    int is_fit = packed.len >= HEADER_MIN && packed.len < HEADER_ROOM && size > 0 && first >= 0 &&
-                 count > 0 && first + (int64_t)count <= MOST_PARTS &&
-                 size <= PY_SSIZE_T_MAX / HEADER_ROOM &&
-                 (first + count - 1) * size < body.len + (body.len == 0);
-    if (!is_fit) PyErr_SetString(PyExc_ValueError, misfit);
-    if (!is_fit || !to_address(host, port, &to)) {
-        PyBuffer_Release(&packed);
-        PyBuffer_Release(&body);
-        return NULL;
-    }
+    const unsigned char *packed; // the header of part 0
+    char *body;
+    Py_ssize_t packed_size, body_size, size; // size: of a part, of which the last may lack some
+};
+
+// Whether so many parts from `first` on lie in the body; an exception says so where they do not.
+static int is_fit(const struct parts *parts, int first, int count)
+{
+    if (parts->packed_size >= HEADER_MIN && parts->packed_size < HEADER_ROOM && parts->size > 0 &&
+        first >= 0 && count > 0 && first + (int64_t)count <= MOST_PARTS &&
+        parts->size <= PY_SSIZE_T_MAX / HEADER_ROOM &&
+        (first + count - 1) * parts->size < parts->body_size + (parts->body_size == 0))
+        return 1;
+    PyErr_SetString(PyExc_ValueError, "the parts do not lie in the body");
+    return 0;
+}
+
+// Send parts in their order until all are out or the kernel does not take one. Return how many.
+static int send_some(int fd, const struct parts *parts, int first, int count, int *error)
+{
     unsigned char heads[BATCH][HEADER_ROOM];
     struct iovec io[BATCH][2];
     struct mmsghdr rows[BATCH];
-    int sent = 0, error = 0;
-    Py_BEGIN_ALLOW_THREADS;
-    while (sent < count && !error) {
+    int sent = 0;
+    *error = 0;
+    while (sent < count && !*error) {
         int most = count - sent < BATCH ? count - sent : BATCH;
         memset(rows, 0, sizeof *rows * most);
         for (int i = 0; i < most; i++) {
-            Py_ssize_t start = (first + sent + i) * size, left = body.len - start;
-            memcpy(heads[i], packed.buf, packed.len);
+            Py_ssize_t start = (first + sent + i) * parts->size, left = parts->body_size - start;
+            memcpy(heads[i], parts->packed, parts->packed_size);
             heads[i][PART_NUMBER] = (unsigned char)(first + sent + i);
-            io[i][0] = (struct iovec){heads[i], packed.len};
-            io[i][1] = (struct iovec){(char *)body.buf + start, left < size ? left : size};
-            rows[i].msg_hdr = (struct msghdr){.msg_name = &to, .msg_namelen = sizeof to,
+            io[i][0] = (struct iovec){heads[i], parts->packed_size};
+            io[i][1] = (struct iovec){parts->body + start, left < parts->size ? left : parts->size};
+            rows[i].msg_hdr = (struct msghdr){.msg_name = (void *)&parts->to,
+                                              .msg_namelen = sizeof parts->to,
                                               .msg_iov = io[i], .msg_iovlen = 2};
         }
         int taken = sendmmsg(fd, rows, most, 0);
         if (taken > 0) sent += taken;
-        else if (taken == 0 || errno != EINTR) error = taken ? errno : EAGAIN;
+        else if (taken == 0 || errno != EINTR) *error = taken ? errno : EAGAIN;
     }
-    Py_END_ALLOW_THREADS;
+    return sent;
+}
+
+// send(fd, (host, port), header of part 0, body, part size, first, count) -> sent, errno or 0
+static PyObject *send_parts(PyObject *self, PyObject *args)
+{
+    int fd, port, first, count, sent = 0, error = 0;
+    const char *host;
+    Py_buffer packed, body;
+    struct parts parts;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "i(si)y*y*nii", &fd, &host, &port, &packed, &body, &parts.size,
+                          &first, &count))
+        return NULL;
+    parts.packed = packed.buf, parts.packed_size = packed.len;
+    parts.body = body.buf, parts.body_size = body.len;
+    int is_right = is_fit(&parts, first, count) && to_address(host, port, &parts.to);
+    if (is_right) {
+        Py_BEGIN_ALLOW_THREADS;
+        sent = send_some(fd, &parts, first, count, &error);
+        Py_END_ALLOW_THREADS;
+    }
     PyBuffer_Release(&packed);
     PyBuffer_Release(&body);
-    return Py_BuildValue("ii", sent, error);
+    return is_right ? Py_BuildValue("ii", sent, error) : NULL;
 }
+
+// The rest of a message, to be sent as credits come. What is under way is reckoned as in `flow`.
+struct order {
+    struct parts parts;
+    int next, end, sent, is_over; // parts; sent: since it was given
+    int64_t cost, in_flight, window;
+    int flights_count;
+    struct flight {
+        uint32_t seq_number;
+        int first, count;
+        int64_t cost, last_cost;
+    } flights[FLIGHTS]; // oldest first; the last one is of the message itself
+};
 
 // Credits of one peer for one topic that wait for the sender. All zero it takes none.
 struct parking {
@@ -117,15 +152,32 @@ struct parking {
     struct parked {
         uint32_t seq_number, part_number, receive_buffer;
     } rows[PARKED];
+    struct order order; // its bytes are kept by who gave it, until it is taken back
+    pthread_mutex_t lock; // whoever holds it takes no other
 };
-
-static pthread_mutex_t parking_lock = PTHREAD_MUTEX_INITIALIZER; // whoever holds it takes no other
 
 static struct parking *parking_in(const Py_buffer *memory)
 {
     if (memory->len >= (Py_ssize_t)sizeof(struct parking)) return memory->buf;
     PyErr_SetString(PyExc_ValueError, "too little memory for credits");
     return NULL;
+}
+
+// Without the interpreter where it takes long, as the other one may be sending.
+static void lock(struct parking *parking)
+{
+    if (!pthread_mutex_trylock(&parking->lock)) return;
+    Py_BEGIN_ALLOW_THREADS;
+    pthread_mutex_lock(&parking->lock);
+    Py_END_ALLOW_THREADS;
+}
+
+// parking() -> memory for credits
+static PyObject *make_parking(PyObject *self, PyObject *args)
+{
+    static const struct parking empty = {.lock = PTHREAD_MUTEX_INITIALIZER};
+    (void)self, (void)args;
+    return PyByteArray_FromStringAndSize((const char *)&empty, sizeof empty);
 }
 
 static PyObject *listed(const struct parked *rows, int count)
@@ -158,14 +210,14 @@ static PyObject *park(PyObject *self, PyObject *args)
     if (parking && !is_fit) PyErr_SetString(PyExc_ValueError, "no credit looks like this");
     int is_set = parking && is_fit && to_address(host, port, &from);
     if (is_set) {
-        pthread_mutex_lock(&parking_lock);
+        lock(parking);
         count = parking->count;
         memcpy(rows, parking->rows, count * sizeof *rows);
         parking->count = 0;
         parking->from = from;
         memcpy(parking->like, like.buf, like.len);
         parking->like_size = (int)like.len;
-        pthread_mutex_unlock(&parking_lock);
+        pthread_mutex_unlock(&parking->lock);
     }
     PyBuffer_Release(&memory);
     PyBuffer_Release(&like);
@@ -174,7 +226,8 @@ static PyObject *park(PyObject *self, PyObject *args)
 
 // parked(memory, is awaited) -> [(seq_number, part_number, receive_buffer), ...]
 //
-// Takes what was kept. While a credit is awaited none is kept, so that it wakes the sender.
+// Takes what was kept. While a credit is awaited none is kept, so that it wakes the sender, unless
+// there is an order.
 static PyObject *take_parked(PyObject *self, PyObject *args)
 {
     int is_awaited, count = 0;
@@ -184,15 +237,80 @@ static PyObject *take_parked(PyObject *self, PyObject *args)
     if (!PyArg_ParseTuple(args, "w*p", &memory, &is_awaited)) return NULL;
     struct parking *parking = parking_in(&memory);
     if (parking) {
-        pthread_mutex_lock(&parking_lock);
+        pthread_mutex_lock(&parking->lock);
         parking->is_awaited = is_awaited;
         count = parking->count;
         memcpy(rows, parking->rows, count * sizeof *rows);
         parking->count = 0;
-        pthread_mutex_unlock(&parking_lock);
+        pthread_mutex_unlock(&parking->lock);
     }
     PyBuffer_Release(&memory);
     return parking ? listed(rows, count) : NULL;
+}
+
+// order(memory, (host, port), header of part 0, body, part size, next, end, cost, bytes under way,
+// window, [(seq_number, first, count, cost, last cost), ...])
+//
+// Leaves the rest of a message to the thread that receives; header and body must stay until
+// it is taken back. Nobody else may send of it until then.
+static PyObject *give_order(PyObject *self, PyObject *args)
+{
+    struct order order = {0};
+    int port;
+    const char *host;
+    Py_buffer memory, packed, body;
+    PyObject *flights, *given = NULL;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*(si)y*y*niiLLLO!", &memory, &host, &port, &packed, &body,
+                          &order.parts.size, &order.next, &order.end, &order.cost,
+                          &order.in_flight, &order.window, &PyList_Type, &flights))
+        return NULL;
+    struct parking *parking = parking_in(&memory);
+    Py_ssize_t count = PyList_GET_SIZE(flights);
+    order.parts.packed = packed.buf, order.parts.packed_size = packed.len;
+    order.parts.body = body.buf, order.parts.body_size = body.len;
+    if (!parking || !is_fit(&order.parts, order.next, order.end - order.next) ||
+        !to_address(host, port, &order.parts.to))
+        goto end;
+    if (count < 1 || count > FLIGHTS || order.cost < 1) {
+        PyErr_SetString(PyExc_ValueError, "too much is under way");
+        goto end;
+    }
+    for (int i = 0; i < count; i++) {
+        struct flight *flight = order.flights + i;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(flights, i), "IiiLL", &flight->seq_number,
+                              &flight->first, &flight->count, &flight->cost, &flight->last_cost))
+            goto end;
+    }
+    order.flights_count = (int)count;
+    lock(parking);
+    parking->order = order;
+    pthread_mutex_unlock(&parking->lock);
+    Py_INCREF(Py_None);
+    given = Py_None;
+end:
+    PyBuffer_Release(&memory);
+    PyBuffer_Release(&packed);
+    PyBuffer_Release(&body);
+    return given;
+}
+
+// taken_back(memory) -> parts that were sent since an order was given, which holds no more
+static PyObject *take_back(PyObject *self, PyObject *args)
+{
+    int sent = 0;
+    Py_buffer memory;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*", &memory)) return NULL;
+    struct parking *parking = parking_in(&memory);
+    if (parking) {
+        lock(parking);
+        sent = parking->order.sent;
+        parking->order.sent = parking->order.flights_count = 0;
+        pthread_mutex_unlock(&parking->lock);
+    }
+    PyBuffer_Release(&memory);
+    return parking ? PyLong_FromLong(sent) : NULL;
 }
 
 // What is expected next, and what came of it.
@@ -203,7 +321,7 @@ struct run {
     Py_ssize_t part_size, last_size; // last_size: body bytes of the last part that came
     int fd, first, count;            // parts that may come in a row, and where they begin
     int is_open;                     // a part of the message was taken before: all must be alike
-    int taken, credits, error, parked;
+    int taken, credits, error, parked, is_over; // is_over: an order was carried out, or failed
     unsigned long long parked_bytes;
     unsigned int control_number, receive_buffer;
     unsigned long long uncredited;
@@ -295,6 +413,41 @@ static void gather(const struct run *run, const unsigned char *head, Py_ssize_t 
     }
 }
 
+static int64_t cost_of(const struct flight *flight, int count)
+{
+    int is_all = count > 0 && count == flight->count;
+    return is_all ? (count - 1) * flight->cost + flight->last_cost : count * flight->cost;
+}
+
+// Send what a credit makes room for; return whether it does. If not, the sender has to judge it.
+static int go_on(int fd, struct order *order, const unsigned char *credit)
+{
+    int64_t freed = 0;
+    int i = 0, popped = 0, error;
+    for (; i < order->flights_count; i++) {
+        const struct flight *flight = order->flights + i;
+        popped = credit[2] - flight->first + 1;
+        if (flight->seq_number == u32(credit + 4) && 1 <= popped && popped <= flight->count) break;
+        freed += cost_of(flight, flight->count);
+    }
+    if (i == order->flights_count || u32(credit + 8) / WINDOW_SHARE != order->window) return 0;
+    freed += cost_of(order->flights + i, popped);
+    int64_t room = (order->window - order->in_flight + freed) / order->cost;
+    int left = order->end - order->next;
+    if (room < 1 || left < 1 || order->is_over) return 0;
+    order->flights[i].first += popped;
+    order->flights[i].count -= popped;
+    order->flights_count -= i;
+    memmove(order->flights, order->flights + i, order->flights_count * sizeof *order->flights);
+    int sent = send_some(fd, &order->parts, order->next, room < left ? (int)room : left, &error);
+    order->flights[order->flights_count - 1].count += sent;
+    order->in_flight += sent * order->cost - freed;
+    order->next += sent;
+    order->sent += sent;
+    order->is_over = error || order->next == order->end;
+    return 1;
+}
+
 // Keep a datagram for the sender, if it is a credit that can wait; return whether it was kept.
 static int keep_credit(struct run *run, const unsigned char *head, Py_ssize_t size)
 {
@@ -304,19 +457,21 @@ static int keep_credit(struct run *run, const unsigned char *head, Py_ssize_t si
     if (size > (Py_ssize_t)sizeof credit) return 0;
     gather(run, head, size, (char *)credit);
     const unsigned char *body = credit + size - CREDIT_SIZE;
-    pthread_mutex_lock(&parking_lock);
+    pthread_mutex_lock(&parking->lock);
     const unsigned char *like = parking->like;
-    if (size == parking->like_size && !parking->is_awaited && parking->count < PARKED &&
+    if (size == parking->like_size && parking->count < PARKED &&
         run->from.sin_addr.s_addr == parking->from.sin_addr.s_addr &&
         run->from.sin_port == parking->from.sin_port && !memcmp(credit, like, SEQ_NUMBER) &&
         !memcmp(credit + PART_NUMBER, like + PART_NUMBER, TIME - PART_NUMBER) &&
         u32(credit + TIME_NSEC) < NANOS &&
         !memcmp(credit + TOPIC_SIZE, like + TOPIC_SIZE, size - CREDIT_SIZE - TOPIC_SIZE) &&
-        !memcmp(body, like + size - CREDIT_SIZE, 2)) {
+        !memcmp(body, like + size - CREDIT_SIZE, 2) &&
+        (!parking->is_awaited || go_on(run->fd, &parking->order, body))) {
         parking->rows[parking->count++] = (struct parked){u32(body + 4), body[2], u32(body + 8)};
         is_kept = 1;
+        run->is_over = parking->is_awaited && parking->order.is_over;
     }
-    pthread_mutex_unlock(&parking_lock);
+    pthread_mutex_unlock(&parking->lock);
     run->parked += is_kept;
     run->parked_bytes += is_kept ? size : 0;
     return is_kept;
@@ -354,7 +509,8 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
         int is_part = is_expected(run, head, size);
         if (!is_part && !keep_credit(run, head, size)) break;
         if (!thread) thread = PyEval_SaveThread();
-        int is_over = is_part && (!take_part(run, head, size) || run->taken == run->count);
+        int is_over =
+            is_part ? !take_part(run, head, size) || run->taken == run->count : run->is_over;
         size = -1;
         if (is_over) break;
         if (!until_nanos) until_nanos = now_nanos() + LONGEST_NANOS;
@@ -368,7 +524,7 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
 // receive(fd, rest, block, header, (host, port), part size, first, count, is open, waits,
 // uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
 // (header, taken, last size, credits, uncredited, stray datagram or None, its sender, why it is
-// refused, credits kept, their bytes), errno, drops
+// refused, credits kept, their bytes, whether an order is over), errno, drops
 static PyObject *receive(PyObject *self, PyObject *args)
 {
     struct run run = {.drops = -1};
@@ -406,10 +562,10 @@ static PyObject *receive(PyObject *self, PyObject *args)
         sender = Py_BuildValue("si", name, ntohs(run.from.sin_port));
         if (!stray || !sender) goto end;
     }
-    found = Py_BuildValue("(y#iniKOOsiK)iL", run.came, run.taken ? run.head.len : 0, run.taken,
+    found = Py_BuildValue("(y#iniKOOsiKi)iL", run.came, run.taken ? run.head.len : 0, run.taken,
                           run.last_size, run.credits, run.uncredited, stray ? stray : Py_None,
-                          sender ? sender : Py_None, "", run.parked, run.parked_bytes, run.error,
-                          run.drops);
+                          sender ? sender : Py_None, "", run.parked, run.parked_bytes, run.is_over,
+                          run.error, run.drops);
 end:
     Py_XDECREF(stray);
     Py_XDECREF(sender);
@@ -423,8 +579,11 @@ end:
 static PyMethodDef methods[] = {
     {"send", send_parts, METH_VARARGS, "Send parts of a message."},
     {"receive", receive, METH_VARARGS, "Receive parts of a message, and what is none."},
+    {"parking", make_parking, METH_NOARGS, "Make memory for credits."},
     {"park", park, METH_VARARGS, "Keep credits that look like one."},
     {"parked", take_parked, METH_VARARGS, "Take the credits that were kept."},
+    {"order", give_order, METH_VARARGS, "Leave the rest of a message to who receives credits."},
+    {"taken_back", take_back, METH_VARARGS, "Take that back; return how many parts were sent."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -434,8 +593,5 @@ static struct PyModuleDef module = {
 
 PyMODINIT_FUNC PyInit__runs(void)
 {
-    PyObject *made = PyModule_Create(&module);
-    if (made && PyModule_AddIntConstant(made, "PARKING_BYTES", sizeof(struct parking)))
-        Py_CLEAR(made);
-    return made;
+    return PyModule_Create(&module);
 }

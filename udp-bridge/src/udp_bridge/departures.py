@@ -15,7 +15,7 @@ import time
 from typing import Any, Callable, Dict, List, Optional, Union
 
 from .control import TopicReport
-from .flow import DatagramKey
+from .flow import ASK_NANOS, DatagramKey
 from .fragments import DatagramSize
 from .header import NANOS, Buffer, Header
 from .parking import NoParking, Parking
@@ -53,6 +53,7 @@ class Departures:
         self._is_sending = False
         self._is_relied_on = False  # somebody left something to the one who is sending
         self._sleeps_until_nanos = 0.0  # our thread; 0 while it is awake
+        self._is_watching = False  # something waited lately: our thread looks again before long
         self._is_closed = False
         self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
         self._send_run: Any = None
@@ -64,7 +65,7 @@ class Departures:
         self._send_run = getattr(socket, "send_run", None)
         self._run_bytes = _RUN_BYTES if self._send_run is not None else 0
         if hasattr(socket, "park_credits"):
-            self._parking = Parking(socket)
+            self._parking = Parking(socket, self._sent)
 
     def _outbox(self, to: Address) -> Outbox:
         outbox = self._routes.get(to)
@@ -106,7 +107,16 @@ class Departures:
         with self._wake:
             outbox = self._outboxes.get(sender)
             if outbox is not None:
-                outbox.resender.asked(header, request, time.monotonic_ns())
+                now_nanos = time.monotonic_ns()
+                self._parking.collect(now_nanos, waits=True)  # it may be of what was sent there
+                outbox.resender.asked(header, request, now_nanos)
+        self._send_at_once(_RUN_BYTES)
+
+    def _order_is_over(self) -> None:
+        with self._lock:
+            self._parking.collect(time.monotonic_ns(), waits=True)
+            if self._idle_waiters and self._is_idle():
+                self._idle.notify_all()
         self._send_at_once(_RUN_BYTES)
 
     def _reported(self, sender: Address, topic: str, report: TopicReport, told_nanos: int) -> None:
@@ -136,6 +146,9 @@ class Departures:
         """Wait, in our thread, until something may go; the one who is sending sees to the rest."""
         now_nanos = time.monotonic_ns()
         self._sleeps_until_nanos = math.inf if self._is_sending else self._next_wake(now_nanos)
+        if self._is_watching:  # to be woken for each full window would take longer
+            self._sleeps_until_nanos = min(self._sleeps_until_nanos, now_nanos + ASK_NANOS)
+            self._is_watching = False
         if self._idle_waiters:
             self._idle.notify_all()  # what went stale while it waited needs no sending any more
         wait_nanos = self._sleeps_until_nanos - now_nanos
@@ -158,7 +171,10 @@ class Departures:
                 now_nanos = time.monotonic_ns()
                 if left_bytes <= 0:
                     self._parking.collect(now_nanos, waits=True)  # nobody sends any more
-                if self._next_wake(now_nanos) < self._sleeps_until_nanos:
+                    self._parking.order()
+                next_wake_nanos = self._next_wake(now_nanos)
+                self._is_watching |= next_wake_nanos < math.inf
+                if next_wake_nanos < self._sleeps_until_nanos:
                     self._wake.notify_all()
 
     def _take(self) -> Optional[Datagram]:
@@ -171,7 +187,9 @@ class Departures:
         datagram = take_in_turn(self._turn, now_nanos, self._run_bytes)
         if datagram is None and self._parking.collect(now_nanos, waits=True):
             datagram = take_in_turn(self._turn, now_nanos, self._run_bytes)
-        if datagram is not None and datagram.run is not None:
+        if datagram is None:
+            self._parking.order()
+        elif datagram.run is not None:
             self._parking.follow(self._turn[-1], now_nanos)
         self._is_sending = datagram is not None
         return datagram

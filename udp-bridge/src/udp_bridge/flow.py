@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Tuple
+from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from .header import NANOS
 
@@ -54,6 +54,11 @@ class DatagramKey(NamedTuple):
     part_number: int
 
 
+Flight = Tuple[int, int, int, int, int]
+"""Parts in flight: seq_number, the first one, how many; what each of them takes of the receive
+buffer, and what the last one does."""
+
+
 class _Flight:
     """Datagrams of one message that were sent one after the other, all but the last as large."""
 
@@ -69,6 +74,10 @@ class _Flight:
     @property
     def total(self) -> int:
         return (self.count - 1) * self.cost + self.last_cost
+
+    @property
+    def row(self) -> Flight:
+        return self.message[2], self.first, self.count, self.cost, self.last_cost
 
     def without(self, count: int) -> Tuple[int, bool]:
         """Take the first `count` away; return what they cost, and whether some are left."""
@@ -139,6 +148,15 @@ class CreditWindow:
         """Return how many datagrams of `size` bytes fit now, as `fits` has it."""
         room = (self.window_bytes - self.in_flight_bytes) // kernel_bytes(size)
         return max(room, 0 if self._in_flight else 1)
+
+    def flights(self, msg_type: int, topic: str) -> Optional[List[Flight]]:
+        """Return what is in flight, oldest first; None where another topic's is among it."""
+        found = []
+        for flight in self._in_flight:
+            if flight.message[:2] != (msg_type, topic):
+                return None
+            found.append(flight.row)
+        return found
 
     def _pop(self, count: int) -> None:
         self._count -= count
@@ -236,6 +254,11 @@ class Pacer:
         if not self.may_send(size, now_nanos):
             return 0
         return max(1, min(most, self.bucket.room(kernel_bytes(size), now_nanos)))
+
+    @property
+    def waits_for_credit(self) -> bool:
+        """Whether the window alone decides."""
+        return self._expects_credit and self._is_known
 
     @property
     def wants_credit(self) -> bool:

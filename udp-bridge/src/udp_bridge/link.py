@@ -112,6 +112,7 @@ class Link(Departures):
             on_credit=self._credited,
             on_report=self._reported,
             on_request=self._requested,
+            on_order=self._order_is_over,
             limits=limits,
         )
         self._listening = Listening(

@@ -97,6 +97,8 @@ class Run(NamedTuple):
     parked: int = 0
     """Credits that were kept for the sender, and their bytes; see `parking`."""
     parked_bytes: int = 0
+    order_is_over: bool = False
+    """What was left to be sent here was sent, or can't be; see `parking`."""
 
 
 class Guess:

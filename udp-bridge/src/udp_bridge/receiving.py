@@ -31,6 +31,7 @@ Taken = Tuple[Optional[Message], Optional[Answer], Address]
 OnCredit = Callable[[Address, DatagramKey, int], None]
 OnRequest = Callable[[Address, Header, Request], None]
 OnReport = Callable[[Address, str, TopicReport, int], None]
+OnOrder = Callable[[], None]
 
 
 class Inbox:
@@ -43,6 +44,7 @@ class Inbox:
         on_credit: OnCredit,
         on_report: OnReport = lambda *_: None,
         on_request: OnRequest = lambda *_: None,
+        on_order: OnOrder = lambda: None,
         limits: Optional[Limits] = None,
     ) -> None:
         self.receive_buffer = receive_buffer
@@ -59,6 +61,7 @@ class Inbox:
         self._on_credit = on_credit
         self._on_report = on_report
         self._on_request = on_request
+        self._on_order = on_order
         self._telling = Telling(self.reassembler)
         self.take_note = self._telling.take_note
         self.published = self._telling.published
@@ -131,6 +134,8 @@ class Inbox:
         taken: List[Taken] = []
         if run.parked:
             self._count_parked(run, now_nanos)
+        if run.order_is_over:
+            self._on_order()
         if run.parts_count:
             taken.append(self._receive_placed(place, run, now_nanos))
         if run.refused:
@@ -224,7 +229,7 @@ class Inbox:
 
         Who is told refers to us again: without this, both would wait for the garbage collector.
         """
-        self._on_credit = self._on_report = self._on_request = _nobody
+        self._on_credit = self._on_report = self._on_request = self._on_order = _nobody
         self.reassembler.close()
         self._guess = Guess(self.reassembler.pool)
 

@@ -16,7 +16,7 @@ from typing import Any, Callable, List, Optional, Tuple, Union
 from .fragments import datagram_of
 from .parking import Kept
 from .placing import Credits, Place, Run
-from .sending import Address
+from .sending import Address, Order
 from .sending import Run as Leaving
 
 _many: Any = None
@@ -45,7 +45,7 @@ class ManyAtOnce:
         """Datagrams that the kernel dropped for want of buffer, as far as it told."""
         self._rest = bytearray(_REST_ROOM)
         self._is_flowing = False
-        self._parking = bytearray(_many.PARKING_BYTES)
+        self._parking: bytearray = _many.parking()
 
     def park(self, to: Address, like: bytes) -> List[Kept]:
         """As `UdpSocket.park_credits`."""
@@ -56,6 +56,18 @@ class ManyAtOnce:
         """As `UdpSocket.parked_credits`."""
         kept: List[Kept] = _many.parked(self._parking, is_awaited)
         return kept
+
+    def order(self, order: Order) -> None:
+        """As `UdpSocket.order_run`."""
+        parts = order.parts
+        _many.order(
+            self._parking, order.to, parts.packed, parts.body, parts.cut.part_size, *order[2:]
+        )
+
+    def taken_back(self) -> int:
+        """As `UdpSocket.order_taken_back`."""
+        sent: int = _many.taken_back(self._parking)
+        return sent
 
     def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
         """Return what came, at least one datagram; None when there was none."""

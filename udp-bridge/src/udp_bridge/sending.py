@@ -15,7 +15,7 @@ from typing import Deque, Iterator, List, NamedTuple, Optional, Tuple
 from .accounts import Accounts
 from .control import CreditRequest
 from .fec_sending import symbols_of
-from .flow import DatagramKey, Pacer
+from .flow import DatagramKey, Flight, Pacer, kernel_bytes
 from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, plan
 from .header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
 from .known_headers import KnownHeaders
@@ -43,6 +43,21 @@ class Run(NamedTuple):
     def datagram_size(self) -> int:
         """Bytes of a datagram, which the message's last one may lack some of."""
         return len(self.parts.packed) + self.parts.cut.part_size
+
+
+class Order(NamedTuple):
+    """The rest of a message, and what has to come back before it may go."""
+
+    parts: Parts
+    to: Address
+    upcoming: int
+    end: int
+    cost: int
+    """What each part takes of the peer's receive buffer."""
+    in_flight_bytes: int
+    window_bytes: int
+    flights: List[Flight]
+    """What is in flight, the message itself last."""
 
 
 class Datagram(NamedTuple):
@@ -186,6 +201,42 @@ class Outbox:
             return None
         self.resender.sent_again()
         return Datagram(*part, self.to, is_last=False)
+
+    def order(self) -> Optional[Order]:
+        """Return what remains of the current message, if it lacks but room in the window."""
+        parts, message, window = self._parts, self._message, self.pacer.window
+        if parts is None or message is None or self._part is None:
+            return None
+        size, upcoming = _size(self._part), self._part[0][PART_NUMBER_OFFSET]
+        if (
+            parts.upcoming != upcoming + 1
+            or not self.pacer.waits_for_credit
+            or window.fits(size)
+            or not self.resender.is_idle
+        ):
+            return None
+        flights = window.flights(message.msg_type, message.topic)
+        if flights is None:
+            return None
+        cost = kernel_bytes(len(parts.packed) + parts.cut.part_size)
+        if flights[-1][0] != message.seq_number:
+            flights.append((message.seq_number, upcoming, 0, cost, cost))
+        return Order(
+            parts,
+            self.to,
+            upcoming,
+            parts.cut.parts_max,
+            cost,
+            window.in_flight_bytes,
+            window.window_bytes,
+            flights,
+        )
+
+    def ordered(self, count: int, now_nanos: int) -> Datagram:
+        """Take note that so many parts of the last order went."""
+        assert self._parts is not None
+        assert self._part is not None
+        return self._leave(self._parts, self._part[0][PART_NUMBER_OFFSET], count, now_nanos)
 
     @property
     def large_topic(self) -> Tuple[int, str]:
