@@ -207,14 +207,23 @@ def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
     assert inbox.expected()[1] == Credits(0, 1 << 16, credits.number + 2)
 
 
-def test_what_can_be_asked_for_is_not_waited_for() -> None:
+def test_parts_are_not_waited_for_when_others_are_to_be_asked_for() -> None:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     run_of(inbox, cut(0)[:3])
-    assert inbox.expected()[0].waits
+    assert inbox.expected()[0].due_nanos == 0
     offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
     run_of(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
+    inbox.requests(0)
     run_of(inbox, cut(0)[4:6])  # behind a gap, so judged by itself
-    assert not inbox.expected()[0].waits
+    assert inbox.expected()[0].due_nanos > 0
+
+
+def test_behind_a_part_that_is_sent_again_the_message_goes_on_where_it_was() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, [*cut(0)[:1], *cut(0)[2:3], *cut(0)[4:5], *cut(0)[1:2]])
+    assert inbox.expected()[0].first == 5
+    run_of(inbox, cut(0)[5:])
+    assert inbox.expected()[0].first == 3
 
 
 def test_a_run_that_contradicts_its_message_is_refused_and_not_followed() -> None:

@@ -50,11 +50,11 @@ def whole(parts: Parts) -> list[bytes]:
     return [head + bytes(part) for head, part in Parts(parts.packed, parts.body, parts.cut)]
 
 
-def place(parts: Parts, sender: socket.socket, *, is_open: bool, waits: bool = True) -> Place:
+def place(parts: Parts, sender: socket.socket, *, is_open: bool, due_nanos: int = 0) -> Place:
     count = parts.cut.parts_max
     block = bytearray(count * PART)
     name = sender.getsockname()
-    return Place(block, parts.packed, name, PART, 0, count, is_open, waits)
+    return Place(block, parts.packed, name, PART, 0, count, is_open, due_nanos)
 
 
 def received(receiving: type, two: socket.socket, at: Place, count: int) -> tuple[bytes, list[Run]]:
@@ -199,7 +199,7 @@ def test_a_part_from_elsewhere_is_handed_over_whole(receiving: type, pair: Pair)
         other.bind(LOCAL)
         for raw, sender in ((FIRST, one), (SECOND, other), (SECOND, one)):
             sender.sendto(raw, two.getsockname())
-        at = place(parts_of(4500), one, is_open=False, waits=False)
+        at = place(parts_of(4500), one, is_open=False, due_nanos=1)
         _, found = received(receiving, two, at, 3)
         strays = [(run.stray, run.sender) for run in found if run.stray is not None]
         assert strays == [(SECOND, other.getsockname())]
@@ -220,7 +220,7 @@ def test_a_time_that_is_none_begins_no_message(receiving: type, pair: Pair, nsec
 def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair) -> None:
     one, two = pair
     one.sendto(FIRST, two.getsockname())
-    at = place(parts_of(4500), one, is_open=False, waits=False)
+    at = place(parts_of(4500), one, is_open=False, due_nanos=1)
     run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
     assert run is not None
     assert (run.parts_count, run.stray) == (1, None)

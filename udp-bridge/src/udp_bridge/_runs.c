@@ -16,6 +16,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <pthread.h>
 #include <stdint.h>
 #include <string.h>
@@ -325,6 +326,7 @@ struct run {
     unsigned long long parked_bytes;
     unsigned int control_number, receive_buffer;
     unsigned long long uncredited;
+    long long due_nanos; // a run is not waited for any longer; 0: it is
     long long drops; // that the kernel told of; -1 where it did not
 };
 
@@ -493,8 +495,21 @@ static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size
     return 1;
 }
 
+// Receive one datagram, which is waited for as long as nothing else is due.
+static Py_ssize_t receive_next(struct run *run, unsigned char *head)
+{
+    int waits = !run->taken || !run->due_nanos;
+    Py_ssize_t size = receive_one(run, head, waits ? 0 : MSG_DONTWAIT);
+    if (size >= 0 || waits || run->error != EAGAIN) return size;
+    int64_t left = run->due_nanos - now_nanos();
+    struct timespec most = {left / NANOS, left % NANOS};
+    struct pollfd source = {.fd = run->fd, .events = POLLIN};
+    if (left <= 0 || ppoll(&source, 1, &most, NULL) <= 0) return -1;
+    return receive_one(run, head, MSG_DONTWAIT);
+}
+
 // Receive until something comes that is not expected. Return its size; -1 where nothing did.
-static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flowing, int waits)
+static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flowing)
 {
     PyThreadState *thread = NULL;
     int64_t until_nanos = 0;
@@ -513,27 +528,29 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
             is_part ? !take_part(run, head, size) || run->taken == run->count : run->is_over;
         size = -1;
         if (is_over) break;
-        if (!until_nanos) until_nanos = now_nanos() + LONGEST_NANOS;
-        else if (now_nanos() > until_nanos) break;
-        size = receive_one(run, head, waits || !run->taken ? 0 : MSG_DONTWAIT);
+        if (!until_nanos) {
+            until_nanos = now_nanos() + LONGEST_NANOS;
+            if (run->due_nanos && run->due_nanos < until_nanos) until_nanos = run->due_nanos;
+        } else if (now_nanos() > until_nanos) break;
+        size = receive_next(run, head);
     }
     if (thread) PyEval_RestoreThread(thread);
     return size;
 }
 
-// receive(fd, rest, block, header, (host, port), part size, first, count, is open, waits,
+// receive(fd, rest, block, header, (host, port), part size, first, count, is open, due,
 // uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
 // (header, taken, last size, credits, uncredited, stray datagram or None, its sender, why it is
 // refused, credits kept, their bytes, whether an order is over), errno, drops
 static PyObject *receive(PyObject *self, PyObject *args)
 {
     struct run run = {.drops = -1};
-    int port, waits, is_flowing;
+    int port, is_flowing;
     const char *host;
     (void)self;
-    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niippKIIpw*", &run.fd, &run.rest, &run.block, &run.head,
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niipLKIIpw*", &run.fd, &run.rest, &run.block, &run.head,
                           &host, &port, &run.part_size, &run.first, &run.count, &run.is_open,
-                          &waits, &run.uncredited, &run.receive_buffer, &run.control_number,
+                          &run.due_nanos, &run.uncredited, &run.receive_buffer, &run.control_number,
                           &is_flowing, &run.parking))
         return NULL;
     PyObject *found = NULL, *stray = NULL, *sender = NULL;
@@ -548,7 +565,7 @@ static PyObject *receive(PyObject *self, PyObject *args)
         goto end;
     }
     if (!parking_in(&run.parking) || !to_address(host, port, &run.sender)) goto end;
-    Py_ssize_t size = receive_parts(&run, head, is_flowing, waits);
+    Py_ssize_t size = receive_parts(&run, head, is_flowing);
     if (size < 0 && !run.taken && !run.parked) {
         Py_INCREF(Py_None);
         found = Py_None;

@@ -14,6 +14,7 @@ from typing import NamedTuple, Optional
 from .assembly import Assembly
 from .header import NANOS, PART_NUMBER_OFFSET, Header
 from .pool import Pool
+from .resend_asking import Asking
 from .sending import Address
 
 _PARTS_MAX_OFFSET = 7
@@ -37,8 +38,9 @@ class Place(NamedTuple):
     """Parts from there on that are missing in a row; 0 when nothing is expected."""
     is_open: bool
     """A part of the message was taken. Else seq_number and time are not known yet."""
-    waits: bool
-    """The rest may be waited for; else only what is there is taken."""
+    due_nanos: int
+    """When something missing is to be asked for, by the monotonic clock, so that more may not be
+    waited for behind parts that came; 0 when nothing is."""
 
     def takes(self, head: bytes, size: int, sender: Address) -> bool:
         """Tell whether a datagram of `size` bytes that begins so is the part expected next."""
@@ -63,7 +65,7 @@ class Place(NamedTuple):
         )
 
 
-NOWHERE = Place(bytearray(), b"", ("0.0.0.0", 0), 0, 0, 0, False, False)
+NOWHERE = Place(bytearray(), b"", ("0.0.0.0", 0), 0, 0, 0, False, 0)
 """Nothing is expected; whatever comes is stray."""
 
 
@@ -110,7 +112,7 @@ class Guess:
         self._head = b""  # the same, packed
         self._sender = NOWHERE.sender
         self._part_size = self._parts_max = 0
-        self._waits = False
+        self._asking: Optional[Asking] = None
         self._assembly: Optional[Assembly] = None  # that message, while it is open
         self._next = 0
 
@@ -131,8 +133,16 @@ class Guess:
             block = self._pool.offer(self._part_size * count)
         else:
             return NOWHERE
+        due_nanos = self._asking.due_nanos if self._asking is not None else 0
         return Place(
-            block, self._head, self._sender, self._part_size, first, count, is_open, self._waits
+            block,
+            self._head,
+            self._sender,
+            self._part_size,
+            first,
+            count,
+            is_open,
+            due_nanos,
         )
 
     def follow(
@@ -141,23 +151,27 @@ class Guess:
         head: bytes,
         sender: Address,
         assembly: Optional[Assembly],
-        *,
-        waits: bool,
+        asking: Optional[Asking],
     ) -> None:
         """Take note of a datagram of several parts that was taken, and of its open message."""
         if assembly is None or not assembly.part_size:
             return
+        self._advance(header.part_number + 1, assembly)
         self._header, self._head, self._sender = header, head, sender
         self._part_size, self._parts_max = assembly.part_size, header.parts_max
-        self._assembly, self._next = assembly, header.part_number + 1
-        self._waits = waits
+        self._asking = asking
 
     def went_on(self, run: Run, number: int, assembly: Optional[Assembly]) -> None:
         """Take note that a run came, and of its message if it is still open."""
-        self._next = number
         # A message that the run contradicts, so that it was refused, must not be followed.
-        self._assembly = assembly if assembly is not None and self._fits(assembly) else None
+        self._advance(number, assembly if assembly is not None and self._fits(assembly) else None)
         self._head = run.head
+
+    def _advance(self, number: int, assembly: Optional[Assembly]) -> None:
+        """Expect that part next; behind one sent again, the message goes on where it was."""
+        is_same = assembly is not None and assembly is self._assembly
+        self._next = max(self._next, number) if is_same else number
+        self._assembly = assembly
 
     def _fits(self, assembly: Assembly) -> bool:
         assert self._header is not None

@@ -180,8 +180,8 @@ class Inbox:
 
     def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:
         known = self.reassembler.open_message(header, sender, now_nanos)
-        waits = not self.reassembler.asks_for(header, sender)
-        self._guess.follow(header, bytes(head), sender, known, waits=waits)
+        asking = self.reassembler.asking(header, sender)
+        self._guess.follow(header, bytes(head), sender, known, asking)
 
     def _credit_if_due(
         self, header: Header, message: Optional[Message], sender: Address, peer: Peer

@@ -92,6 +92,11 @@ class Asking:
         want = self._wants.get(seq_number)
         return want is not None and want.is_asked
 
+    @property
+    def due_nanos(self) -> int:
+        """When something is to be asked for at the earliest; 0 when nothing is."""
+        return self._due_nanos or 0
+
     def offered(self, header: Header, offer: Offer, *, is_finished: bool, now_nanos: int) -> None:
         """Take the sender's word that the message in the header was sent altogether.
 

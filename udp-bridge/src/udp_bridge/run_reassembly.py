@@ -16,6 +16,7 @@ from .message import Message
 from .ordering import key_of
 from .placing import Place, Run
 from .reassembly import Reassembler
+from .resend_asking import Asking
 
 
 class RunReassembler(Reassembler):
@@ -91,7 +92,7 @@ class RunReassembler(Reassembler):
         """Return what is in of a message that is open."""
         return self._open(header, sender, now_nanos)
 
-    def asks_for(self, header: Header, sender: Hashable) -> bool:
-        """Tell whether what is lost of a message's topic can be asked for."""
+    def asking(self, header: Header, sender: Hashable) -> Optional[Asking]:
+        """Return what is asked for of a message's topic; None where it can't be."""
         topic = self._holdings.find(sender, (header.msg_type, header.topic))
-        return topic is not None and topic.asking is not None
+        return topic.asking if topic is not None else None

@@ -71,7 +71,7 @@ class ManyAtOnce:
 
     def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
         """Return what came, at least one datagram; None when there was none."""
-        block, head, sender, part_size, first, count, is_open, waits = place
+        block, head, sender, part_size, first, count, is_open, due_nanos = place
         found = _many.receive(
             source.fileno(),
             self._rest,
@@ -82,7 +82,7 @@ class ManyAtOnce:
             first,
             count,
             is_open,
-            waits,
+            due_nanos,
             *credits,
             self._is_flowing,
             self._parking,
