@@ -326,7 +326,7 @@ struct run {
     unsigned long long parked_bytes;
     unsigned int control_number, receive_buffer;
     unsigned long long uncredited;
-    long long due_nanos; // a run is not waited for any longer; 0: it is
+    long long due_nanos; // nothing is waited for longer behind a part; 0: it is
     long long drops; // that the kernel told of; -1 where it did not
 };
 
@@ -528,10 +528,8 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
             is_part ? !take_part(run, head, size) || run->taken == run->count : run->is_over;
         size = -1;
         if (is_over) break;
-        if (!until_nanos) {
-            until_nanos = now_nanos() + LONGEST_NANOS;
-            if (run->due_nanos && run->due_nanos < until_nanos) until_nanos = run->due_nanos;
-        } else if (now_nanos() > until_nanos) break;
+        if (!until_nanos) until_nanos = now_nanos() + LONGEST_NANOS;
+        else if (now_nanos() > until_nanos) break;
         size = receive_next(run, head);
     }
     if (thread) PyEval_RestoreThread(thread);
