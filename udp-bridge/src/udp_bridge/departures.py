@@ -115,8 +115,10 @@ class Departures:
     def _order_is_over(self) -> None:
         with self._lock:
             self._parking.collect(time.monotonic_ns(), waits=True)
-            if self._idle_waiters and self._is_idle():
-                self._idle.notify_all()
+            if self._is_idle():
+                if self._idle_waiters:
+                    self._idle.notify_all()
+                return
         self._send_at_once(_RUN_BYTES)
 
     def _reported(self, sender: Address, topic: str, report: TopicReport, told_nanos: int) -> None:
