@@ -167,10 +167,12 @@ static struct parking *parking_in(const Py_buffer *memory)
 // Without the interpreter where it takes long, as the other one may be sending.
 static void lock(struct parking *parking)
 {
-    if (!pthread_mutex_trylock(&parking->lock)) return;
-    Py_BEGIN_ALLOW_THREADS;
-    pthread_mutex_lock(&parking->lock);
-    Py_END_ALLOW_THREADS;
+    while (pthread_mutex_trylock(&parking->lock)) {
+        Py_BEGIN_ALLOW_THREADS; // who holds the lock must not wait for the interpreter
+        pthread_mutex_lock(&parking->lock);
+        pthread_mutex_unlock(&parking->lock);
+        Py_END_ALLOW_THREADS;
+    }
 }
 
 // parking() -> memory for credits
