@@ -28,8 +28,9 @@ from .waiting import WaitingTable
 AT_ONCE_BYTES = 1 << 24
 """What the thread that calls `send` sends itself: the largest message or nearly all of it, for to
 hand the rest over to ours costs a fifth of the throughput at 16 MB."""
-_RUN_BYTES = 1 << 20
-"""What is sent at once at most; small messages, which go first, wait for no more than that."""
+_RUN_BYTES = 1 << 21
+"""What is sent at once at most; small messages, which go first, wait for no more than that, about
+0.2 ms."""
 
 
 class Departures:
@@ -114,8 +115,9 @@ class Departures:
 
     def _order_is_over(self) -> None:
         with self._lock:
-            self._parking.collect(time.monotonic_ns(), waits=True)
-            if self._is_idle():
+            now_nanos = time.monotonic_ns()
+            self._parking.collect(now_nanos, waits=True)
+            if self._is_idle() and self._next_wake(now_nanos) > now_nanos:  # not even an offer
                 if self._idle_waiters:
                     self._idle.notify_all()
                 return
@@ -199,20 +201,23 @@ class Departures:
     def _send(self, datagram: Datagram) -> int:
         """Send what was taken; return its bytes."""
         run = datagram.run
-        count, size, sent = 1, len(datagram.header) + datagram.part.nbytes, 0
+        count, size, sent, behind = 1, len(datagram.header) + datagram.part.nbytes, 0, 0
         has_failed = True
         try:
             if run is not None:
                 count = run.parts_count
                 sent = self._send_run(run, datagram.to)
                 size = run.size if sent == count else sent * run.datagram_size
+                if run.behind is not None:
+                    behind = int(self._socket.send((run.behind,), datagram.to))
+                    size += behind * len(run.behind)
             else:
                 sent = int(self._socket.send((datagram.header, datagram.part), datagram.to))
             has_failed = False
         finally:
             with self._lock:
                 self._is_sending = False
-                self._count_sent(size, sent, is_last=datagram.is_last and sent == count)
+                self._count_sent(size, sent + behind, is_last=datagram.is_last and sent == count)
                 if self._idle_waiters and self._is_idle():
                     self._idle.notify_all()
                 if has_failed:

@@ -118,7 +118,7 @@ class Inbox:
     def expected(self) -> Tuple[Place, Credits]:
         """Return where to put what comes next, and how to acknowledge it; for `receive_run`."""
         place = self._guess.place()
-        if not place.parts_count:
+        if not place.arrived:
             return NOWHERE, Credits(0, self.receive_buffer, 0)
         peer = self._peers.get(place.sender)
         if peer is None:
@@ -136,7 +136,7 @@ class Inbox:
             self._count_parked(run, now_nanos)
         if run.order_is_over:
             self._on_order()
-        if run.parts_count:
+        if run.rows:
             taken.append(self._receive_placed(place, run, now_nanos))
         if run.refused:
             self.refuse(run.refused)
@@ -155,17 +155,17 @@ class Inbox:
 
     def _receive_placed(self, place: Place, run: Run, now_nanos: int) -> Taken:
         sender = place.sender
-        header = self._guess.header_of(place, run)
-        head_size = len(run.head)
-        end = place.first + run.parts_count
-        size = run.parts_count * head_size + (run.parts_count - 1) * place.part_size + run.last_size
-        self.datagrams += run.parts_count
+        header = self._guess.header_of(run)
+        count, (first, in_row) = run.parts_count, run.rows[-1]
+        size = count * (len(run.head) + place.part_size) - (place.part_size - run.last_size)
+        self.datagrams += count
         self.bytes_received += size
         message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
-        known = None
         if message is None:
             known = self.reassembler.open_message(header, sender, now_nanos)
-        self._guess.went_on(run, end, known)
+            self._guess.went_on(run, known, self.reassembler.asking(header, sender))
+        else:
+            self._guess.is_done(run)
         peer = self._peers.heard(sender, now_nanos)
         peer.goodput_bytes += size
         if run.credits:
@@ -175,7 +175,7 @@ class Inbox:
         peer.uncredited_bytes = run.uncredited_bytes
         if not run.uncredited_bytes:
             return message, None, sender
-        last = header._replace(part_number=end - 1)
+        last = header._replace(part_number=first + in_row - 1)
         return message, self._credit_if_due(last, message, sender, peer), sender
 
     def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:

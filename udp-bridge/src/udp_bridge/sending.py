@@ -38,6 +38,8 @@ class Run(NamedTuple):
     parts_count: int
     size: int
     """Bytes of all datagrams."""
+    behind: Optional[bytes] = None
+    """A datagram that is to go right behind them."""
 
     @property
     def datagram_size(self) -> int:
@@ -289,7 +291,12 @@ class Outbox:
         most = most_bytes // _size(part)
         if most and parts is not None and parts.upcoming == first + 1:
             count = self.pacer.granted(_size(part), min(most, parts.parts_left + 1), now_nanos)
-            return self._leave(parts, first, count, now_nanos) if count else None
+            datagram = self._leave(parts, first, count, now_nanos) if count else None
+            if datagram is not None and datagram.is_last and self._leaving is not None:
+                assert datagram.run is not None
+                run = datagram.run._replace(behind=self.resender.next_offer(now_nanos))
+                datagram = datagram._replace(run=run)
+            return datagram
         if not self._may_send(self._message, part, now_nanos):
             return None
         self._has_sent_part(self._leaving, now_nanos)
