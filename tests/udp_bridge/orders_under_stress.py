@@ -23,14 +23,14 @@ from udp_bridge.types import CONTROL
 from udp_bridge.udp_socket import UdpSocket
 
 LOCAL = ("127.0.0.1", 0)
-ROUNDS = 1000
+ROUNDS = 300
 BODY = bytes(650_000)
 RECEIVE_BUFFER = 1 << 20
 
 
 def main() -> None:
-    """Play both the peer that gives credits and the link that sends."""
-    sys.setswitchinterval(1e-5)
+    """Play the peer that gives credits, the link that sends, and a user's thread that computes."""
+    sys.setswitchinterval(1e-4)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
         peer.bind(LOCAL)
         ours = UdpSocket(LOCAL, receive_buffer=RECEIVE_BUFFER, wait_s=0.05)
@@ -60,7 +60,11 @@ def main() -> None:
                     body = Credit(33, raw[6], number, RECEIVE_BUFFER).pack()
                     peer.sendto(header + body, ours.address)
 
-        threads = [threading.Thread(target=target) for target in (receive, give)]
+        def compute() -> None:
+            while not is_over.is_set():
+                pass
+
+        threads = [threading.Thread(target=target) for target in (receive, give, compute)]
         for thread in threads:
             thread.start()
         outbox = Outbox(peer.getsockname(), "loopback")

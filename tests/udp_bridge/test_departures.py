@@ -13,8 +13,8 @@ from udp_bridge import Link, flow, parse
 from udp_bridge.flow import DatagramKey
 from udp_bridge.fragments import datagram_of
 from udp_bridge.header import Buffer, Header
+from udp_bridge.leaving import Address, Run
 from udp_bridge.repair import Resend
-from udp_bridge.sending import Address, Run
 from udp_bridge.types import RESEND
 
 TO = ("127.0.0.1", 9)

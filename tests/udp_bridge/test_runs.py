@@ -13,8 +13,8 @@ from udp_bridge import Message, parse, runs
 from udp_bridge.control import Credit
 from udp_bridge.control import parse as parse_control
 from udp_bridge.fragments import Parts, Split
+from udp_bridge.leaving import Run as Leaving
 from udp_bridge.placing import NOWHERE, Credits, Place, Run
-from udp_bridge.sending import Run as Leaving
 
 LOCAL = ("127.0.0.1", 0)
 PART = 1000

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.flow import DatagramKey
 from udp_bridge.known_headers import EXPRESS_TOPICS
+from udp_bridge.leaving import Datagram
 from udp_bridge.repair import Fec, Mode, Resend
-from udp_bridge.sending import Datagram, Outbox, take_in_turn
+from udp_bridge.sending import Outbox, take_in_turn
 from udp_bridge.waiting import SMALL_WAITING_PER_TOPIC
 
 TO = ("192.0.2.1", 4000)

@@ -13,10 +13,10 @@ import time
 from typing import Iterable, List, Optional, Sequence, Tuple
 
 from .header import Buffer, Refused
+from .leaving import Address
 from .parking import Kept
 from .placing import Credits, Place, Run
 from .seal import OVERHEAD, Seal
-from .sending import Address
 from .udp_socket import DatagramSocket, UdpSocket
 
 _WAIT_S = 0.1

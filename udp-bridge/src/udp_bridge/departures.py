@@ -18,10 +18,11 @@ from .control import TopicReport
 from .flow import ASK_NANOS, DatagramKey
 from .fragments import DatagramSize
 from .header import NANOS, Buffer, Header
+from .leaving import Address, Datagram
 from .parking import NoParking, Parking
 from .repair import RepairTable
 from .repair_wire import Request
-from .sending import Address, Datagram, Outbox, take_in_turn
+from .sending import Outbox, take_in_turn
 from .udp_socket import DatagramSocket, resolve
 from .waiting import WaitingTable
 

@@ -12,6 +12,7 @@ from collections import deque
 from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from .header import NANOS
+from .token_bucket import TokenBucket
 
 DATAGRAM_OVERHEAD = 1024
 ROUNDED_UP_TO = 16384
@@ -28,10 +29,6 @@ UNKNOWN_BUFFER = 212992
 """What is assumed of a peer's receive buffer before it says: Linux's default."""
 TRACKED_DATAGRAMS = 4096
 """Datagrams remembered as in flight; half of 8 MiB hold fewer, even of 256 bytes."""
-DEFAULT_RATE_BYTES_PER_S = 50e6
-"""As the receiver's kernel accounts them, like the burst."""
-DEFAULT_BURST_BYTES = 133120
-"""Two of the largest datagrams; three quarters of a default receive buffer are 159,744."""
 
 
 def kernel_bytes(size: int) -> int:
@@ -168,47 +165,6 @@ class CreditWindow:
             count -= popped
             if not is_left:
                 self._in_flight.popleft()
-
-
-class TokenBucket:
-    """Bounds the mean rate and the burst towards a peer that never acknowledges."""
-
-    def __init__(
-        self,
-        rate_bytes_per_s: float = DEFAULT_RATE_BYTES_PER_S,
-        burst_bytes: int = DEFAULT_BURST_BYTES,
-    ) -> None:
-        self.rate_bytes_per_s = rate_bytes_per_s
-        self.burst_bytes = burst_bytes
-        self._tokens = float(burst_bytes)
-        self._filled_nanos: Optional[int] = None
-
-    def sent(self, size: int, now_nanos: int) -> None:
-        """Take note that a datagram of `size` bytes went out."""
-        self._fill(now_nanos)
-        self._tokens -= size
-
-    def may_send(self, size: int, now_nanos: int) -> bool:
-        """Tell whether a datagram of `size` bytes may go now."""
-        self._fill(now_nanos)
-        return self._tokens >= min(size, self.burst_bytes)
-
-    def next_wake(self, size: int, now_nanos: int) -> int:
-        """Return when the bucket will hold enough for `size` bytes."""
-        self._fill(now_nanos)
-        wanted = min(size, self.burst_bytes) - self._tokens
-        return now_nanos + max(0, int(wanted / self.rate_bytes_per_s * NANOS) + 1)
-
-    def room(self, size: int, now_nanos: int) -> int:
-        """Return for how many datagrams of `size` bytes there are tokens."""
-        self._fill(now_nanos)
-        return max(0, int(self._tokens // size))
-
-    def _fill(self, now_nanos: int) -> None:
-        if self._filled_nanos is not None:
-            gained = (now_nanos - self._filled_nanos) * self.rate_bytes_per_s / NANOS
-            self._tokens = min(self.burst_bytes, self._tokens + gained)
-        self._filled_nanos = now_nanos
 
 
 class Pacer:

@@ -19,11 +19,11 @@ from .departures import AT_ONCE_BYTES, Departures
 from .fragments import DatagramSize, TooLarge, check_datagram_size
 from .header import BadMessage, Buffer
 from .holdings import Limits
+from .leaving import Address
 from .listening import Listening, OnMessage
 from .message import Message
 from .receiving import Inbox
 from .repair import RepairTable, check_table
-from .sending import Address
 from .udp_socket import DatagramSocket, UdpSocket
 from .waiting import WaitingTable
 

@@ -15,7 +15,8 @@ from typing import Any, Dict, List, Optional, Tuple
 from .control import Credit
 from .flow import DatagramKey
 from .header import Header
-from .sending import Address, Order, Outbox
+from .leaving import Address, Order
+from .sending import Outbox
 from .types import CONTROL
 
 FLIGHTS = 16

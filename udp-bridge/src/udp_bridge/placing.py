@@ -13,9 +13,9 @@ from typing import NamedTuple, Optional, Tuple, Union
 
 from .assembly import Assembly
 from .header import NANOS, PART_NUMBER_OFFSET, Header
+from .leaving import Address
 from .pool import Pool
 from .resend_asking import Asking
-from .sending import Address
 
 _PARTS_MAX_OFFSET = 7
 _TIME_OFFSET = 8

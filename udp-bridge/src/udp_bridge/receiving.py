@@ -13,12 +13,12 @@ from .control import Credit, CreditRequest, LinkReport, TopicReport
 from .flow import DatagramKey
 from .header import FIXED_SIZE, Header, Refused, parse
 from .holdings import Limits
+from .leaving import Address
 from .message import Message
 from .peers import Peer, Peers
 from .placing import NOWHERE, Credits, Guess, Place, Run
 from .repair_wire import Request, parse_resend
 from .run_reassembly import RunReassembler
-from .sending import Address
 from .telling import Answer, Telling, Told, control_of
 from .types import CONTROL, REPAIR, RESEND
 from .verdicts import message_of

@@ -15,10 +15,10 @@ from typing import Any, Callable, List, Optional, Tuple, Union
 
 from .fragments import datagram_of
 from .header import PART_NUMBER_OFFSET
+from .leaving import Address, Order
+from .leaving import Run as Leaving
 from .parking import Kept
 from .placing import Credits, Place, Run
-from .sending import Address, Order
-from .sending import Run as Leaving
 
 _many: Any = None
 if os.environ.get("UDP_BRIDGE_PLAIN") is None:

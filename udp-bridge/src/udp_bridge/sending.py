@@ -10,68 +10,22 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import chain
-from typing import Deque, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Deque, Iterator, List, Optional, Tuple
 
 from .accounts import Accounts
 from .control import CreditRequest
 from .fec_sending import symbols_of
-from .flow import DatagramKey, Flight, Pacer, kernel_bytes
+from .flow import DatagramKey, Pacer, kernel_bytes
 from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, plan
 from .header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
 from .known_headers import KnownHeaders
+from .leaving import Address, Datagram, Order, Run
 from .message import Message
 from .numbering import Numbering
 from .repair import Fec, RepairTable, Resend
 from .resend import Resender, Sent
 from .types import CONTROL
 from .waiting import LargeWaiting, SmallWaiting, WaitingTable
-
-Address = Tuple[str, int]
-
-
-class Run(NamedTuple):
-    """Consecutive parts of one message that may go at once."""
-
-    parts: Parts
-    first: int
-    """Number of the first part."""
-    parts_count: int
-    size: int
-    """Bytes of all datagrams."""
-    behind: Optional[bytes] = None
-    """A datagram that is to go right behind them."""
-
-    @property
-    def datagram_size(self) -> int:
-        """Bytes of a datagram, which the message's last one may lack some of."""
-        return len(self.parts.packed) + self.parts.cut.part_size
-
-
-class Order(NamedTuple):
-    """The rest of a message, and what has to come back before it may go."""
-
-    parts: Parts
-    to: Address
-    upcoming: int
-    end: int
-    cost: int
-    """What each part takes of the peer's receive buffer."""
-    in_flight_bytes: int
-    window_bytes: int
-    flights: List[Flight]
-    """What is in flight, the message itself last."""
-
-
-class Datagram(NamedTuple):
-    """What is to be sent next: `sendmsg([header, part], [], 0, to)`."""
-
-    header: bytes
-    part: memoryview
-    to: Address
-    is_last: bool
-    """Whether its message is sent with it."""
-    run: Optional[Run] = None
-    """It and those that are to go with it."""
 
 
 class Outbox:
@@ -223,16 +177,8 @@ class Outbox:
         cost = kernel_bytes(len(parts.packed) + parts.cut.part_size)
         if flights[-1][0] != message.seq_number:
             flights.append((message.seq_number, upcoming, 0, cost, cost))
-        return Order(
-            parts,
-            self.to,
-            upcoming,
-            parts.cut.parts_max,
-            cost,
-            window.in_flight_bytes,
-            window.window_bytes,
-            flights,
-        )
+        end, (in_flight, most) = parts.cut.parts_max, (window.in_flight_bytes, window.window_bytes)
+        return Order(parts, self.to, upcoming, end, cost, in_flight, most, flights)
 
     def ordered(self, count: int, now_nanos: int) -> Datagram:
         """Take note that so many parts of the last order went."""

@@ -15,9 +15,9 @@ from typing import Optional, Protocol, Sequence, Tuple, Union
 
 from . import runs
 from .header import Buffer
+from .leaving import Address
+from .leaving import Run as Leaving
 from .placing import Credits, Place, Run
-from .sending import Address
-from .sending import Run as Leaving
 
 _IS_LINUX = sys.platform == "linux"
 _SO_RCVBUFFORCE = 33  # Linux numbers that the socket module does not name in every version
