@@ -20,8 +20,8 @@ from collections import Counter
 from groundlink.emulation import Impairment
 from udp_bridge import Link, Message
 from udp_bridge.fragments import DatagramSize
+from udp_bridge.leaving import Address
 from udp_bridge.repair import Mode
-from udp_bridge.sending import Address
 
 from .tcp_ages import ROW, Arrival
 from .two_hosts import HOSTS, run

@@ -18,6 +18,9 @@ from udp_bridge.header import Refused, parse
 from udp_bridge.types import MSG_TYPES
 
 _Key = tuple[int, str]
+_UNDER_WAY = 2048
+"""Messages of all topics that may still get parts: those of some seconds, for on a busy machine a
+message of many parts may take as long."""
 
 
 @dataclass
@@ -121,7 +124,7 @@ class Relay:
             _, passed = self._open.setdefault(key, (header.parts_max, set()))
             if not is_lost:
                 passed.add(header.part_number)
-            self._settle(64)
+            self._settle(_UNDER_WAY)
 
     def _settle(self, kept: int) -> None:
         while len(self._open) > kept:

@@ -21,8 +21,8 @@ from typing import Any
 
 from udp_bridge import Link, Message
 from udp_bridge.accounts import Account
+from udp_bridge.leaving import Address
 from udp_bridge.repair import Resend
-from udp_bridge.sending import Address
 from udp_bridge.types import MSG_TYPES
 
 DATAGRAM = 8192

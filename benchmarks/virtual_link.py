@@ -15,10 +15,11 @@ from udp_bridge import Message
 from udp_bridge.flow import DatagramKey
 from udp_bridge.fragments import DatagramSize
 from udp_bridge.header import Header
+from udp_bridge.leaving import Address
 from udp_bridge.receiving import Inbox
 from udp_bridge.repair import Mode
 from udp_bridge.repair_wire import Request
-from udp_bridge.sending import Address, Outbox
+from udp_bridge.sending import Outbox
 
 NANOS = 1_000_000_000
 MSG_TYPE, TOPIC, LINK = 1, "/points", "lidar"

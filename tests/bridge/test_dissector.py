@@ -18,10 +18,10 @@ from udp_bridge.around import Around
 from udp_bridge.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.fec import RAPTORQ
 from udp_bridge.header import Buffer
+from udp_bridge.leaving import Address
 from udp_bridge.lockstep import WAITING, Answer, Barrier, Sent, Word
 from udp_bridge.repair_wire import Offer, Request, Symbol, parse_resend, parse_symbol
 from udp_bridge.seal import Seal
-from udp_bridge.sending import Address
 from udp_bridge.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE
 from udp_bridge.udp_socket import UdpSocket
 from udp_bridge.wishing import PAUSED, STEP, Wish, WishAnswer

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from udp_bridge import Link, Message
 from udp_bridge.around import Around
 from udp_bridge.header import Buffer
-from udp_bridge.sending import Address
+from udp_bridge.leaving import Address
 from udp_bridge.udp_socket import UdpSocket
 
 MESSAGES = 60

@@ -81,6 +81,7 @@ def test_every_module_has_its_test() -> None:
         "reports": "test_control",
         "message": "test_fragments",
         "run_reassembly": "test_placing",
+        "leaving": "test_sending",
         "listening": "test_link",
         "peers": "test_receiving",
         "telling": "test_receiving",

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from udp_bridge.flow import CreditWindow, DatagramKey, Pacer, TokenBucket, kernel_bytes
+from udp_bridge.flow import CreditWindow, DatagramKey, Pacer, kernel_bytes
+from udp_bridge.token_bucket import TokenBucket
 
 MS = 1_000_000
 SIZE = 65_300
@@ -83,30 +84,6 @@ def test_credits_that_never_come_do_not_make_the_window_grow() -> None:
     for number in range(10_000):
         window.sent(key(number), 1472, 0)
     assert window.in_flight_bytes == 4096 * kernel_bytes(1472)
-
-
-def test_a_bucket_holds_its_burst_and_its_rate() -> None:
-    bucket = TokenBucket(1e6, 3000)  # a byte a microsecond
-    for _ in range(3):
-        assert bucket.may_send(1000, 0)
-        bucket.sent(1000, 0)
-    assert not bucket.may_send(1000, 0)
-    wake = bucket.next_wake(1000, 0)
-    assert wake == pytest.approx(1 * MS, abs=2)
-    assert not bucket.may_send(1000, wake - 1000)
-    assert bucket.may_send(1000, wake)
-    bucket.sent(1000, wake)
-    assert bucket.may_send(3000, 1000 * MS)  # full again, and no fuller
-    bucket.sent(3000, 1000 * MS)
-    assert not bucket.may_send(1000, 1000 * MS)
-
-
-def test_what_is_larger_than_the_bucket_goes_when_it_is_full() -> None:
-    bucket = TokenBucket(1e6, 3000)
-    assert bucket.may_send(5000, 0)
-    bucket.sent(5000, 0)
-    assert bucket.next_wake(5000, 0) == pytest.approx(5 * MS, abs=2)
-    assert bucket.may_send(5000, 5 * MS)
 
 
 def asks(pacer: Pacer, now: int) -> bool:

@@ -16,7 +16,7 @@ import pytest
 from udp_bridge import BadMessage, Link, Message, TooLarge, control, fragments
 from udp_bridge.control import LinkReport, TopicReport
 from udp_bridge.header import Buffer
-from udp_bridge.sending import Address
+from udp_bridge.leaving import Address
 from udp_bridge.udp_socket import UdpSocket, buffer_hint
 
 LOCAL = ("127.0.0.1", 0)

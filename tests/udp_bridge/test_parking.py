@@ -15,7 +15,7 @@ from udp_bridge import Link, Message, runs
 from udp_bridge.around import PeersOnly
 from udp_bridge.control import Credit, CreditRequest
 from udp_bridge.flow import DatagramKey
-from udp_bridge.header import Header
+from udp_bridge.header import Header, parse
 from udp_bridge.parking import Parking
 from udp_bridge.placing import NOWHERE, Credits, Run
 from udp_bridge.sending import Outbox
@@ -25,6 +25,7 @@ from udp_bridge.udp_socket import UdpSocket
 LOCAL = ("127.0.0.1", 0)
 TO = ("127.0.0.1", 9)
 PATIENCE_S = 10.0
+BODY = random.Random(5).randbytes(3_000_000)
 needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs.c was not built")
 
 
@@ -86,6 +87,84 @@ def test_an_awaited_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket])
     peer.sendto(credit(2), receiver.address)
     assert strays(taken(receiver)) == []
     assert receiver.parked_credits(True) == [(2, 3, 4 << 20)]
+
+
+def ordered(outbox: Outbox, receiver: UdpSocket) -> Parking:
+    """Send what fits of a message and leave the rest to the socket."""
+    outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), receiver.receive_buffer, 0)
+    outbox.put(Message(33, "/image", "", 5, 0, BODY))
+    parking = Parking(receiver, dict.fromkeys(("sent_messages", "sent_datagrams", "sent_bytes"), 0))
+    while outbox.take(0, 1 << 20) is not None:
+        parking.follow(outbox, 0)
+    parking.collect(0, waits=True)
+    parking.order()
+    return parking
+
+
+def parts_at(peer: socket.socket) -> list[tuple[int, bytes]]:
+    """Return what came so far, part numbers and slices."""
+    peer.setblocking(False)
+    found = []
+    try:
+        while True:
+            header, offset = parse(memoryview(raw := peer.recv(1 << 16)))
+            found.append((header.part_number, raw[offset:]))
+    except BlockingIOError:
+        return found
+
+
+@needs_many
+def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
+    ends: tuple[socket.socket, UdpSocket],
+) -> None:
+    peer, receiver = ends
+    outbox = Outbox(peer.getsockname(), "loopback")
+    parking = ordered(outbox, receiver)
+    window = outbox.pacer.window
+    parts = -(-len(BODY) // 65280)
+    assert window.room(65280) == 0
+    newest = -1
+    (flight,) = window.flights(33, "/image") or []
+    upcoming = first = flight[2]
+    runs_over = []
+    while upcoming < parts:
+        newest += 2  # so many parts are acknowledged, and no more than that many may go
+        peer.sendto(credit(0, newest), receiver.address)
+        found = taken(receiver)
+        assert strays(found) == []
+        runs_over += [run.order_is_over for run in found]
+        came = parts_at(peer)
+        assert came == [(n, BODY[n * 65280 : (n + 1) * 65280]) for n, _ in came]
+        assert [n for n, _ in came] == list(range(upcoming, min(upcoming + 2, parts)))
+        upcoming += len(came)
+    assert runs_over == [False] * (len(runs_over) - 1) + [True]
+    assert not outbox.is_idle  # until it is told
+    assert parking.collect(9, waits=False)
+    assert outbox.is_idle
+    assert parking._sent["sent_messages"] == 1
+    assert parking._sent["sent_datagrams"] == parts - first
+    rows = window.flights(33, "/image") or []
+    assert [row[:3] for row in rows] == [(0, newest + 1, parts - newest - 1)]
+
+
+@needs_many
+@pytest.mark.parametrize("wrong", [(1, 3, 4 << 20), (0, 200, 4 << 20), (0, 3, 1 << 20)])
+def test_credits_that_tell_an_order_nothing_are_handed_over(
+    ends: tuple[socket.socket, UdpSocket], wrong: tuple[int, int, int]
+) -> None:
+    peer, receiver = ends
+    outbox = Outbox(peer.getsockname(), "loopback")
+    parking = ordered(outbox, receiver)
+    number, part, buffer = wrong
+    header = Header(CONTROL, 1, 0, 1, 5, 6, "/image").pack()
+    raw = header + Credit(33, part, number, buffer).pack()
+    peer.sendto(raw, receiver.address)
+    assert strays(taken(receiver)) == [raw]
+    assert parts_at(peer) == []
+    assert not parking.collect(0, waits=True)
+    peer.sendto(credit(0), receiver.address)  # taken back, it is held no more
+    assert strays(taken(receiver)) == [credit(0)]
+    assert parts_at(peer) == []
 
 
 @needs_many
@@ -172,7 +251,7 @@ def outbox_with(*topics: str) -> Outbox:
 
 def test_what_was_kept_makes_room() -> None:
     shelf = Shelf()
-    parking = Parking(shelf)
+    parking = Parking(shelf, {})
     outbox = outbox_with("/image", "/other")
     assert not parking.collect(0, waits=True)  # nothing was sent yet
     while (datagram := outbox.take(0, 1 << 20)) is not None:
@@ -191,7 +270,7 @@ def test_what_was_kept_makes_room() -> None:
 
 def test_nothing_is_awaited_when_nothing_waits() -> None:
     shelf = Shelf()
-    parking = Parking(shelf)
+    parking = Parking(shelf, {})
     outbox = outbox_with("/image")
     while outbox.take(0, 1 << 22) is not None:
         parking.follow(outbox, 0)

@@ -26,32 +26,40 @@ class Kernel:
         self.left = list(datagrams)
 
     def receive(self, place: Place, credits: Credits, most: int) -> Run:
-        head, count, last_size = b"", 0, 0
+        head, last_size = b"", place.part_size
+        rows: list[tuple[int, int]] = []
         uncredited = credits.uncredited_bytes
-        while self.left and count < most:
+        arrived = bytearray(place.arrived)
+        place = place._replace(arrived=arrived)
+        while self.left and len(rows) < most and 0 in arrived:
             raw, sender = self.left[0]
             own = raw[: len(place.head)]
             if len(raw) <= len(own) or not place.takes(own, len(raw), sender):
                 break
             del self.left[0]
-            body = raw[len(own) :]
-            start = place.first * place.part_size
-            with memoryview(place.block) as view:
-                view[start : start + len(body)] = body
-            head, count, last_size = head or own, count + 1, len(body)
+            body, number = raw[len(own) :], own[6]
+            for where in (place.next, number):  # it is received where another one is expected
+                start = where * place.part_size
+                with memoryview(place.block) as view:
+                    view[start : start + len(body)] = body
+            head = head or own
+            rows.append((number, 1))
+            arrived[number] = 1
+            if number == len(arrived) - 1:
+                last_size = len(body)
             uncredited += len(raw)
-            place = place._replace(
-                first=place.first + 1, parts_count=place.parts_count - 1, head=own, is_open=True
-            )
-        if (count and count >= most) or not self.left:
-            return Run(head, count, last_size, 0, uncredited, None, None)
+            after = arrived.find(0, max(number, place.next))
+            upcoming = after if after >= 0 else arrived.find(0)
+            place = place._replace(next=upcoming, head=own, is_open=True)
+        if not self.left or (rows and (len(rows) >= most or 0 not in arrived)):
+            return Run(head, tuple(rows), last_size, 0, uncredited, None, None)
         raw, sender = self.left.pop(0)
-        if place.parts_count:  # it was received into a place that is not its own
-            start = place.first * place.part_size
+        if 0 in arrived:  # it was received into a place that is not its own
+            start = place.next * place.part_size
             with memoryview(place.block) as view:
                 spoilt = raw[len(place.head) :][: place.part_size]
                 view[start : start + len(spoilt)] = spoilt
-        return Run(head, count, last_size, 0, uncredited, raw, sender)
+        return Run(head, tuple(rows), last_size, 0, uncredited, raw, sender)
 
 
 def outcome(inbox: Inbox, messages: list[Any]) -> dict[str, Any]:
@@ -207,14 +215,23 @@ def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
     assert inbox.expected()[1] == Credits(0, 1 << 16, credits.number + 2)
 
 
-def test_what_can_be_asked_for_is_not_waited_for() -> None:
+def test_parts_are_not_waited_for_when_others_are_to_be_asked_for() -> None:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     run_of(inbox, cut(0)[:3])
-    assert inbox.expected()[0].waits
+    assert inbox.expected()[0].due_nanos == 0
     offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
     run_of(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
-    run_of(inbox, cut(0)[4:6])  # behind a gap, so judged by itself
-    assert not inbox.expected()[0].waits
+    inbox.requests(0)
+    run_of(inbox, cut(0)[4:6])
+    assert inbox.expected()[0].due_nanos > 0
+
+
+def test_behind_a_part_that_is_sent_again_the_message_goes_on_where_it_was() -> None:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, [*cut(0)[:1], *cut(0)[2:3], *cut(0)[4:5], *cut(0)[1:2]])
+    assert inbox.expected()[0].next == 5
+    run_of(inbox, cut(0)[5:])
+    assert inbox.expected()[0].next == 3
 
 
 def test_a_run_that_contradicts_its_message_is_refused_and_not_followed() -> None:

@@ -22,6 +22,7 @@ from udp_bridge import (
     resend_budget,
     resend_offers,
     round_trip,
+    token_bucket,
 )
 from udp_bridge.control import Subscribe
 
@@ -140,8 +141,8 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"{limits.open_per_topic} open messages a topic",
         f"{limits.senders} senders, {limits.topics} topics",
         f"{limits.time_limit_nanos // 10**9} s after its first part",
-        f"bursts of {flow.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
-        f"{flow.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
+        f"bursts of {token_bucket.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
+        f"{token_bucket.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
         f"still for {flow.ASK_NANOS // 10**6} ms",
         f"within {flow.ANSWER_NANOS // 10**6} ms of the first request",
         f"later within {flow.GIVE_UP_NANOS // 10**9} s",

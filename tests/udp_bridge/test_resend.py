@@ -6,11 +6,12 @@ import pytest
 from udp_bridge import Header, Message, parse
 from udp_bridge.flow import UNKNOWN_BUFFER, DatagramKey
 from udp_bridge.fragments import DatagramSize
+from udp_bridge.leaving import Datagram
 from udp_bridge.repair import Resend
 from udp_bridge.repair_wire import Offer, Request, parse_resend
 from udp_bridge.resend import HISTORY_MESSAGES
 from udp_bridge.resend_budget import BURST_BYTES, LEAST_BYTES, WINDOW_S, Budget
-from udp_bridge.sending import Datagram, Outbox
+from udp_bridge.sending import Outbox
 
 MS = 1_000_000
 SECOND = 1000 * MS
@@ -67,6 +68,20 @@ def test_parts_go_out_again_byte_for_byte() -> None:
     assert again == [sent[1], sent[4]]
     assert outbox.is_idle
     assert outbox.resender.resent == 2
+
+
+def test_the_offer_goes_right_behind_the_last_part() -> None:
+    outbox = box()
+    outbox.put(cloud())
+    datagrams = [outbox.take(0, 3 * 1500), outbox.take(0, 3 * 1500)]
+    behind = [row.run.behind for row in datagrams if row is not None and row.run is not None]
+    assert behind[0] is None
+    assert behind[1] is not None
+    header, offset = parse(behind[1])
+    assert header.msg_type == 65
+    assert parse_resend(memoryview(behind[1])[offset:]) == Offer(1, PARTS + 1, 500)
+    assert outbox.take(0, 3 * 1500) is None  # it does not go twice
+    assert outbox.next_wake(0) == MS
 
 
 def test_they_go_before_parts_of_newer_messages_and_behind_small_ones() -> None:

@@ -56,6 +56,23 @@ def bench() -> Bench:
     return bench
 
 
+def test_gaps_within_a_round_trip_of_a_request_are_asked_for_together(bench: Bench) -> None:
+    bench.saw(0, 0, 2, seq=100)
+    assert bench.due(MS) == [(100, (1,))]
+    bench.saw(5 * MS, 1, seq=100)  # so the round trip takes 4 ms
+    bench.saw(10 * MS, 0, 2, seq=101)
+    assert (101, (1,)) in bench.due(11 * MS)
+    bench.saw(12 * MS, 4, seq=101)
+    bench.saw(13 * MS, 6, seq=101)
+    assert [asked for asked in bench.due(14 * MS) if asked[0] == 101] == []
+    assert (101, (3, 5)) in bench.due(15 * MS)
+    bench.saw(16 * MS, 0, 2, seq=102)
+    bench.due(17 * MS)
+    bench.saw(17 * MS, 4, seq=102)
+    bench.offered(17 * MS, 102)  # now it is known that nothing overtook it
+    assert (102, (3, 5, 6, 7)) in bench.due(17 * MS)
+
+
 def test_a_gap_is_asked_for_when_it_is_a_millisecond_old(bench: Bench) -> None:
     bench.saw(0, 0, 1, 4, seq=100)
     assert bench.due(MS - 1) == []

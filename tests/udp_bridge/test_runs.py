@@ -13,8 +13,8 @@ from udp_bridge import Message, parse, runs
 from udp_bridge.control import Credit
 from udp_bridge.control import parse as parse_control
 from udp_bridge.fragments import Parts, Split
+from udp_bridge.leaving import Run as Leaving
 from udp_bridge.placing import NOWHERE, Credits, Place, Run
-from udp_bridge.sending import Run as Leaving
 
 LOCAL = ("127.0.0.1", 0)
 PART = 1000
@@ -50,11 +50,11 @@ def whole(parts: Parts) -> list[bytes]:
     return [head + bytes(part) for head, part in Parts(parts.packed, parts.body, parts.cut)]
 
 
-def place(parts: Parts, sender: socket.socket, *, is_open: bool, waits: bool = True) -> Place:
+def place(parts: Parts, sender: socket.socket, *, is_open: bool, due_nanos: int = 0) -> Place:
     count = parts.cut.parts_max
     block = bytearray(count * PART)
     name = sender.getsockname()
-    return Place(block, parts.packed, name, PART, 0, count, is_open, waits)
+    return Place(block, parts.packed, name, PART, 0, bytearray(count), is_open, due_nanos, 0)
 
 
 def received(receiving: type, two: socket.socket, at: Place, count: int) -> tuple[bytes, list[Run]]:
@@ -66,9 +66,9 @@ def received(receiving: type, two: socket.socket, at: Place, count: int) -> tupl
         assert run is not None
         found.append(run)
         taken += run.parts_count + (run.stray is not None)
-        at = at._replace(
-            first=at.first + run.parts_count, parts_count=at.parts_count - run.parts_count
-        )
+        for first, some in run.rows:
+            at.arrived[first : first + some] = b"\1" * some
+        at = at._replace(next=max(0, at.arrived.find(0)))
         if run.parts_count:
             at = at._replace(is_open=True, head=run.head)
         credits = Credits(run.uncredited_bytes, 1 << 20, credits.number + run.credits)
@@ -158,7 +158,7 @@ WRONG = {
     "type": changed(SECOND, 0, 2),
     "header size": changed(SECOND, 1, 28),
     "number of another message": changed(SECOND, 2, 9),
-    "part that is not next": changed(SECOND, 6, 2),
+    "part that is none": changed(SECOND, 6, 5),
     "count of parts": changed(SECOND, 7, 4),
     "second": changed(SECOND, 8, 9),
     "nanosecond": changed(SECOND, 12, 9),
@@ -168,7 +168,6 @@ WRONG = {
     "link": changed(SECOND, 25, ord("q")),
     "padding": changed(SECOND, 31, 1),
     "copy of the one before": FIRST,
-    "last part": LAST,
     "short part": SECOND[:-1],
     "long part": SECOND + b"x",
     "only a header": SECOND[:32],
@@ -199,11 +198,71 @@ def test_a_part_from_elsewhere_is_handed_over_whole(receiving: type, pair: Pair)
         other.bind(LOCAL)
         for raw, sender in ((FIRST, one), (SECOND, other), (SECOND, one)):
             sender.sendto(raw, two.getsockname())
-        at = place(parts_of(4500), one, is_open=False, waits=False)
+        at = place(parts_of(4500), one, is_open=False, due_nanos=1)
         _, found = received(receiving, two, at, 3)
         strays = [(run.stray, run.sender) for run in found if run.stray is not None]
         assert strays == [(SECOND, other.getsockname())]
     assert sum(run.parts_count for run in found) == 2
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize(
+    "order", [(0, 1, 3, 2, 4), (0, 4, 1, 2, 3), (0, 2, 1, 4, 3), (0, 3, 4, 1, 2)], ids=str
+)
+def test_parts_lie_in_their_places_in_whatever_order_they_come(
+    receiving: type, pair: Pair, order: tuple[int, ...]
+) -> None:
+    one, two = pair
+    parts = parts_of(4500)
+    datagrams = whole(parts)
+    for number in order:
+        one.sendto(datagrams[number], two.getsockname())
+    block, found = received(receiving, two, place(parts, one, is_open=False), 5)
+    assert block[: len(parts.body)] == parts.body
+    rows = [row for run in found for row in run.rows]
+    assert [n for first, count in rows for n in range(first, first + count)] == list(order)
+    assert [run.stray for run in found] == [None] * len(found)
+    last = next(run for run in found if any(sum(row) == 5 for row in run.rows))
+    assert last.last_size == 500
+
+
+@needs_many
+def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
+    one, two = pair
+    parts = parts_of(200_000)
+    datagrams = whole(parts)
+    for number in (*range(0, 200, 2), *range(1, 200, 2)):
+        one.sendto(datagrams[number], two.getsockname())
+    at = place(parts, one, is_open=False)
+    found: list[Run] = []
+    strays: list[bytes] = []
+    receiver = runs.ManyAtOnce()
+    while sum(run.parts_count for run in found) + len(strays) < 200:
+        run, _ = receiver.receive(two, at, CREDITS)
+        assert run is not None
+        found.append(run)
+        strays += [run.stray] if run.stray is not None else []
+        for first, count in run.rows:
+            at.arrived[first : first + count] = b"\1" * count
+        at = at._replace(next=at.arrived.find(0), is_open=True, head=run.head or at.head)
+    assert max(len(run.rows) for run in found) == 64
+    block = bytes(at.block)
+    for number in range(200):
+        if at.arrived[number]:
+            assert block[number * PART : (number + 1) * PART] == datagrams[number][32:]
+    assert 0 < len(strays) < 10
+
+
+@needs_many
+def test_a_gap_is_not_waited_for_longer_than_it_takes_to_ask_for_it(pair: Pair) -> None:
+    one, two = pair
+    datagrams = whole(parts_of(4500))
+    one.sendto(datagrams[0], two.getsockname())
+    one.sendto(datagrams[2], two.getsockname())
+    at = place(parts_of(4500), one, is_open=False)._replace(patience_nanos=1)
+    run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
+    assert run is not None
+    assert (run.rows, run.stray) == (((0, 1), (2, 1)), None)
 
 
 @pytest.mark.parametrize("receiving", RECEIVING)
@@ -220,7 +279,7 @@ def test_a_time_that_is_none_begins_no_message(receiving: type, pair: Pair, nsec
 def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair) -> None:
     one, two = pair
     one.sendto(FIRST, two.getsockname())
-    at = place(parts_of(4500), one, is_open=False, waits=False)
+    at = place(parts_of(4500), one, is_open=False, due_nanos=1)
     run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
     assert run is not None
     assert (run.parts_count, run.stray) == (1, None)
@@ -257,10 +316,11 @@ def test_nothing_is_received_when_nothing_comes(receiving: type, pair: Pair) -> 
 @pytest.mark.parametrize(
     "change",
     [
-        {"first": 4},
-        {"first": -1},
-        {"parts_count": 255},
-        {"parts_count": -1},
+        {"next": 5},
+        {"next": -1},
+        {"next": 2, "arrived": bytearray(b"\0\0\1\0\0")},
+        {"arrived": bytearray(256)},
+        {"arrived": bytearray(6)},
         {"part_size": 1001},
         {"part_size": 2**62},
         {"part_size": 0},

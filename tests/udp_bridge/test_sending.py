@@ -4,14 +4,15 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.flow import DatagramKey
 from udp_bridge.known_headers import EXPRESS_TOPICS
+from udp_bridge.leaving import Datagram
 from udp_bridge.repair import Fec, Mode, Resend
-from udp_bridge.sending import Datagram, Outbox, take_in_turn
+from udp_bridge.sending import Outbox, take_in_turn
 from udp_bridge.waiting import SMALL_WAITING_PER_TOPIC
 
 TO = ("192.0.2.1", 4000)
@@ -255,6 +256,7 @@ def express_run(box: Outbox, message: Message, most_bytes: int) -> Datagram | No
     return box.express_run(msg_type, topic, link, stamp_nanos, body, 0, most_bytes)
 
 
+@settings(deadline=None)  # to compare a megabyte takes a while
 @given(
     st.integers(65_281, 1_200_000),
     st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), max_size=4),

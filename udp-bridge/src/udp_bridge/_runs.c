@@ -6,7 +6,8 @@
 // one after the other, each into its place, and acknowledged; all else is handed back at once,
 // whole and in order, and `receiving` judges it by every rule. Nothing is kept between two calls,
 // but for credits: while a sender finds room for more, those for what it sends are kept here until
-// it looks (`parking.py`), and wake nobody.
+// it looks (`parking.py`), and wake nobody. Where it finds none it may leave the rest of a message
+// here, and the thread that receives a credit sends what that makes room for.
 #define PY_SSIZE_T_CLEAN
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
@@ -15,6 +16,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <pthread.h>
 #include <stdint.h>
 #include <string.h>
@@ -26,7 +28,8 @@ enum {
     SEQ_NUMBER = 2, PART_NUMBER = 6, PARTS_MAX = 7, TIME = 8, TIME_NSEC = 12, TOPIC_SIZE = 16,
     NAMES = 18, HEADER_MIN = 20, HEADER_ROOM = 256, MOST_PARTS = 255,
     CONTROL = 64, CREDIT_SIZE = 12, CREDIT_SHARE = 8, BATCH = 64, NANOS = 1000000000, PARKED = 64,
-    LONGEST_NANOS = 20000000 // of a run, behind its first datagram; then Python looks around
+    FLIGHTS = 16, WINDOW_SHARE = 2,
+    ROWS = 64, LONGEST_NANOS = 20000000 // of a run, behind its first datagram; then Python looks around
 };
 
 static uint32_t u32(const unsigned char *at)
@@ -57,57 +60,90 @@ static int to_address(const char *host, int port, struct sockaddr_in *address)
     return 0;
 }
 
-// send(fd, (host, port), header of part 0, body, part size, first, count) -> sent, errno or 0
-//
-// Sends parts in their order until all are out or the kernel does not take one.
-static PyObject *send_parts(PyObject *self, PyObject *args)
-{
-    static const char *misfit = "the parts do not lie in the body";
-    int fd, port, first, count;
-    const char *host;
-    Py_ssize_t size;
-    Py_buffer packed, body;
+// Parts of a message, and where they are to go.
+struct parts {
     struct sockaddr_in to;
-    (void)self;
-    if (!PyArg_ParseTuple(args, "i(si)y*y*nii", &fd, &host, &port, &packed, &body, &size, &first,
-                          &count))
-        return NULL;
-    int is_fit = packed.len >= HEADER_MIN && packed.len < HEADER_ROOM && size > 0 && first >= 0 &&
-                 count > 0 && first + (int64_t)count <= MOST_PARTS &&
-                 size <= PY_SSIZE_T_MAX / HEADER_ROOM &&
-                 (first + count - 1) * size < body.len + (body.len == 0);
-    if (!is_fit) PyErr_SetString(PyExc_ValueError, misfit);
-    if (!is_fit || !to_address(host, port, &to)) {
-        PyBuffer_Release(&packed);
-        PyBuffer_Release(&body);
-        return NULL;
-    }
+    const unsigned char *packed; // the header of part 0
+    char *body;
+    Py_ssize_t packed_size, body_size, size; // size: of a part, of which the last may lack some
+};
+
+// Whether so many parts from `first` on lie in the body; an exception says so where they do not.
+static int is_fit(const struct parts *parts, int first, int count)
+{
+    if (parts->packed_size >= HEADER_MIN && parts->packed_size < HEADER_ROOM && parts->size > 0 &&
+        first >= 0 && count > 0 && first + (int64_t)count <= MOST_PARTS &&
+        parts->size <= PY_SSIZE_T_MAX / HEADER_ROOM &&
+        (first + count - 1) * parts->size < parts->body_size + (parts->body_size == 0))
+        return 1;
+    PyErr_SetString(PyExc_ValueError, "the parts do not lie in the body");
+    return 0;
+}
+
+// Send parts in their order until all are out or the kernel does not take one. Return how many.
+static int send_some(int fd, const struct parts *parts, int first, int count, int *error)
+{
     unsigned char heads[BATCH][HEADER_ROOM];
     struct iovec io[BATCH][2];
     struct mmsghdr rows[BATCH];
-    int sent = 0, error = 0;
-    Py_BEGIN_ALLOW_THREADS;
-    while (sent < count && !error) {
+    int sent = 0;
+    *error = 0;
+    while (sent < count && !*error) {
         int most = count - sent < BATCH ? count - sent : BATCH;
         memset(rows, 0, sizeof *rows * most);
         for (int i = 0; i < most; i++) {
-            Py_ssize_t start = (first + sent + i) * size, left = body.len - start;
-            memcpy(heads[i], packed.buf, packed.len);
+            Py_ssize_t start = (first + sent + i) * parts->size, left = parts->body_size - start;
+            memcpy(heads[i], parts->packed, parts->packed_size);
             heads[i][PART_NUMBER] = (unsigned char)(first + sent + i);
-            io[i][0] = (struct iovec){heads[i], packed.len};
-            io[i][1] = (struct iovec){(char *)body.buf + start, left < size ? left : size};
-            rows[i].msg_hdr = (struct msghdr){.msg_name = &to, .msg_namelen = sizeof to,
+            io[i][0] = (struct iovec){heads[i], parts->packed_size};
+            io[i][1] = (struct iovec){parts->body + start, left < parts->size ? left : parts->size};
+            rows[i].msg_hdr = (struct msghdr){.msg_name = (void *)&parts->to,
+                                              .msg_namelen = sizeof parts->to,
                                               .msg_iov = io[i], .msg_iovlen = 2};
         }
         int taken = sendmmsg(fd, rows, most, 0);
         if (taken > 0) sent += taken;
-        else if (taken == 0 || errno != EINTR) error = taken ? errno : EAGAIN;
+        else if (taken == 0 || errno != EINTR) *error = taken ? errno : EAGAIN;
     }
-    Py_END_ALLOW_THREADS;
+    return sent;
+}
+
+// send(fd, (host, port), header of part 0, body, part size, first, count) -> sent, errno or 0
+static PyObject *send_parts(PyObject *self, PyObject *args)
+{
+    int fd, port, first, count, sent = 0, error = 0;
+    const char *host;
+    Py_buffer packed, body;
+    struct parts parts;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "i(si)y*y*nii", &fd, &host, &port, &packed, &body, &parts.size,
+                          &first, &count))
+        return NULL;
+    parts.packed = packed.buf, parts.packed_size = packed.len;
+    parts.body = body.buf, parts.body_size = body.len;
+    int is_right = is_fit(&parts, first, count) && to_address(host, port, &parts.to);
+    if (is_right) {
+        Py_BEGIN_ALLOW_THREADS;
+        sent = send_some(fd, &parts, first, count, &error);
+        Py_END_ALLOW_THREADS;
+    }
     PyBuffer_Release(&packed);
     PyBuffer_Release(&body);
-    return Py_BuildValue("ii", sent, error);
+    return is_right ? Py_BuildValue("ii", sent, error) : NULL;
 }
+
+// The rest of a message, to be sent as credits come. What is under way is reckoned as in `flow`.
+struct order {
+    struct parts parts;
+    int next, end, sent, is_over; // parts; sent: since it was given
+    int64_t cost, in_flight, window;
+    int flights_count;
+    struct flight {
+        uint32_t seq_number;
+        int first, count;
+        int64_t cost, last_cost;
+    } flights[FLIGHTS]; // oldest first; the last one is of the message itself
+};
 
 // Credits of one peer for one topic that wait for the sender. All zero it takes none.
 struct parking {
@@ -117,15 +153,26 @@ struct parking {
     struct parked {
         uint32_t seq_number, part_number, receive_buffer;
     } rows[PARKED];
+    struct order order; // its bytes are kept by who gave it, until it is taken back
+    int is_sending;     // the thread that receives sends of it, without the lock
+    pthread_cond_t rest; // it no longer does
+    pthread_mutex_t lock; // whoever holds it waits for nothing: no other lock, no call of the kernel
 };
-
-static pthread_mutex_t parking_lock = PTHREAD_MUTEX_INITIALIZER; // whoever holds it takes no other
 
 static struct parking *parking_in(const Py_buffer *memory)
 {
     if (memory->len >= (Py_ssize_t)sizeof(struct parking)) return memory->buf;
     PyErr_SetString(PyExc_ValueError, "too little memory for credits");
     return NULL;
+}
+
+// parking() -> memory for credits
+static PyObject *make_parking(PyObject *self, PyObject *args)
+{
+    static const struct parking empty = {.rest = PTHREAD_COND_INITIALIZER,
+                                         .lock = PTHREAD_MUTEX_INITIALIZER};
+    (void)self, (void)args;
+    return PyByteArray_FromStringAndSize((const char *)&empty, sizeof empty);
 }
 
 static PyObject *listed(const struct parked *rows, int count)
@@ -158,14 +205,14 @@ static PyObject *park(PyObject *self, PyObject *args)
     if (parking && !is_fit) PyErr_SetString(PyExc_ValueError, "no credit looks like this");
     int is_set = parking && is_fit && to_address(host, port, &from);
     if (is_set) {
-        pthread_mutex_lock(&parking_lock);
+        pthread_mutex_lock(&parking->lock);
         count = parking->count;
         memcpy(rows, parking->rows, count * sizeof *rows);
         parking->count = 0;
         parking->from = from;
         memcpy(parking->like, like.buf, like.len);
         parking->like_size = (int)like.len;
-        pthread_mutex_unlock(&parking_lock);
+        pthread_mutex_unlock(&parking->lock);
     }
     PyBuffer_Release(&memory);
     PyBuffer_Release(&like);
@@ -174,7 +221,8 @@ static PyObject *park(PyObject *self, PyObject *args)
 
 // parked(memory, is awaited) -> [(seq_number, part_number, receive_buffer), ...]
 //
-// Takes what was kept. While a credit is awaited none is kept, so that it wakes the sender.
+// Takes what was kept. While a credit is awaited none is kept, so that it wakes the sender, unless
+// there is an order.
 static PyObject *take_parked(PyObject *self, PyObject *args)
 {
     int is_awaited, count = 0;
@@ -184,40 +232,120 @@ static PyObject *take_parked(PyObject *self, PyObject *args)
     if (!PyArg_ParseTuple(args, "w*p", &memory, &is_awaited)) return NULL;
     struct parking *parking = parking_in(&memory);
     if (parking) {
-        pthread_mutex_lock(&parking_lock);
+        pthread_mutex_lock(&parking->lock);
         parking->is_awaited = is_awaited;
         count = parking->count;
         memcpy(rows, parking->rows, count * sizeof *rows);
         parking->count = 0;
-        pthread_mutex_unlock(&parking_lock);
+        pthread_mutex_unlock(&parking->lock);
     }
     PyBuffer_Release(&memory);
     return parking ? listed(rows, count) : NULL;
 }
 
+// order(memory, (host, port), header of part 0, body, part size, next, end, cost, bytes under way,
+// window, [(seq_number, first, count, cost, last cost), ...])
+//
+// Leaves the rest of a message to the thread that receives; header and body must stay until
+// it is taken back. Nobody else may send of it until then.
+static PyObject *give_order(PyObject *self, PyObject *args)
+{
+    struct order order = {0};
+    int port;
+    const char *host;
+    Py_buffer memory, packed, body;
+    PyObject *flights, *given = NULL;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*(si)y*y*niiLLLO!", &memory, &host, &port, &packed, &body,
+                          &order.parts.size, &order.next, &order.end, &order.cost,
+                          &order.in_flight, &order.window, &PyList_Type, &flights))
+        return NULL;
+    struct parking *parking = parking_in(&memory);
+    Py_ssize_t count = PyList_GET_SIZE(flights);
+    order.parts.packed = packed.buf, order.parts.packed_size = packed.len;
+    order.parts.body = body.buf, order.parts.body_size = body.len;
+    if (!parking || !is_fit(&order.parts, order.next, order.end - order.next) ||
+        !to_address(host, port, &order.parts.to))
+        goto end;
+    if (count < 1 || count > FLIGHTS || order.cost < 1) {
+        PyErr_SetString(PyExc_ValueError, "too much is under way");
+        goto end;
+    }
+    for (int i = 0; i < count; i++) {
+        struct flight *flight = order.flights + i;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(flights, i), "IiiLL", &flight->seq_number,
+                              &flight->first, &flight->count, &flight->cost, &flight->last_cost))
+            goto end;
+    }
+    order.flights_count = (int)count;
+    pthread_mutex_lock(&parking->lock);
+    parking->order = order;
+    pthread_mutex_unlock(&parking->lock);
+    Py_INCREF(Py_None);
+    given = Py_None;
+end:
+    PyBuffer_Release(&memory);
+    PyBuffer_Release(&packed);
+    PyBuffer_Release(&body);
+    return given;
+}
+
+// taken_back(memory) -> parts that were sent since an order was given, which holds no more
+static PyObject *take_back(PyObject *self, PyObject *args)
+{
+    int sent = 0;
+    Py_buffer memory;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*", &memory)) return NULL;
+    struct parking *parking = parking_in(&memory);
+    if (parking) {
+        Py_BEGIN_ALLOW_THREADS; // who sends may need the interpreter before it has sent
+        pthread_mutex_lock(&parking->lock);
+        while (parking->is_sending) pthread_cond_wait(&parking->rest, &parking->lock);
+        sent = parking->order.sent;
+        parking->order.sent = parking->order.flights_count = 0;
+        pthread_mutex_unlock(&parking->lock);
+        Py_END_ALLOW_THREADS;
+    }
+    PyBuffer_Release(&memory);
+    return parking ? PyLong_FromLong(sent) : NULL;
+}
+
 // What is expected next, and what came of it.
 struct run {
     Py_buffer rest, block, head, parking; // rest: for what has no other place; head: as it is expected
+    Py_buffer arrived;               // for each part whether it is in
+    unsigned char is_in[MOST_PARTS]; // the same, and with what came in this run
     unsigned char came[HEADER_ROOM]; // the header of the first part; behind it only stray ones
     struct sockaddr_in sender, from; // of the parts; of the last datagram
-    Py_ssize_t part_size, last_size; // last_size: body bytes of the last part that came
-    int fd, first, count;            // parts that may come in a row, and where they begin
+    Py_ssize_t part_size, last_size; // last_size: body bytes of the message's last part
+    int fd, next, missing;           // the part that is expected next; how many are missing
     int is_open;                     // a part of the message was taken before: all must be alike
-    int taken, credits, error, parked;
+    struct {
+        int first, count;
+    } rows[ROWS]; // parts that came, by order; those in a row together
+    int rows_count, credits, error, parked, is_over; // is_over: an order was carried out, or failed
     unsigned long long parked_bytes;
     unsigned int control_number, receive_buffer;
     unsigned long long uncredited;
+    long long due_nanos; // nothing is waited for longer behind a part; 0: it is
+    long long patience_nanos; // so long behind a gap it is due; 0: never
     long long drops; // that the kernel told of; -1 where it did not
+    PyThreadState *thread; // while the interpreter is given away
 };
+
+static char *place_of(const struct run *run, int number)
+{
+    return (char *)run->block.buf + number * run->part_size;
+}
 
 // Receive one datagram: header apart, body into the place of the next part. Return its size.
 static Py_ssize_t receive_one(struct run *run, unsigned char *head, int flags)
 {
-    int is_placed = run->taken < run->count;
+    int is_placed = run->missing > 0;
     struct iovec io[3] = {
         {head, is_placed ? run->head.len : 0},
-        {(char *)run->block.buf + (run->first + run->taken) * run->part_size,
-         is_placed ? run->part_size : 0},
+        {place_of(run, run->next), is_placed ? run->part_size : 0},
         {run->rest.buf, run->rest.len},
     };
     _Alignas(struct cmsghdr) char control[64];
@@ -239,19 +367,29 @@ static Py_ssize_t receive_one(struct run *run, unsigned char *head, int flags)
     return size;
 }
 
-// Whether a datagram is the next part. Of a message of which nothing was taken before, seq_number
-// and time are its own; `receiving` has seen all else of the header in another message.
+static int is_next_in_row(const struct run *run, int number)
+{
+    int last = run->rows_count - 1;
+    return last >= 0 && number == run->rows[last].first + run->rows[last].count;
+}
+
+// Whether a datagram is a part that is missing. Of a message of which nothing was taken before, seq_number
+// and time are its own, and the first part comes first; `receiving` has seen all else of the header in
+// another message.
 static int is_expected(const struct run *run, const unsigned char *head, Py_ssize_t size)
 {
-    int number = run->first + run->taken, header_size = (int)run->head.len;
+    int number = head[PART_NUMBER], header_size = (int)run->head.len;
     Py_ssize_t body = size - header_size;
-    if (run->taken >= run->count || body <= 0 || body > run->part_size) return 0;
+    if (!run->missing || body <= 0 || body > run->part_size) return 0;
+    if (number >= run->arrived.len || run->is_in[number]) return 0;
     if (run->from.sin_addr.s_addr != run->sender.sin_addr.s_addr ||
         run->from.sin_port != run->sender.sin_port)
         return 0;
-    int is_begun = run->is_open || run->taken;
-    const unsigned char *wanted = run->taken ? run->came : run->head.buf;
-    return head[PART_NUMBER] == number && head[PARTS_MAX] == wanted[PARTS_MAX] &&
+    int is_begun = run->is_open || run->rows_count;
+    if (number != run->next && !is_begun) return 0;
+    if (run->rows_count == ROWS && !is_next_in_row(run, number)) return 0;
+    const unsigned char *wanted = run->rows_count ? run->came : run->head.buf;
+    return head[PARTS_MAX] == wanted[PARTS_MAX] &&
            (body == run->part_size || number == wanted[PARTS_MAX] - 1) &&
            !memcmp(head, wanted, SEQ_NUMBER) &&
            !memcmp(head + TOPIC_SIZE, wanted + TOPIC_SIZE, header_size - TOPIC_SIZE) &&
@@ -284,10 +422,10 @@ static int send_credit(struct run *run, const unsigned char *head)
 // Copy a datagram that lies in three places.
 static void gather(const struct run *run, const unsigned char *head, Py_ssize_t size, char *to)
 {
-    int is_placed = run->taken < run->count;
+    int is_placed = run->missing > 0;
     Py_ssize_t room[3] = {is_placed ? run->head.len : 0, is_placed ? run->part_size : 0, size};
     const void *from[3] = {
-        head, (char *)run->block.buf + (run->first + run->taken) * run->part_size, run->rest.buf};
+        head, place_of(run, run->next), run->rest.buf};
     for (Py_ssize_t at = 0, i = 0; i < 3; i++) {
         Py_ssize_t some = size - at < room[i] ? size - at : room[i];
         memcpy(to + at, from[i], some);
@@ -295,39 +433,107 @@ static void gather(const struct run *run, const unsigned char *head, Py_ssize_t 
     }
 }
 
+static int64_t cost_of(const struct flight *flight, int count)
+{
+    int is_all = count > 0 && count == flight->count;
+    return is_all ? (count - 1) * flight->cost + flight->last_cost : count * flight->cost;
+}
+
+// Free what a credit acknowledges; return how many parts may go then. If none, nothing was done:
+// the sender has to judge it.
+static int make_room(struct order *order, const unsigned char *credit)
+{
+    int64_t freed = 0;
+    int i = 0, popped = 0, left = order->end - order->next;
+    for (; i < order->flights_count; i++) {
+        const struct flight *flight = order->flights + i;
+        popped = credit[2] - flight->first + 1;
+        if (flight->seq_number == u32(credit + 4) && 1 <= popped && popped <= flight->count) break;
+        freed += cost_of(flight, flight->count);
+    }
+    if (i == order->flights_count || u32(credit + 8) / WINDOW_SHARE != order->window) return 0;
+    freed += cost_of(order->flights + i, popped);
+    int64_t room = (order->window - order->in_flight + freed) / order->cost;
+    if (room < 1 || left < 1 || order->is_over) return 0;
+    order->flights[i].first += popped;
+    order->flights[i].count -= popped;
+    order->flights_count -= i;
+    order->in_flight -= freed;
+    memmove(order->flights, order->flights + i, order->flights_count * sizeof *order->flights);
+    return room < left ? (int)room : left;
+}
+
+// Send so many parts of the order. The caller holds the lock, and again when this returns.
+static void go_on(struct run *run, struct parking *parking, int count)
+{
+    struct order *order = &parking->order;
+    int error;
+    parking->is_sending = 1; // so nobody else changes the order
+    pthread_mutex_unlock(&parking->lock);
+    if (!run->thread) run->thread = PyEval_SaveThread(); // others may compute meanwhile
+    int sent = send_some(run->fd, &order->parts, order->next, count, &error);
+    pthread_mutex_lock(&parking->lock);
+    parking->is_sending = 0;
+    pthread_cond_broadcast(&parking->rest);
+    order->flights[order->flights_count - 1].count += sent;
+    order->in_flight += sent * order->cost;
+    order->next += sent;
+    order->sent += sent;
+    order->is_over = error || order->next == order->end;
+    run->is_over = order->is_over;
+}
+
 // Keep a datagram for the sender, if it is a credit that can wait; return whether it was kept.
 static int keep_credit(struct run *run, const unsigned char *head, Py_ssize_t size)
 {
     struct parking *parking = run->parking.buf;
     unsigned char credit[HEADER_ROOM + CREDIT_SIZE];
-    int is_kept = 0;
+    int is_kept = 0, count = 0;
     if (size > (Py_ssize_t)sizeof credit) return 0;
     gather(run, head, size, (char *)credit);
     const unsigned char *body = credit + size - CREDIT_SIZE;
-    pthread_mutex_lock(&parking_lock);
+    pthread_mutex_lock(&parking->lock);
     const unsigned char *like = parking->like;
-    if (size == parking->like_size && !parking->is_awaited && parking->count < PARKED &&
+    if (size == parking->like_size && parking->count < PARKED &&
         run->from.sin_addr.s_addr == parking->from.sin_addr.s_addr &&
         run->from.sin_port == parking->from.sin_port && !memcmp(credit, like, SEQ_NUMBER) &&
         !memcmp(credit + PART_NUMBER, like + PART_NUMBER, TIME - PART_NUMBER) &&
         u32(credit + TIME_NSEC) < NANOS &&
         !memcmp(credit + TOPIC_SIZE, like + TOPIC_SIZE, size - CREDIT_SIZE - TOPIC_SIZE) &&
-        !memcmp(body, like + size - CREDIT_SIZE, 2)) {
+        !memcmp(body, like + size - CREDIT_SIZE, 2) &&
+        (!parking->is_awaited || (count = make_room(&parking->order, body)))) {
         parking->rows[parking->count++] = (struct parked){u32(body + 4), body[2], u32(body + 8)};
         is_kept = 1;
+        if (count) go_on(run, parking, count);
     }
-    pthread_mutex_unlock(&parking_lock);
+    pthread_mutex_unlock(&parking->lock);
     run->parked += is_kept;
     run->parked_bytes += is_kept ? size : 0;
     return is_kept;
 }
 
-// Take note of the next part, and acknowledge it if that is due; return whether that went well.
+// Take note of a part, put it where it belongs, and acknowledge it if that is due; return whether
+// that went well.
 static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size)
 {
-    if (!run->taken) memcpy(run->came, head, run->head.len);
-    run->taken++;
-    run->last_size = size - run->head.len;
+    int number = head[PART_NUMBER], last = (int)run->arrived.len - 1;
+    if (!run->rows_count) memcpy(run->came, head, run->head.len);
+    if (number != run->next) {
+        memcpy(place_of(run, number), place_of(run, run->next), size - run->head.len);
+        int64_t due_nanos = now_nanos() + run->patience_nanos;
+        if (run->patience_nanos && (!run->due_nanos || due_nanos < run->due_nanos))
+            run->due_nanos = due_nanos;
+    }
+    if (!is_next_in_row(run, number)) {
+        run->rows[run->rows_count].first = number;
+        run->rows[run->rows_count++].count = 0;
+    }
+    run->rows[run->rows_count - 1].count++;
+    run->is_in[number] = 1;
+    run->missing--;
+    if (number > run->next) run->next = number; // behind one sent again it goes on where it was
+    while (run->missing && run->is_in[run->next]) run->next = run->next < last ? run->next + 1 : 0;
+    if (number == last) run->last_size = size - run->head.len;
     run->uncredited += size;
     if (head[PART_NUMBER] != head[PARTS_MAX] - 1 &&
         run->uncredited <= run->receive_buffer / CREDIT_SHARE)
@@ -338,66 +544,105 @@ static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size
     return 1;
 }
 
-// Receive until something comes that is not expected. Return its size; -1 where nothing did.
-static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flowing, int waits)
+// Receive one datagram, which is waited for as long as nothing else is due.
+static Py_ssize_t receive_next(struct run *run, unsigned char *head)
 {
-    PyThreadState *thread = NULL;
+    int waits = !run->rows_count || !run->due_nanos;
+    Py_ssize_t size = receive_one(run, head, waits ? 0 : MSG_DONTWAIT);
+    if (size >= 0 || waits || run->error != EAGAIN) return size;
+    int64_t left = run->due_nanos - now_nanos();
+    struct timespec most = {left / NANOS, left % NANOS};
+    struct pollfd source = {.fd = run->fd, .events = POLLIN};
+    if (left <= 0 || ppoll(&source, 1, &most, NULL) <= 0) return -1;
+    return receive_one(run, head, MSG_DONTWAIT);
+}
+
+// Receive until something comes that is not expected. Return its size; -1 where nothing did.
+static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flowing)
+{
     int64_t until_nanos = 0;
     Py_ssize_t size = -1;
     // What lies there is taken without giving the interpreter away, for that may cost milliseconds.
     if (is_flowing) size = receive_one(run, head, MSG_DONTWAIT);
     if (size < 0 && (!is_flowing || run->error == EAGAIN)) {
-        thread = PyEval_SaveThread();
+        run->thread = PyEval_SaveThread();
         size = receive_one(run, head, 0);
     }
     while (size >= 0) {
         int is_part = is_expected(run, head, size);
         if (!is_part && !keep_credit(run, head, size)) break;
-        if (!thread) thread = PyEval_SaveThread();
-        int is_over = is_part && (!take_part(run, head, size) || run->taken == run->count);
+        if (!run->thread) run->thread = PyEval_SaveThread();
+        int is_over =
+            is_part ? !take_part(run, head, size) || !run->missing : run->is_over;
         size = -1;
         if (is_over) break;
         if (!until_nanos) until_nanos = now_nanos() + LONGEST_NANOS;
         else if (now_nanos() > until_nanos) break;
-        size = receive_one(run, head, waits || !run->taken ? 0 : MSG_DONTWAIT);
+        size = receive_next(run, head);
     }
-    if (thread) PyEval_RestoreThread(thread);
+    if (run->thread) PyEval_RestoreThread(run->thread);
     return size;
 }
 
-// receive(fd, rest, block, header, (host, port), part size, first, count, is open, waits,
-// uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
-// (header, taken, last size, credits, uncredited, stray datagram or None, its sender, why it is
-// refused, credits kept, their bytes), errno, drops
+static PyObject *rows_of(const struct run *run)
+{
+    PyObject *rows = PyTuple_New(run->rows_count);
+    for (int i = 0; rows && i < run->rows_count; i++) {
+        PyObject *row = Py_BuildValue("ii", run->rows[i].first, run->rows[i].count);
+        if (row) PyTuple_SET_ITEM(rows, i, row);
+        else Py_CLEAR(rows);
+    }
+    return rows;
+}
+
+// Whether what is expected lies in its block; an exception says so where it does not.
+static int is_sound(struct run *run)
+{
+    const unsigned char *head = run->head.buf, *arrived = run->arrived.buf;
+    Py_ssize_t count = run->arrived.len;
+    int is_right = run->rest.len >= 65536 && run->head.len < HEADER_ROOM && count <= MOST_PARTS &&
+                   (!count || (run->head.len >= HEADER_MIN && run->part_size > 0 &&
+                               run->part_size <= run->block.len &&
+                               count * run->part_size <= run->block.len &&
+                               NAMES + head[TOPIC_SIZE] <= run->head.len && head[PARTS_MAX] >= 2));
+    for (Py_ssize_t i = 0; is_right && i < count; i++) {
+        run->is_in[i] = arrived[i];
+        run->missing += !arrived[i];
+    }
+    if (run->missing) is_right &= 0 <= run->next && run->next < count && !arrived[run->next];
+    else run->next = 0;
+    if (!is_right) PyErr_SetString(PyExc_ValueError, "the parts do not lie in the block");
+    return is_right;
+}
+
+// receive(fd, rest, block, header, (host, port), part size, next, which are in, is open, due,
+// patience, uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
+// (header, ((first, count), ...), last size, credits, uncredited, stray datagram or None, its
+// sender, why it is refused, credits kept, their bytes, whether an order is over), errno, drops
 static PyObject *receive(PyObject *self, PyObject *args)
 {
     struct run run = {.drops = -1};
-    int port, waits, is_flowing;
+    int port, is_flowing;
     const char *host;
     (void)self;
-    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niippKIIpw*", &run.fd, &run.rest, &run.block, &run.head,
-                          &host, &port, &run.part_size, &run.first, &run.count, &run.is_open,
-                          &waits, &run.uncredited, &run.receive_buffer, &run.control_number,
-                          &is_flowing, &run.parking))
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLKIIpw*", &run.fd, &run.rest, &run.block,
+                          &run.head, &host, &port, &run.part_size, &run.next, &run.arrived,
+                          &run.is_open, &run.due_nanos, &run.patience_nanos, &run.uncredited,
+                          &run.receive_buffer, &run.control_number, &is_flowing, &run.parking))
         return NULL;
-    PyObject *found = NULL, *stray = NULL, *sender = NULL;
+    PyObject *found = NULL, *stray = NULL, *sender = NULL, *rows = NULL;
     unsigned char head[HEADER_ROOM];
-    if (run.rest.len < 65536 || run.head.len >= HEADER_ROOM || run.part_size < 0 || run.first < 0 ||
-        run.count < 0 || run.first + (int64_t)run.count > MOST_PARTS ||
-        run.part_size > run.block.len || (run.first + run.count) * run.part_size > run.block.len ||
-        (run.count && (run.head.len < HEADER_MIN || !run.part_size ||
-                       NAMES + ((unsigned char *)run.head.buf)[TOPIC_SIZE] > run.head.len ||
-                       ((unsigned char *)run.head.buf)[PARTS_MAX] < 2))) {
-        PyErr_SetString(PyExc_ValueError, "the parts do not lie in the block");
+    if (!is_sound(&run) || !parking_in(&run.parking) || !to_address(host, port, &run.sender))
         goto end;
-    }
-    if (!parking_in(&run.parking) || !to_address(host, port, &run.sender)) goto end;
-    Py_ssize_t size = receive_parts(&run, head, is_flowing, waits);
-    if (size < 0 && !run.taken && !run.parked) {
+    run.last_size = run.part_size;
+    Py_ssize_t size = receive_parts(&run, head, is_flowing);
+    if (size < 0 && !run.rows_count && !run.parked) {
         Py_INCREF(Py_None);
         found = Py_None;
         goto end;
     }
+    rows = rows_of(&run);
+    if (!rows) goto end;
     if (size >= 0) {
         char name[INET_ADDRSTRLEN] = "";
         inet_ntop(AF_INET, &run.from.sin_addr, name, sizeof name);
@@ -406,16 +651,18 @@ static PyObject *receive(PyObject *self, PyObject *args)
         sender = Py_BuildValue("si", name, ntohs(run.from.sin_port));
         if (!stray || !sender) goto end;
     }
-    found = Py_BuildValue("(y#iniKOOsiK)iL", run.came, run.taken ? run.head.len : 0, run.taken,
+    found = Py_BuildValue("(y#OniKOOsiKi)iL", run.came, run.rows_count ? run.head.len : 0, rows,
                           run.last_size, run.credits, run.uncredited, stray ? stray : Py_None,
-                          sender ? sender : Py_None, "", run.parked, run.parked_bytes, run.error,
-                          run.drops);
+                          sender ? sender : Py_None, "", run.parked, run.parked_bytes, run.is_over,
+                          run.error, run.drops);
 end:
+    Py_XDECREF(rows);
     Py_XDECREF(stray);
     Py_XDECREF(sender);
     PyBuffer_Release(&run.rest);
     PyBuffer_Release(&run.block);
     PyBuffer_Release(&run.head);
+    PyBuffer_Release(&run.arrived);
     PyBuffer_Release(&run.parking);
     return found;
 }
@@ -423,8 +670,11 @@ end:
 static PyMethodDef methods[] = {
     {"send", send_parts, METH_VARARGS, "Send parts of a message."},
     {"receive", receive, METH_VARARGS, "Receive parts of a message, and what is none."},
+    {"parking", make_parking, METH_NOARGS, "Make memory for credits."},
     {"park", park, METH_VARARGS, "Keep credits that look like one."},
     {"parked", take_parked, METH_VARARGS, "Take the credits that were kept."},
+    {"order", give_order, METH_VARARGS, "Leave the rest of a message to who receives credits."},
+    {"taken_back", take_back, METH_VARARGS, "Take that back; return how many parts were sent."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -434,8 +684,5 @@ static struct PyModuleDef module = {
 
 PyMODINIT_FUNC PyInit__runs(void)
 {
-    PyObject *made = PyModule_Create(&module);
-    if (made && PyModule_AddIntConstant(made, "PARKING_BYTES", sizeof(struct parking)))
-        Py_CLEAR(made);
-    return made;
+    return PyModule_Create(&module);
 }

@@ -13,10 +13,10 @@ import time
 from typing import Iterable, List, Optional, Sequence, Tuple
 
 from .header import Buffer, Refused
+from .leaving import Address
 from .parking import Kept
 from .placing import Credits, Place, Run
 from .seal import OVERHEAD, Seal
-from .sending import Address
 from .udp_socket import DatagramSocket, UdpSocket
 
 _WAIT_S = 0.1
@@ -80,6 +80,10 @@ class PeersOnly(Around):
             self.park_credits = self._park_credits
         if hasattr(inner, "parked_credits"):
             self.parked_credits = inner.parked_credits
+        if hasattr(inner, "order_run"):
+            self.order_run = inner.order_run
+        if hasattr(inner, "order_taken_back"):
+            self.order_taken_back = inner.order_taken_back
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
         """Wait for a datagram; return its size and sender, or None when there was none.

@@ -8,7 +8,7 @@ A part that was received into its place in this very block is not moved.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, NamedTuple, Optional
 
 from .header import Buffer, Header, Refused
 from .pool import Pool
@@ -122,13 +122,15 @@ class Assembly:
         """Body bytes of every part but the last; 0 while they are not known."""
         return self._part_size or 0
 
-    def gap(self, first: int) -> Tuple[int, int]:
-        """Return the first missing part from `first` on, or else from 0 on, and how many miss."""
+    def missing(self, first: int) -> int:
+        """Return the first missing part from `first` on, or else from 0 on."""
         number = self._arrived.find(0, first)
-        if number < 0:
-            number = self._arrived.find(0)
-        end = self._arrived.find(1, number)
-        return number, (end if end >= 0 else self.header.parts_max) - number
+        return number if number >= 0 else self._arrived.find(0)
+
+    @property
+    def arrived(self) -> bytearray:
+        """One byte for each part: 1 where it is in, else 0."""
+        return self._arrived
 
     def adopt(self, block: bytearray, part_size: int) -> bool:
         """Take the offered block, where parts lie already; return whether `block` is it."""
@@ -145,10 +147,6 @@ class Assembly:
         self.parts_in += count
         if end == self.header.parts_max:
             self._size = (end - 1) * self._part_size + last_size
-
-    def lacks(self, first: int, count: int) -> bool:
-        """Tell whether none of these parts is in."""
-        return self._arrived.find(1, first, first + count) < 0
 
     def has(self, number: int) -> bool:
         """Tell whether a part is in."""

@@ -22,12 +22,12 @@ from .counters import Counters
 from .fragments import DatagramSize, check_datagram_size, plan
 from .header import NANOS
 from .keys import read_key
+from .leaving import Address
 from .link import Link
 from .message import Message
 from .reassembly import Reassembler
 from .recording import BadRecording, datagrams
 from .seal import FROM_ROS, TO_ROS
-from .sending import Address
 from .types import MSG_TYPES, type_number
 from .udp_socket import DatagramSocket, buffer_hint
 

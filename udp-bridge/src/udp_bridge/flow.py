@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Tuple
+from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from .header import NANOS
+from .token_bucket import TokenBucket
 
 DATAGRAM_OVERHEAD = 1024
 ROUNDED_UP_TO = 16384
@@ -28,10 +29,6 @@ UNKNOWN_BUFFER = 212992
 """What is assumed of a peer's receive buffer before it says: Linux's default."""
 TRACKED_DATAGRAMS = 4096
 """Datagrams remembered as in flight; half of 8 MiB hold fewer, even of 256 bytes."""
-DEFAULT_RATE_BYTES_PER_S = 50e6
-"""As the receiver's kernel accounts them, like the burst."""
-DEFAULT_BURST_BYTES = 133120
-"""Two of the largest datagrams; three quarters of a default receive buffer are 159,744."""
 
 
 def kernel_bytes(size: int) -> int:
@@ -54,6 +51,11 @@ class DatagramKey(NamedTuple):
     part_number: int
 
 
+Flight = Tuple[int, int, int, int, int]
+"""Parts in flight: seq_number, the first one, how many; what each of them takes of the receive
+buffer, and what the last one does."""
+
+
 class _Flight:
     """Datagrams of one message that were sent one after the other, all but the last as large."""
 
@@ -69,6 +71,10 @@ class _Flight:
     @property
     def total(self) -> int:
         return (self.count - 1) * self.cost + self.last_cost
+
+    @property
+    def row(self) -> Flight:
+        return self.message[2], self.first, self.count, self.cost, self.last_cost
 
     def without(self, count: int) -> Tuple[int, bool]:
         """Take the first `count` away; return what they cost, and whether some are left."""
@@ -140,6 +146,15 @@ class CreditWindow:
         room = (self.window_bytes - self.in_flight_bytes) // kernel_bytes(size)
         return max(room, 0 if self._in_flight else 1)
 
+    def flights(self, msg_type: int, topic: str) -> Optional[List[Flight]]:
+        """Return what is in flight, oldest first; None where another topic's is among it."""
+        found = []
+        for flight in self._in_flight:
+            if flight.message[:2] != (msg_type, topic):
+                return None
+            found.append(flight.row)
+        return found
+
     def _pop(self, count: int) -> None:
         self._count -= count
         while count:
@@ -150,47 +165,6 @@ class CreditWindow:
             count -= popped
             if not is_left:
                 self._in_flight.popleft()
-
-
-class TokenBucket:
-    """Bounds the mean rate and the burst towards a peer that never acknowledges."""
-
-    def __init__(
-        self,
-        rate_bytes_per_s: float = DEFAULT_RATE_BYTES_PER_S,
-        burst_bytes: int = DEFAULT_BURST_BYTES,
-    ) -> None:
-        self.rate_bytes_per_s = rate_bytes_per_s
-        self.burst_bytes = burst_bytes
-        self._tokens = float(burst_bytes)
-        self._filled_nanos: Optional[int] = None
-
-    def sent(self, size: int, now_nanos: int) -> None:
-        """Take note that a datagram of `size` bytes went out."""
-        self._fill(now_nanos)
-        self._tokens -= size
-
-    def may_send(self, size: int, now_nanos: int) -> bool:
-        """Tell whether a datagram of `size` bytes may go now."""
-        self._fill(now_nanos)
-        return self._tokens >= min(size, self.burst_bytes)
-
-    def next_wake(self, size: int, now_nanos: int) -> int:
-        """Return when the bucket will hold enough for `size` bytes."""
-        self._fill(now_nanos)
-        wanted = min(size, self.burst_bytes) - self._tokens
-        return now_nanos + max(0, int(wanted / self.rate_bytes_per_s * NANOS) + 1)
-
-    def room(self, size: int, now_nanos: int) -> int:
-        """Return for how many datagrams of `size` bytes there are tokens."""
-        self._fill(now_nanos)
-        return max(0, int(self._tokens // size))
-
-    def _fill(self, now_nanos: int) -> None:
-        if self._filled_nanos is not None:
-            gained = (now_nanos - self._filled_nanos) * self.rate_bytes_per_s / NANOS
-            self._tokens = min(self.burst_bytes, self._tokens + gained)
-        self._filled_nanos = now_nanos
 
 
 class Pacer:
@@ -236,6 +210,11 @@ class Pacer:
         if not self.may_send(size, now_nanos):
             return 0
         return max(1, min(most, self.bucket.room(kernel_bytes(size), now_nanos)))
+
+    @property
+    def waits_for_credit(self) -> bool:
+        """Whether the window alone decides."""
+        return self._expects_credit and self._is_known
 
     @property
     def wants_credit(self) -> bool:

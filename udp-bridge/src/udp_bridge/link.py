@@ -19,11 +19,11 @@ from .departures import AT_ONCE_BYTES, Departures
 from .fragments import DatagramSize, TooLarge, check_datagram_size
 from .header import BadMessage, Buffer
 from .holdings import Limits
+from .leaving import Address
 from .listening import Listening, OnMessage
 from .message import Message
 from .receiving import Inbox
 from .repair import Mode, RepairTable, check_table
-from .sending import Address
 from .udp_socket import DatagramSocket, UdpSocket
 from .waiting import WaitingTable
 
@@ -112,6 +112,7 @@ class Link(Departures):
             on_credit=self._credited,
             on_report=self._reported,
             on_request=self._requested,
+            on_order=self._order_is_over,
             limits=limits,
         )
         self._listening = Listening(

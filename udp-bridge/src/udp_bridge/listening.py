@@ -13,9 +13,9 @@ import time
 from typing import Any, Callable, Optional
 
 from .header import NANOS, Refused
+from .leaving import Address
 from .message import Message
 from .receiving import Inbox
-from .sending import Address
 from .telling import Answer
 from .types import MSG_TYPES
 from .udp_socket import DatagramSocket

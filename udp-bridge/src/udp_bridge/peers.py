@@ -10,8 +10,8 @@ from collections import OrderedDict, deque
 from typing import Iterator, Optional, Tuple
 
 from .header import NANOS
+from .leaving import Address
 from .numbering import Numbering
-from .sending import Address
 
 GOODPUT_GRAIN_NANOS = NANOS // 10
 """Of the measure of what comes within a second."""

@@ -9,12 +9,13 @@ socket here, and no rule of receiving: those are in `reassembly`.
 from __future__ import annotations
 
 from struct import Struct
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, Tuple, Union
 
 from .assembly import Assembly
 from .header import NANOS, PART_NUMBER_OFFSET, Header
+from .leaving import Address
 from .pool import Pool
-from .sending import Address
+from .resend_asking import Asking
 
 _PARTS_MAX_OFFSET = 7
 _TIME_OFFSET = 8
@@ -31,25 +32,32 @@ class Place(NamedTuple):
     """Header of a part of the message, or of the one before it; the part number means nothing."""
     sender: Address
     part_size: int
-    first: int
+    next: int
     """The part that is expected next."""
-    parts_count: int
-    """Parts from there on that are missing in a row; 0 when nothing is expected."""
+    arrived: Union[bytes, bytearray]
+    """One byte for each part, 1 where it is in; empty when nothing is expected."""
     is_open: bool
     """A part of the message was taken. Else seq_number and time are not known yet."""
-    waits: bool
-    """The rest may be waited for; else only what is there is taken."""
+    due_nanos: int
+    """When something missing is to be asked for, by the monotonic clock, so that more may not be
+    waited for behind parts that came; 0 when nothing is."""
+    patience_nanos: int
+    """So long behind a part that leaves a gap that is to be asked for; 0 when it can't be."""
 
     def takes(self, head: bytes, size: int, sender: Address) -> bool:
-        """Tell whether a datagram of `size` bytes that begins so is the part expected next."""
+        """Tell whether a datagram of `size` bytes that begins so is a part that is missing.
+
+        Of a message of which nothing came, the first part has to come first.
+        """
         body_size = size - len(self.head)
+        if not self.arrived or not 0 < body_size <= self.part_size:
+            return False
+        number = head[PART_NUMBER_OFFSET]
         return (
-            self.parts_count > 0
-            and (
-                body_size == self.part_size
-                or (0 < body_size < self.part_size and self.first + 1 == head[_PARTS_MAX_OFFSET])
-            )
-            and head[PART_NUMBER_OFFSET] == self.first
+            (body_size == self.part_size or number + 1 == head[_PARTS_MAX_OFFSET])
+            and number < len(self.arrived)
+            and not self.arrived[number]
+            and (self.is_open or number == self.next)
             and head[_PARTS_MAX_OFFSET] == self.head[_PARTS_MAX_OFFSET]
             and head[:2] == self.head[:2]
             and head[_TIME_END:] == self.head[_TIME_END:]
@@ -63,7 +71,7 @@ class Place(NamedTuple):
         )
 
 
-NOWHERE = Place(bytearray(), b"", ("0.0.0.0", 0), 0, 0, 0, False, False)
+NOWHERE = Place(bytearray(), b"", ("0.0.0.0", 0), 0, 0, b"", False, 0, 0)
 """Nothing is expected; whatever comes is stray."""
 
 
@@ -77,13 +85,14 @@ class Credits(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Parts that lie in their places one behind the other, and what came behind them."""
+    """Parts that lie in their places, and what came behind them."""
 
     head: bytes
-    """Header of the first part."""
-    parts_count: int
+    """Header of the part that came first."""
+    rows: Tuple[Tuple[int, int], ...]
+    """Parts by order of arrival: the first one of those in a row, and how many."""
     last_size: int
-    """Body bytes of the last part; the others have the part size."""
+    """Body bytes of the message's last part, if that came; the others have the part size."""
     credits: int
     """Credits that were sent."""
     uncredited_bytes: int
@@ -97,6 +106,13 @@ class Run(NamedTuple):
     parked: int = 0
     """Credits that were kept for the sender, and their bytes; see `parking`."""
     parked_bytes: int = 0
+    order_is_over: bool = False
+    """What was left to be sent here was sent, or can't be; see `parking`."""
+
+    @property
+    def parts_count(self) -> int:
+        """How many parts came."""
+        return sum(count for _, count in self.rows)
 
 
 class Guess:
@@ -108,7 +124,7 @@ class Guess:
         self._head = b""  # the same, packed
         self._sender = NOWHERE.sender
         self._part_size = self._parts_max = 0
-        self._waits = False
+        self._asking: Optional[Asking] = None
         self._assembly: Optional[Assembly] = None  # that message, while it is open
         self._next = 0
 
@@ -121,16 +137,26 @@ class Guess:
         """Return what is expected next."""
         assembly = self._assembly
         if assembly is not None and not assembly.complete and assembly.block is not None:
-            first, count = assembly.gap(self._next)
+            number, arrived = assembly.missing(self._next), assembly.arrived
             block, is_open = assembly.block, True
         elif self._parts_max:
-            first, count, is_open = 0, self._parts_max, False
+            number, arrived, is_open = 0, bytearray(self._parts_max), False
             self._assembly = None
-            block = self._pool.offer(self._part_size * count)
+            block = self._pool.offer(self._part_size * self._parts_max)
         else:
             return NOWHERE
+        asking = self._asking
+        due_nanos, patience_nanos = (0, 0) if asking is None else asking.patience
         return Place(
-            block, self._head, self._sender, self._part_size, first, count, is_open, self._waits
+            block,
+            self._head,
+            self._sender,
+            self._part_size,
+            number,
+            arrived,
+            is_open,
+            due_nanos,
+            patience_nanos,
         )
 
     def follow(
@@ -139,23 +165,33 @@ class Guess:
         head: bytes,
         sender: Address,
         assembly: Optional[Assembly],
-        *,
-        waits: bool,
+        asking: Optional[Asking],
     ) -> None:
         """Take note of a datagram of several parts that was taken, and of its open message."""
         if assembly is None or not assembly.part_size:
             return
+        self._advance(header.part_number + 1, assembly)
         self._header, self._head, self._sender = header, head, sender
         self._part_size, self._parts_max = assembly.part_size, header.parts_max
-        self._assembly, self._next = assembly, header.part_number + 1
-        self._waits = waits
+        self._asking = asking
 
-    def went_on(self, run: Run, number: int, assembly: Optional[Assembly]) -> None:
-        """Take note that a run came, and of its message if it is still open."""
-        self._next = number
+    def is_done(self, run: Run) -> None:
+        """Take note that a run came which made its message whole."""
+        self._next, self._assembly, self._head = 0, None, run.head
+
+    def went_on(self, run: Run, assembly: Optional[Assembly], asking: Optional[Asking]) -> None:
+        """Take note that a run came which did not, and of its message if that is still open."""
+        self._asking = asking
         # A message that the run contradicts, so that it was refused, must not be followed.
-        self._assembly = assembly if assembly is not None and self._fits(assembly) else None
+        end = max(first + count for first, count in run.rows)
+        self._advance(end, assembly if assembly is not None and self._fits(assembly) else None)
         self._head = run.head
+
+    def _advance(self, number: int, assembly: Optional[Assembly]) -> None:
+        """Expect that part next; behind one sent again, the message goes on where it was."""
+        is_same = assembly is not None and assembly is self._assembly
+        self._next = max(self._next, number) if is_same else number
+        self._assembly = assembly
 
     def _fits(self, assembly: Assembly) -> bool:
         assert self._header is not None
@@ -165,12 +201,12 @@ class Guess:
             and assembly.header.link == self._header.link
         )
 
-    def header_of(self, place: Place, run: Run) -> Header:
-        """Return the header of the first part of a run that came to a place."""
+    def header_of(self, run: Run) -> Header:
+        """Return the header of the part of a run that came first."""
         like = self._header
         assert like is not None
         number, sec, nsec = _OWN.unpack_from(run.head)
         self._header = Header(
-            like.msg_type, number, place.first, like.parts_max, sec, nsec, like.topic, like.link
+            like.msg_type, number, run.rows[0][0], like.parts_max, sec, nsec, like.topic, like.link
         )
         return self._header

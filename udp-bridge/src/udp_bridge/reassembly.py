@@ -105,7 +105,9 @@ class Reassembler:
         else:
             message = self._add(topic, header, part, now_nanos)
         if topic.asking is not None:
-            self._saw(topic.asking, topic, header, sender, now_nanos)
+            is_whole = topic.order.is_finished(header)
+            topic.asking.saw(header, is_whole=is_whole, now_nanos=now_nanos)
+            self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
         return message
 
     # Control says what is so at this moment and repeats itself; credits carry old stamps and
@@ -229,19 +231,6 @@ class Reassembler:
         if message is not None:
             topic.count("repaired")
         return message
-
-    def _saw(
-        self,
-        asking: Asking,
-        topic: Topic,
-        header: Header,
-        sender: Hashable,
-        now_nanos: int,
-        count: int = 1,
-    ) -> None:
-        is_whole = topic.order.is_finished(header)
-        asking.saw(header, is_whole=is_whole, now_nanos=now_nanos, count=count)
-        self._ask(asking, header, header.msg_type, sender, now_nanos)
 
     def _ask(
         self, asking: Asking, header: Header, msg_type: int, sender: Hashable, now_nanos: int

@@ -13,12 +13,12 @@ from .control import Credit, CreditRequest, LinkReport, TopicReport
 from .flow import DatagramKey
 from .header import FIXED_SIZE, Header, Refused, parse
 from .holdings import Limits
+from .leaving import Address
 from .message import Message
 from .peers import Peer, Peers
 from .placing import NOWHERE, Credits, Guess, Place, Run
 from .repair_wire import Request, parse_resend
 from .run_reassembly import RunReassembler
-from .sending import Address
 from .telling import Answer, Telling, Told, control_of
 from .types import CONTROL, REPAIR, RESEND
 from .verdicts import message_of
@@ -31,6 +31,7 @@ Taken = Tuple[Optional[Message], Optional[Answer], Address]
 OnCredit = Callable[[Address, DatagramKey, int], None]
 OnRequest = Callable[[Address, Header, Request], None]
 OnReport = Callable[[Address, str, TopicReport, int], None]
+OnOrder = Callable[[], None]
 
 
 class Inbox:
@@ -43,6 +44,7 @@ class Inbox:
         on_credit: OnCredit,
         on_report: OnReport = lambda *_: None,
         on_request: OnRequest = lambda *_: None,
+        on_order: OnOrder = lambda: None,
         limits: Optional[Limits] = None,
     ) -> None:
         self.receive_buffer = receive_buffer
@@ -59,6 +61,7 @@ class Inbox:
         self._on_credit = on_credit
         self._on_report = on_report
         self._on_request = on_request
+        self._on_order = on_order
         self._telling = Telling(self.reassembler)
         self.take_note = self._telling.take_note
         self.published = self._telling.published
@@ -115,7 +118,7 @@ class Inbox:
     def expected(self) -> Tuple[Place, Credits]:
         """Return where to put what comes next, and how to acknowledge it; for `receive_run`."""
         place = self._guess.place()
-        if not place.parts_count:
+        if not place.arrived:
             return NOWHERE, Credits(0, self.receive_buffer, 0)
         peer = self._peers.get(place.sender)
         if peer is None:
@@ -131,7 +134,9 @@ class Inbox:
         taken: List[Taken] = []
         if run.parked:
             self._count_parked(run, now_nanos)
-        if run.parts_count:
+        if run.order_is_over:
+            self._on_order()
+        if run.rows:
             taken.append(self._receive_placed(place, run, now_nanos))
         if run.refused:
             self.refuse(run.refused)
@@ -150,17 +155,17 @@ class Inbox:
 
     def _receive_placed(self, place: Place, run: Run, now_nanos: int) -> Taken:
         sender = place.sender
-        header = self._guess.header_of(place, run)
-        head_size = len(run.head)
-        end = place.first + run.parts_count
-        size = run.parts_count * head_size + (run.parts_count - 1) * place.part_size + run.last_size
-        self.datagrams += run.parts_count
+        header = self._guess.header_of(run)
+        count, (first, in_row) = run.parts_count, run.rows[-1]
+        size = count * (len(run.head) + place.part_size) - (place.part_size - run.last_size)
+        self.datagrams += count
         self.bytes_received += size
         message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
-        known = None
         if message is None:
             known = self.reassembler.open_message(header, sender, now_nanos)
-        self._guess.went_on(run, end, known)
+            self._guess.went_on(run, known, self.reassembler.asking(header, sender))
+        else:
+            self._guess.is_done(run)
         peer = self._peers.heard(sender, now_nanos)
         peer.goodput_bytes += size
         if run.credits:
@@ -170,13 +175,13 @@ class Inbox:
         peer.uncredited_bytes = run.uncredited_bytes
         if not run.uncredited_bytes:
             return message, None, sender
-        last = header._replace(part_number=end - 1)
+        last = header._replace(part_number=first + in_row - 1)
         return message, self._credit_if_due(last, message, sender, peer), sender
 
     def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:
         known = self.reassembler.open_message(header, sender, now_nanos)
-        waits = not self.reassembler.asks_for(header, sender)
-        self._guess.follow(header, bytes(head), sender, known, waits=waits)
+        asking = self.reassembler.asking(header, sender)
+        self._guess.follow(header, bytes(head), sender, known, asking)
 
     def _credit_if_due(
         self, header: Header, message: Optional[Message], sender: Address, peer: Peer
@@ -224,7 +229,7 @@ class Inbox:
 
         Who is told refers to us again: without this, both would wait for the garbage collector.
         """
-        self._on_credit = self._on_report = self._on_request = _nobody
+        self._on_credit = self._on_report = self._on_request = self._on_order = _nobody
         self.reassembler.close()
         self._guess = Guess(self.reassembler.pool)
 

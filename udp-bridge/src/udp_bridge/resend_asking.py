@@ -92,6 +92,11 @@ class Asking:
         want = self._wants.get(seq_number)
         return want is not None and want.is_asked
 
+    @property
+    def patience(self) -> Tuple[int, int]:
+        """When something is to be asked for, 0 when nothing is; and how long behind a gap."""
+        return self._due_nanos or 0, self._round_trip.debounce_nanos
+
     def offered(self, header: Header, offer: Offer, *, is_finished: bool, now_nanos: int) -> None:
         """Take the sender's word that the message in the header was sent altogether.
 
@@ -149,7 +154,10 @@ class Asking:
         if want.due:
             for part in range(first, first + count):
                 want.due.pop(part, None)
-        self._is_sent_up_to(want, first, now_nanos + self._round_trip.debounce_nanos)
+        due_nanos = now_nanos + self._round_trip.debounce_nanos
+        if want.is_asked:  # one request a round trip serves all gaps that are found meanwhile
+            due_nanos = max(due_nanos, want.asked_nanos + self._round_trip.nanos)
+        self._is_sent_up_to(want, first, due_nanos)
         want.highest = max(want.highest, first + count - 1)
 
     def finished(self, seq_number: int) -> None:

@@ -43,6 +43,11 @@ class RoundTrip:
         self._nanos += (nanos - self._nanos) / 8
 
     @property
+    def nanos(self) -> int:
+        """Its mean; 0 while it is not known."""
+        return int(self._nanos)
+
+    @property
     def debounce_nanos(self) -> int:
         """How old a gap is before it is asked for."""
         if not self._nanos:

@@ -7,6 +7,7 @@ that is what is done. Whether a datagram belongs to a run is judged in `placing`
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Hashable, Optional
 
 from .assembly import Assembly
@@ -16,6 +17,7 @@ from .message import Message
 from .ordering import key_of
 from .placing import Place, Run
 from .reassembly import Reassembler
+from .resend_asking import Asking
 
 
 class RunReassembler(Reassembler):
@@ -41,7 +43,8 @@ class RunReassembler(Reassembler):
         topic.link = header.link
         topic.arrived.seen(header)
         key = key_of(header)
-        assembly.placed(header.part_number, run.parts_count, run.last_size)
+        for first, count in run.rows:
+            assembly.placed(first, count, run.last_size)
         if key not in topic.open:
             self._holdings.hold(topic, key, assembly)
             if key not in topic.open:  # it announced too much
@@ -52,7 +55,11 @@ class RunReassembler(Reassembler):
             self._holdings.release(topic, key)
             message = self._verdicts.finish(topic, header, assembly.body, now_nanos)
         if topic.asking is not None:
-            self._saw(topic.asking, topic, header, sender, now_nanos, run.parts_count)
+            is_whole = message is not None or topic.order.is_finished(header)
+            for first, count in run.rows:
+                part = header._replace(part_number=first)
+                topic.asking.saw(part, is_whole=is_whole, now_nanos=now_nanos, count=count)
+            self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
         return message
 
     def _placed_at(
@@ -74,9 +81,9 @@ class RunReassembler(Reassembler):
         self, header: Header, place: Place, run: Run, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
         message = None
-        for number in range(header.part_number, header.part_number + run.parts_count):
+        for number in chain.from_iterable(range(first, first + n) for first, n in run.rows):
             start = number * place.part_size
-            is_last = number == header.part_number + run.parts_count - 1
+            is_last = number == header.parts_max - 1
             end = start + (run.last_size if is_last else place.part_size)
             part = memoryview(place.block)[start:end]
             try:
@@ -91,7 +98,7 @@ class RunReassembler(Reassembler):
         """Return what is in of a message that is open."""
         return self._open(header, sender, now_nanos)
 
-    def asks_for(self, header: Header, sender: Hashable) -> bool:
-        """Tell whether what is lost of a message's topic can be asked for."""
+    def asking(self, header: Header, sender: Hashable) -> Optional[Asking]:
+        """Return what is asked for of a message's topic; None where it can't be."""
         topic = self._holdings.find(sender, (header.msg_type, header.topic))
-        return topic is not None and topic.asking is not None
+        return topic.asking if topic is not None else None

@@ -14,10 +14,11 @@ import struct
 from typing import Any, Callable, List, Optional, Tuple, Union
 
 from .fragments import datagram_of
+from .header import PART_NUMBER_OFFSET
+from .leaving import Address, Order
+from .leaving import Run as Leaving
 from .parking import Kept
 from .placing import Credits, Place, Run
-from .sending import Address
-from .sending import Run as Leaving
 
 _many: Any = None
 if os.environ.get("UDP_BRIDGE_PLAIN") is None:
@@ -45,7 +46,7 @@ class ManyAtOnce:
         """Datagrams that the kernel dropped for want of buffer, as far as it told."""
         self._rest = bytearray(_REST_ROOM)
         self._is_flowing = False
-        self._parking = bytearray(_many.PARKING_BYTES)
+        self._parking: bytearray = _many.parking()
 
     def park(self, to: Address, like: bytes) -> List[Kept]:
         """As `UdpSocket.park_credits`."""
@@ -57,23 +58,22 @@ class ManyAtOnce:
         kept: List[Kept] = _many.parked(self._parking, is_awaited)
         return kept
 
+    def order(self, order: Order) -> None:
+        """As `UdpSocket.order_run`."""
+        parts = order.parts
+        _many.order(
+            self._parking, order.to, parts.packed, parts.body, parts.cut.part_size, *order[2:]
+        )
+
+    def taken_back(self) -> int:
+        """As `UdpSocket.order_taken_back`."""
+        sent: int = _many.taken_back(self._parking)
+        return sent
+
     def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
         """Return what came, at least one datagram; None when there was none."""
-        block, head, sender, part_size, first, count, is_open, waits = place
         found = _many.receive(
-            source.fileno(),
-            self._rest,
-            block,
-            head,
-            sender,
-            part_size,
-            first,
-            count,
-            is_open,
-            waits,
-            *credits,
-            self._is_flowing,
-            self._parking,
+            source.fileno(), self._rest, *place, *credits, self._is_flowing, self._parking
         )
         self._is_flowing = found is not None
         if found is None:
@@ -94,9 +94,9 @@ class OneByOne:
 
     def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
         """Return what came, a single datagram; None when there was none."""
-        room = place.part_size if place.parts_count else 0
-        head = bytearray(len(place.head) if place.parts_count else 0)
-        start = place.first * place.part_size
+        room = place.part_size if place.arrived else 0
+        head = bytearray(len(place.head) if place.arrived else 0)
+        start = place.next * place.part_size
         with memoryview(place.block)[start : start + room] as slot:
             buffers: List[Union[bytearray, memoryview]] = [head, slot, self._rest]
             try:
@@ -109,11 +109,19 @@ class OneByOne:
                 if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                     (self.drops,) = _COUNT.unpack(data)
             if size > len(head) and place.takes(bytes(head), size, sender):
+                number, body_size = head[PART_NUMBER_OFFSET], size - len(head)
+                if number != place.next:
+                    start = number * place.part_size
+                    with memoryview(place.block)[start : start + body_size] as there:
+                        there[:] = slot[:body_size]
+                is_last = number == len(place.arrived) - 1
+                last_size = body_size if is_last else place.part_size
                 uncredited = credits.uncredited_bytes + size
-                return Run(bytes(head), 1, size - len(head), 0, uncredited, None, None), 0
+                run = Run(bytes(head), ((number, 1),), last_size, 0, uncredited, None, None)
+                return run, 0
             beyond = max(0, size - len(head) - room)
             stray = b"".join((head, slot, memoryview(self._rest)[:beyond]))[:size]
-        return Run(b"", 0, 0, 0, credits.uncredited_bytes, stray, sender), 0
+        return Run(b"", (), 0, 0, credits.uncredited_bytes, stray, sender), 0
 
 
 class SendingMany:

@@ -10,51 +10,22 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import chain
-from typing import Deque, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Deque, Iterator, List, Optional, Tuple
 
 from .accounts import Accounts
 from .control import CreditRequest
 from .fec_sending import symbols_of
-from .flow import DatagramKey, Pacer
+from .flow import DatagramKey, Pacer, kernel_bytes
 from .fragments import DatagramSize, Parts, Split, check_datagram_size, flat, plan
 from .header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
 from .known_headers import KnownHeaders
+from .leaving import Address, Datagram, Order, Run
 from .message import Message
 from .numbering import Numbering
 from .repair import Fec, RepairTable, Resend
 from .resend import Resender, Sent
 from .types import CONTROL
 from .waiting import LargeWaiting, SmallWaiting, WaitingTable
-
-Address = Tuple[str, int]
-
-
-class Run(NamedTuple):
-    """Consecutive parts of one message that may go at once."""
-
-    parts: Parts
-    first: int
-    """Number of the first part."""
-    parts_count: int
-    size: int
-    """Bytes of all datagrams."""
-
-    @property
-    def datagram_size(self) -> int:
-        """Bytes of a datagram, which the message's last one may lack some of."""
-        return len(self.parts.packed) + self.parts.cut.part_size
-
-
-class Datagram(NamedTuple):
-    """What is to be sent next: `sendmsg([header, part], [], 0, to)`."""
-
-    header: bytes
-    part: memoryview
-    to: Address
-    is_last: bool
-    """Whether its message is sent with it."""
-    run: Optional[Run] = None
-    """It and those that are to go with it."""
 
 
 class Outbox:
@@ -191,6 +162,34 @@ class Outbox:
         """Take the long way with a topic from now on: the table has a mode of repair for it."""
         self._known.forget(msg_type, topic)
 
+    def order(self) -> Optional[Order]:
+        """Return what remains of the current message, if it lacks but room in the window."""
+        parts, message, window = self._parts, self._message, self.pacer.window
+        if parts is None or message is None or self._part is None:
+            return None
+        size, upcoming = _size(self._part), self._part[0][PART_NUMBER_OFFSET]
+        if (
+            parts.upcoming != upcoming + 1
+            or not self.pacer.waits_for_credit
+            or window.fits(size)
+            or not self.resender.is_idle
+        ):
+            return None
+        flights = window.flights(message.msg_type, message.topic)
+        if flights is None:
+            return None
+        cost = kernel_bytes(len(parts.packed) + parts.cut.part_size)
+        if flights[-1][0] != message.seq_number:
+            flights.append((message.seq_number, upcoming, 0, cost, cost))
+        end, (in_flight, most) = parts.cut.parts_max, (window.in_flight_bytes, window.window_bytes)
+        return Order(parts, self.to, upcoming, end, cost, in_flight, most, flights)
+
+    def ordered(self, count: int, now_nanos: int) -> Datagram:
+        """Take note that so many parts of the last order went."""
+        assert self._parts is not None
+        assert self._part is not None
+        return self._leave(self._parts, self._part[0][PART_NUMBER_OFFSET], count, now_nanos)
+
     @property
     def large_topic(self) -> Tuple[int, str]:
         """msg_type and topic of the large message that began to leave last."""
@@ -242,7 +241,12 @@ class Outbox:
         most = most_bytes // _size(part)
         if most and parts is not None and parts.upcoming == first + 1:
             count = self.pacer.granted(_size(part), min(most, parts.parts_left + 1), now_nanos)
-            return self._leave(parts, first, count, now_nanos) if count else None
+            datagram = self._leave(parts, first, count, now_nanos) if count else None
+            if datagram is not None and datagram.is_last and self._leaving is not None:
+                assert datagram.run is not None
+                run = datagram.run._replace(behind=self.resender.next_offer(now_nanos))
+                datagram = datagram._replace(run=run)
+            return datagram
         if not self._may_send(self._message, part, now_nanos):
             return None
         self._has_sent_part(self._leaving, now_nanos)

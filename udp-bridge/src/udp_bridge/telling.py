@@ -13,10 +13,10 @@ from typing import Deque, List, Optional, Tuple, Union
 from .arrivals import Key, key_of
 from .control import Credit, LinkReport, TopicReport
 from .header import NANOS, Header
+from .leaving import Address
 from .message import Message
 from .peers import Peer, Peers
 from .reassembly import Reassembler
-from .sending import Address
 from .types import CONTROL
 
 HEARD_NANOS = 5 * NANOS

@@ -15,9 +15,9 @@ from typing import Optional, Protocol, Sequence, Tuple, Union
 
 from . import runs
 from .header import Buffer
+from .leaving import Address
+from .leaving import Run as Leaving
 from .placing import Credits, Place, Run
-from .sending import Address
-from .sending import Run as Leaving
 
 _IS_LINUX = sys.platform == "linux"
 _SO_RCVBUFFORCE = 33  # Linux numbers that the socket module does not name in every version
@@ -78,7 +78,11 @@ class UdpSocket:
             self.park_credits = self._runs.park
             """Keep credits of a peer that look like one from now on; return what was kept."""
             self.parked_credits = self._runs.parked
-            """Return the credits that were kept; while one is awaited, none is."""
+            """Return the credits that were kept; while one is awaited, none is without an order."""
+            self.order_run = self._runs.order
+            """Send the rest of a message from `receive_run` as credits come that can be kept."""
+            self.order_taken_back = self._runs.taken_back
+            """Send no more; return how many parts were sent since the order was given."""
         self._sending: Union[runs.SendingMany, runs.SendingOne] = (
             runs.SendingMany() if runs.IS_BUILT else runs.SendingOne()
         )

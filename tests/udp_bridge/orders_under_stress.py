@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Orders given and taken back while credits for them come in: a process for `test_orders`.
+
+It says how often an order was given; it hangs where two threads wait for each other.
+"""
+
+from __future__ import annotations
+
+import socket
+import sys
+import threading
+from collections import deque
+
+from udp_bridge import Message
+from udp_bridge.control import Credit
+from udp_bridge.control import parse as parse_control
+from udp_bridge.flow import DatagramKey
+from udp_bridge.header import Header
+from udp_bridge.parking import Parking
+from udp_bridge.placing import NOWHERE, Credits
+from udp_bridge.sending import Outbox
+from udp_bridge.types import CONTROL
+from udp_bridge.udp_socket import UdpSocket
+
+LOCAL = ("127.0.0.1", 0)
+ROUNDS = 300
+BODY = bytes(650_000)
+RECEIVE_BUFFER = 1 << 20
+
+
+def main() -> None:
+    """Play the peer that gives credits, the link that sends, and a user's thread that computes."""
+    sys.setswitchinterval(1e-4)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(LOCAL)
+        ours = UdpSocket(LOCAL, receive_buffer=RECEIVE_BUFFER, wait_s=0.05)
+        is_over = threading.Event()
+        awaited: deque[tuple[DatagramKey, int]] = deque()
+
+        def receive() -> None:
+            while not is_over.is_set():
+                run = ours.receive_run(NOWHERE, Credits(0, RECEIVE_BUFFER, 0))
+                if run is not None and run.stray is not None:
+                    told = parse_control(run.stray[-12:])
+                    assert isinstance(told, Credit)
+                    key = DatagramKey(33, "/image", told.seq_number, told.part_number)
+                    awaited.append((key, told.receive_buffer))
+
+        def give() -> None:
+            """Give a credit for every other part that came, each in a datagram of its own."""
+            peer.settimeout(0.05)
+            while not is_over.is_set():
+                try:
+                    raw = peer.recv(1 << 16)
+                except TimeoutError:
+                    continue
+                if raw[6] % 2 or raw[6] == raw[7] - 1:
+                    number = int.from_bytes(raw[2:6], "little")
+                    header = Header(CONTROL, 1, 0, 1, 5, 6, "/image").pack()
+                    body = Credit(33, raw[6], number, RECEIVE_BUFFER).pack()
+                    peer.sendto(header + body, ours.address)
+
+        def compute() -> None:
+            while not is_over.is_set():
+                pass
+
+        threads = [threading.Thread(target=target) for target in (receive, give, compute)]
+        for thread in threads:
+            thread.start()
+        outbox = Outbox(peer.getsockname(), "loopback")
+        sent = dict.fromkeys(("sent_messages", "sent_datagrams", "sent_bytes"), 0)
+        parking = Parking(ours, sent)
+        orders = 0
+        for stamp in range(ROUNDS):
+            outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), RECEIVE_BUFFER, 0)
+            outbox.put(Message(33, "/image", "", stamp, 0, BODY))
+            while not outbox.is_idle:
+                parking.collect(0, waits=False)
+                while awaited:
+                    outbox.pacer.acknowledged(*awaited.popleft(), 0)
+                datagram = outbox.take(0, 1 << 18)
+                if datagram is not None and datagram.run is not None:
+                    ours.send_run(datagram.run, datagram.to)
+                    parking.follow(outbox, 0)
+                elif datagram is None:
+                    parking.collect(0, waits=True)
+                    parking.order()
+                    orders += parking._order is not None
+        is_over.set()
+        for thread in threads:
+            thread.join()
+        ours.close()
+    print(orders)
+
+
+if __name__ == "__main__":
+    main()
