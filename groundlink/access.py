@@ -3,7 +3,8 @@
 
 Rule: what is not granted is denied. Whoever has a certificate of the run hears all of it; only
 physics tells the state, a sensor only its own readings, only the gateway and a vehicle's driver
-command it, and only the operator pauses a run or breaks a sensor. The subject is the common name of
+command it, and only the operator, and ROS by the gateway, pause a run; only the operator breaks a
+sensor. The subject is the common name of
 the certificate, which is the name of the process.
 """
 
@@ -47,6 +48,9 @@ OPERATOR = "operator"
 ONLOOKERS = ("recorder", "view")
 
 ALL = f"{ROOT}/**"
+
+_ALSO_ASKS = {OPERATOR: ["operate"], "gateway": ["wish"]}
+"""Rules of those who may ask more than all may: the gateway tells what ROS wishes about time."""
 
 _ASKED_BY_ALL = (scenario_key, asset_key, history_key, journal_key)
 
@@ -96,11 +100,12 @@ def access_control(scenario: Scenario) -> dict[str, Any]:
         _rule("hear", _EVERYTHING, [ALL], flow="egress"),
         _rule("listen", _HEARS, [ALL]),
         _rule("ask", _ASKS, [f"{key('*')}/**" for key in _ASKED_BY_ALL]),
+        _rule("wish", _ASKS, [f"{control_key('*')}/**"]),
         _rule("operate", _ASKS, [ALL]),
     ]
     subjects, policies = [], []
     for process, grant in grants(scenario):
-        own = ["hear", "listen", "operate" if process == OPERATOR else "ask"]
+        own = ["hear", "listen", "ask", *_ALSO_ASKS.get(process, ())]
         for verb, messages, keys in (
             ("says", _SAYS, list(grant.says)),
             ("answers", _ANSWERS, [f"{key}/**" for key in grant.answers]),

@@ -215,7 +215,7 @@ def _configuration(
         "connect/endpoints": [connect] if connect else [],
         "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
         "connect/exit_on_failure": True,
-        # Once joined, a router that was lost is looked for so often, and not each 4 s as by default.
+        # A router that was lost is looked for this often; Zenoh's own periods grow to 4 s.
         "connect/retry": {
             "period_init_ms": 250,
             "period_max_ms": 1000,
@@ -258,7 +258,8 @@ def _explained(problem: str, connect: str | None, listen: str | None) -> str:
     if connect and connect.startswith("tls/"):
         return (
             f"{connect} was not joined within {CONNECT_SECONDS:.0f} s: nobody is there, or one of "
-            "the two does not take the other's certificate; see GROUNDLINK_CREDENTIALS"
+            "the two does not take the other's certificate (another run's, or expired); see "
+            "GROUNDLINK_CREDENTIALS"
         )
     return (
         f"nobody answered at {connect} within {CONNECT_SECONDS:.0f} s; start physics or a router "

@@ -73,3 +73,7 @@ class ControlAnswer(msgspec.Struct, frozen=True):
 
     warning: str = ""
     """What is to be said of the last restore; empty for nothing."""
+
+    failure: str = ""
+    """Why the last restore was given up, after which the run is as it was; empty where it was not.
+    """

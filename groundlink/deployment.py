@@ -44,7 +44,7 @@ x-process: &process
   healthcheck:
     test: ["CMD-SHELL", "find /tmp/alive -newermt '5 seconds ago' | grep -q ."]
     interval: 2s
-    timeout: 2s
+    timeout: 5s
     retries: 3
     start_period: 60s
   logging: {driver: json-file, options: {max-size: 10m, max-file: "3"}}

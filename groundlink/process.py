@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, NoReturn, Protocol
+from typing import NoReturn
 
 import msgspec
 
@@ -25,10 +25,10 @@ from .alive import Alive
 from .bus import DEFAULT_ENDPOINT, Bus
 from .errors import UserError
 from .inbox import Inbox
-from .messages import Ack, Health, State, StreamReport, decode
-from .questions import history_key, scenario_key
+from .messages import Health, StreamReport
+from .questions import scenario_key
 from .scenario import Scenario
-from .topics import HEALTH, ROOT, STATE
+from .topics import HEALTH, ROOT
 
 JOIN_SECONDS = 20.0
 """How long a process waits for physics to serve the run's scenario, or what it missed."""
@@ -37,15 +37,6 @@ GONE_SECONDS = 15.0
 """After this long Zenoh has told that a process is gone that was cut off: its lease is 10 s."""
 
 HEALTH_PERIOD_SECONDS = 1.0
-
-STATES_KEPT = 4096
-"""States that may wait for a busy process: ten seconds of sim time."""
-
-QUIET_SECONDS = 2.0
-"""Without a state for so long, who is waited for asks whether it has missed some. The time doubles
-with each answer that it has not, as in a run that is paused, up to `MOST_QUIET_SECONDS`."""
-
-MOST_QUIET_SECONDS = 60.0
 
 
 def parser(process: str, description: str) -> argparse.ArgumentParser:
@@ -182,107 +173,6 @@ def alone(bus: Bus, run_name: str, process: str) -> None:
                 f"`{process}` of run `{run_name}` is there already, {where}; end it, or give "
                 "--run another name"
             )
-
-
-class StateTaker(Protocol):
-    """What a process that follows a run's states does with them."""
-
-    @property
-    def tick(self) -> int:
-        """The last one taken; -1 for none yet."""
-
-    @property
-    def acknowledged_tick(self) -> int:
-        """The last one that it has told to have taken; less than 0 for none yet."""
-
-    def resume(self, ack: Ack) -> None:
-        """Go on where a predecessor stopped."""
-
-    def take(self, state: State, waiting: int = 0) -> None:
-        """Take one state, in order; so many more have arrived by now."""
-
-
-class Follower(NamedTuple):
-    """A process that follows a run's states, or one of several parts of it that do."""
-
-    name: str
-    """As others know it."""
-
-    taker: StateTaker
-    counters: Callable[[], dict[str, int]]
-    """What it counts, `refused` among it, to which messages are added that were none."""
-
-
-def follow_states(
-    bus: Bus,
-    run_name: str,
-    followers: Sequence[Follower],
-    ended: Callable[[], bool],
-    *,
-    waited_for: bool = False,
-) -> None:
-    """Give a run's states to followers until it has ended: those that they missed, then all.
-
-    They have missed some at their own start, and where a life of physics is heard of that has come
-    further than its first state: physics was restored to where a run once was.
-
-    Parameters
-    ----------
-    waited_for
-        Physics never goes on without them: what the bus has lost, as it does for a process that was
-        stopped for longer than a link lives, physics has still, and its newest state may be it.
-    """
-    states: Inbox[State] = Inbox(depth=STATES_KEPT)
-    bus.subscribe(STATE.key_in(run_name), State, states)
-    life = _catch_up(bus, run_name, followers)
-    heartbeats = [Heartbeat(bus, run_name, name) for name, _, _ in followers]
-    quiet_seconds, heard = QUIET_SECONDS, time.monotonic()
-    while not ended():
-        if arrived := states.get(seconds=0.1):
-            quiet_seconds, heard = QUIET_SECONDS, time.monotonic()
-            state = arrived[1]
-            if state.life != life:
-                missed_of = _catch_up(bus, run_name, followers) if state.tick else None
-                life = missed_of or state.life
-            elif waited_for and any(0 <= f.taker.tick < state.tick - 1 for f in followers):
-                _catch_up(bus, run_name, followers)
-            for _, taker, _ in followers:
-                taker.take(state, len(states))
-        elif waited_for and time.monotonic() - heard > quiet_seconds:
-            life = _catch_up(bus, run_name, followers, life) or life
-            quiet_seconds, heard = min(2 * quiet_seconds, MOST_QUIET_SECONDS), time.monotonic()
-        for heartbeat, (_, taker, counters) in zip(heartbeats, followers, strict=True):
-            if heartbeat.due():
-                counts = counters()
-                counts["refused"] += states.refused
-                heartbeat.beat(taker.tick, counts)
-
-
-def _catch_up(
-    bus: Bus, run_name: str, followers: Sequence[Follower], known_life: int | None = None
-) -> int | None:
-    """Give followers what they missed; return of which life it is, None where that was nothing.
-
-    Of the life that is known, who has all states and is known to have them has missed nothing.
-    """
-    life = None
-    for name, taker, _ in followers:
-        missed = list(bus.ask(history_key(run_name), name, seconds=JOIN_SECONDS).values())
-        if missed:
-            ack = decode(missed[0], Ack)
-            life = ack.life
-            if life == known_life and _has_all(taker, ack, missed[1:]):
-                continue
-            taker.resume(ack)
-            for payload in missed[1:]:
-                taker.take(decode(payload, State))
-    return life
-
-
-def _has_all(taker: StateTaker, ack: Ack, states: Sequence[bytes]) -> bool:
-    """Return whether somebody has taken the last of these states, and physics knows how far."""
-    is_taken = not states or decode(states[-1], State).tick <= taker.tick
-    return is_taken and taker.acknowledged_tick <= ack.tick
 
 
 class Heartbeat:

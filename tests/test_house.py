@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = ("groundlink", "services", "udp-bridge/src", "ros/ros2", "benchmarks")
+SOURCES = ("groundlink", "services", "udp-bridge/src", "ros/ros1", "ros/ros2", "benchmarks")
 FILES = [
     file
     for folder in (*SOURCES, "tests", "fuzz")
@@ -35,11 +35,13 @@ def test_style() -> None:
 def test_types() -> None:
     run("-m", "mypy", "groundlink", "services", "benchmarks")
     run("-m", "mypy", "udp-bridge/src/udp_bridge")
+    run("-m", "mypy", "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1")
     run("-m", "mypy", "ros/ros2/udp_bridge_ros2/udp_bridge_ros2")
 
 
 def test_imports_run_one_way() -> None:
-    run("-c", "from importlinter.cli import lint_imports_command as run; run()")
+    path = "import sys; sys.path.append('ros/ros1/udp_bridge_ros1/src')\n"
+    run("-c", path + "from importlinter.cli import lint_imports_command as run; run()")
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ROOT)))

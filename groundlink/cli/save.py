@@ -73,6 +73,8 @@ def restore(options: argparse.Namespace) -> int:
                 print(f"restoring: tick {answer.tick} of {answer.restoring_to}", flush=True)
             time.sleep(POLL_SECONDS)
             answer = ask(bus, run)
+    if answer.failure:
+        raise UserError(f"run `{run}`: {answer.failure}; the run is as it was")
     if answer.warning:
         print(f"groundlink: {answer.warning}", file=sys.stderr)
     print(told(run, answer))

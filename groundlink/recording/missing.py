@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from groundlink.gaps import Cause, Gaps
 from groundlink.messages import M
 from groundlink.ros_readings import Moment, from_cdr
-from groundlink.ros_streams import TF_TOPIC, gaps_topic
+from groundlink.ros_streams import CLOCK_TOPIC, TF_TOPIC, gaps_topic
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 
 from .reading import Recording
@@ -65,14 +65,18 @@ def counting_on(recording: Recording) -> dict[str, str]:
     over those that it did not see in one step. Then it saw others than a process that sees all.
     """
     found: dict[str, str] = {}
-    for vehicle in recording.run.scenario.vehicles:
+    run, clock = recording.run, recording.topics.get(CLOCK_TOPIC)
+    is_late = run.scenario.time.mode == "realtime" and clock and clock.first_nanos > run.epoch_nanos
+    for vehicle in run.scenario.vehicles:
         for sensor in vehicle.sensors:
             misses = isinstance(sensor, Encoders) and sensor.missed_ticks > 0
             if not (misses or isinstance(sensor, WheelOdometry)):
                 continue
             told = told_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps)
             missed = Counter(gap.cause for news in told for gap in news.gaps)
-            if causes := [cause for cause in _STATES_MISSED if missed[cause]]:
+            causes: list[str] = ["before the recording, perhaps"] if is_late else []
+            causes += [cause for cause in _STATES_MISSED if missed[cause]]
+            if causes:
                 why = (
                     f"it adds up from the states that it saw, and missed some ({', '.join(causes)})"
                 )

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ
+from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.errors import UserError
 from groundlink.faults import Faults
-from groundlink.journal import Commanded, Journal, encode_entry, this_machine
+from groundlink.journal import Changed, Commanded, Journal, encode_entry, this_machine
 from groundlink.messages import Command
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros_readings import Moment, from_cdr
@@ -120,8 +120,18 @@ def not_compared(recording: Recording) -> dict[str, str]:
 
 def compared(recording: Recording) -> Iterator[Recorded]:
     """Return what has to come again, in the order of time."""
-    ignored = not_compared(recording)
-    return recording.read([topic for topic in recording.types if topic not in ignored])
+    ignored, run = not_compared(recording), recording.run
+    due = Schedule.at(run.scenario.time.clock_rate_hz)
+    for recorded in recording.read([topic for topic in recording.types if topic not in ignored]):
+        # A run that was restored tells its time at once, whether a clock is due or not.
+        is_clock = recorded.topic == CLOCK_TOPIC
+        if not is_clock or _is_due(due, (recorded.nanos - run.epoch_nanos) // TICK_NANOS):
+            yield recorded
+
+
+def _is_due(schedule: Schedule, tick: int) -> bool:
+    later = schedule.first_at_or_after(tick)
+    return tick in (schedule.tick(later - 1), schedule.tick(later))
 
 
 def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
@@ -212,7 +222,12 @@ def otherwise(recording: Recording, scenario: Scenario, extent: Extent) -> Itera
     if world_hash(then) != world_hash(scenario):
         yield "the world is another: its hash differs, so nearly everything may"
     if then.world != run.scenario.world:
-        yield "the recording began in a world that had been changed; it changes again"
+        changes = journal and any(isinstance(entry, Changed) for entry in journal.read())
+        yield "the recording began in a world that had been changed; " + (
+            "it changes again"
+            if changes
+            else "a reset came after that, so what was changed is not so again"
+        )
     here = versions()
     others = [f"{name} {v}" for name, v in run.versions.items() if here.get(name) != v]
     if journal and journal.made_on.processor != this_machine().processor:

@@ -8,6 +8,7 @@ sheets, named in the field; they are converted once, where they are used.
 
 from __future__ import annotations
 
+from math import isinf
 from typing import Annotated, Literal
 
 from msgspec import Meta, field
@@ -227,6 +228,8 @@ class Time(Spec, frozen=True):
     other topic. Time goes on when it has."""
 
     def __post_init__(self) -> None:
+        if isinf(self.factor):
+            raise ValueError("`factor` is infinite; `mode: fast` has no wall clock to keep to")
         if self.lockstep == "ros":
             if self.mode == "realtime":
                 raise ValueError(

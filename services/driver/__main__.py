@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from functools import partial
 from math import radians
 
-from groundlink import process
+from groundlink import following, process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.routes import line
@@ -64,8 +64,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or (options.once and finished.is_set())
 
-        follower = process.Follower(options.name, driver, counters)
-        process.follow_states(
+        follower = following.Follower(options.name, driver, counters)
+        following.follow_states(
             bus, run, [follower], ended, waited_for=scenario.time.mode != "realtime"
         )
 
@@ -90,10 +90,10 @@ def _follower_maker(scenario: Scenario, vehicle: Vehicle, given: str | None) -> 
         turns_radps2=vehicle.model.drive.max_angular_acceleration_radps2,
     )
     if given is not None:
-        if scenario.time.mode == "fast":
+        if scenario.time.mode != "realtime":
             raise UserError(
-                f"run `{scenario.name}` is in fast mode, which waits for no driver that comes "
-                "later; write `route:` into the scenario's vehicle"
+                f"run `{scenario.name}` is in {scenario.time.mode} mode, which waits for no driver "
+                "that comes later; write `route:` into the scenario's vehicle"
             )
         route = load_route(given, vehicle)
         return lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from groundlink.clock import Schedule
 from groundlink.messages import Ack, Clock, Message
 from groundlink.scenario import Scenario
 
@@ -44,8 +45,10 @@ class Following:
         self._gateway, self._link, self._acknowledge = gateway, link, acknowledge
         # In real time the newest supersedes what waits; otherwise physics is held up.
         self._is_waited_for = scenario.time.mode != "realtime"
+        self._clocks = Schedule.at(scenario.time.clock_rate_hz)
+        self._life = 0
         self.tick = -1
-        self.counts: dict[str, int] = {}
+        self.counts = {"clocks_missed": 0}
 
     def listen(self, inbox: Inbox[Message]) -> tuple[str, Message] | None:
         """Return what has arrived from the bus, if anything does."""
@@ -58,7 +61,9 @@ class Following:
         if self._is_waited_for:
             self._link.flush(FLUSH_SECONDS)
         if isinstance(message, Clock):
-            self.tick = message.tick
+            if message.life == self._life:
+                self.counts["clocks_missed"] += self._clocks.between(self.tick, message.tick)
+            self._life, self.tick = message.life, message.tick
             self._acknowledge(Ack(message.life, message.tick, message.tick))
 
     def turn(self, now_seconds: float) -> None:

@@ -35,7 +35,7 @@ class Resumed(NamedTuple):
     """Where a run is that this gateway joins."""
 
     ack: Ack
-    """The gateway's last one."""
+    """The last one of the process that it was told to."""
 
     state: State
     """The last one of physics."""
@@ -87,9 +87,9 @@ class Kept:
         is_ack = key.startswith(ACK.key_in(self.run, process=""))
         return Ack if is_ack else self._types.get(key)
 
-    def resumed(self) -> Resumed | None:
-        """Return where the run is; None before its first state."""
-        told = list(self.bus.ask(history_key(self.run), NAME, seconds=2.0).values())
+    def resumed(self, process: str = NAME) -> Resumed | None:
+        """Return where the run is, as told to a process; None before its first state."""
+        told = list(self.bus.ask(history_key(self.run), process, seconds=2.0).values())
         return Resumed(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
 
     def emulates(self, emulated: Emulated) -> None:

@@ -12,24 +12,27 @@ are stamped with the tick, and the acknowledgement says so, so that all of them 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import Ack, Clock, Command, Message, Reading, State, measured_nanos
+from groundlink.quiet import Quiet
 from groundlink.scenario import Scenario
-from groundlink.topics import PHYSICS
+from groundlink.topics import GATEWAY, PHYSICS
 from udp_bridge.gathering import Tally
-from udp_bridge.lockstep import DONE, WAITING, Barrier, Word
+from udp_bridge.lockstep import DONE, Barrier, Word
 from udp_bridge.repair import Resend
 from udp_bridge.types import CONTROL
 
+from .others import Others
 from .streams import answers
 from .words import Words
 
 if TYPE_CHECKING:
     from groundlink.inbox import Inbox
     from udp_bridge.link import Link
+    from udp_bridge.message import Message as WireMessage
 
     from .gateway import Gateway
     from .kept import Resumed
@@ -41,8 +44,7 @@ REMIND_SECONDS = 1.0
 """How often a Barrier that was answered is sent again: so the ROS side knows that time stands."""
 
 LIMIT_MS = 4000
-"""For so long what is lost on the link is sent again. Longer than a process is stopped in tests,
-shorter than people wait before they look."""
+"""For so long what is lost on the link is sent again; people wait longer before they look."""
 
 REPAIR = Resend(LIMIT_MS * 1_000_000)
 """Of all that goes to ROS and comes back: a message that is missing would change the run."""
@@ -58,7 +60,7 @@ class Lockstep:
     acknowledge
         tells physics how far ROS is.
     resume
-        returns where the run is, None before its first state; asked when ROS is there.
+        returns where the run is, as told to a process; None before its first state.
     say
         prints a line for the user.
 
@@ -76,18 +78,18 @@ class Lockstep:
         words: Words,
         *,
         acknowledge: Callable[[Ack], object],
-        resume: Callable[[], Resumed | None],
+        resume: Callable[[str], Resumed | None],
         say: Callable[[str], object],
     ) -> None:
         self._time, self._gateway, self._link, self._words = scenario.time, gateway, link, words
         self._acknowledge, self._resume, self._say = acknowledge, resume, say
         self._answers = answers(scenario, gateway)
         self._clock_key = next(s.key for s in gateway.streams.values() if s.message is Clock)
-        self._parties = scenario.sensor_names() or [PHYSICS]
-        self._reached: dict[str, tuple[int, int]] = {}
-        self._left_out: set[str] = set()
+        self._others = Others(scenario.sensor_names() or [PHYSICS])
         self._tally = Tally()
         self._resumed: Resumed | None = None
+        self._told: tuple[Word, Sequence[WireMessage]] | None = None
+        self._quiet, self._is_news = Quiet(0.0), True
         self._due: Clock | None = None
         self._last: Barrier | None = None
         self._asks = True
@@ -114,12 +116,12 @@ class Lockstep:
 
     def hear(self, key: str, message: Message) -> None:
         """Take a message of the bus."""
+        self._is_news = True
         match message:
             case Ack():
-                self._reached[key.partition("/ack/")[2]] = message.life, message.tick
-                self._left_out.discard(key.partition("/ack/")[2])
+                self._others.told(key.partition("/ack/")[2], message.life, message.tick)
             case State():
-                self._reached[PHYSICS] = message.life, message.tick
+                self._others.told(PHYSICS, message.life, message.tick)
             case Clock():
                 self._hear_clock(key, message)
             case _ if self._is_of_now(message):
@@ -131,6 +133,11 @@ class Lockstep:
         """Ask ROS what is to be asked, and tell physics what it says."""
         if self._since is None:
             self._since = now_seconds
+        if self._is_news or self._asks:
+            self._quiet.heard(now_seconds)
+            self._is_news = False
+        elif self._quiet.is_too_long(now_seconds):
+            self._resumed = self._resume(GATEWAY)
         if self._last is None:
             self._ask(Barrier(0, -1, LIMIT_MS, (), self._answers), 0, now_seconds)
         if self._due is not None and not self._asks and self._is_all_sent():
@@ -183,10 +190,7 @@ class Lockstep:
     def _behind(self) -> list[str]:
         """Return who has not acknowledged the tick that is due."""
         assert self._due is not None
-        life, tick = self._due.life, self._due.tick
-        reached = self._reached
-        there = {name for name, told in reached.items() if told[0] == life and told[1] >= tick}
-        return [name for name in self._parties if name not in there | self._left_out]
+        return self._others.behind(self._due.life, self._due.tick)
 
     def _ask(self, barrier: Barrier, stamp_nanos: int, now_seconds: float) -> None:
         self._last, self._barrier_nanos, self._asks = barrier, stamp_nanos, True
@@ -216,7 +220,7 @@ class Lockstep:
         if not asked:
             return  # too late: physics has gone on without it
         if word.tick < 0:
-            self._resumed = self._resume()
+            self._resumed = self._resume(GATEWAY)
             return
         self.counts["barriers"] += 1
         self.counts["lost_for_ros"] += word.lost
@@ -226,27 +230,35 @@ class Lockstep:
                 f"the link has lost {word.lost} messages to ROS and {missing} back for good, at "
                 f"tick {word.tick}; this run is not like others"
             )
-        self._tell_physics(word)
+        self._told = word, self._words.take(word.sent)
+        self._tell_physics(*self._told)
 
-    def _tell_physics(self, word: Word) -> None:
-        for message in self._words.take(word.sent):
+    def _tell_physics(self, word: Word, messages: Sequence[WireMessage]) -> None:
+        for message in messages:
             taken = self._gateway.take(message)
             if taken is not None and isinstance(taken[1], Command):
                 self._commanded[taken[0].split("/")[2]] = word.tick
         self._acknowledge(Ack(word.life, word.tick, word.tick, commanded=dict(self._commanded)))
 
     def _take_up(self, ack: Ack, state: State) -> None:
-        """Take up a run that was under way: physics may stand where ROS is to be asked.
+        """Take up a run where it stands: the bus loses what comes while this is cut off.
 
-        All that was heard since this gateway is there has been taken by now.
+        All that was heard has been taken by now.
         """
         self._resumed = None
-        is_heard = state.life == self._life and state.tick <= self.tick
-        if not is_heard and not state.tick % self._time.ack_ticks and ack.tick < state.tick:
-            # What was acknowledged to a predecessor is not said again.
-            self._reached = dict.fromkeys(self._parties, (state.life, state.tick))
+        if state.tick % self._time.ack_ticks or ack.tick >= state.tick:
+            return
+        if state.life != self._life or state.tick > self.tick:
+            # What was acknowledged to a predecessor, or while this was cut off, is not said again.
+            self._others.all_told(state.life, state.tick)
             clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.life)
             self._hear_clock(self._clock_key, clock)
+        elif self._due is not None:
+            for name in self._behind():
+                if told := self._resume(name):
+                    self._others.told(name, told.ack.life, told.ack.tick)
+        elif self._told is not None:
+            self._tell_physics(*self._told)
 
     def _be_patient(self, now_seconds: float) -> None:
         """Say who is waited for too long, and do without him where the scenario says so."""
@@ -260,7 +272,7 @@ class Lockstep:
         skips = self._time.overload == "skip"
         if skips and self._due is not None and waited >= deadline / 2:
             # Physics does without these; it must not do without ROS because of them.
-            self._left_out |= set(self._behind())
+            self._others.do_without(self._behind())
         if waited < deadline:
             return
         if not self._has_complained:
@@ -285,13 +297,4 @@ class Lockstep:
             return f"tick {self.tick} waits for {names}, before ROS is asked" if behind else ""
         assert self._last is not None
         node = "the ROS node at {}:{}".format(*self._gateway.peer)
-        tick = self._last.tick
-        said = self._words.of(self._last.life, tick)
-        if tick < 0:
-            return f"{node} does not answer; start udp_bridge_ros2 there"
-        if said is None:
-            return f"{node} has not answered the barrier of tick {tick}"
-        word, topic = said
-        if word.state == WAITING:
-            return f"{node} waits for {topic} since the barrier of tick {tick}"
-        return f"{node} and the gateway lack messages of each other since tick {tick}"
+        return self._words.lacking(node, self._last.life, self._last.tick)

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from udp_bridge.gathering import Gathering
-from udp_bridge.lockstep import Sent, Word
+from udp_bridge.lockstep import WAITING, Sent, Word
 from udp_bridge.message import Message
 
 
@@ -47,6 +47,17 @@ class Words:
         with self._came:
             word = self._word
         return word if word is not None and (word[0].life, word[0].tick) == (life, tick) else None
+
+    def lacking(self, node: str, life: int, tick: int) -> str:
+        """Return in a line what a node has not said or done at the barrier of a tick."""
+        if tick < 0:
+            return f"{node} does not answer; start udp_bridge_ros2 there"
+        if (said := self.of(life, tick)) is None:
+            return f"{node} has not answered the barrier of tick {tick}"
+        word, topic = said
+        if word.state == WAITING:
+            return f"{node} waits for {topic} since the barrier of tick {tick}"
+        return f"{node} and the gateway lack messages of each other since tick {tick}"
 
     def missing(self, sent: Sequence[Sent]) -> int:
         """Return how many of these messages are still on their way."""

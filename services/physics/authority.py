@@ -200,20 +200,24 @@ class Physics:
         life = self._new_life(scenario, unheard(), epoch_nanos=saved.epoch_nanos)
         life.begin(time.time_ns(), time.monotonic())
         self._restoring = Restoring(saved, life)
-        self.control.restoring_to, self.control.warning = saved.tick, ""
+        self.control.restoring_to = saved.tick
+        self.control.warning = self.control.failure = ""
 
     def _restore_on(self, restoring: Restoring) -> None:
         """Restore some more; go on from there when all of it is done."""
-        self.control.tick = restoring.life.tick
+        control, warning, failure = self.control, "", ""
+        control.tick = restoring.life.tick
         try:
             if not restoring.go_on(RESTORED_AT_ONCE):
                 return
             warning = restoring.difference()
         except (ValueError, KeyError, UserError) as problem:
-            warning = f"the saved run cannot be done again here: {problem}"
+            what = f"there is no vehicle {problem}" if isinstance(problem, KeyError) else problem
+            failure = f"the saved run cannot be done again here, at tick {control.tick}: {what}"
             if not self._has_begun:
-                raise UserError(warning) from None
+                raise UserError(failure) from None
             restoring.life.end()
+            self.life.pace.hold()
         else:
             self._is_restored = True
             if self._started.time.mode == "realtime":
@@ -223,10 +227,11 @@ class Physics:
             if self._has_begun:
                 self._begin()
         self._restoring = None
-        self.control.restoring_to, self.control.warning = -1, warning
-        self.control.tick = self.life.tick
-        if warning:
-            print(f"{PHYSICS}: {warning}", file=sys.stderr, flush=True)
+        control.warning, control.failure = warning, failure
+        control.tick = self.life.tick
+        control.restoring_to = -1
+        if said := warning or failure:
+            print(f"{PHYSICS}: {said}", file=sys.stderr, flush=True)
 
     def _replace_life(self, life: Life) -> None:
         self._archive.ends(self.life)

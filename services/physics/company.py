@@ -57,7 +57,7 @@ class Company:
     def tell(self, life: Life) -> None:
         """Have a life take in what has been said, and who has left."""
         while not self._gone.empty():
-            life.pace.parties.left(self._gone.get())
+            life.left(self._gone.get())
         while len(self._acks) and (arrived := self._acks.get(seconds=0)):
             life.acknowledged(arrived[0].removeprefix(self._ack_prefix), arrived[1])
         while len(self._commands) and (command := self._commands.get(seconds=0)):

@@ -61,7 +61,7 @@ class Control:
         self.restoring_to = -1
         """See `ControlAnswer`; while it is set, no step may be taken."""
 
-        self.warning = ""
+        self.warning = self.failure = ""
 
     @property
     def paused(self) -> bool:
@@ -87,7 +87,9 @@ class Control:
                 self.between_ticks(lambda: self._do(wish, content))
             except (msgspec.DecodeError, UserError) as problem:
                 error = str(problem)
-        answer = ControlAnswer(error, self.tick, self.paused, self.restoring_to, self.warning)
+        answer = ControlAnswer(
+            *(error, self.tick, self.paused, self.restoring_to, self.warning, self.failure)
+        )
         return [msgspec.json.encode(answer)]
 
     def between_ticks(self, do: Callable[[], T]) -> T:
@@ -110,7 +112,9 @@ class Control:
         try:
             return done.result(ANSWER_SECONDS)
         except TimeoutError:
-            raise UserError(f"physics is busy for longer than {ANSWER_SECONDS:g} s; ask again what became of it") from None
+            raise UserError(
+                f"physics is busy for longer than {ANSWER_SECONDS:g} s; ask again what became of it"
+            ) from None
 
     def fulfil(self) -> None:
         """Do all that was wished; to be called between two ticks."""

@@ -28,10 +28,7 @@ from groundlink.messages import Ack, Clock, Command, State, WheelCommand, decode
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.topics import (
-    RECORDER,
-    process_names,
-)
+from groundlink.topics import RECORDER, driver_names, process_names
 from groundlink.vitals import VITALS_HZ
 from groundlink.world.build import solids, world_hash
 
@@ -82,6 +79,7 @@ class Life:
         self._entries: list[bytes] = []
         self._acks: dict[str, Ack] = {}
         self._predecessors: set[str] = set()
+        self._cut_off: set[str] = set()
         self._truths = [Truth(vehicle) for vehicle in scenario.vehicles]
         self._bodies = BodyTruth(scenario, static)
         self._promises = Promises()
@@ -126,9 +124,21 @@ class Life:
         self.pace.parties.only((*process_names(scenario), RECORDER, *self._others))
         self._entries.append(encode_entry(Changed(self.tick, wish)))
 
+    def left(self, process: str) -> None:
+        """Take note that a process has gone, or its link.
+
+        What it said last may be lost, and what it says next may come over another link. So where
+        nothing is to be lost, it is not listened to before it has asked what it missed.
+        """
+        self.pace.parties.left(process)
+        if not self._is_realtime and (
+            self.scenario.sensor(process) or process in driver_names(self.scenario)
+        ):
+            self._cut_off.add(process)
+
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Take note of how far a process has come, in this life or an earlier one."""
-        if ack.life == self.number:
+        if ack.life == self.number and process not in self._cut_off:
             self._promises.given(process, ack)
 
     def command(self, vehicle: str, command: Command | WheelCommand) -> None:
@@ -269,6 +279,7 @@ class Life:
         resume = self._acks.get(process, Ack(self.number, -1, -1))
         history = [*self._history]
         first_tick = self.tick + 1 - len(history)
+        self._cut_off.discard(process)
         # What is settled it needs no more; all at once, sensors would ask for tens of megabytes.
         return [encode(resume), *history[max(resume.settled_tick - first_tick, 0) :]]
 

@@ -15,7 +15,7 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Protocol
 
-from groundlink.clock import NANOS, exact
+from groundlink.clock import NANOS, Schedule, exact
 from groundlink.messages import BadMessage, Clock, Command, Health, Message, measured_nanos
 from groundlink.navigation import Odometry
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
@@ -102,6 +102,7 @@ class Recorder:
         dropped: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self._scenario = scenario
+        self._clocks = Schedule.at(scenario.time.clock_rate_hz)
         self._dropped, self._dropped_before = dropped, Counter(dropped)
         self._begin = begin
         self._duration_nanos = duration_nanos
@@ -146,7 +147,7 @@ class Recorder:
         self.clock: Clock | None = None
         """The newest; None before the first."""
 
-        self.counts = dict.fromkeys(("messages", "repeated", "refused"), 0)
+        self.counts = dict.fromkeys(("messages", "repeated", "refused", "clocks_missed"), 0)
 
     @property
     def streams(self) -> list[RosStream]:
@@ -258,6 +259,8 @@ class Recorder:
             self._file.commit(self._declared_hz)
 
     def _heard_clock(self, clock: Clock) -> None:
+        if self.clock is not None and self.clock.life == clock.life:
+            self.counts["clocks_missed"] += self._clocks.between(self.clock.tick, clock.tick)
         self.clock = clock
         if self._file is None:
             self._first_nanos = clock.stamp_nanos

@@ -16,6 +16,7 @@ from groundlink.bus import Bus
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Health, Message, State, decode
 from groundlink.questions import history_key
+from groundlink.quiet import Quiet
 from groundlink.ros_streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 from groundlink.topics import ACK, HEALTH, RECORDER
@@ -89,11 +90,14 @@ def record(
         for publish in publishers:
             publish(Ack(life, tick, tick))
 
-    if missed := list(bus.ask(history_key(run), NAME, seconds=2.0).values()):
-        # Physics that waits for this process begins, or goes on, when it hears that it is there.
-        tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
-        acknowledge(decode(missed[0], Ack).life, tick)
+    def tell_where() -> None:
+        """Acknowledge what physics has come to: it begins, or goes on, when it hears of this."""
+        if missed := list(bus.ask(history_key(run), NAME, seconds=2.0).values()):
+            tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
+            acknowledge(decode(missed[0], Ack).life, tick)
 
+    tell_where()
+    quiet = Quiet(time.monotonic())
     next_commit = 0.0
     try:
         while not stop.wait(REST_SECONDS) and not recorder.is_complete:
@@ -111,6 +115,9 @@ def record(
                 recorder.take(key, message)
                 if isinstance(message, Clock):
                     acknowledge(message.life, message.tick)
+                    quiet.heard(time.monotonic())
+            if scenario.time.mode != "realtime" and quiet.is_too_long(time.monotonic()):
+                tell_where()  # The bus loses what comes while a process is cut off.
             if (now := time.monotonic()) >= next_commit:
                 keeper.tend(recorder)
                 next_commit = now + COMMIT_SECONDS

@@ -16,6 +16,7 @@ from typing import Any
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.errors import UserError
+from groundlink.following import follow_states
 
 from .kinds import Kind, follower, kind_name
 
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         ]
         if not sensors:
             raise UserError(f"scenario `{scenario.name}` has no sensors")
-        process.follow_states(
+        follow_states(
             bus, run_name, sensors, stop.is_set, waited_for=scenario.time.mode != "realtime"
         )
 

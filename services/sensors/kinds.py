@@ -18,6 +18,7 @@ from groundlink.bus import Bus
 from groundlink.calendars import calendar
 from groundlink.errors import UserError
 from groundlink.faults import counted
+from groundlink.following import Follower, follow_states
 from groundlink.gaps import counters_of
 from groundlink.messages import Message
 from groundlink.questions import faults_key
@@ -87,7 +88,7 @@ def _main(kind: Kind[Any, Any], arguments: Sequence[str], stop: threading.Event)
             )
         native = options.native if kind.native is not None else None
         sensor = follower(kind, options.name, scenario, bus, run_name, opened, native=native)
-        process.follow_states(
+        follow_states(
             bus, run_name, [sensor], stop.is_set, waited_for=scenario.time.mode != "realtime"
         )
 
@@ -116,7 +117,7 @@ def follower(
     opened: ExitStack,
     *,
     native: str | None = None,
-) -> process.Follower:
+) -> Follower:
     """Return what follows a run's states for the sensor of this kind and name.
 
     Parameters
@@ -204,4 +205,4 @@ def follower(
         }
         return counts | counters_of(account.missing) | counted(live.active) | link.counters
 
-    return process.Follower(name, live, counters)
+    return Follower(name, live, counters)

@@ -16,8 +16,8 @@ from msgspec.structs import replace
 
 from groundlink.clock import TICK_RATE_HZ
 from groundlink.faults import CLEAR, FaultAnswer, Faults
+from groundlink.following import StateTaker
 from groundlink.messages import Ack, State
-from groundlink.process import StateTaker
 from groundlink.scenario.fault_fit import mistake
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle

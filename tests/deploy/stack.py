@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -134,30 +135,27 @@ class Observer:
     """A subscriber in another container, on the network of ROS alone."""
 
     def __init__(self, stack: Stack) -> None:
+        self._file = tempfile.TemporaryFile("w+", encoding="utf-8")
         self._process = subprocess.Popen(
             [
-                *("docker", "run", "--rm", "-i", "--init", "--name", f"{PROJECT}-observer"),
+                *("docker", "run", "--rm", "--init", "--name", f"{PROJECT}-observer"),
                 *("--network", f"{PROJECT}_ros", "--ipc", f"container:{stack.name('ros2')}"),
                 *("-e", "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET", "-e", "HOME=/tmp"),
                 *("-v", f"{Path(__file__).with_name('observer.py')}:/observer.py:ro"),
                 *("--entrypoint", "python", "groundlink-ros2", "/observer.py"),
             ],
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            text=True,
+            stdout=self._file.fileno(),
         )
-        assert self._process.stdout
-        os.set_blocking(self._process.stdout.fileno(), False)
-        self._rest = ""
-        self.rows: list[dict[str, Any]] = []
+        self._seen: Seen = {}
 
     def look(self) -> Seen:
         """Return what has come so far."""
-        assert self._process.stdout
-        self._rest += self._process.stdout.read() or ""
-        *whole, self._rest = self._rest.split("\n")
-        self.rows += [json.loads(line) for line in whole]
-        return self.rows[-1]["seen"] if self.rows else {}
+        size = os.fstat(self._file.fileno()).st_size
+        rows = os.pread(self._file.fileno(), size, 0).splitlines(keepends=True)
+        if whole := [row for row in rows if row.endswith(b"\n")]:
+            self._seen = json.loads(whole[-1])["seen"]
+        return self._seen
 
     def rates(self, seconds: float) -> dict[str, float]:
         """Return messages a second of sim time, by topic, over the next seconds."""
@@ -181,4 +179,5 @@ class Observer:
 
     def close(self) -> None:
         docker("rm", "-f", f"{PROJECT}-observer", check=False)
-        self._process.wait(10)
+        self._process.wait(30)
+        self._file.close()

@@ -51,6 +51,11 @@ def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> No
     assert all(rule["permission"] == "allow" for rule in control["rules"])
 
 
+def test_the_gateway_tells_physics_what_ros_wishes_and_no_other_process_may(tour: Scenario) -> None:
+    policies = access_control(tour)["policies"]
+    assert [p["subjects"] for p in policies if "wish" in p["rules"]] == [["gateway"]]
+
+
 def test_only_the_operator_may_ask_anything(tour: Scenario) -> None:
     policies = access_control(tour)["policies"]
     assert [p["subjects"] for p in policies if "operate" in p["rules"]] == [[OPERATOR]]

@@ -98,3 +98,11 @@ def test_no_two_events_share_a_tick(rate_hz: float) -> None:
     schedule = Schedule.at(rate_hz)
     ticks = [schedule.tick(i) for i in range(5000)]
     assert len(set(ticks)) == len(ticks)
+
+
+@given(rates, st.integers(0, 10**6), st.integers(1, 50))
+def test_events_between_two_others(rate_hz: float, first: int, steps: int) -> None:
+    schedule = Schedule.at(rate_hz)
+    last = schedule.tick(first + steps)
+    assert schedule.between(schedule.tick(first), last) == steps - 1
+    assert schedule.between(last, last) == schedule.between(last, schedule.tick(first)) == 0

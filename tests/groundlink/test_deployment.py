@@ -46,9 +46,7 @@ def test_the_file_that_is_shipped_is_that_of_the_default_scenario() -> None:
 
 
 @pytest.mark.parametrize(("told", "expected"), [(None, "slow"), ("skip", "skip")])
-def test_what_gives_way_is_as_told_or_as_the_scenario_says(
-    told: str | None, expected: str
-) -> None:
+def test_what_gives_way_is_as_told_or_as_the_scenario_says(told: str | None, expected: str) -> None:
     made = Deployment(load(DEFAULT), DEFAULT, sources=".", overload=told).compose()
     command = services(made)["physics"]["command"]
     assert command[-2:] == ["--overload", f"${{GROUNDLINK_OVERLOAD:-{expected}}}"]

@@ -19,11 +19,17 @@ PATIENCE_S = 20.0
 class Process:
     """A Python process whose output is collected as it comes."""
 
-    def __init__(self, arguments: Sequence[str], environment: dict[str, str]) -> None:
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        environment: dict[str, str],
+        *,
+        python: str = sys.executable,
+    ) -> None:
         self.lines: list[str] = []
         self._changed = threading.Condition()
         self._process = subprocess.Popen(
-            [sys.executable, *arguments],
+            [python, *arguments],
             env=environment,
             text=True,
             stdin=subprocess.DEVNULL,

@@ -79,9 +79,7 @@ class Rig:
         )
         self.started: list[subprocess.Popen[str]] = []
 
-    def start(
-        self, *command: str, log: str, through: Sequence[str] = ()
-    ) -> subprocess.Popen[str]:
+    def start(self, *command: str, log: str, through: Sequence[str] = ()) -> subprocess.Popen[str]:
         """Start a Python process whose output goes to a file of this name.
 
         `through` are the words of a program that becomes it, such as `env` or `nsenter`.
@@ -144,12 +142,19 @@ def rig(folder: Path, *, time_section: str = "", camera: bool = False) -> Iterat
 class Observer:
     """A real rclpy node in a process of its own, which writes down what arrives."""
 
-    def __init__(self, rig: Rig, module: str = "tests.system.ros_observer") -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        module: str = "tests.system.ros_observer",
+        *,
+        through: Sequence[str] = (),
+    ) -> None:
         self._file = rig.folder / "observed.jsonl"
         self._file.touch()
         self._position = 0
         self.messages: dict[str, list[dict[str, Any]]] = {}
-        self.process = rig.start(*("-m", module, str(self._file)), log="observer.log")
+        words = ("-m", module, str(self._file))
+        self.process = rig.start(*words, log="observer.log", through=through)
 
     def read(self) -> dict[str, list[dict[str, Any]]]:
         """Return all that has arrived so far, by topic."""
@@ -165,6 +170,10 @@ class Observer:
 
     def count(self, topic: str) -> int:
         return len(self.read().get(topic, ()))
+
+    def wait(self, topic: str, *, beyond: int, seconds: float) -> None:
+        """Wait until more than so many messages of a topic have arrived."""
+        wait_for(lambda: self.count(topic) > beyond, seconds, f"{topic} arrives in ROS")
 
 
 def children_of(pid: int) -> dict[int, str]:

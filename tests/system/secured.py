@@ -46,14 +46,12 @@ class Secured:
         log = f"{process.replace('/', '_')}.log"
         return self.rig.start("-m", *command, log=log, through=through)
 
-    def say(
-        self, *command: str, own: Path | None = None, **environment: str
-    ) -> subprocess.CompletedProcess[str]:
-        """Run a command to its end, with the operator's credentials or those in a folder."""
+    def say(self, *command: str, own: Path | str | None = None) -> subprocess.CompletedProcess[str]:
+        """Run a command to its end, as the operator, with a folder, or with ``""`` for none."""
         return subprocess.run(
             [sys.executable, "-m", *command],
             cwd=REPOSITORY,
-            env=self.rig.environment | {VARIABLE: str(own or self.of("operator"))} | environment,
+            env=self.rig.environment | {VARIABLE: str(self.of("operator") if own is None else own)},
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

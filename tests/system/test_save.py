@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 from groundlink.bus import Bus
 from groundlink.clock import TICK_NANOS
@@ -16,8 +17,8 @@ from groundlink.control import Pause, Remove, Restore, Resume, Spawn, Step
 from groundlink.control_query import ask
 from groundlink.faults import FaultAnswer
 from groundlink.inbox import Inbox
-from groundlink.journal import loaded, state_digest
-from groundlink.messages import Imu, M, State, decode, encode
+from groundlink.journal import Commanded, dumped, encode_entry, loaded, state_digest
+from groundlink.messages import Command, Imu, M, State, decode, encode
 from groundlink.questions import control_key, faults_key, journal_key
 from groundlink.scenario.faults import Delay, Drop, Fault, Stuck
 from groundlink.scenario.spawned import At, addition
@@ -175,6 +176,13 @@ def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) ->
             wait_for(lambda: ask(bus, it.run).restoring_to < 0, 60, "it is restored")
             assert ask(bus, it.run).warning == ""
             again = heard_again(samples, saved.tick * TICK_NANOS, end_nanos)
+            nobody = Commanded(saved.tick, "nobody", Command(0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+            foreign = dumped(replace(saved, entries=(encode_entry(nobody),)))
+            ask(bus, it.run, Restore(), content=foreign)
+            wait_for(lambda: ask(bus, it.run).restoring_to < 0, 60, "it is given up")
+            assert "there is no vehicle 'nobody'" in ask(bus, it.run).failure
+            reached = max(again)
+            wait_for(lambda: max(heard(samples, reached + 1)) > end_nanos, 60, "it goes on")
         assert set(again) >= {n for n in before if saved.tick * TICK_NANOS <= n < end_nanos}
         assert all(before.get(nanos, body) == body for nanos, body in again.items())
 

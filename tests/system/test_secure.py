@@ -3,23 +3,19 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import socket
+import datetime
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import msgspec
 import pytest
-import zenoh
 
 from groundlink.bus import Bus
 from groundlink.certificates import Authority
-from groundlink.credentials import AUTHORITY, CERTIFICATE, KEY
+from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
 from groundlink.inbox import Inbox
-from groundlink.messages import Command, State, encode
+from groundlink.messages import Health
 from groundlink.questions import (
     asset_key,
     control_key,
@@ -29,72 +25,271 @@ from groundlink.questions import (
     link_key,
     scenario_key,
 )
-from groundlink.recording import Recording
 from groundlink.scenario import load
-from groundlink.topics import (
-    ACK,
-    CLOCK,
-    COMMAND,
-    FAULTS,
-    GAPS,
-    GROUND_TRUTH,
-    HEALTH,
-    IMU,
-    POINTS,
-    STATE,
-    VITALS,
-    WHEEL_COMMAND,
-    process_names,
-)
+from groundlink.topics import FROM_ROS, HEALTH, TOPICS, process_names
+from udp_bridge import Link
 
-from .rig import LAB, Observer, Rig, rig, wait_for, without_camera
-from .secured import Secured
+from .rig import LAB, Observer, Rig, rig, wait_for
+from .secured import Heard, Secured
 
 pytestmark = pytest.mark.system
 
 RUN = "secured"
+ELSEWHERE = "elsewhere"
+"""Another run, in which there is nobody whom an intruder could disturb."""
+
+TOUR = LAB.with_name("indoor_lab_tour.yaml")
+IN_ROS = ("/points", "/imu", "/wheel_encoders", "/clock")
+QUIET_SECONDS = 1.0
 
 
 class Running(NamedTuple):
-    """A run of the default scenario, with a driver, that all tests of this module look at."""
+    """A run with a driver that all tests of this module look at."""
 
     secured: Secured
     observer: Observer
-    recording: Path
+
+    @property
+    def rig(self) -> Rig:
+        return self.secured.rig
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("secured")
     with rig(folder) as it:
-        _let_it_drive(it)
+        gateway = f"{{link: {{}}, bind: {it.address(it.bind)}, peer: {it.address(it.peer)}}}"
+        tour = TOUR.read_text(encoding="utf-8")
+        it.scenario.write_text(f"{tour}\ngateway: {gateway}\n", encoding="utf-8")
         secured = Secured(it)
-        _start(secured, "router", "services.router", "--listen", it.endpoint)
-        wait_for(it.is_answered, 20, "the router listens")
-        _start(secured, "physics", "services.physics", str(it.scenario), "--run", RUN)
+        secured.start("router", "services.router", "--listen", it.endpoint)
+        wait_for(it.is_answered, 30, "the router listens")
+        secured.start("physics", "services.physics", str(it.scenario), "--run", RUN)
         for name, module in process_names(load(str(it.scenario))).items():
             if "/" in name:
-                _start(secured, name, module, "--name", name)
-        recording = folder / "run.mcap"
-        _start(secured, "recorder", "services.recorder", "--out", str(recording))
-        _start(secured, "gateway", "services.gateway", "--key-file", secured.key_file)
+                secured.start(name, module, "--name", name)
+        secured.start("recorder", "services.recorder", "--out", str(folder / "run.mcap"))
+        secured.start("gateway", "services.gateway", "--key-file", secured.key_file)
         it.start(
             *("-m", "udp_bridge_ros2", "--bind", it.address(it.peer)),
             *("--key-file", secured.key_file),
             log="node.log",
         )
         observer = Observer(it)
-        for topic in ("/points", "/imu", "/wheel_encoders", "/clock"):
-            wait_for(lambda topic=topic: observer.count(topic) > 20, 60, f"{topic} is in ROS")
-        yield Running(secured, observer, recording)
+        for topic in IN_ROS:
+            observer.wait(topic, beyond=20, seconds=60)
+        yield Running(secured, observer)
 
 
-def _start(secured: Secured, name: str, *command: str) -> None:
-    secured.start(name, *command)
+@pytest.fixture
+def operator(running: Running, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bus]:
+    """A bus as the operator has it."""
+    monkeypatch.setenv(VARIABLE, str(running.secured.of("operator")))
+    with Bus(connect=running.rig.endpoint) as bus:
+        yield bus
 
 
-def _let_it_drive(it: Rig) -> None:
-    """Give the rig's rover a route, and its gateway an emulated link."""
-    text = it.scenario.read_text(encoding="utf-8")
-    text = text.replace("gateway: {", "gateway: {link: {}, ")
-    it.scenario.write_text(text, encoding="utf-8")
+@pytest.fixture
+def health(operator: Bus) -> Callable[[str], Health]:
+    """Return the next word of a process about itself."""
+
+    def of(process: str) -> Health:
+        inbox: Inbox[Health] = Inbox(depth=1)
+        operator.subscribe(HEALTH.key_in(RUN, process=process), Health, inbox)
+        arrived = inbox.get(seconds=10)
+        assert arrived, f"{process} is silent"
+        return arrived[1]
+
+    return of
+
+
+def test_everybody_takes_part(running: Running, health: Callable[[str], Health]) -> None:
+    for name in process_names(load(str(running.rig.scenario))):
+        assert health(name).process == name
+    assert health("recorder").counters
+    assert health("rover/driver").counters["commands"] > 0
+    assert health("physics").counters["refused"] == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "pause",
+        "step",
+        "resume",
+        "save {folder}/saved.json",
+        "fault rover/imu drop share=0.5 --for 0.2",
+        f"link --run {RUN} --set to_ros.delay_ms=1",
+        "top --once",
+        "spawn box --at 3,2",
+    ],
+)
+def test_the_operator_may_do_all(running: Running, words: str) -> None:
+    done = running.secured.say("groundlink", *words.format(folder=running.rig.folder).split())
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_viewer_looks_on(running: Running) -> None:
+    pytest.importorskip("rerun")
+    file = running.rig.folder / "seen.rrd"
+    running.secured.start("view", "services.view", "--save", str(file))
+    wait_for(lambda: "view/" in running.rig.log("router.log"), 40, "the viewer is there")
+    wait_for(lambda: file.exists() and file.stat().st_size > 10_000, 30, "it has seen something")
+
+
+def of_another_authority(running: Running) -> Path:
+    """Return a folder for the IMU by an authority that the run does not know."""
+    folder = running.rig.folder / "another"
+    folder.mkdir(exist_ok=True)
+    authority = Authority(datetime.datetime.now(datetime.UTC))
+    pem = authority.certify("rover/imu")
+    (folder / AUTHORITY).write_bytes(authority.certificate)
+    (folder / CERTIFICATE).write_bytes(pem.certificate)
+    (folder / KEY).write_bytes(pem.key)
+    (folder / ABOUT).write_text(about_text("rover/imu"))
+    return folder
+
+
+def of_another_sensor(running: Running) -> Path:
+    return running.secured.of("rover/lidar")
+
+
+@pytest.mark.parametrize(
+    ("credentials", "said"),
+    [
+        (None, "certificate"),
+        (of_another_authority, "certificate"),
+        (of_another_sensor, "of `rover/lidar`, and this is `rover/imu`"),
+    ],
+)
+def test_a_sensor_that_is_not_let_in_says_so_in_one_line(
+    running: Running, credentials: Callable[[Running], Path] | None, said: str
+) -> None:
+    own = credentials(running) if credentials else ""
+    done = running.secured.say("services.sensors.imu", "--name", "rover/imu", own=own)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("process", "words"),
+    [
+        ("rover/imu", "services.sensors.imu --name rover/imu"),
+        ("gateway", "services.gateway --bind 127.0.0.1:0"),
+        ("physics", f"services.physics {TOUR} --run {RUN}"),
+    ],
+)
+def test_who_comes_twice_says_who_is_there_and_ends(
+    running: Running, process: str, words: str
+) -> None:
+    done = running.secured.say(*words.split(), own=running.secured.of(process))
+    assert done.returncode == 2, done.stderr
+    assert f"`{process}` of run `{RUN}` is there already, on " in done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+
+
+FROM_ROS_KEYS = {f"rover/from_ros/{name}" for name in FROM_ROS}
+OWN: dict[str, set[str]] = {
+    "rover/imu": {"rover/imu", "faults/rover/imu", "gaps/rover/imu"},
+    "rover/driver": {"rover/command"},
+    "gateway": {"rover/command", "rover/command/wheels"} | FROM_ROS_KEYS,
+    "view": set(),
+    "operator": {"rover/command", "rover/command/wheels"},
+}
+"""What holders of a certificate may say, beside how they are."""
+
+
+@pytest.mark.parametrize("holder", OWN)
+def test_a_certificate_lets_say_its_own_alone(running: Running, operator: Bus, holder: str) -> None:
+    processes = ["physics", "rover/lidar", *OWN]
+    sensors = ("imu", "lidar")
+    tried = {
+        row.key_in(ELSEWHERE, vehicle="rover", sensor=sensor, process=process)
+        for row in TOPICS
+        for sensor in sensors
+        for process in processes
+    }
+    own = OWN[holder] | {f"health/{holder}", f"ack/{holder}"}
+    if holder == "operator":  # any number of them may be there, each under a name of its own
+        own = OWN[holder]
+    with running.secured.session("operator") as ears, running.secured.session(holder) as mouth:
+        heard = Heard(ears, f"groundlink/{ELSEWHERE}/**")
+        time.sleep(QUIET_SECONDS)
+        for key in tried:
+            mouth.put(key, b"intruder")
+        came = set(heard.wait(QUIET_SECONDS))
+    assert came == {key for key in tried if key.split("/", 2)[2] in own}
+
+
+QUESTIONS = {
+    key: key(ELSEWHERE)
+    for key in (scenario_key, asset_key, history_key, journal_key, control_key, link_key)
+} | {faults_key: faults_key(ELSEWHERE, "rover/lidar")}
+
+
+def test_a_sensor_answers_only_what_is_asked_of_it(running: Running, operator: Bus) -> None:
+    own = faults_key(ELSEWHERE, "rover/imu")
+    with running.secured.session("rover/imu") as intruder:
+
+        def answer(query: object) -> None:
+            with query as asked:  # type: ignore[attr-defined]
+                asked.reply(f"{str(asked.key_expr).removesuffix('/**')}/0", b"intruder")
+
+        for key in (own, *QUESTIONS.values()):
+            intruder.declare_queryable(f"{key}/**", answer)
+        time.sleep(QUIET_SECONDS)
+        assert operator.ask(own, seconds=3)
+        for key in QUESTIONS.values():
+            assert not operator.ask(key, seconds=0.5), key
+
+
+def test_a_sensor_wishes_nothing(running: Running) -> None:
+    """It may ask for the world and not for a pause, which the gateway may for ROS."""
+    with running.secured.session("gateway") as gateway:
+        assert [r for r in gateway.get(f"{control_key(RUN)}/**", timeout=3) if r.ok]
+    with running.secured.session("rover/imu") as intruder:
+        assert list(intruder.get(f"{scenario_key(RUN)}/**", timeout=3))
+        for key in (control_key(RUN), faults_key(RUN, "rover/lidar"), link_key(RUN)):
+            assert not [r for r in intruder.get(f"{key}/**", timeout=0.5) if r.ok], key
+
+
+def test_nobody_is_there_in_anothers_name(running: Running, operator: Bus) -> None:
+    with running.secured.session("rover/imu") as intruder:
+        tokens = [
+            intruder.liveliness().declare_token(HEALTH.key_in(ELSEWHERE, process=process))
+            for process in ("physics", "gateway", "rover/lidar", "rover/imu")
+        ]
+        time.sleep(QUIET_SECONDS)
+        there = operator.present(HEALTH.key_in(ELSEWHERE), seconds=1.0)
+        assert there == {HEALTH.key_in(ELSEWHERE, process="rover/imu")}
+        del tokens
+
+
+def test_datagrams_without_the_key_are_counted_and_dropped(
+    running: Running, health: Callable[[str], Health]
+) -> None:
+    before = health("gateway").counters.get("wire_refused_unsealed", 0)
+    with Link(("127.0.0.1", 0), running.rig.bind) as stranger:
+        stranger.send(8, "/clock", "", 1, bytes(12))
+        assert stranger.flush(5)
+    wait_for(
+        lambda: health("gateway").counters.get("wire_refused_unsealed", 0) > before,
+        10,
+        "it is counted",
+    )
+
+
+def test_secrets_stay_in_their_files(running: Running) -> None:
+    """Neither logs nor lists of processes tell them, and only their owner reads them."""
+    folder = running.secured.folder
+    secrets = [folder / "bridge.key", *folder.glob("*/key.pem")]
+    told = "".join(file.read_text(errors="replace") for file in running.rig.folder.glob("*.log"))
+    for process in running.rig.started:
+        for what in ("cmdline", "environ"):
+            told += Path(f"/proc/{process.pid}/{what}").read_text(errors="replace")
+    for file in secrets:
+        assert file.stat().st_mode & 0o077 == 0, file
+        assert file.parent.stat().st_mode & 0o077 == 0, file
+        secret = max(file.read_text().splitlines(), key=len)
+        assert secret not in told, file

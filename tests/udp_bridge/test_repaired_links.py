@@ -10,7 +10,10 @@ from typing import Any, cast
 import pytest
 
 from udp_bridge import Link, Message
+from udp_bridge.header import Header
 from udp_bridge.repair import Fec, Mode, Resend
+from udp_bridge.repair_wire import Offer
+from udp_bridge.types import CONTROL, RESEND
 from udp_bridge.udp_socket import DatagramSocket, UdpSocket
 
 from .test_link import DEFAULT_BUFFER, LOCAL, wait_for
@@ -106,3 +109,28 @@ def test_a_topic_may_be_mended_from_some_message_on() -> None:
         assert link.left() == {(9, "/cmd_vel"): 2 * count}
         wait_for(lambda: received >= set(range(count, 2 * count)))
     assert not received >= set(range(count))
+
+
+def test_what_is_missed_is_asked_for_before_the_rest_is_acknowledged() -> None:
+    offer = Header(RESEND, 0, 0, 1, 1, 0, "/p").pack() + Offer(1, 4, 2000).pack()
+    parts = [
+        Header(1, seq_number, number, 4, 1, seq_number, "/p").pack() + bytes(1000)
+        for seq_number in range(2)
+        for number in range(4)
+    ]
+    came = []
+    buffer = bytearray(1 << 16)
+    with Link(LOCAL, socket=lossy(random.Random(1), 0.0)) as to:
+        source = UdpSocket(LOCAL, receive_buffer=1 << 20, wait_s=5.0)
+        for datagram in [*parts[:4], offer, parts[4], parts[6]]:
+            source.send([datagram], to.address)
+        wait_for(lambda: to.counters()["received_datagrams"] == 7)
+        old_nanos = time.monotonic_ns() + 2_000_000
+        wait_for(lambda: time.monotonic_ns() > old_nanos)  # now the gap is worth a request
+        source.send([parts[7]], to.address)
+        for _ in range(3):
+            assert source.receive_into(buffer) is not None
+            came.append(buffer[0])
+        source.shut()
+        source.close()
+    assert came == [CONTROL, RESEND, CONTROL]

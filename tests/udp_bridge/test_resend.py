@@ -144,6 +144,57 @@ def test_copies_of_a_request_are_answered_once() -> None:
     assert outbox.resender.resent == 2
 
 
+def test_what_is_lost_again_may_be_asked_for_again_at_once() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    ask(outbox, sent[0][0], (1, 3), MS)
+    taken(outbox, MS)
+    ask(outbox, sent[0][0], (1,), MS + 1)
+    taken(outbox, MS + 1)
+    assert outbox.resender.resent == 3
+
+
+def test_an_offer_goes_behind_what_was_asked_for() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    taken(outbox, 15 * MS)
+    ask(outbox, sent[0][0], (1, 3), 16 * MS)
+    again = taken(outbox, 16 * MS)
+    assert again[:2] == [sent[1], sent[3]]
+    assert [header.msg_type for header, _ in again[2:]] == [65]
+    assert outbox.next_wake(16 * MS) == 17 * MS  # the next ones follow as in the beginning
+
+
+def test_an_offer_follows_a_single_part_a_millisecond_later() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    taken(outbox, 15 * MS)
+    ask(outbox, sent[0][0], (1,), 16 * MS)
+    assert taken(outbox, 16 * MS) == [sent[1]]
+    assert outbox.next_wake(16 * MS) == 17 * MS
+
+
+def test_an_older_message_hastens_no_offer_of_the_newest() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    put(outbox, 0, cloud(8))
+    taken(outbox, 15 * MS)
+    ask(outbox, sent[0][0], (1, 2), 16 * MS)
+    assert taken(outbox, 16 * MS) == sent[1:3]
+
+
+def test_an_offer_waits_for_what_was_asked_for() -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    outbox.pacer.window.window_bytes = 1  # full, so nothing goes again until there is a credit
+    outbox.pacer.window.moved_nanos = 16 * MS
+    ask(outbox, sent[0][0], (1, 2), 16 * MS)
+    assert taken(outbox, 16 * MS) == []
+    wake = outbox.next_wake(16 * MS)
+    assert wake is not None
+    assert wake > 16 * MS
+
+
 def test_what_the_budget_does_not_hold_is_not_sent_again() -> None:
     outbox = Outbox(TO, 65_000, repair={(1, "/p"): Resend(5 * SECOND)})
     acknowledge(outbox, UNKNOWN_BUFFER)
@@ -170,8 +221,9 @@ def test_a_small_message_takes_its_own_size_of_the_budget(datagram: DatagramSize
 
 
 def spent(budget: Budget, goodput: int, now: int, size: int = 1000) -> int:
+    budget.told(goodput, now)
     count = 0
-    while budget.spend(size, goodput, now):
+    while budget.spend(size, now):
         count += size
     return count
 
@@ -202,6 +254,31 @@ def test_a_claim_beyond_what_was_sent_counts_for_nothing() -> None:
     budget = Budget()
     budget.left(20_000_000, 0)
     assert spent(budget, 1 << 31, 1) == 20_000_000 // WINDOW_S
+
+
+def test_a_pause_starves_nobody() -> None:
+    budget = Budget()
+    budget.left(400_000_000, 0)
+    assert spent(budget, 90_000_000, SECOND // 2, 10_000_000) == 90_000_000
+    budget.left(10_000_000, 2 * SECOND)
+    assert spent(budget, 9_500_000, 2 * SECOND) == 0  # still as much as the best second allows
+    budget = Budget()
+    budget.left(400_000_000, 0)
+    budget.told(90_000_000, SECOND // 2)
+    assert budget.spend(20_000_000, SECOND // 2)
+    budget.left(10_000_000, 2 * SECOND)
+    budget.told(9_500_000, 2 * SECOND)
+    assert budget.spend(1_000_000, 2 * SECOND)
+    # What was told so long ago as what was spent for it counts no more.
+    now = SECOND // 2 + WINDOW_S * SECOND
+    assert spent(budget, 1_500_000, now) == 10_000_000 // WINDOW_S - 1_000_000
+
+
+def test_who_tells_ever_less_fills_no_memory() -> None:
+    budget = Budget()
+    for index in range(10_000):
+        budget.told(10**6 - index, index * MS)
+    assert len(budget._told) <= 10 * WINDOW_S + 1
 
 
 def test_history_is_bounded() -> None:

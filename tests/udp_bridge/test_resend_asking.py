@@ -111,9 +111,9 @@ def test_a_whole_message_on_its_way_is_not_asked_for_part_by_part(bench: Bench) 
     assert bench.due(MS) == [(100, (-1,))]
     bench.saw(20 * MS, 0, 1, 2, seq=100)
     assert bench.due(22 * MS) == []
-    bench.saw(22 * MS, 3, 4, 5, 7, seq=100)
+    bench.saw(22 * MS, 3, 4, 5, seq=100)
     assert bench.due(23 * MS) == []
-    assert bench.due(SECOND // 4) == [(100, (6,))]
+    assert bench.due(SECOND // 4) == [(100, (6, 7))]
 
 
 def test_numbers_wrap() -> None:
@@ -155,6 +155,51 @@ def test_on_a_short_way_a_gap_is_asked_for_sooner(bench: Bench) -> None:
     bench.saw(MS, 0, 2, seq=101)
     assert bench.due(MS + MS // 20 - 1) == []
     assert bench.due(MS + MS // 20) == [(101, (1,))]
+
+
+def measured(bench: Bench, nanos: int) -> None:
+    """Let a round trip take so long."""
+    bench.saw(0, *range(7), seq=100)
+    bench.offered(0, 100)
+    assert bench.due(0) == [(100, (7,))]
+    bench.saw(nanos, 7, seq=100)
+
+
+def test_what_was_lost_again_is_seen_by_what_came_behind_it(bench: Bench) -> None:
+    measured(bench, 4 * MS)
+    bench.saw(10 * MS, 0, 7, seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (1, 2, 3, 4, 5, 6))]
+    bench.saw(14 * MS, 1, 4, seq=101)
+    assert bench.due(15 * MS - 1) == []
+    assert bench.due(15 * MS) == [(101, (2, 3))]  # it might have been overtaken until then
+    assert bench.due(16 * MS) == []  # 5 and 6 are on their way
+
+
+def test_an_offer_behind_what_was_sent_again_shows_its_lost_end(bench: Bench) -> None:
+    measured(bench, 4 * MS)
+    bench.saw(10 * MS, 0, 7, seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (1, 2, 3, 4, 5, 6))]
+    bench.offered(11 * MS, 101)
+    assert bench.due(11 * MS) == []  # the sender had not heard of it yet
+    bench.saw(12 * MS, *range(1, 5), seq=101)
+    bench.offered(12 * MS, 101)
+    assert bench.due(12 * MS) == [(101, (5, 6))]
+    bench.offered(12 * MS, 101)
+    assert bench.due(12 * MS) == []
+
+
+def test_an_offer_when_the_round_trip_is_over_repeats_a_request_once(bench: Bench) -> None:
+    measured(bench, 4 * MS)
+    bench.saw(10 * MS, *range(7), seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (7,))]
+    asked = []
+    for now in range(11 * MS, 30 * MS, MS):
+        bench.offered(now, 101)
+        asked += [now // MS] * len(bench.due(now))
+    assert asked == [16]  # 4 ms and half of it; from then on as without the offers
 
 
 def test_parts_in_a_row_are_taken_together(bench: Bench) -> None:

@@ -16,6 +16,7 @@ from groundlink import process
 from groundlink.bus import Bus
 from groundlink.clock import NANOS, exact
 from groundlink.errors import UserError
+from groundlink.following import Follower, follow_states
 from groundlink.scenario.sensors import Optics
 from groundlink.topics import ACK
 from groundlink.world.build import world_hash
@@ -54,8 +55,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or snapshot.frame is not None
 
-        follower = process.Follower(options.name, taker, lambda: {"refused": taker.refused})
-        process.follow_states(bus, run, [follower], ended)
+        follower = Follower(options.name, taker, lambda: {"refused": taker.refused})
+        follow_states(bus, run, [follower], ended)
     if snapshot.frame is not None:
         prefix = f"{options.name.replace('/', '_')}_{options.at:g}s"
         for file in write(options.out, prefix, snapshot.frame, snapshot.labels):

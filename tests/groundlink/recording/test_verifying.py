@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.errors import UserError
 from groundlink.faults import Faults
 from groundlink.gaps import Cause, Gap, Gaps
@@ -54,11 +54,12 @@ def record(
     rows: Rows,
     end_nanos: int | None = None,
     known: Journal | None = None,
+    begin_s: float = 0.0,
 ) -> Recording:
     """Return a recording of some messages, and of a clock."""
     file = RosFile(path)
     file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
-    clocks = [("/clock", clock(i / 10)) for i in range(100)]
+    clocks = [("/clock", clock(begin_s + i / 10)) for i in range(100)]
     for topic, message in sorted([*clocks, *rows], key=lambda row: stamp(row[1])):
         form = RECORDED_FORMS[type(message)]
         file.topic(topic, form.ros_type).write(stamp(message), to_cdr(message))
@@ -241,6 +242,20 @@ def test_without_a_journal_commands_are_taken_at_their_stamps(
     ]
 
 
+@pytest.mark.parametrize("rate_hz", [400.0, 100.0, 30.0])
+def test_the_clock_of_a_restore_that_is_not_due_does_not_come_again(
+    lab: Scenario, tmp_path: Path, rate_hz: float
+) -> None:
+    scenario = replace(lab, time=replace(lab.time, clock_rate_hz=rate_hz))
+    due = {Schedule.at(rate_hz).tick(i) for i in range(1300)}
+    ticks = [1213, 1214, 1215, 1216, 1227]
+    with record(
+        tmp_path / "a.mcap", scenario, [("/clock", clock(tick / 400)) for tick in ticks]
+    ) as recording:
+        found = [(it.nanos - EPOCH) // TICK_NANOS for it in verifying.compared(recording)]
+    assert [tick for tick in found if tick in ticks] == [tick for tick in ticks if tick in due]
+
+
 def gap(cause: Cause, first_s: float, last_s: float, *outputs: str) -> Gap:
     first, last = (EPOCH + round(s * NANOS) for s in (first_s, last_s))
     return Gap(cause, first, last, 1, outputs or ("",))
@@ -289,6 +304,16 @@ def test_what_adds_up_from_states_that_it_did_not_see_may_differ(
         for name in ("rover/imu", "rover/encoders", "rover/odometry")
     ]
     with record(tmp_path / "a.mcap", tour, rows) as recording:
+        assert missing.counting_on(recording).keys() == expected
+
+
+@pytest.mark.parametrize(("mode", "expected"), [("realtime", {"/odom"}), ("fast", set())])
+def test_what_was_missed_before_a_recorder_joined_is_not_known(
+    tmp_path: Path, mode: Literal["realtime", "fast"], expected: set[str]
+) -> None:
+    tour = load(str(SHIPPED / "indoor_2d.yaml"))
+    tour = replace(tour, time=replace(tour.time, mode=mode))
+    with record(tmp_path / "a.mcap", tour, [], begin_s=2.0) as recording:
         assert missing.counting_on(recording).keys() == expected
 
 

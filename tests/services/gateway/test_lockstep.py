@@ -13,6 +13,7 @@ from groundlink.clock import TICK_NANOS
 from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Command, Message, State, WheelEncoders, encode
+from groundlink.quiet import QUIET_SECONDS
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Time
@@ -65,6 +66,7 @@ class Rig:
 
     time: Time = field(default_factory=lambda: Time(mode="fast", lockstep="ros", epoch="zero"))
     resumed: Resumed | None = None
+    heard_of_sensors: Ack = field(default_factory=lambda: Ack(LIFE, -1, -1))
 
     def __post_init__(self) -> None:
         scenario = replace(LAB, time=self.time)
@@ -84,10 +86,15 @@ class Rig:
         self.lockstep = Lockstep(
             *(scenario, self.gateway, self.link, self.words),
             acknowledge=self.acks.append,
-            resume=lambda: self.resumed,
+            resume=self.resume,
             say=self.said.append,
         )
         self.inbox: Inbox[Message] = Inbox(depth=64)
+
+    def resume(self, process: str) -> Resumed | None:
+        if process == "gateway" or self.resumed is None:
+            return self.resumed
+        return Resumed(self.heard_of_sensors, self.resumed.state)
 
     def turn(self, seconds: float = 0.0) -> None:
         self.now += seconds
@@ -243,6 +250,41 @@ def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
     assert (barrier.life, barrier.tick) == (LIFE, 8)
     it.says(8)
     assert [ack.tick for ack in it.acks] == [8]
+
+
+def stands_at(rig: Rig, tick: int, acknowledged: int) -> None:
+    """Let physics say where it stands once nothing has come for long."""
+    state = State(RUN, LIFE, 0, tick, tick * TICK_NANOS, "", {})
+    rig.resumed = Resumed(Ack(LIFE, acknowledged, acknowledged), state)
+    rig.turn(QUIET_SECONDS + 0.1)
+    rig.turn()
+
+
+def test_a_clock_that_the_bus_has_lost(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0)
+    stands_at(rig, 4, acknowledged=0)
+    assert rig.link.barriers[-1].tick == 4
+
+
+def test_a_command_and_an_acknowledgement_that_the_bus_has_lost(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.commands(1)
+    rig.says(0, sent=(Sent(TWIST, "/cmd_vel", 1, 1),))
+    assert len(rig.published) == 1
+    stands_at(rig, 0, acknowledged=-1)
+    assert [ack.tick for ack in rig.acks] == [0, 0]
+    assert rig.published[0] == rig.published[1], "physics waits for it, too"
+
+
+@pytest.mark.parametrize(("they_have_said", "asked"), [(0, 0), (-1, -1)])
+def test_sensors_words_that_the_bus_has_lost(rig: Rig, they_have_said: int, asked: int) -> None:
+    rig.heard_of_sensors = Ack(LIFE, they_have_said, they_have_said)
+    rig.clock(0)
+    stands_at(rig, 0, acknowledged=-1)
+    assert rig.link.barriers[-1].tick == asked
 
 
 def test_what_was_heard_of_is_not_asked_twice() -> None:

@@ -250,6 +250,12 @@ def test_another_life_of_physics_is_known_by_its_clock(rig: Rig) -> None:
     assert rig.recorder.is_another_life(Clock(EPOCH + NANOS, EPOCH + NANOS, 0, EPOCH + NANOS))
 
 
+def test_clocks_that_the_bus_has_lost_are_counted(rig: Rig) -> None:
+    for tick in (0, 4, 8, 20, 24):  # at 100 Hz
+        rig.clock(tick)
+    assert rig.recorder.counts["clocks_missed"] == 2
+
+
 def test_facts_of_topics_are_in_the_file_at_every_commit(rig: Rig) -> None:
     rig.clock(0)
     rig.clock(200)

@@ -120,10 +120,10 @@ class Listening:
         sender: Address,
         now_nanos: int,
     ) -> None:
+        for request in self._inbox.requests(now_nanos):  # a message waits for what they ask for
+            self._answer(*request)
         if credit is not None:
             self._answer(*credit)
-        for request in self._inbox.requests(now_nanos):
-            self._answer(*request)
         if message is None or self._is_ended:
             return
         try:

@@ -9,20 +9,20 @@ History is bounded in time, by each topic's own limit, and in bytes. How much ma
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Dict, Iterator, NamedTuple, Optional, Tuple
+from typing import Iterator, NamedTuple, Optional, Tuple
 
 from .fragments import Split, datagram_of, flat
 from .header import PARTS_MAX, SEQ_NUMBERS, Header
 from .message import Message
 from .repair_wire import Request
 from .resend_budget import Budget
-from .resend_offers import Offered, Offers
+from .resend_offers import FIRST_STEP_NANOS, Offered, Offers
 
 HISTORY_BYTES = 64 << 20
 """Bodies that are kept; they are the caller's own, so nothing is copied."""
 HISTORY_MESSAGES = 4096
 DEBOUNCE_NANOS = 1_500_000
-"""A part that went out again is not sent once more so soon: requests come in copies."""
+"""A request that comes again so soon is a copy."""
 WAITING_MAX = 2 * PARTS_MAX
 """Datagrams that wait to be sent again."""
 
@@ -34,7 +34,8 @@ class Sent:
     """A message in the history."""
 
     __slots__ = (
-        "again_nanos",
+        "asked",
+        "asked_nanos",
         "cut",
         "limit_nanos",
         "message",
@@ -50,8 +51,9 @@ class Sent:
         """The header of part 0."""
         self.limit_nanos = limit_nanos
         self.parts_sent = 0
-        self.again_nanos: Dict[int, int] = {}
-        """When a part was last queued to be sent again."""
+        self.asked: Optional[Request] = None
+        """What was asked for last, and when."""
+        self.asked_nanos = 0
         self.since_nanos = 0
         """When its first part went out."""
 
@@ -116,20 +118,19 @@ class Resender:
     def asked(self, header: Header, request: Request, now_nanos: int) -> None:
         """Queue what a receiver asks for, as far as it is kept and the budget allows."""
         self._clean(now_nanos)
-        for again in self._kept(header, request):
+        self._budget.told(request.goodput, now_nanos)
+        for again in self._kept(header, request, now_nanos):
             place = (again.sent.key, again.part_number)
-            last_nanos = again.sent.again_nanos.get(again.part_number)
-            if last_nanos is not None and now_nanos - last_nanos < DEBOUNCE_NANOS:
-                continue
             if place in self._waiting:
                 continue
-            if len(self._waiting) >= WAITING_MAX or not self._budget.spend(
-                again.size, request.goodput, now_nanos
-            ):
+            if len(self._waiting) >= WAITING_MAX or not self._budget.spend(again.size, now_nanos):
                 self.over_budget += 1
                 continue
-            again.sent.again_nanos[again.part_number] = now_nanos
             self._waiting[place] = again
+        if self._waiting and request.parts:
+            key = (request.msg_type, header.topic, header.seq_number)
+            is_alone = len(request.parts) == 1  # nothing of it can tell that the offer is not early
+            self._offers.hasten(key, now_nanos + FIRST_STEP_NANOS * is_alone)
 
     @property
     def is_idle(self) -> bool:
@@ -159,7 +160,7 @@ class Resender:
         """When an offer is due; None when there is none."""
         return self._offers.next_nanos
 
-    def _kept(self, header: Header, request: Request) -> Iterator[Again]:
+    def _kept(self, header: Header, request: Request, now_nanos: int) -> Iterator[Again]:
         """Yield what is asked for and has been sent, of messages that are in the history."""
         for offset in range(request.messages):
             seq_number = (header.seq_number + offset) % SEQ_NUMBERS
@@ -172,6 +173,9 @@ class Resender:
                 or header.stamp_nanos != sent.message.stamp_nanos
             ):
                 continue
+            if sent.asked == request and now_nanos - sent.asked_nanos < DEBOUNCE_NANOS:
+                continue
+            sent.asked, sent.asked_nanos = request, now_nanos
             for part in parts:
                 if part < sent.parts_sent:
                     yield Again(sent, part)

@@ -10,10 +10,11 @@ is asked whether something is due. How long to wait is `round_trip`'s, parts and
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Iterator, List, NamedTuple, Optional, Tuple
 
 from .header import SEQ_NUMBERS, Header
 from .repair_wire import WHOLE_MAX, Offer, Request
+from .resend_want import Want
 from .round_trip import RoundTrip
 
 COPIES = 3
@@ -36,24 +37,6 @@ class Asked(NamedTuple):
     copies: int = 1
 
 
-class _Want:
-    """A message that has a gap."""
-
-    __slots__ = ("asked_nanos", "due", "highest", "is_asked", "parts_max", "since_nanos", "time")
-
-    def __init__(self, since_nanos: int) -> None:
-        self.since_nanos = since_nanos
-        """When its first part, or the gap, was noticed."""
-        self.due: Dict[int, Tuple[int, int]] = {}
-        """When to ask for a part, and how often that was done."""
-        self.highest = -1
-        """All parts up to this one have been sent."""
-        self.parts_max = 0
-        self.time = (0, 0)
-        self.asked_nanos = 0
-        self.is_asked = False
-
-
 class Asking:
     """The gaps of one topic of one sender."""
 
@@ -62,7 +45,7 @@ class Asking:
         self._newest: Optional[int] = None
         self._newest_stamp_nanos = 0
         self._is_reborn = False
-        self._wants: OrderedDict[int, _Want] = OrderedDict()  # by seq_number, oldest first
+        self._wants: OrderedDict[int, Want] = OrderedDict()  # by seq_number, oldest first
         self._due_nanos: Optional[int] = None  # no part is due before
         self._round_trip = RoundTrip()
 
@@ -117,9 +100,7 @@ class Asking:
             return
         if want.parts_max:
             self._is_sent_up_to(want, want.parts_max, now_nanos)
-        for part, (_, tries) in want.due.items():
-            if not tries:
-                want.due[part] = (now_nanos, 0)
+        want.offered(now_nanos, self._round_trip.usual_nanos)
         self._due_nanos = now_nanos
 
     def saw(self, header: Header, *, is_whole: bool, now_nanos: int, count: int = 1) -> None:
@@ -152,6 +133,9 @@ class Asking:
             self._is_sent_up_to(want, header.parts_max, now_nanos + wait, tries)
         self._measure(want, first, now_nanos)
         if want.due:
+            again_nanos = now_nanos + self._round_trip.debounce_nanos
+            if want.lost_again(first, again_nanos):
+                self._wake_at(again_nanos)
             for part in range(first, first + count):
                 want.due.pop(part, None)
         due_nanos = now_nanos + self._round_trip.debounce_nanos
@@ -202,7 +186,7 @@ class Asking:
         self._due_nanos = min(dues) if dues else None
         return asked
 
-    def _take_due(self, want: _Want, now_nanos: int) -> Iterator[Tuple[int, int]]:
+    def _take_due(self, want: Want, now_nanos: int) -> Iterator[Tuple[int, int]]:
         """Yield the parts that are due now, and how often they were asked for, and put them off."""
         for part, (due_nanos, tries) in list(want.due.items()):
             if due_nanos > now_nanos:
@@ -237,13 +221,13 @@ class Asking:
         self._newest = seq_number
         self._newest_stamp_nanos = header.stamp_nanos
 
-    def _want(self, seq_number: int, now_nanos: int) -> _Want:
+    def _want(self, seq_number: int, now_nanos: int) -> Want:
         if len(self._wants) >= WANTS:
             self._wants.popitem(last=False)
-        want = self._wants[seq_number] = _Want(now_nanos)
+        want = self._wants[seq_number] = Want(now_nanos)
         return want
 
-    def _is_sent_up_to(self, want: _Want, end: int, due_nanos: int, tries: int = 0) -> None:
+    def _is_sent_up_to(self, want: Want, end: int, due_nanos: int, tries: int = 0) -> None:
         """Take all parts before `end` as sent; those that have not come are due then."""
         due = (due_nanos, tries)
         for part in range(want.highest + 1, end):
@@ -255,7 +239,7 @@ class Asking:
         if self._due_nanos is None or due_nanos < self._due_nanos:
             self._due_nanos = due_nanos
 
-    def _measure(self, want: _Want, part: int, now_nanos: int) -> None:
+    def _measure(self, want: Want, part: int, now_nanos: int) -> None:
         """Measure the round trip by a part that was asked for once (RFC 6298, 2)."""
         tries = want.due.get(part, want.due.get(_WHOLE, (0, 0)))[1]
         if tries == 1:

@@ -73,6 +73,19 @@ class Offers:
         schedule.step_nanos = SMALL_STEP_NANOS if is_small else FIRST_STEP_NANOS
         self._topics[key] = schedule
 
+    def hasten(self, key: Tuple[int, str, int], due_nanos: int) -> None:
+        """Offer a message of several parts then, and from then on as often as in the beginning.
+
+        For what is sent again of it may be lost again, and who asked for it has no clock of its
+        own. One that is not its topic's newest any more is not offered.
+        """
+        msg_type, topic, seq_number = key
+        schedule = self._topics.get((msg_type, topic))
+        if schedule is None or schedule.offered.message.seq_number != seq_number:
+            return
+        if schedule.offered.parts_max > 1:
+            schedule.due_nanos, schedule.step_nanos = due_nanos, FIRST_STEP_NANOS
+
     def take(self, now_nanos: int) -> Optional[bytes]:
         """Return an offer that is due, as a whole datagram."""
         for key, schedule in self._topics.items():

@@ -48,6 +48,11 @@ class RoundTrip:
         return int(self._nanos)
 
     @property
+    def usual_nanos(self) -> int:
+        """A time that most take no longer than; 0 while none is known."""
+        return int(self._nanos + self._deviation_nanos)
+
+    @property
     def debounce_nanos(self) -> int:
         """How old a gap is before it is asked for."""
         if not self._nanos:

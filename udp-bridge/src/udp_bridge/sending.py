@@ -142,10 +142,11 @@ class Outbox:
             return Datagram(*self._symbols.popleft(), self.to, is_last=False)
         if self._small:
             return self._take_small(now_nanos)
-        offer = self.resender.next_offer(now_nanos)
+        again = self.resender.next_again(now_nanos)
+        # It goes behind what was asked for, so that who gets it knows whether that was lost.
+        offer = self.resender.next_offer(now_nanos) if again is None else None
         if offer is not None:
             return Datagram(offer, memoryview(b""), self.to, is_last=False)
-        again = self.resender.next_again(now_nanos)
         part = again.datagram() if again is not None else self._next_part(now_nanos)
         if part is None:
             return None
@@ -208,7 +209,7 @@ class Outbox:
             return now_nanos
         again = self.resender.next_again(now_nanos)
         part = again.datagram() if again is not None else self._next_part(now_nanos)
-        offer_nanos = self.resender.next_offer_nanos
+        offer_nanos = self.resender.next_offer_nanos if again is None else None
         if part is None:
             return offer_nanos
         part_nanos = self.pacer.next_wake(_size(part), now_nanos)

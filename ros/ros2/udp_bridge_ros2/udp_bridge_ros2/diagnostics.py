@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's counters on /diagnostics, once a second, as diagnostic_msgs/DiagnosticArray.
 
-Rule: one status for each topic and peer and one for the link; what they say is in `verdicts`.
+Rule: one status for each topic and peer and one for the link; what they say is in
+`udp_bridge.ros_end.verdicts`.
 Where the message package is not installed nothing is published, and one line says so.
 """
 
@@ -10,7 +11,6 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from udp_bridge import MSG_TYPES
 from udp_bridge.ros_end.verdicts import Verdict, Verdicts
 
 if TYPE_CHECKING:
@@ -50,23 +50,11 @@ class Diagnostics:
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         host, port = self._link.address
-        message.status = [_status(verdict, f"{host}:{port}") for verdict in self._judged(now_nanos)]
+        message.status = [
+            _status(verdict, f"{host}:{port}")
+            for verdict in self._verdicts.all_of(self._link, now_nanos)
+        ]
         self._publisher.publish(message)
-
-    def _judged(self, now_nanos: int) -> list[Verdict]:
-        verdicts = self._verdicts
-        verdicts.begin()
-        judged = [verdicts.link(self._link.counters(), self._link.receive_buffer)]
-        arrivals = self._link.arrivals()
-        for (host, port), topic, _, report in arrivals:
-            if MSG_TYPES[report.msg_type].ros_type is not None:
-                peer = f"{host}:{port}"
-                judged.append(verdicts.arriving(topic, report, peer, now_nanos))
-        for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
-            for account in self._link.accounts((host, port)):
-                if MSG_TYPES[account.msg_type].ros_type is not None:
-                    judged.append(verdicts.leaving(account, f"{host}:{port}", now_nanos))
-        return judged
 
 
 def _status(verdict: Verdict, address: str) -> Any:

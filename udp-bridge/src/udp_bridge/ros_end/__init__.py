@@ -3,3 +3,5 @@
 
 Rule: ROS comes in as a few functions; queues, leases, verdicts and addresses are the same in both.
 """
+
+from __future__ import annotations

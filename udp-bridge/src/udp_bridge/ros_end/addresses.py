@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import socket
 
-from udp_bridge.sending import Address
+from udp_bridge.leaving import Address
 
 DEFAULT_BIND = "127.0.0.1:7511"
 """Where a node receives when nothing is said."""

@@ -15,8 +15,8 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Protocol, Tuple
 
 from udp_bridge.control import Subscribe
 from udp_bridge.header import BadMessage
+from udp_bridge.leaving import Address
 from udp_bridge.link import Link
-from udp_bridge.sending import Address
 from udp_bridge.types import MSG_TYPES, MessageType
 
 from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish

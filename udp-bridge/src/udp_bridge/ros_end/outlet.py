@@ -18,8 +18,8 @@ from queue import SimpleQueue
 from typing import Any, Callable, Deque, Dict, Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.header import Buffer
+from udp_bridge.leaving import Address
 from udp_bridge.message import Message
-from udp_bridge.sending import Address
 from udp_bridge.types import MSG_TYPES, MessageType
 
 from .deliveries import Delivery, published

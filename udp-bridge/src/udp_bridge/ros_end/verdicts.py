@@ -13,10 +13,11 @@ diagnostic_msgs/DiagnosticStatus, and these are their rules:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Tuple
 
 from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, TopicReport
+from udp_bridge.link import Link
 from udp_bridge.types import MSG_TYPES
 
 OK, WARN, STALE = 0, 1, 3
@@ -55,6 +56,20 @@ class Verdicts:
     def begin(self) -> None:
         """Begin a round; what nothing was said about in the last one is forgotten."""
         self._before, self._older = {}, self._before
+
+    def all_of(self, link: Link, now_nanos: int) -> List[Verdict]:
+        """Return what is so of a link and of all its topics, since this was asked last."""
+        self.begin()
+        judged = [self.link(link.counters(), link.receive_buffer)]
+        arrivals = link.arrivals()
+        for (host, port), topic, _, report in arrivals:
+            if MSG_TYPES[report.msg_type].ros_type is not None:
+                judged.append(self.arriving(topic, report, f"{host}:{port}", now_nanos))
+        for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
+            for account in link.accounts((host, port)):
+                if MSG_TYPES[account.msg_type].ros_type is not None:
+                    judged.append(self.leaving(account, f"{host}:{port}", now_nanos))
+        return judged
 
     def arriving(self, topic: str, report: TopicReport, sender: str, now_nanos: int) -> Verdict:
         """Return what is so of a topic that comes from a peer."""

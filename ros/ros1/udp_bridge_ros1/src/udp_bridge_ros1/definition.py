@@ -19,7 +19,7 @@ class Field(NamedTuple):
 
     type_name: str
     """A primitive of ROS, or the name that `Definition.parts` has the fields of."""
-    count: Optional[int]
+    length: Optional[int]
     """Of a fixed array; -1 of one that says its length itself; None of no array."""
 
 

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the node: ``python3 -m udp_bridge_ros1 [--bind HOST:PORT] [_peer:=HOST:PORT ...]``.
+
+Rule: users' mistakes are one line and exit code 2; SIGINT and SIGTERM end it within a second. It
+waits for a roscore, and ends with exit code 1 when another one takes its place.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from typing import List, Optional
+
+PROGRAM = "udp_bridge_ros1"
+SWITCH_SECONDS = 5e-4
+"""After this long a thread that waits for the interpreter gets it. Python's own 5 ms are the age of
+a small message several times over."""
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node until a signal ends it; return the exit code."""
+    signals: List[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: signals.append(number))
+    sys.setswitchinterval(SWITCH_SECONDS)
+    try:
+        import rospy
+
+        from .master import Watch, wait_for_master
+        from .node import BridgeNode
+    except ImportError as error:
+        return _fail(f"{error}; it needs ROS 1 (Noetic) and the Python package udp-bridge")
+
+    argv = sys.argv[1:] if argv is None else argv
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM, description="Publish in ROS 1 what arrives by UDP Bridge, and send back."
+    )
+    parser.add_argument("--bind", metavar="HOST:PORT", help="where to receive (127.0.0.1:7511)")
+    parser.add_argument("--key-file", metavar="FILE", help="key that both ends share")
+    parser.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
+    arguments = parser.parse_args(rospy.myargv([PROGRAM, *argv])[1:])
+    if not wait_for_master(lambda: bool(signals), _say):
+        return 0
+    try:
+        rospy.init_node("udp_bridge", argv=[PROGRAM, *argv], disable_signals=True)
+        node = BridgeNode(
+            bind=arguments.bind, key_file=arguments.key_file, key_env=arguments.key_env
+        )
+    except OSError as error:
+        return _fail(error.strerror or str(error))
+    except (ValueError, rospy.ROSException) as error:
+        return _fail(str(error))
+    watch = Watch(rospy.get_name())
+    while not (signals or watch.is_another or rospy.is_shutdown()):
+        node.turn()
+    watch.close()
+    node.close()
+    if watch.is_another:
+        _say("roscore was started again; start this node again, too")
+    elif not signals:
+        _say("another node took this node's name; give one of them another by __name:=NAME")
+    rospy.signal_shutdown("it was told to")
+    return 0 if signals else 1
+
+
+def _say(line: str) -> None:
+    print(f"{PROGRAM}: {' '.join(line.split())}", file=sys.stderr, flush=True)
+
+
+def _fail(reason: str) -> int:
+    _say(reason)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node's counters on /diagnostics, once a second, as diagnostic_msgs/DiagnosticArray.
+
+Rule: one status for each topic and peer and one for the link; what they say is decided in
+`udp_bridge.ros_end.verdicts`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from udp_bridge.ros_end.verdicts import Verdict, Verdicts
+
+if TYPE_CHECKING:
+    from udp_bridge import Link
+
+TOPIC = "/diagnostics"
+PERIOD_NANOS = 1_000_000_000
+
+
+class Diagnostics:
+    """Publishes what a link counts; `turn` is to be called several times a second."""
+
+    def __init__(self, link: Link, now_nanos: int) -> None:
+        self._link = link
+        self._verdicts = Verdicts()
+        self._due_nanos = now_nanos + PERIOD_NANOS
+        self._publisher = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
+
+    def turn(self, now_nanos: int) -> None:
+        """Publish when a second has passed."""
+        if now_nanos < self._due_nanos:
+            return
+        self._due_nanos = now_nanos + PERIOD_NANOS
+        host, port = self._link.address
+        message = DiagnosticArray()
+        message.header.stamp = rospy.get_rostime()
+        message.status = [
+            _status(verdict, f"{host}:{port}")
+            for verdict in self._verdicts.all_of(self._link, now_nanos)
+        ]
+        self._publisher.publish(message)
+
+
+def _status(verdict: Verdict, address: str) -> Any:
+    return DiagnosticStatus(
+        level=verdict.level,
+        name=f"udp_bridge: {verdict.name}",
+        message=verdict.message,
+        hardware_id=f"udp_bridge {address}",
+        values=[KeyValue(key=key, value=value) for key, value in verdict.values.items()],
+    )

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message classes that rospy sends and hears without taking messages apart.
+
+Rule: to ROS they are the type that they stand for: its name, its sum, its definition; within they
+are bytes in ROS 1's form.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib import import_module
+from typing import Any, NamedTuple, Sequence
+
+import genpy
+
+from .cdr import Buffer, Plan
+
+
+class Raw(genpy.Message):  # type: ignore[misc]
+    """A message as the bytes that it is; `Kind.raw` has it for one type."""
+
+    __slots__ = ("chunks",)
+    _slot_types = ()
+    _has_header = False
+
+    def __init__(self, *chunks: Buffer) -> None:
+        self.chunks: Sequence[Buffer] = chunks
+
+    def serialize(self, buff: Any) -> None:
+        """Write it, as rospy asks."""
+        buff.writelines(self.chunks)
+
+    def deserialize(self, data: bytes) -> Raw:
+        """Take what came, as rospy asks."""
+        self.chunks = (data,)
+        return self
+
+
+class Kind(NamedTuple):
+    """A message type, ready to be sent and heard."""
+
+    raw: Any
+    """A class derived from `Raw`."""
+    plan: Plan
+
+
+@lru_cache(maxsize=None)
+def kind(ros_type: str) -> Kind:
+    """Return what a type such as ``sensor_msgs/msg/Imu`` is in ROS 1.
+
+    Raises
+    ------
+    ImportError
+        When its package is not installed.
+    """
+    package, _, name = ros_type.split("/")
+    known = getattr(import_module(f"{package}.msg"), name)
+    told = {part: getattr(known, part) for part in ("_type", "_md5sum", "_full_text")}
+    return Kind(type(name, (Raw,), {"__slots__": (), **told}), Plan(known._full_text))

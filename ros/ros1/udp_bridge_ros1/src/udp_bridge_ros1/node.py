@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node: a link on one side, an outlet and an inlet on the other, and what it tells the user.
+
+Rule: it only wires. The link's receiving thread hands messages over, the outlet's thread
+publishes, and the thread that calls `turn` sends back.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Optional
+
+import rospy
+
+from udp_bridge import MSG_TYPES, Link, Message, Refused
+from udp_bridge.around import sealed_socket
+from udp_bridge.control import Subscribe
+from udp_bridge.keys import read_key
+from udp_bridge.leaving import Address
+from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
+from udp_bridge.ros_end.alive import Alive
+from udp_bridge.ros_end.inlet import Inlet
+from udp_bridge.ros_end.outlet import Outlet
+from udp_bridge.seal import FROM_ROS
+from udp_bridge.types import SUBSCRIBE
+from udp_bridge.udp_socket import buffer_hint
+
+from .diagnostics import Diagnostics
+from .publishers import Publishers
+from .subscriptions import Subscriptions
+
+
+class BridgeNode:
+    """The ROS 1 end of UDP Bridge, within a node that rospy has begun.
+
+    Its parameters are `~bind`, where it receives, and `~peer`, the only one whose messages it takes
+    (port 0: any of that host; empty: whoever sends), both as ``HOST:PORT``. With `~key_file`, a
+    file, or `~key_env`, an environment variable, it sends and takes only what is sealed by that
+    key.
+
+    Parameters
+    ----------
+    bind, key_file, key_env
+        Stand before the parameters of these names.
+
+    Raises
+    ------
+    ValueError
+        When an address is none, or the key is none that can be used.
+    OSError
+        When an address can't be resolved or bound.
+    """
+
+    def __init__(
+        self,
+        *,
+        bind: Optional[str] = None,
+        key_file: Optional[str] = None,
+        key_env: Optional[str] = None,
+    ) -> None:
+        bind = bind or str(rospy.get_param("~bind", DEFAULT_BIND))
+        peer = str(rospy.get_param("~peer", ""))
+        key_file = key_file or str(rospy.get_param("~key_file", "")) or None
+        key_env = key_env or str(rospy.get_param("~key_env", "")) or None
+        secret = read_key(key_file, key_env, os.environ)
+        bind_address = parse_address(bind, what="bind")
+        self._peer = resolve(parse_address(peer, what="peer")) if peer else None
+        self._refused = 0
+        publishers = Publishers()
+        self._subscriptions = Subscriptions()
+        self._outlet = Outlet(publishers, self._fated)
+        self._inlet = Inlet(self._subscriptions, is_published=self._outlet.publishes)
+        try:
+            self._link = Link(
+                bind_address,
+                report=True,
+                confirmed=True,
+                on_message=self._take,
+                socket=sealed_socket(bind_address, secret, sends=FROM_ROS) if secret else None,
+            )
+        except OSError:
+            self._outlet.close()
+            raise
+        self._diagnostics = Diagnostics(self._link, time.monotonic_ns())
+        self._alive = Alive(os.environ)
+        self._log = publishers.get_logger()
+        host, port = self._link.address
+        self._log.info(f"receiving at {host}:{port}")
+        if hint := buffer_hint(self._link.receive_buffer):
+            self._log.warning(hint)
+
+    def turn(self) -> None:
+        """Serve the wishes of peers for a moment, 0.1 s at most."""
+        now_nanos = time.monotonic_ns()
+        wait_s = self._inlet.turn(self._link, now_nanos)
+        self._diagnostics.turn(now_nanos)
+        if self._alive.is_due(now_nanos):
+            self._alive.show(self._link.counters()["received_datagrams"], now_nanos)
+        self._subscriptions.turn(wait_s)
+
+    def close(self) -> None:
+        """End all threads and say in one line what was done."""
+        self._link.close()
+        self._outlet.close()
+        counts = self._link.counters()
+        refused = sum(counts["refused"].values()) + self._outlet.refused + self._refused
+        self._log.info(
+            f"{self._outlet.published} messages published on {self._outlet.topic_count} topics, "
+            f"{self._inlet.sent} sent back; lost on the way {counts['missing']}, "
+            f"dropped for newer ones {self._outlet.dropped}, "
+            f"refused {refused + self._subscriptions.refused}"
+        )
+
+    def _take(self, message: Message, sender: Address) -> None:
+        if self._peer is not None and not is_from(sender, self._peer):
+            self._refused += 1
+            self._link.dropped(message, sender)
+            return
+        row = MSG_TYPES[message.msg_type]
+        if row.ros_type is not None:
+            self._outlet.put(row, message, sender)
+        elif message.msg_type == SUBSCRIBE:
+            try:
+                self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
+            except Refused:
+                self._refused += 1
+
+    def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
+        (self._link.published if is_published else self._link.dropped)(message, sender)

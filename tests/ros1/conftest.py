@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A roscore that nobody else uses, and processes of ROS 1, by the Python that has it."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from tests.ros.processes import Process
+from tests.system.rig import free_port, wait_for
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+PYTHON = "/usr/bin/python3"
+NEEDED = "import rospy, rosbag, roslaunch, genpy, tf2_msgs, nav_msgs, diagnostic_msgs"
+
+
+class Ros1:
+    """One ROS 1 graph and the processes in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._processes: list[Process] = []
+        port = free_port(socket.SOCK_STREAM)
+        sources = (ROOT / "udp-bridge/src", ROOT / "ros/ros1/udp_bridge_ros1/src", folder)
+        self.environment = {
+            "PATH": "/usr/bin:/bin",
+            "HOME": str(folder),
+            "ROS_HOME": str(folder),
+            "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+            "ROS_IP": "127.0.0.1",
+            "PYTHONPATH": os.pathsep.join(map(str, sources)),
+            "PYTHONUNBUFFERED": "1",
+        }
+        self._folder, self._port = folder, port
+
+    def begin(self) -> None:
+        """Build the messages and start a roscore, which takes long on a busy machine."""
+        builder = self.start(str(ROOT / "ros/ros1/build_messages.py"), str(self._folder))
+        assert builder.exit_code() == 0, builder.output
+        core = self.start("/usr/bin/roscore", "-p", str(self._port))
+        wait_for(lambda: "started core service" in core.output, 60, "a roscore")
+
+    def start(self, *arguments: str) -> Process:
+        process = Process(arguments, self.environment, python=PYTHON)
+        self._processes.append(process)
+        return process
+
+    def bridge(self, bind: str) -> Process:
+        node = self.start("-m", "udp_bridge_ros1", "--bind", bind)
+        node.wait_for("receiving at")
+        return node
+
+    def listen(self, *rows: tuple[str, str]) -> Process:
+        return self.start(str(HERE / "listener.py"), json.dumps(rows))
+
+    def end(self) -> None:
+        with ExitStack() as all_of_them:  # the last one that began ends first
+            for process in self._processes:
+                all_of_them.callback(process.end)
+
+
+@pytest.fixture
+def ros1(tmp_path: Path) -> Iterator[Ros1]:
+    if subprocess.run([PYTHON, "-c", NEEDED], check=False, capture_output=True).returncode:
+        if os.environ.get("GROUNDLINK_EVERY_TEST"):
+            pytest.fail(f"no ROS 1 here: `{PYTHON} -c '{NEEDED}'` fails")
+        pytest.skip("no ROS 1 here")
+    running = Ros1(tmp_path)
+    try:
+        running.begin()
+        yield running
+    finally:
+        running.end()
