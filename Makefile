@@ -8,10 +8,10 @@ READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
-.PHONY: help setup run test check benchmarks clean
+.PHONY: help setup run test test-stack check benchmarks clean
 
 help: ## show this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 setup: $(READY) ## make the environment in .venv and nothing else
 
@@ -24,6 +24,9 @@ run: setup ## start SCENARIO and show what arrives in ROS (DURATION=20 ends by i
 
 test: setup ## run every test: units, architecture, style, types, and the real system
 	@$(BIN)/python -m pytest
+
+test-stack: setup ## bring the containers up on a Docker engine, break them, look
+	@$(BIN)/python -m pytest -m stack tests/deploy
 
 check: test ## what CI runs
 

@@ -51,6 +51,7 @@ class Publisher:
 
 def own_publisher(way: str) -> Publisher:
     """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
+    from udp_bridge.ros_end import deliveries
     from udp_bridge_ros2 import environment, topics
 
     environment.apply_defaults(os.environ)
@@ -60,7 +61,9 @@ def own_publisher(way: str) -> Publisher:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(f"receiver_of_{way}")
     image = topics.message_class("sensor_msgs/msg/Image")
-    return Publisher(node.create_publisher(image, TOPIC, topics.published("Image", TOPIC).qos()))
+    return Publisher(
+        node.create_publisher(image, TOPIC, topics.published(deliveries.published("Image", TOPIC)))
+    )
 
 
 def node(_: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ from . import stack as stacks
 from .ledger import Ledger
 from .stack import Observer, Seen, Stack, docker, needs_docker, up
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.system, pytest.mark.stack, pytest.mark.timeout(600)]
 
 DECLARED_HZ = {
     "/clock": 100.0,
