@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from groundlink.calendars import Calendar, calendar
 from groundlink.clock import TICK_NANOS
 from groundlink.gaps import Gaps
+from groundlink.imagery import CompressedImage
 from groundlink.messages import Message, State, encode, measured_nanos, packed
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.lenses import Imager
@@ -76,11 +77,8 @@ class Blank(PictureModel):
             del self._restarting
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
-        return [Beside(output.name, _Stamped(stamp_nanos)) for output in sensor_outputs(self._spec)]
-
-
-class _Stamped(Message, frozen=True):
-    stamp_nanos: int
+        picture = CompressedImage(stamp_nanos, "", "jpeg", memoryview(b""))
+        return [Beside(output.name, picture) for output in sensor_outputs(self._spec)]
 
 
 def of_rate(kind: type[Any], **fields: Any) -> st.SearchStrategy[Any]:

@@ -14,12 +14,12 @@ module, package, sys.argv[1:] = sys.argv[1], sys.argv[2], sys.argv[3:]
 sys.modules[package] = None  # as if it were not installed
 
 from groundlink import process
-from services.sensors import shell
+from services.sensors import kinds
 
-def run(spec_type, make_model, **_):  # the shell without a run to join
-    process.run(module, lambda *_: make_model(None, None, None))
+def run(kind):  # the process without a run to join
+    process.run(module, lambda *_: kind.make_model(None, None, None))
 
-shell.run = run
+kinds.run = run
 runpy.run_module(module, run_name="__main__")
 """
 
