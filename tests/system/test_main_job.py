@@ -51,7 +51,9 @@ class Running:
         return [s[1] for s in iter(lambda: self.states.get(seconds=0), None)]
 
     def counters(self, process: str) -> dict[str, int]:
-        """Return a process's next word about itself."""
+        """Return a process's next word about itself, whatever has come before."""
+        while self.health.get(seconds=0):
+            pass
         while True:
             arrived = self.health.get(seconds=5)
             assert arrived, f"{process} fell silent"
