@@ -26,7 +26,7 @@ test: setup ## run every test: units, architecture, style, types, and the real s
 	@$(BIN)/python -m pytest
 
 test-stack: setup ## bring the containers up on a Docker engine, break them, look
-	@$(BIN)/python -m pytest -m stack tests/deploy
+	@$(BIN)/python -m pytest -m stack
 
 check: test ## what CI runs
 

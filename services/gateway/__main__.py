@@ -9,8 +9,6 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
-from functools import partial
 
 from msgspec.structs import replace
 
@@ -55,14 +53,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--key-file", metavar="FILE", help="instead of the scenario's key")
     options = parser.parse_args(arguments)
     sys.setswitchinterval(SWITCH_SECONDS)
-    with ExitStack() as opened:
-        join = partial(Bus, connect=process.endpoint(options), name=NAME)
-        bus = opened.enter_context(join())
+    with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
-        if scenario.time.mode == "realtime":
-            # Else a gateway that is cut off has the router, and so everybody, wait for it.
-            opened.close()
-            bus = opened.enter_context(join(onlooker=True))
         process.alone(bus, run, NAME)
         changed: Scenario | None = scenario
         kept = Kept(bus, run)
