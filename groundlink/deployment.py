@@ -221,7 +221,7 @@ class Deployment:
             | {"profiles": ["record"], "volumes": ["recordings:/recordings"]},
         )
         yield (
-            "viewer",
+            "view",
             self._of("viewer", ["--web", "--host", "0.0.0.0"])
             | {"profiles": ["view"], "ports": ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"]},
         )

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
+from groundlink.access import grants
 from groundlink.deployment import MAIN, Deployment
 from groundlink.errors import UserError
 from groundlink.scenario import load
@@ -103,6 +104,9 @@ def test_credentials_are_laid_over_every_container_of_the_bus() -> None:
         if "bus" in service["networks"]:
             assert over[name]["environment"]["GROUNDLINK_ROUTER"] == "tls/router:7447"
             assert f"/etc/run/{name}:/run/credentials:ro" in over[name]["volumes"]
+    made = {"router", *(process.replace("/", "-") for process, _ in grants(load(DEFAULT)))}
+    mounted = [v for service in over.values() for v in service["volumes"] if "credentials" in v]
+    assert {volume.split("/")[3].partition(":")[0] for volume in mounted} <= made
     assert over["router"]["command"][-1] == "tls/0.0.0.0:7447"
     for name in ("gateway", "ros2"):
         assert over[name]["command"][-2:] == ["--key-file", "/run/bridge.key"]
