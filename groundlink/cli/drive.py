@@ -29,7 +29,8 @@ from groundlink.scenario.load import load_route
 from groundlink.scenario.schema import Vehicle
 from groundlink.topics import CLOCK, COMMAND, driver_name
 
-from .running import joining, stop_on_signals
+from .running import joining
+from .terminal import stop_on_signals
 
 PERIOD_SECONDS = 0.05
 """Between two commands."""

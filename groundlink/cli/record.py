@@ -14,16 +14,11 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from groundlink.bus import Bus
 from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
 from groundlink.run_monitor import RATE_TOLERANCE, RunMonitor
 from groundlink.scenario import load
-from groundlink.supervisor import Supervisor
-from groundlink.topics import HEALTH
 
-from . import running
+from . import running, supervised, terminal
 
 SECONDS = 30.0
 """Of sim time, unless asked otherwise."""
@@ -59,8 +54,7 @@ def record(options: argparse.Namespace) -> int:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     running.check_new_file("--out", out)
     run = options.run or scenario.name
-    stop = running.stop_on_signals()
-    console = running.console()
+    console = terminal.console()
     commands = running.commands(scenario, options.scenario, run, options.listen)
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
@@ -72,27 +66,15 @@ def record(options: argparse.Namespace) -> int:
     for name in commands:
         if name != "physics":
             commands["physics"] += ["--wait-for", name]
-    supervisor = Supervisor(commands, running.say(console), finite={running.RECORDER})
-    recorder = supervisor.children[running.RECORDER]
-    monitor = RunMonitor()
-    with Bus(listen=options.listen) as bus:
-        inbox: Inbox[Health] = Inbox(depth=1024)
-        bus.subscribe(HEALTH.key_in(run), Health, inbox)
-        supervisor.start()
-        try:
-            failed = running.watch(
-                supervisor,
-                monitor,
-                inbox,
-                stop,
-                show=running.display(console, lambda: _progress(monitor, options.duration)),
-                is_over=lambda: recorder.is_done,
-            )
-        finally:
-            supervisor.stop()
-        running.hear(monitor, inbox, stop)
+    supervised_run = supervised.SupervisedRun(
+        commands, run, options.listen, console, finite={running.RECORDER}
+    )
+    recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
+    failed = supervised_run.go(
+        lambda: recorder.is_done, lambda: _progress(monitor, options.duration)
+    )
     if failed:
-        return running.cannot_run(supervisor, failed)
+        return supervised.exit_code(failed)
     return _verdict(console, out, monitor)
 
 

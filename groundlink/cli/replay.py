@@ -11,15 +11,10 @@ import argparse
 import time
 from pathlib import Path
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import load
-from groundlink.supervisor import Supervisor
-from groundlink.topics import HEALTH
+from groundlink.supervisor import Child
 
-from . import running
+from . import running, supervised, terminal
 from .dashboard import dashboard
 
 REPLAY = "replay"
@@ -68,8 +63,7 @@ def replay(options: argparse.Namespace) -> int:
     scenario = recorded.scenario
     gateway = load(options.gateway).gateway if options.gateway else scenario.gateway
     run = options.run or recorded.run
-    stop = running.stop_on_signals()
-    console = running.console()
+    console = terminal.console()
     join = running.joining(run, options.listen)
     commands = {REPLAY: ["-m", "services.replay", options.recording, *join]}
     commands[REPLAY] += ["--factor", repr(options.factor), "--from", repr(options.start)]
@@ -81,29 +75,17 @@ def replay(options: argparse.Namespace) -> int:
         if not options.no_ros:
             commands[running.ROS_SIDE] = running.ros_side(gateway, console)
             commands[REPLAY] += ["--delay", repr(START_SECONDS)]
-    supervisor = Supervisor(commands, running.say(console), finite={REPLAY})
-    monitor = RunMonitor()
-    with Bus(listen=options.listen) as bus:
-        inbox: Inbox[Health] = Inbox(depth=1024)
-        bus.subscribe(HEALTH.key_in(run), Health, inbox)
-        supervisor.start()
-        try:
-            title = f"{options.recording} ({scenario.name}, run `{run}`)"
-            failed = running.watch(
-                supervisor,
-                monitor,
-                inbox,
-                stop,
-                show=running.display(
-                    console, lambda: dashboard(title, monitor, supervisor.children.values())
-                ),
-                is_over=_Drained(supervisor).is_over,
-            )
-        finally:
-            supervisor.stop()
+    supervised_run = supervised.SupervisedRun(
+        commands, run, options.listen, console, finite={REPLAY}
+    )
+    monitor, children = supervised_run.monitor, supervised_run.children
+    title = f"{options.recording} ({scenario.name}, run `{run}`)"
+    failed = supervised_run.go(
+        _Drained(children[REPLAY]).is_over, lambda: dashboard(title, monitor, children.values())
+    )
     if failed:
-        return running.cannot_run(supervisor, failed)
-    console.print(dashboard("summary", monitor, supervisor.children.values()))
+        return supervised.exit_code(failed)
+    console.print(dashboard("summary", monitor, children.values()))
     # In a loop stamps jump back, and counted in stamps there is no rate.
     if options.loop or options.no_gateway or (options.no_ros and not monitor.streams):
         return 0
@@ -116,8 +98,8 @@ def replay(options: argparse.Namespace) -> int:
 class _Drained:
     """Over a while after the replay has ended."""
 
-    def __init__(self, supervisor: Supervisor) -> None:
-        self._replay = supervisor.children[REPLAY]
+    def __init__(self, replay: Child) -> None:
+        self._replay = replay
         self._until: float | None = None
 
     def is_over(self) -> bool:

@@ -1,40 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands share that start the processes of a run here: commands, supervision, a picture.
+"""What commands share that start the processes of a run here: how each process is started.
 
-Rule: starts services only as ``python -m``. Whether a run is over and what it was worth is the
-command's own business.
+Rule: services are started only as ``python -m``. Nothing is started here; see `supervised`.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import signal
 import socket
-import sys
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 
-from rich.console import Console, RenderableType
-from rich.live import Live
+from rich.console import Console
 
 from groundlink import topics
 from groundlink.bus import DEFAULT_ENDPOINT
 from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Gateway
-from groundlink.supervisor import Supervisor
 from groundlink.topics import process_names
-
-PLAIN_PERIOD_SECONDS = 5.0
-"""Between pictures where the output is no terminal."""
-
-PLAIN_WIDTH = 110
 
 RECORDER = topics.RECORDER
 
@@ -47,11 +30,6 @@ SENSORS = "sensors"
 LISTEN_HELP = "where the run's router listens for its processes and for others (%(default)s)"
 
 LISTEN_DEFAULT = DEFAULT_ENDPOINT
-
-
-def console() -> Console:
-    """Return where a command shows its picture."""
-    return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
 
 
 def commands(
@@ -108,77 +86,3 @@ def ros_side(gateway: Gateway, shown: Console) -> list[str]:
         return ["-m", "udp_bridge_ros2", *bind]
     shown.print("no ROS 2 in this environment: a plain receiver stands in for the ROS node")
     return ["-m", "udp_bridge", "listen", *bind, "--report", "--quiet"]
-
-
-def say(shown: Console) -> Callable[[str, str], None]:
-    """Return what shows a line that a process printed."""
-    return lambda name, line: shown.print(
-        f"{name}: {line}", markup=False, highlight=False, soft_wrap=True
-    )
-
-
-def watch(
-    supervisor: Supervisor,
-    monitor: RunMonitor,
-    inbox: Inbox[Health],
-    stop: threading.Event,
-    *,
-    show: Callable[[bool], None],
-    is_over: Callable[[], bool],
-) -> str | None:
-    """Tend a run until it is over; return the process that its user must mend, if any."""
-    while not stop.is_set():
-        if failed := supervisor.tend():
-            return failed
-        hear(monitor, inbox, stop)
-        show(False)
-        if is_over():
-            break
-    show(True)
-    return None
-
-
-def cannot_run(supervisor: Supervisor, name: str) -> int:
-    """Say why a run is over that its user did not end; return the command's exit code."""
-    if supervisor.children[name].ended_run:
-        print(f"groundlink: {name} has ended the run; see its line above", file=sys.stderr)
-        return 1
-    print(f"groundlink: {name} cannot run; see its line above", file=sys.stderr)
-    return UserError.exit_code
-
-
-def hear(monitor: RunMonitor, inbox: Inbox[Health], stop: threading.Event) -> None:
-    """Tell the monitor all that waits; wait a moment where nothing does."""
-    while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
-        monitor.heard(arrived[1], time.monotonic())
-        if stop.is_set():
-            break
-
-
-def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[bool], None]:
-    """Return a function that shows the run now; its argument says whether it is the last time."""
-    if shown.is_terminal:
-        live = Live(console=shown, get_renderable=picture, refresh_per_second=4, transient=True)
-        live.start()
-        return lambda last: live.stop() if last else None
-    next_print = time.monotonic() + PLAIN_PERIOD_SECONDS
-
-    def show(last: bool) -> None:
-        nonlocal next_print
-        if not last and time.monotonic() >= next_print:
-            next_print += PLAIN_PERIOD_SECONDS
-            shown.print(picture())
-
-    return show
-
-
-def stop_on_signals() -> threading.Event:
-    """Return an event that Ctrl-C and SIGTERM set."""
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
-    return stop

@@ -20,7 +20,7 @@ from groundlink.scenario.sensors import Optics
 from groundlink.supervisor import Supervisor
 from groundlink.topics import driver_names, process_names
 
-from . import running
+from . import running, supervised, terminal
 
 TEND_SECONDS = 0.02
 
@@ -69,7 +69,7 @@ def snapshot(options: argparse.Namespace) -> int:
     }
     for name in driver_names(scenario):
         commands[name] = ["-m", modules[name], "--name", name, *joining]
-    stop = running.stop_on_signals()
+    stop = terminal.stop_on_signals()
     supervisor = Supervisor(commands, lambda _, line: print(line), finite={options.camera})
     camera, failed = supervisor.children[options.camera], None
     with Bus(listen=endpoint):
@@ -81,5 +81,5 @@ def snapshot(options: argparse.Namespace) -> int:
         finally:
             supervisor.stop()
     if failed:
-        return running.cannot_run(supervisor, failed)
+        return supervised.exit_code(supervisor.children[failed])
     return 0 if camera.is_done else 1

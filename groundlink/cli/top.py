@@ -31,7 +31,7 @@ from groundlink.scenario.sensors import sensor_rate_hz
 from groundlink.topics import HEALTH, process_names
 
 from .dashboard import streams_table
-from .running import console, stop_on_signals
+from .terminal import console, stop_on_signals
 
 PERIOD_SECONDS = 1.0
 """Between two JSON objects, and between two questions about the link."""

@@ -10,22 +10,19 @@ import argparse
 import dataclasses
 import json
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 from rich.console import Console
 
 from groundlink import __version__, journal
-from groundlink.bus import Bus
 from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
 from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import Scenario, load, time_choice
-from groundlink.supervisor import Supervisor
-from groundlink.topics import HEALTH
+from groundlink.supervisor import Child
 
-from . import running
+from . import running, supervised, terminal
 from .dashboard import dashboard
 
 START_SECONDS = 20.0
@@ -79,8 +76,7 @@ def up(options: argparse.Namespace) -> int:
     if options.record:
         running.check_new_file("--record", Path(options.record))
     run = options.run or scenario.name
-    stop = running.stop_on_signals()
-    console = running.console()
+    console = terminal.console()
     commands = running.commands(
         *(scenario, options.scenario, run, options.listen),
         sensors_together=options.sensors_together,
@@ -93,35 +89,28 @@ def up(options: argparse.Namespace) -> int:
         commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
     # In real time nobody waits for a sensor, so one that cannot work here may be missing.
     dispensable = scenario.sensor_names() if scenario.time.mode == "realtime" else ()
-    supervisor = Supervisor(commands, running.say(console), dispensable=dispensable)
-    monitor = RunMonitor()
-    failed: str | None = None
-    with Bus(listen=options.listen) as bus:
-        inbox: Inbox[Health] = Inbox(depth=1024)
-        bus.subscribe(HEALTH.key_in(run), Health, inbox)
-        started = time.time()
-        supervisor.start()
-        try:
-            title = f"{scenario.name} (run `{run}`)"
-            show = running.display(
-                console, lambda: dashboard(title, monitor, supervisor.children.values())
-            )
-            is_over = _Duration(monitor, options.duration).is_over
-            failed = running.watch(supervisor, monitor, inbox, stop, show=show, is_over=is_over)
-        finally:
-            killed = supervisor.stop()
-        running.hear(monitor, inbox, stop)
-    if killed:
-        console.print(f"killed, as they did not end in time: {', '.join(killed)}")
-    if failed and not supervisor.children[failed].ended_run:
-        return running.cannot_run(supervisor, failed)
+    supervised_run = supervised.SupervisedRun(
+        commands, run, options.listen, console, dispensable=dispensable
+    )
+    monitor, children = supervised_run.monitor, supervised_run.children
+    title = f"{scenario.name} (run `{run}`)"
+    started = time.time()
+    failed = supervised_run.go(
+        _Duration(monitor, options.duration).is_over,
+        lambda: dashboard(title, monitor, children.values()),
+    )
+    if supervised_run.killed:
+        names = ", ".join(supervised_run.killed)
+        console.print(f"killed, as they did not end in time: {names}")
+    if failed and not failed.ended_run:
+        return supervised.exit_code(failed)
     faults = monitor.faults() if monitor.streams or not options.no_ros else []
-    _summarise(console, monitor, supervisor, faults)
+    _summarise(console, monitor, children, faults)
     if options.report:
-        report = _report(scenario, run, started, monitor, supervisor, faults)
+        report = _report(scenario, run, started, monitor, children, faults)
         options.report.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if failed:
-        return running.cannot_run(supervisor, failed)
+        return supervised.exit_code(failed)
     return 1 if faults else 0
 
 
@@ -146,9 +135,9 @@ class _Duration:
 
 
 def _summarise(
-    console: Console, monitor: RunMonitor, supervisor: Supervisor, faults: list[str]
+    console: Console, monitor: RunMonitor, children: Mapping[str, Child], faults: list[str]
 ) -> None:
-    console.print(dashboard("summary", monitor, supervisor.children.values()))
+    console.print(dashboard("summary", monitor, children.values()))
     for fault in faults:
         console.print(f"not kept: {fault}")
     if not faults:
@@ -160,7 +149,7 @@ def _report(
     run: str,
     started: float,
     monitor: RunMonitor,
-    supervisor: Supervisor,
+    children: Mapping[str, Child],
     faults: list[str],
 ) -> dict[str, object]:
     """Return what happened in a run, as plain data."""
@@ -179,7 +168,7 @@ def _report(
                 "last_exit": child.last_exit,
                 "counters": counters,
             }
-            for child in supervisor.children.values()
+            for child in children.values()
             for name, counters in monitor.counters_of(child.name, child.pid).items()
         },
         "scenario": msgspec.to_builtins(scenario),

@@ -21,16 +21,12 @@ from rich.table import Table
 from rich.text import Text
 
 from groundlink import journal as journals
-from groundlink.bus import Bus
 from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
 from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import Scenario, load
-from groundlink.supervisor import Supervisor
-from groundlink.topics import HEALTH, process_names
+from groundlink.topics import process_names
 
-from . import running
+from . import running, supervised, terminal
 
 if TYPE_CHECKING:
     from groundlink.recording.comparison import Verdict
@@ -54,7 +50,7 @@ def verify(options: argparse.Namespace) -> int:
     from groundlink.recording.comparison import Verdict
     from groundlink.recording.reading import Recording
 
-    console = running.console()
+    console = terminal.console()
 
     def say(line: str) -> None:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -124,26 +120,13 @@ def _run(
     for name in again.sensor_names():
         if name not in absent:
             commands[name] = ["-m", modules[name], "--name", name, *joining]
-    stop = running.stop_on_signals()
-    supervisor = Supervisor(commands, running.say(console), finite={running.RECORDER})
-    recorder, monitor = supervisor.children[running.RECORDER], RunMonitor()
-    with Bus(listen=endpoint) as bus:
-        inbox: Inbox[Health] = Inbox(depth=1024)
-        bus.subscribe(HEALTH.key_in(run), Health, inbox)
-        supervisor.start()
-        try:
-            failed = running.watch(
-                supervisor,
-                monitor,
-                inbox,
-                stop,
-                show=running.display(console, lambda: _progress(monitor, seconds)),
-                is_over=lambda: recorder.is_done,
-            )
-        finally:
-            supervisor.stop()
+    supervised_run = supervised.SupervisedRun(
+        commands, run, endpoint, console, finite={running.RECORDER}
+    )
+    recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
+    failed = supervised_run.go(lambda: recorder.is_done, lambda: _progress(monitor, seconds))
     if failed:
-        return running.cannot_run(supervisor, failed)
+        return supervised.exit_code(failed)
     if not verdict.exists():
         console.print("ended early: nothing is said of the recording")
         return 1

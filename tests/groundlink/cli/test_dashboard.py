@@ -6,7 +6,7 @@ import io
 from rich.console import Console
 
 from groundlink.cli.dashboard import dashboard
-from groundlink.cli.running import PLAIN_WIDTH
+from groundlink.cli.terminal import PLAIN_WIDTH
 from groundlink.hold_ups import HoldUps
 from groundlink.messages import Health, StreamReport
 from groundlink.run_monitor import RunMonitor

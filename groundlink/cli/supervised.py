@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run whose processes this command starts: tended, heard, shown, and ended with it.
+
+Rule: says why a run is over that its user did not end. When it is over otherwise, and what it was
+worth, is the command's own business.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+from rich.console import Console, RenderableType
+
+from groundlink.bus import Bus
+from groundlink.errors import UserError
+from groundlink.inbox import Inbox
+from groundlink.messages import Health
+from groundlink.run_monitor import RunMonitor
+from groundlink.supervisor import Child, Supervisor
+from groundlink.topics import HEALTH
+
+from .terminal import display, stop_on_signals
+
+
+class SupervisedRun:
+    """Processes of a run on this machine, with the run's router and what they tell of themselves.
+
+    Ctrl-C and SIGTERM end it from the time on that it is made.
+
+    Parameters
+    ----------
+    commands
+        by name of the process; see `running.commands`.
+    run
+        the run's name.
+    endpoint
+        where the run's router listens.
+    shown
+        where lines of the processes and the picture go.
+    finite
+        processes that may end by themselves.
+    dispensable
+        processes that may be missing.
+    """
+
+    def __init__(
+        self,
+        commands: Mapping[str, Sequence[str]],
+        run: str,
+        endpoint: str,
+        shown: Console,
+        *,
+        finite: Collection[str] = (),
+        dispensable: Collection[str] = (),
+    ) -> None:
+        self.monitor = RunMonitor()
+        self.killed: list[str] = []
+        """Processes that did not end in time."""
+        self._run, self._endpoint, self._shown = run, endpoint, shown
+        self._supervisor = Supervisor(commands, self._say, finite=finite, dispensable=dispensable)
+        self._stop = stop_on_signals()
+
+    @property
+    def children(self) -> Mapping[str, Child]:
+        """The processes by their names."""
+        return self._supervisor.children
+
+    def go(
+        self, is_over: Callable[[], bool], picture: Callable[[], RenderableType]
+    ) -> Child | None:
+        """Run until it is over, and end every process.
+
+        Parameters
+        ----------
+        is_over
+            asked again and again.
+        picture
+            returns how far the run is.
+
+        Returns
+        -------
+        The process that has ended the run, or that its user must mend; see `exit_code`.
+        """
+        with Bus(listen=self._endpoint) as bus:
+            inbox: Inbox[Health] = Inbox(depth=1024)
+            bus.subscribe(HEALTH.key_in(self._run), Health, inbox)
+            self._supervisor.start()
+            try:
+                failed = self._tend(inbox, is_over, display(self._shown, picture))
+            finally:
+                self.killed = self._supervisor.stop()
+            self._hear(inbox)
+        return failed
+
+    def _tend(
+        self, inbox: Inbox[Health], is_over: Callable[[], bool], show: Callable[[bool], None]
+    ) -> Child | None:
+        failed = None
+        while not (failed or self._stop.is_set() or is_over()):
+            failed = self._supervisor.tend()
+            self._hear(inbox)
+            show(False)
+        show(True)
+        return self.children[failed] if failed else None
+
+    def _hear(self, inbox: Inbox[Health]) -> None:
+        """Tell the monitor all that waits; wait a moment where nothing does."""
+        while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
+            self.monitor.heard(arrived[1], time.monotonic())
+            if self._stop.is_set():
+                break
+
+    def _say(self, name: str, line: str) -> None:
+        self._shown.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
+
+
+def exit_code(child: Child) -> int:
+    """Say why a run is over that its user did not end; return the command's exit code.
+
+    Parameters
+    ----------
+    child
+        the process that has ended it.
+    """
+    if child.ended_run:
+        print(f"groundlink: {child.name} has ended the run; see its line above", file=sys.stderr)
+        return 1
+    print(f"groundlink: {child.name} cannot run; see its line above", file=sys.stderr)
+    return UserError.exit_code

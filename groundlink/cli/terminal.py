@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The terminal of whoever started a command: a picture that is kept current, and Ctrl-C.
+
+Rule: knows nothing of runs. Where the output is no terminal, a picture now and then is enough.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType
+
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+PLAIN_PERIOD_SECONDS = 5.0
+"""Between pictures where the output is no terminal."""
+
+PLAIN_WIDTH = 110
+
+
+def console() -> Console:
+    """Return where a command shows its picture."""
+    return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
+
+
+def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[bool], None]:
+    """Return a function that shows the run now; its argument says whether it is the last time."""
+    if shown.is_terminal:
+        live = Live(console=shown, get_renderable=picture, refresh_per_second=4, transient=True)
+        live.start()
+        return lambda last: live.stop() if last else None
+    next_print = time.monotonic() + PLAIN_PERIOD_SECONDS
+
+    def show(last: bool) -> None:
+        nonlocal next_print
+        if not last and time.monotonic() >= next_print:
+            next_print += PLAIN_PERIOD_SECONDS
+            shown.print(picture())
+
+    return show
+
+
+def stop_on_signals() -> threading.Event:
+    """Return an event that Ctrl-C and SIGTERM set."""
+    stop = threading.Event()
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+    return stop
