@@ -26,6 +26,7 @@
 #include <cstdint>
 #include <cstring>
 #include <deque>
+#include <limits>
 #include <list>
 #include <map>
 #include <string>
@@ -329,6 +330,8 @@ class Receiver {
       return seq_number == o.seq_number && stamp_nanos == o.stamp_nanos;
     }
   };
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+
   struct Topic;
   struct Peer;
   struct Open {  // a message of which parts are missing
@@ -399,7 +402,7 @@ class Receiver {
     }
     Peer& peer = peer_of(from);
     Topic& topic = topic_of(peer, name);
-    if (topic.is_restart_by_silence(h, now_nanos)) forget(peer, topic, key.stamp_nanos);
+    if (topic.is_restart_by_silence(h, now_nanos)) forget(peer, topic, kNever);
     if (topic.is_finished(key)) {
       ++counters.duplicates;
       credit(peer, h, datagram_size, h.parts_max > 1, reply);

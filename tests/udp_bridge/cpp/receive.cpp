@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Datagrams of a file, each behind its length as a uint32, through a Receiver: one line a message
-// (type seq sec nsec parts topic|link size, its body in a file beside), one a refusal, one of counts.
+// Datagrams of a file, each behind its length as a uint32, through a Receiver, so many nanoseconds
+// apart: receive DATAGRAMS BODIES APART. One line a message (type seq sec nsec parts topic|link
+// size, its body in a file beside), one a refusal, one of counts.
 
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -16,13 +18,14 @@ int main(int, char** argv) {
   std::ofstream bodies(argv[2], std::ios::binary);
   udp_bridge::Receiver receiver;
   std::int64_t now = 0;
+  const std::int64_t apart = std::atoll(argv[3]);
   std::size_t credits = 0;
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t size = udp_bridge::detail::read_u32(data + at);
     at += 4;
     const auto before = receiver.counters.refused;
     receiver.take(
-        data + at, size, 1, now++,
+        data + at, size, 1, now += apart,
         [&](udp_bridge::Message&& m) {
           const udp_bridge::Header& h = m.header;
           std::printf("message %d %u %d %d %d %zu %s|%s\n", h.msg_type, h.seq_number, h.time_sec,

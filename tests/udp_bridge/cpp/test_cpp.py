@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from tests.udp_bridge.vectors import FOLDER, IN_ORDER, NAMES, VECTORS, Vector, load
-from udp_bridge import Message, Reassembler, fragments
+from udp_bridge import Header, Message, Reassembler, fragments
 
 HERE = Path(__file__).parent
 HEADER = HERE.parents[2] / "udp-bridge/cpp"
@@ -46,11 +46,13 @@ def send(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled("send", tmp_path_factory.mktemp("cpp"), "-O2")
 
 
-def received(program: Path, datagrams: list[bytes], folder: Path) -> tuple[list[Any], list[str]]:
+def received(
+    program: Path, datagrams: list[bytes], folder: Path, apart_nanos: int = 1
+) -> tuple[list[Any], list[str]]:
     """Return what the C++ receiver makes of datagrams: messages with their bodies, refusals."""
     file, bodies = folder / "datagrams.bin", folder / "bodies.bin"
     file.write_bytes(b"".join(LENGTH.pack(len(datagram)) + datagram for datagram in datagrams))
-    command = [str(program), str(file), str(bodies)]
+    command = [str(program), str(file), str(bodies), str(apart_nanos)]
     lines = subprocess.run(command, capture_output=True, check=True).stdout.split(b"\n")
     body, at = bodies.read_bytes(), 0
     messages, refused = [], []
@@ -137,6 +139,18 @@ def test_what_arrives_late_twice_or_never_means_the_same_to_both(
     assert messages == wanted
     assert incomplete == reassembler.counters.incomplete
     assert {why: refused.count(why) for why in refused} == dict(reassembler.counters.refused)
+
+
+def test_a_restart_amid_a_message_begins_it_anew(receive: Path, tmp_path: Path) -> None:
+    """What was open had fewer parts: nothing of it may take the new ones."""
+
+    def part(seq_number: int, number: int, parts: int, sec: int) -> bytes:
+        return Header(1, seq_number, number, parts, sec, 0, "/a").pack() + bytes(5_000)
+
+    datagrams = [part(10, 0, 1, 100), part(5, 0, 2, 200), part(5, 200, 255, 200)]
+    (*messages, incomplete), refused = received(receive, datagrams, tmp_path, 6 * 10**8)
+    assert len(messages) == 1
+    assert (incomplete, refused) == (2, [])
 
 
 @pytest.mark.parametrize("name", IN_ORDER)
