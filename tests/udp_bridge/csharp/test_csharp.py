@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C# file against the vectors, and against the Python library on datagrams of all kinds.
+
+One process answers all questions: a runtime that starts for each of them would take minutes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import socket
+import struct
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from tests.udp_bridge.vectors import IN_ORDER, NAMES, VECTORS, Vector, load
+from udp_bridge import Header, Message, Reassembler, fragments, parse
+from udp_bridge.control import Credit, CreditRequest
+from udp_bridge.receiving import Inbox
+
+FOLDER = Path(__file__).parents[3] / "udp-bridge/csharp"
+BUFFER = 1 << 30
+"""So large that no Credit is due before the end of a message."""
+SECOND = 10**9
+Arrival = tuple[int, int, bytes]
+"""When, in nanoseconds, from which sender, and what."""
+
+
+class Received(NamedTuple):
+    """What the receiver in C# made of datagrams."""
+
+    messages: list[tuple[Any, ...]]
+    """Type, number, stamp, parts, topic, link, bytes of the body, its sha256."""
+    credits: list[bytes]
+    refused: dict[str, int]
+    counts: tuple[int, ...]
+    """Messages, incomplete, late, missing, duplicates, bytes still held."""
+
+
+class Exchange:
+    """The program in C#, which stays for all tests."""
+
+    def __init__(self, program: Path) -> None:
+        command = ["mono", str(program), str(BUFFER)]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def ask(self, question: bytes) -> list[list[str]]:
+        """Return the words of each line of the answer; the last line begins with `end`."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write(question)
+        self.process.stdin.flush()
+        lines: list[list[str]] = []
+        while not lines or lines[-1][0] != "end":
+            lines.append(self.process.stdout.readline().decode().split())
+            assert lines[-1], "the program ended"
+        return lines
+
+    def receive(self, arrivals: list[Arrival]) -> Received:
+        """Let a new receiver take datagrams."""
+        rows = [struct.pack("<qBI", now, who, len(d)) + d for now, who, d in arrivals]
+        received = Received([], [], {}, ())
+        for word, *rest in self.ask(b"R" + struct.pack("<I", len(rows)) + b"".join(rows)):
+            if word == "message":
+                kind, number, stamp, parts, topic, link, size, digest = rest
+                names = bytes.fromhex(topic[1:]).decode(), bytes.fromhex(link[1:]).decode()
+                whole = int(size), digest[1:].lower()
+                numbers = int(kind), int(number), int(stamp), int(parts)
+                received.messages.append((*numbers, *names, *whole))
+            elif word == "credit":
+                received.credits.append(bytes.fromhex(rest[0][1:]))
+            elif word == "refused":
+                received.refused[rest[0]] = int(rest[1])
+            else:
+                received = received._replace(counts=tuple(map(int, rest)))
+        return received
+
+    def send(self, message: Message, size: int, times: int = 1) -> list[bytes]:
+        """Return the datagrams of a message that a new sender sends for the last time."""
+        head = struct.pack("<BqIi", message.msg_type, message.stamp_nanos, times, size)
+        texts = message.topic.encode(), message.link.encode(), bytes(message.body)
+        question = b"S" + head + b"".join(struct.pack("<i", len(t)) + t for t in texts)
+        *datagrams, (_, is_sent) = self.ask(question)
+        assert is_sent == "1" or not datagrams
+        return [bytes.fromhex(word[1:]) for _, word in datagrams]
+
+
+def compiled(folder: Path, *sources: Path) -> Path:
+    """Return a program, compiled where each warning is an error; skip where there is no Mono."""
+    if not all(shutil.which(program) for program in ("mcs", "mono")):
+        (pytest.fail if os.environ.get("GROUNDLINK_EVERY_TEST") else pytest.skip)("no Mono")
+    out = folder / "program.exe"
+    # With -doc a public thing without documentation is a warning; checked arithmetic is what
+    # some projects use.
+    strict = ("-langversion:7.2", "-warn:4", "-warnaserror", "-checked+", f"-doc:{out}.xml")
+    command = ["mcs", *strict, "-r:System", f"-out:{out}", *map(str, sources)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def exchange(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exchange]:
+    sources = Path(__file__).with_name("Exchange.cs"), FOLDER / "UdpBridge.cs"
+    exchange = Exchange(compiled(tmp_path_factory.mktemp("csharp"), *sources))
+    with exchange.process:
+        yield exchange
+        exchange.process.kill()
+
+
+def told(message: Message) -> tuple[Any, ...]:
+    """Return a message of the Python library as `Received` has it."""
+    body = bytes(message.body)
+    head = message.msg_type, message.seq_number, message.stamp_nanos, message.parts
+    names = message.topic, message.link
+    return (*head, *names, len(body), hashlib.sha256(body).hexdigest())
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=NAMES)
+def test_a_vector_decodes_to_its_meaning(vector: Vector, exchange: Exchange) -> None:
+    arrivals = [(now, 1, datagram) for now, datagram in enumerate(vector.datagrams)]
+    received = exchange.receive(arrivals)
+    meant = vector.meaning
+    assert sum(received.refused.values()) == len(meant.get("refused", []))
+    assert set(received.refused) == set(meant.get("refused", []))
+    assert received.counts[:2] == (len(meant["messages"]), meant.get("incomplete", 0))
+    assert received.counts[-1] == 0
+    for message, wanted in zip(received.messages, meant["messages"], strict=True):
+        stamp = wanted["time_sec"] * SECOND + wanted["time_nsec"]
+        head = wanted["msg_type"], wanted["seq_number"], stamp, wanted["parts"]
+        body = wanted["body_size"], wanted["body_sha256"]
+        assert message == (*head, wanted["topic"], wanted["link"], *body)
+
+
+@pytest.mark.parametrize("name", IN_ORDER)
+def test_a_vector_is_cut_anew_to_the_same_bytes(name: str, exchange: Exchange) -> None:
+    datagrams = load(name).datagrams
+    reassembler = Reassembler()
+    message = [reassembler.receive(datagram, "", 0) for datagram in datagrams][-1]
+    assert message is not None
+    if message.seq_number > 1000:
+        pytest.skip("the program would have to send billions before")
+    size = max(256, len(datagrams[0]))
+    assert exchange.send(message, size, message.seq_number + 1) == datagrams
+
+
+@pytest.mark.parametrize("size", [256, 1472, 9000, 65507])
+@pytest.mark.parametrize("body_size", [0, 1, 60_000, 400_000])
+def test_a_message_is_cut_as_python_cuts_it(size: int, body_size: int, exchange: Exchange) -> None:
+    stamp = -1_700_000_000_123_456_789
+    message = Message(1, "/Wolke_ü", "lidar_link", stamp, 2, os.urandom(body_size))
+    ours = [head + bytes(part) for head, part in fragments(message, size)]
+    assert exchange.send(message, size, 3) == ours
+
+
+@pytest.mark.parametrize(
+    ("topic", "stamp", "body_size", "size"),
+    [
+        ("/" + 233 * "a", 0, 1, 1472),
+        ("/a\0", 0, 1, 1472),
+        ("/a", 2**31 * SECOND, 1, 1472),
+        ("/a", 0, 255 * 65507, 1472),
+        ("/a", 0, 1, 255),
+        ("/a", 0, 1, 65508),
+    ],
+)
+def test_what_cannot_be_sent_is_not_sent(
+    topic: str, stamp: int, body_size: int, size: int, exchange: Exchange
+) -> None:
+    message = Message(1, topic, "l", stamp, 0, bytes(body_size))
+    assert exchange.send(message, size) == []
+    assert exchange.send(message._replace(topic="/a", stamp_nanos=0, body=b"a"), 1472)
+
+
+DAMAGE = st.sampled_from(["", "", "lost", "twice", "later", "spoilt", "longer", "shorter"])
+WAITS = st.sampled_from([1, 1, 1, 1, 10**8, 11 * 10**8, 21 * 10**8])
+MESSAGES = st.tuples(
+    st.sampled_from([1, 9]),
+    st.sampled_from(["/a", "/ü"]),
+    st.sampled_from(["", "map"]),
+    st.integers(0, 3),
+    st.one_of(st.integers(0, 12), st.sampled_from([300, 2**31 + 3, 2**32 - 1])),
+    st.sampled_from([0, 5, 300, 900, 2_000]),
+    st.sampled_from([256, 400, 1472]),
+)
+
+
+@st.composite
+def journeys(draw: st.DrawFn) -> list[Arrival]:
+    """Datagrams of a few messages, and what a network, or somebody hostile, makes of them."""
+    datagrams = []
+    for kind, topic, link, sec, number, body_size, size in draw(st.lists(MESSAGES, max_size=10)):
+        body = bytes(i * 7 % 256 for i in range(body_size))
+        message = Message(kind, topic, link, sec * SECOND, number, body)
+        datagrams += [head + bytes(part) for head, part in fragments(message, size)]
+    now, arrivals, later = 0, [], []
+    for datagram in datagrams:
+        damage = draw(DAMAGE)
+        if damage == "spoilt":
+            at = draw(st.integers(1, min(29, len(datagram) - 1)))
+            flipped = datagram[at] ^ 1 << draw(st.integers(0, 7))
+            datagram = datagram[:at] + bytes([flipped]) + datagram[at + 1 :]
+        elif damage == "longer":
+            datagram += b"more"
+        elif damage == "shorter":
+            datagram = datagram[: draw(st.integers(0, len(datagram)))]
+        now += draw(WAITS)
+        arrival = now, draw(st.sampled_from([1, 1, 1, 2])), datagram
+        if damage == "later":
+            later.append(arrival)
+        elif damage != "lost":
+            arrivals += [arrival] * (2 if damage == "twice" else 1)
+    return arrivals + [(now, who, datagram) for _, who, datagram in later]
+
+
+def part(
+    number: int, of: int, size: int, *, seq: int = 1, sec: int = 1, topic: str = "/a"
+) -> bytes:
+    """Return one datagram of a message."""
+    return Header(1, seq, number, of, sec, 0, topic).pack() + bytes(size)
+
+
+LARGE = 65_000
+CASES: dict[str, list[bytes]] = {
+    "behind with an equal stamp": [part(0, 1, 1, seq=5), part(0, 1, 1, seq=3)],
+    "last part first, and too large": [part(2, 3, 9), part(0, 3, 8), part(1, 3, 8), part(2, 3, 7)],
+    "more open messages than a topic has": [part(0, 2, 1, seq=i) for i in range(6)],
+    "more than a sender's share": [part(0, 255, LARGE, topic=f"/{i}") for i in (1, 2, 1)],
+    "more topics than are remembered": [part(0, 1, 1, topic=f"/{i % 1025}") for i in range(1030)],
+}
+
+
+@pytest.mark.parametrize("datagrams", CASES.values(), ids=CASES)
+def test_a_limit_is_the_same_to_both(datagrams: list[bytes], exchange: Exchange) -> None:
+    means_the_same(exchange, [(now, 1, datagram) for now, datagram in enumerate(datagrams)])
+
+
+def test_of_many_senders_the_memory_and_the_names_are_bounded(exchange: Exchange) -> None:
+    large = [(0, who, part(0, 255, LARGE)) for who in (1, 2, 3, 4, 5)]
+    means_the_same(exchange, large)
+    means_the_same(exchange, [(0, who, part(0, 1, 1)) for who in [*range(66), 0]])
+
+
+@settings(max_examples=200, deadline=None, phases=(Phase.generate,), derandomize=True)
+@given(journeys())
+def test_whatever_arrives_means_the_same_to_both(
+    exchange: Exchange, arrivals: list[Arrival]
+) -> None:
+    means_the_same(exchange, arrivals)
+
+
+def means_the_same(exchange: Exchange, arrivals: list[Arrival]) -> None:
+    """Assert that C# makes of datagrams what Python does; it may give more Credit."""
+    inbox = Inbox(receive_buffer=BUFFER, on_credit=lambda *_: None)
+    messages, credits_ = [], set()
+    for now, who, datagram in arrivals:
+        address = "127.0.0.1", who
+        message, answer = inbox.receive(memoryview(datagram), address, now, 0)
+        if message is not None:
+            messages.append(told(message))
+        if answer is not None:
+            credits_.add(acknowledged(answer[0]))
+    inbox.reassembler.give_up_all()
+    counted = inbox.reassembler.counters
+    received = exchange.receive(arrivals)
+    assert received.messages == messages
+    assert received.refused == dict(counted.refused)
+    assert received.counts == (
+        *(counted.messages, counted.incomplete, counted.late),
+        *(counted.missing, counted.duplicates, 0),
+    )
+    assert credits_ <= {acknowledged(credit) for credit in received.credits}
+
+
+def acknowledged(datagram: bytes) -> tuple[Any, ...]:
+    """Return what a Credit says, but not how it is numbered."""
+    header, at = parse(datagram)
+    credit = Credit.parse(datagram[at:])
+    assert credit.receive_buffer == BUFFER
+    assert (header.msg_type, header.link, header.parts_max) == (64, "", 1)
+    return header.topic, header.time_sec, header.time_nsec, *credit[:3]
+
+
+def test_a_request_for_credit_is_answered_by_one_for_itself(exchange: Exchange) -> None:
+    asks = [Header(64, number, 0, 1, 0, 0, "").pack() + CreditRequest().pack() for number in (7, 8)]
+    received = exchange.receive([(0, 1, ask) for ask in asks])
+    assert [acknowledged(credit)[-3:] for credit in received.credits] == [(64, 0, 7), (64, 0, 8)]
+    assert [parse(credit)[0].seq_number for credit in received.credits] == [0, 1]
+    assert received.messages == []
+
+
+def test_the_example_of_the_readme_hears_and_answers(tmp_path: Path) -> None:
+    code = re.search(r"```csharp\n(.*?)```", (FOLDER / "README.md").read_text(), re.DOTALL)
+    assert code is not None
+    (tmp_path / "Example.cs").write_text(code[1])
+    program = compiled(tmp_path, tmp_path / "Example.cs", FOLDER / "UdpBridge.cs")
+    cloud = load("cloud-in-order")
+    size = cloud.meaning["messages"][0]["body_size"]
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours,
+        subprocess.Popen(["mono", str(program), "0"], stdout=subprocess.PIPE, text=True) as theirs,
+    ):
+        assert theirs.stdout is not None
+        ours.settimeout(20)
+        port = int(theirs.stdout.readline().split()[1])
+        for datagram in cloud.datagrams:
+            ours.sendto(datagram, ("127.0.0.1", port))
+        answers = [64]
+        while answers[-1] == 64:
+            answers.append(parse(ours.recv(65536))[0].msg_type)
+        assert theirs.stdout.readline().split()[1:] == [str(size), "bytes"]
+        theirs.kill()
+    assert len(answers) > 2, "no Credit"
+    assert answers[-1] == 9
