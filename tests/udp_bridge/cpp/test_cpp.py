@@ -9,6 +9,7 @@ import random
 import shutil
 import struct
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +25,18 @@ STRICT = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werr
 SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-def compiled(source: str, folder: Path, *options: str) -> Path:
-    """Return a program of this folder, compiled; skip where there is no compiler."""
-    compiler = shutil.which("c++")
-    if compiler is None:
+def compiler() -> str:
+    """Return the compiler; skip where there is none."""
+    found = shutil.which("c++")
+    if found is None:
         (pytest.fail if os.environ.get("GROUNDLINK_EVERY_TEST") else pytest.skip)("no C++ compiler")
+    return found
+
+
+def compiled(source: str, folder: Path, *options: str) -> Path:
+    """Return a program of this folder, compiled."""
     out = folder / source
-    command = [compiler, *STRICT, *options, str(HERE / f"{source}.cpp"), "-o", str(out)]
+    command = [compiler(), *STRICT, *options, str(HERE / f"{source}.cpp"), "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return out
@@ -166,6 +172,29 @@ def test_a_vector_is_cut_anew_to_the_same_bytes(name: str, send: Path) -> None:
     command = [str(send), *words, str(message.seq_number + 1), str(size)]
     done = subprocess.run(command, input=bytes(message.body), capture_output=True, check=True)
     assert done.stdout == b"".join(LENGTH.pack(len(d)) + d for d in vector.datagrams)
+
+
+@pytest.mark.parametrize(("body_size", "size"), [(100, 1472), (300_000, 1472), (10**6, "loopback")])
+def test_it_receives_at_least_as_fast_as_python(
+    body_size: int, size: int | str, tmp_path: Path
+) -> None:
+    program = compiled("rate", tmp_path, "-O2")
+    message = Message(1, "/points", "lidar_link", 10**18, 0, bytes(body_size))
+    datagrams = [bytearray(head + bytes(part)) for head, part in fragments(message, size)]
+    file = tmp_path / "datagrams.bin"
+    file.write_bytes(b"".join(LENGTH.pack(len(datagram)) + datagram for datagram in datagrams))
+    rounds = 30_000 // len(datagrams)
+    command = [str(program), str(file), str(rounds)]
+    theirs_nanos = int(subprocess.run(command, capture_output=True, check=True).stdout)
+    reassembler = Reassembler()
+    begun = time.process_time()
+    for number in range(rounds):
+        for datagram in datagrams:
+            LENGTH.pack_into(datagram, 2, number)
+            reassembler.receive(datagram, "", number)
+    ours_nanos = (time.process_time() - begun) / rounds * 1e9
+    assert reassembler.counters.messages == rounds
+    assert theirs_nanos <= ours_nanos
 
 
 def test_a_fuzzer_finds_nothing_that_the_sanitizers_mind(tmp_path: Path) -> None:
