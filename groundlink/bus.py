@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Any
 
 import zenoh
+import zenoh.ext
 
 from .credentials import from_environment
 from .errors import UserError
@@ -45,6 +46,17 @@ ONLOOKERS = tuple(f"6e10{number:04x}" for number in range(1024))
 router drops what they are too slow for; for everybody else it waits, and a viewer that somebody has
 stopped would stop the run."""
 
+_PATIENCE = {
+    "transport/link/tx/queue/size/data": 16,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 100_000,
+}
+"""A busy machine may leave a sender's thread unscheduled for many ticks. The defaults (two batches,
+1 ms) then drop states although every receiver keeps up."""
+
+HEARTBEAT_SECONDS = 0.5
+"""How often a publisher that keeps messages tells what it has."""
+
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d{1,5})$")
 
 
@@ -65,6 +77,9 @@ class Bus:
         never waited for: what this session does not take in time, the router drops.
     name
         of the process, where its credentials have to be its own.
+    foreign
+        the router is others': the run's credentials are not shown to it, it is not waited for
+        longer than Zenoh does by itself, and what is published gets Zenoh's timestamps.
 
     Raises
     ------
@@ -79,16 +94,18 @@ class Bus:
         listen: str | None = None,
         onlooker: bool = False,
         name: str | None = None,
+        foreign: bool = False,
     ) -> None:
         self._declared: list[Any] = []
         self._is_router = listen is not None
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
-        credentials = from_environment(os.environ)
+        credentials = None if foreign else from_environment(os.environ)
         if credentials is not None and name is not None:
             credentials.check(name)
         more = credentials.settings() if credentials is not None else {}
+        more |= {"timestamping/enabled": True} if foreign else _PATIENCE
         try:
             self._session = zenoh.open(_configuration(connect, listen, onlooker, more))
         except zenoh.ZError as error:
@@ -129,6 +146,47 @@ class Bus:
             return payload
 
         return publish
+
+    @property
+    def identity(self) -> str:
+        """Zenoh's name of this session."""
+        return str(self._session.zid())
+
+    def publisher_of_bytes(self, key: str, *, kept: int = 0) -> Callable[[bytes, bytes], None]:
+        """Return a function that publishes bytes, and what is attached to them, under `key`.
+
+        Parameters
+        ----------
+        kept
+            how many messages are kept for those that subscribe later and ask for them.
+        """
+        congestion_control = zenoh.CongestionControl.DROP
+        publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher
+        if kept:
+            publisher = zenoh.ext.declare_advanced_publisher(
+                self._session,
+                key,
+                congestion_control=congestion_control,
+                cache=zenoh.ext.CacheConfig(kept),
+                sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                    heartbeat=HEARTBEAT_SECONDS, sporadic_heartbeat=None
+                ),
+                publisher_detection=True,
+            )
+        else:
+            publisher = self._session.declare_publisher(key, congestion_control=congestion_control)
+        self._declared.append(publisher)
+
+        def publish(payload: bytes, attachment: bytes) -> None:
+            publisher.put(payload, attachment=attachment)
+
+        return publish
+
+    def subscribe_bytes(self, key: str, take: Callable[[bytes], None]) -> None:
+        """Call `take` with what arrives under `key`, on a thread of Zenoh's: it must not block."""
+        self._declared.append(
+            self._session.declare_subscriber(key, lambda sample: take(sample.payload.to_bytes()))
+        )
 
     def subscribe(self, key: str, message_type: type[M], inbox: Inbox[M]) -> None:
         """Put every message that arrives under `key` into `inbox`."""
@@ -225,11 +283,6 @@ def _configuration(
         "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": True,
-        # A busy machine may leave a sender's thread unscheduled for many ticks. The defaults (two
-        # batches, 1 ms) then drop states although every receiver keeps up.
-        "transport/link/tx/queue/size/data": 16,
-        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,
-        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 100_000,
     }
     if listen:
         settings["qos/network"] = [

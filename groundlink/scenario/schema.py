@@ -255,6 +255,19 @@ class Time(Spec, frozen=True):
         return self.window_ticks // ACKS_PER_WINDOW
 
 
+class RmwZenoh(Spec, frozen=True):
+    """Where ROS 2 nodes that run rmw_zenoh find the gateway's topics; experimental."""
+
+    connect: str = "tcp/127.0.0.1:7447"
+    """Their Zenoh router, such as rmw_zenohd; not the run's."""
+
+    domain_id: Annotated[int, Meta(ge=0, le=232)] = 0
+    """Their ROS_DOMAIN_ID."""
+
+    type_hashes: bool = True
+    """False for ROS 2 Humble, which has none."""
+
+
 class Gateway(Spec, frozen=True):
     """The UDP Bridge's end on the simulator's side."""
 
@@ -275,6 +288,9 @@ class Gateway(Spec, frozen=True):
 
     link: LinkScript | None = None
     """What happens to datagrams on purpose; none: no emulation."""
+
+    rmw_zenoh: RmwZenoh | None = None
+    """Topics on ROS 2's own Zenoh, too; none: by UDP Bridge alone."""
 
     def __post_init__(self) -> None:
         if self.key_file is not None and self.key_env is not None:
@@ -326,4 +342,4 @@ class Scenario(Spec, frozen=True, kw_only=True):
         return [f"{v.name}/{s.name}" for v in self.vehicles for s in v.sensors]
 
 
-__all__ = ["Gateway", "Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]
+__all__ = ["Gateway", "Placement", "RmwZenoh", "Scenario", "Time", "Vector3", "Vehicle", "World"]

@@ -8,7 +8,8 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from msgspec.structs import replace
 
@@ -32,6 +33,7 @@ from .gateway import Gateway
 from .kept import NAME, Kept
 from .lockstep import REPAIR, Lockstep
 from .memory import memory_of, recall
+from .rmw_zenoh import Facade
 from .streams import repair_table, waiting_table
 from .subscriptions import Address
 from .whereabouts import Whereabouts
@@ -113,7 +115,7 @@ def _carry(
         if isinstance(error, BadMessage):
             raise UserError(str(error)) from None
         raise
-    with link:
+    with link, _native(scenario, gateway):
         kept.wishes.tell_by(
             lambda answer: link.send(CONTROL, "", "", time.time_ns(), answer.pack())
         )
@@ -133,6 +135,7 @@ def _carry(
                         emulated.at(message.stamp_nanos - message.epoch_nanos)
                 following.hear(key, message)
             following.turn(time.monotonic())
+            gateway.hear_native()
             if heartbeat.due():
                 if changed := kept.changed(scenario, stop):
                     return changed
@@ -157,6 +160,19 @@ def _carry(
                     counts |= emulated.counters()
                 heartbeat.beat(following.tick, counts | following.counts, streams)
     return None
+
+
+@contextmanager
+def _native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
+    """Let a gateway be there for nodes of rmw_zenoh meanwhile, if the scenario wants that."""
+    settings = scenario.gateway.rmw_zenoh
+    if settings is None:
+        yield
+        return
+    with Bus(connect=settings.connect, foreign=True) as bus:
+        wanted = [(wish.msg_type, wish.topic) for wish in gateway.incoming]
+        gateway.native = Facade(bus, settings, gateway.pushed, wanted)
+        yield
 
 
 def _following(

@@ -34,6 +34,7 @@ from udp_bridge.types import CONTROL, SUBSCRIBE
 
 from .incoming import LATCHED, Incoming
 from .reports import PeerReports, peer_counters, with_pushed_out
+from .rmw_zenoh import Facade, NoFacade
 from .streams import TF_MESSAGE, wire_type
 from .subscriptions import Address, Subscriptions, TopicKey
 from .words import Words
@@ -80,15 +81,17 @@ class Gateway:
             and scenario.time.epoch == "wall"
             and scenario.time.factor == 1.0,
         )
-        static = (TF_MESSAGE, TF_STATIC_TOPIC)
-        self._subscriptions = Subscriptions(frozenset({*self._place_in_ros.values(), static}))
-        for place in (*rates, static):
+        self._subscriptions = Subscriptions(frozenset({*self.places, *self.pushed}))
+        for place in self.pushed:
             self._subscriptions.push(place, peer)
         self.newest: dict[str, int] = {}
         """By stream: the stamp of the newest message that went to ROS."""
 
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
+
+        self.native: Facade | NoFacade = NoFacade()
+        """Where what is pushed goes besides the wire."""
 
         self.epoch_nanos = 0
         self._life: int | None = None
@@ -109,6 +112,17 @@ class Gateway:
     def places(self) -> frozenset[TopicKey]:
         """Wire type and topic of every stream."""
         return frozenset(self._place_in_ros.values())
+
+    @property
+    def pushed(self) -> list[TopicKey]:
+        """Wire type and topic of all that goes to ROS unasked."""
+        pushed = [self._place_in_ros[s.key] for s in self.streams.values() if s.push]
+        return [*pushed, (TF_MESSAGE, TF_STATIC_TOPIC)]
+
+    def hear_native(self) -> None:
+        """Take what has come from ROS besides the wire."""
+        for message in self.native.arrived():
+            self.take(message)
 
     def note_time(self, clock: Clock) -> bool:
         """Take note of what time it is; return whether a life of the run has begun."""
@@ -188,8 +202,9 @@ class Gateway:
     def _send(
         self, msg_type: int, topic: str, stamp_nanos: int, message: Message, link: Link
     ) -> None:
-        receivers = self._subscriptions.receivers((msg_type, topic), stamp_nanos, time.monotonic())
-        if not receivers:
+        place = msg_type, topic
+        receivers = self._subscriptions.receivers(place, stamp_nanos, time.monotonic())
+        if not receivers and not self.native.offers(place):
             return
         try:
             cdr = to_cdr(message)
@@ -199,6 +214,7 @@ class Gateway:
         frame = getattr(message, "frame", "")
         if isinstance(message, Reading):  # on the wire stands what the sensor's clock says
             stamp_nanos += message.clock_error_nanos
+        self.native.publish(place, stamp_nanos, cdr)
         for receiver in receivers:
             try:
                 link.send(msg_type, topic, frame, stamp_nanos, cdr, to=receiver)

@@ -363,3 +363,28 @@ def test_only_the_peer_may_wish_something_of_the_run(bench: Bench) -> None:
     bench.hear(CONTROL, "", Wish(6, wishing.RESET).pack())
     assert bench.wishes == [Wish(6, wishing.RESET)]
     assert bench.gateway.counts["refused"] == 1
+
+
+def test_what_is_pushed_goes_to_ros_nodes_without_a_bridge_too(bench: Bench) -> None:
+    native: list[tuple[Any, int, bytes]] = []
+
+    class Native:
+        """A stand-in of what speaks rmw_zenoh."""
+
+        def offers(self, place: Any) -> bool:
+            return place in bench.gateway.pushed
+
+        def publish(self, place: Any, stamp_nanos: int, cdr: memoryview) -> None:
+            native.append((place, stamp_nanos, bytes(cdr)))
+
+        def arrived(self) -> list[WireMessage]:
+            return [WireMessage(TWIST, "/cmd_vel", "", 0, 0, twist(1, 0, 0, 0, 0, 0))]
+
+    bench.gateway.native = Native()  # type: ignore[assignment]
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
+    (sent,) = bench.link.sent
+    assert native == [((sent["msg_type"], "/clock"), sent["stamp"], sent["body"])]
+    bench.gateway.hear_native()
+    ((key, command),) = bench.commands
+    assert key.endswith("/command")
+    assert isinstance(command, Command)
