@@ -125,6 +125,13 @@ class JointState(Message, frozen=True):
                 exactly(array, len(self.names) * 8, field)
 
 
+class Text(Message, frozen=True):
+    """A text, such as a vehicle's description (std_msgs/String, which has no stamp)."""
+
+    stamp_nanos: int
+    text: str
+
+
 class NavSatFix(Reading, frozen=True):
     """A position by satellites (sensor_msgs/NavSatFix), WGS 84."""
 

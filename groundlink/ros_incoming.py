@@ -28,7 +28,18 @@ MAX_NAME_BYTES = 234
 
 def twist(body: Body, now_nanos: int) -> Command:
     """Return the velocity of a geometry_msgs/Twist, asked for at `now_nanos`."""
-    found = _decoded(body, "geometry_msgs/msg/Twist")
+    return _command(_decoded(body, "geometry_msgs/msg/Twist"), now_nanos)
+
+
+def twist_stamped(body: Body, now_nanos: int) -> Command:
+    """Return the velocity of a geometry_msgs/TwistStamped, which acts when it comes.
+
+    Its stamp may be of another clock than the run's, so it is not looked at.
+    """
+    return _command(_decoded(body, "geometry_msgs/msg/TwistStamped").twist, now_nanos)
+
+
+def _command(found: Any, now_nanos: int) -> Command:
     linear, angular = xyz(found.linear), xyz(found.angular)
     _finite(*linear, *angular)
     return Command(now_nanos, linear, angular)
@@ -86,6 +97,7 @@ def occupancy_grid(body: Body, now_nanos: int) -> OccupancyGrid:
 
 READERS: dict[str, Callable[[Body, int], Message]] = {
     "geometry_msgs/msg/Twist": twist,
+    "geometry_msgs/msg/TwistStamped": twist_stamped,
     "geometry_msgs/msg/PoseStamped": pose_stamped,
     "nav_msgs/msg/Odometry": odometry,
     "nav_msgs/msg/OccupancyGrid": occupancy_grid,

@@ -130,6 +130,7 @@ ROS_FORMS: dict[type[Message], RosForm] = {
     navigation.OccupancyGrid: RosForm("nav_msgs/msg/OccupancyGrid", ros_navigation.occupancy_grid),
     navigation.Transforms: RosForm("tf2_msgs/msg/TFMessage", ros_navigation.transforms),
     navigation.JointState: RosForm("sensor_msgs/msg/JointState", ros_navigation.joint_state),
+    navigation.Text: RosForm("std_msgs/msg/String", ros_navigation.text),
     navigation.NavSatFix: RosForm("sensor_msgs/msg/NavSatFix", ros_navigation.nav_sat_fix),
     Bodies: RosForm("tf2_msgs/msg/TFMessage", ros_ground_truth.bodies),
 }

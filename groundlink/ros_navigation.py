@@ -11,7 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
+from .navigation import (
+    JointState,
+    NavSatFix,
+    OccupancyGrid,
+    Odometry,
+    PoseStamped,
+    Text,
+    Transforms,
+)
 from .ros_types import TYPES, array, header, pose, quaternion, time, vector
 
 
@@ -72,6 +80,11 @@ def transforms(message: Transforms) -> dict[str, Any]:
             for t in message.transforms
         ]
     }
+
+
+def text(message: Text) -> dict[str, Any]:
+    """Return the fields of std_msgs/String."""
+    return {"data": message.text}
 
 
 def joint_state(message: JointState) -> dict[str, Any]:

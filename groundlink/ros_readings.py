@@ -193,6 +193,10 @@ def _joint_state(ros: Any, moment: Moment) -> navigation.JointState:
     return navigation.JointState(*_stamp_and_frame(ros), tuple(ros.name), *arrays)
 
 
+def _text(ros: Any, moment: Moment) -> navigation.Text:
+    return navigation.Text(moment.nanos, ros.data)
+
+
 def _nav_sat_fix(ros: Any, moment: Moment) -> navigation.NavSatFix:
     return navigation.NavSatFix(
         *_stamp_and_frame(ros),
@@ -239,6 +243,7 @@ _READINGS: dict[type[Message], Callable[[Any, Moment], Any]] = {
     navigation.OccupancyGrid: _occupancy_grid,
     navigation.Transforms: _transforms,
     navigation.JointState: _joint_state,
+    navigation.Text: _text,
     navigation.NavSatFix: _nav_sat_fix,
     Bodies: _bodies,
     Vitals: _vitals,

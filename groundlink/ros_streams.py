@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from .ground_truth import WORLD_FRAME
 from .message_sizes import body_bytes
 from .messages import Clock, Message, State, floats
@@ -48,6 +50,9 @@ class RosStream:
     topic: str
     declared_hz: float | None
     """None where nobody promised a rate."""
+
+    ros_type: str = ""
+    """Where it is not that of `ros_messages`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,14 +125,20 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
     """Return every stream that can come from ROS: each vehicle's commands, then what it tells."""
     streams = []
     for vehicle in scenario.vehicles:
-        rows = [(COMMAND, vehicle.command_topic)]
-        rows += [(row, getattr(vehicle.from_ros, name)) for name, row in FROM_ROS.items()]
-        for row, topic in rows:
-            if topic is not None:
-                key = row.key_in(run, vehicle=vehicle.name)
-                streams.append(
-                    RosStream(key=key, message=row.message, topic=topic, declared_hz=None)
-                )
+        stamped = "geometry_msgs/msg/TwistStamped" if vehicle.command_type != "Twist" else ""
+        rows = [(COMMAND, vehicle.command_topic, stamped)]
+        rows += [(row, getattr(vehicle.from_ros, name), "") for name, row in FROM_ROS.items()]
+        streams += [
+            RosStream(
+                key=row.key_in(run, vehicle=vehicle.name),
+                message=row.message,
+                topic=topic,
+                declared_hz=None,
+                ros_type=ros_type,
+            )
+            for row, topic, ros_type in rows
+            if topic is not None
+        ]
     return streams
 
 
@@ -170,20 +181,36 @@ def _revolution_bytes(vehicle: Vehicle, spec: object, *, truth: bool = False) ->
 
 def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:
     """Return base_from_sensor of every sensor that has a frame of its own; None without any."""
-    transforms = {}
-    for vehicle in scenario.vehicles:
-        base = vehicle.model.base_frame
-        for sensor in vehicle.sensors:
-            if sensor.mounted and sensor.frame != base:
-                child = vehicle.frame_prefix + sensor.frame
-                transforms[child] = Transform(
-                    stamp_nanos=stamp_nanos,
-                    parent=vehicle.frame_prefix + base,
-                    child=child,
-                    translation_m=sensor.mount.xyz_m,
-                    rotation=sensor.mount.quaternion(optical=sensor.optical),
-                )
-    return Transforms(tuple(transforms.values())) if transforms else None
+    transforms = tuple(
+        replace(
+            mount,
+            parent=vehicle.frame_prefix + mount.parent,
+            child=vehicle.frame_prefix + mount.child,
+        )
+        for vehicle in scenario.vehicles
+        for mount in mounts(vehicle, stamp_nanos)
+    )
+    return Transforms(transforms) if transforms else None
+
+
+def mounts(vehicle: Vehicle, stamp_nanos: int) -> tuple[Transform, ...]:
+    """Return base_from_sensor of each frame of a vehicle's sensors, without the vehicle's prefix.
+
+    Where two sensors share a frame, the mount of the last one counts.
+    """
+    base = vehicle.model.base_frame
+    found = {
+        sensor.frame: Transform(
+            stamp_nanos=stamp_nanos,
+            parent=base,
+            child=sensor.frame,
+            translation_m=sensor.mount.xyz_m,
+            rotation=sensor.mount.quaternion(optical=sensor.optical),
+        )
+        for sensor in vehicle.sensors
+        if sensor.mounted and sensor.frame != base
+    }
+    return tuple(found.values())
 
 
 def actor_transforms(scenario: Scenario, state: State) -> Transforms:

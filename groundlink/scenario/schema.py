@@ -173,6 +173,22 @@ class FromRos(Spec, frozen=True):
     """nav_msgs/OccupancyGrid."""
 
 
+class TfTree(Spec, frozen=True):
+    """What the gateway tells of the vehicle's tf tree, beside the mounts of its sensors."""
+
+    odom: bool = True
+    """odom -> base_link, as the vehicle's first wheel odometry has it; false where a filter of the
+    stack tells it."""
+
+    map: Literal["none", "identity", "truth"] = "none"
+    """map -> odom. `none`: a localisation of the stack tells it, as on a real robot; `identity`:
+    both are one; `truth`: what an ideal localisation would tell, and the map is the world."""
+
+    def __post_init__(self) -> None:
+        if self.map == "truth" and not self.odom:
+            raise ValueError("`map: truth` needs `odom: true`: it tells the rest of the way")
+
+
 class Vehicle(Spec, frozen=True, kw_only=True):
     """One vehicle of a run."""
 
@@ -183,9 +199,14 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """Of topics that do not begin with a slash: `/name` where there are several vehicles."""
 
     command_topic: RosTopic = "/cmd_vel"
+    command_type: Literal["Twist", "TwistStamped"] = "Twist"
+    """What the stack publishes there, both of geometry_msgs; a stamp is not looked at, as a command
+    acts when it comes."""
+
     frame_prefix: str = ""
     """Put before the vehicle's frame names: `name/` where several vehicles share one tf tree."""
 
+    tf: TfTree = TfTree()
     sensors: tuple[Sensor, ...] = ()
     streams: tuple[Stream, ...] = ()
     ground_truth: GroundTruth = GroundTruth()

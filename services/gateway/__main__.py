@@ -171,7 +171,7 @@ def _native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
         return
     with Bus(connect=settings.connect, foreign=True) as bus:
         wanted = [(wish.msg_type, wish.topic) for wish in gateway.incoming]
-        gateway.native = Facade(bus, settings, gateway.pushed, wanted)
+        gateway.native = Facade(bus, settings, gateway.pushed, wanted, gateway.latched)
         yield
 
 

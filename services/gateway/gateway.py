@@ -20,8 +20,10 @@ from groundlink.messages import (
     StreamReport,
     measured_nanos,
 )
+from groundlink.navigation import Text
+from groundlink.ros_base import Base, still_transforms
 from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import TF_STATIC_TOPIC, Outgoing, outgoing, static_transforms
+from groundlink.ros_streams import TF_STATIC_TOPIC, Outgoing, outgoing
 from groundlink.scenario import Scenario
 from udp_bridge import control
 from udp_bridge.control import LinkReport, Subscribe, Wish, Word
@@ -73,15 +75,32 @@ class Gateway:
         self._scenario = scenario
         self.incoming = Incoming(scenario, run)
         self._has_wished = False
+        self._bases = [Base(scenario, vehicle, run) for vehicle in scenario.vehicles]
         # What is not pushed may never arrive, and then nothing is wrong.
         rates = {self._place_in_ros[s.key]: s.declared_hz for s in self.streams.values() if s.push}
+        for base in self._bases:
+            for topic, message, declared_hz in base.places:
+                place = wire_type(message), topic
+                rates[place] = rates.get(place, 0.0) + declared_hz
+        self.places = frozenset({*self._place_in_ros.values(), *rates})
+        """Wire type and topic of every stream."""
+
         self._reports = PeerReports(
             rates,
             stamps_follow_wall=scenario.time.mode == "realtime"
             and scenario.time.epoch == "wall"
             and scenario.time.factor == 1.0,
         )
-        self._subscriptions = Subscriptions(frozenset({*self.places, *self.pushed}))
+        self.latched = frozenset(
+            {(TF_MESSAGE, TF_STATIC_TOPIC)}
+            | {(wire_type(Text), base.description_topic) for base in self._bases}
+        )
+        """Wire type and topic of what hardly changes and is repeated for who comes late."""
+
+        self.pushed: tuple[TopicKey, ...] = (*rates, *sorted(self.latched))
+        """Wire type and topic of all that goes to ROS unasked."""
+
+        self._subscriptions = Subscriptions(self.places | self.latched)
         for place in self.pushed:
             self._subscriptions.push(place, peer)
         self.newest: dict[str, int] = {}
@@ -107,17 +126,9 @@ class Gateway:
             self.counts["stale"] += 1
             return
         self._send(*self._place_in_ros[key], stamp, message, link)
-
-    @property
-    def places(self) -> frozenset[TopicKey]:
-        """Wire type and topic of every stream."""
-        return frozenset(self._place_in_ros.values())
-
-    @property
-    def pushed(self) -> list[TopicKey]:
-        """Wire type and topic of all that goes to ROS unasked."""
-        pushed = [self._place_in_ros[s.key] for s in self.streams.values() if s.push]
-        return [*pushed, (TF_MESSAGE, TF_STATIC_TOPIC)]
+        for base in self._bases:
+            for topic, told in base.hear(key, message):
+                self._send(wire_type(type(told)), topic, measured_nanos(told), told, link)
 
     def hear_native(self) -> None:
         """Take what has come from ROS besides the wire."""
@@ -131,6 +142,8 @@ class Gateway:
             # Sim time begins again: nothing repeats itself.
             self._life = clock.life
             self.newest.clear()
+            for base in self._bases:
+                base.restart()
         self.clock_nanos, self.epoch_nanos = clock.stamp_nanos, clock.epoch_nanos
         return has_begun
 
@@ -150,8 +163,11 @@ class Gateway:
             return
         # What never changes has the stamp of the run's begin, so that repetitions are equal.
         stamp = self.epoch_nanos
-        if transforms := static_transforms(self._scenario, stamp):
+        if transforms := still_transforms(self._scenario, self._bases, stamp):
             self._send(TF_MESSAGE, TF_STATIC_TOPIC, stamp, transforms, link)
+        for base in self._bases:
+            text = Text(stamp, base.description)
+            self._send(wire_type(Text), base.description_topic, stamp, text, link)
 
     def on_message(self, message: WireMessage, sender: Address) -> None:
         """Take a message of the wire; called on the link's receiving thread."""

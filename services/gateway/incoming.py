@@ -61,7 +61,11 @@ class Incoming:
 
     def __init__(self, scenario: Scenario, run: str) -> None:
         wishes = (
-            Wish(msg_type=wire_type(stream.message), topic=stream.topic, key=stream.key)
+            Wish(
+                msg_type=wire_type(stream.message, stream.ros_type),
+                topic=stream.topic,
+                key=stream.key,
+            )
             for stream in incoming(scenario, run)
         )
         self._by_topic = {(wish.msg_type, wish.topic): wish for wish in wishes}

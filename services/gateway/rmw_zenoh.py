@@ -11,10 +11,9 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 
 from groundlink.bus import Bus
-from groundlink.ros_streams import TF_STATIC_TOPIC
 from groundlink.ros_types import STORE
 from groundlink.scenario.schema import RmwZenoh
 from udp_bridge.message import Message
@@ -32,9 +31,6 @@ QOS = "::,10:,:,:,,"
 """Reliable, volatile, the last 10 kept: what is empty is rmw_zenoh's default."""
 QOS_LATCHED = ":1:,1:,:,:,,"
 """Reliable, transient local, the last one kept."""
-
-LATCHED = frozenset({TF_STATIC_TOPIC})
-"""Kept for who comes late, and published again only when they changed."""
 
 WAITING = 256
 """Messages from ROS that may wait: the newest are kept."""
@@ -126,6 +122,8 @@ class Facade:
         of the ROS nodes; whoever made it closes it.
     to_ros, from_ros
         wire type and topic of what goes there, and of what is wanted from there.
+    latched
+        of what goes there: kept for who comes late, published again only when it has changed.
     """
 
     def __init__(
@@ -134,6 +132,7 @@ class Facade:
         settings: RmwZenoh,
         to_ros: Iterable[TopicKey],
         from_ros: Iterable[TopicKey],
+        latched: Container[TopicKey] = (),
     ) -> None:
         domain, session = settings.domain_id, bus.identity
         self._publishers: dict[TopicKey, _Publisher] = {}
@@ -144,15 +143,15 @@ class Facade:
         for number, (kind, place) in enumerate(rows, 1):
             ros_type, topic = str(MSG_TYPES[place[0]].ros_type), place[1]
             type_hash = type_hash_of(ros_type) if settings.type_hashes else NO_HASH
-            latched = kind == PUBLISHER and topic in LATCHED
+            is_latched = kind == PUBLISHER and place in latched
             token = endpoint_token(
                 *(domain, session, number, kind, topic, ros_type, type_hash),
-                qos=QOS_LATCHED if latched else QOS,
+                qos=QOS_LATCHED if is_latched else QOS,
             )
             if kind == PUBLISHER:
                 key = data_key(domain, topic, ros_type, type_hash)
-                put = bus.publisher_of_bytes(key, kept=int(latched))
-                self._publishers[place] = _Publisher(put, token, latched)
+                put = bus.publisher_of_bytes(key, kept=int(is_latched))
+                self._publishers[place] = _Publisher(put, token, is_latched)
             else:
                 key = data_key(domain, topic, ros_type, "*")
                 bus.subscribe_bytes(key, self._hand_over(place))

@@ -28,9 +28,9 @@ TF_MESSAGE = type_number("TFMessage")
 _NUMBER_OF = {row.ros_type: number for number, row in MSG_TYPES.items() if row.ros_type}
 
 
-def wire_type(message: type[Message]) -> int:
-    """Return the wire's number of the ROS type that a message of the bus becomes."""
-    return _NUMBER_OF[ROS_FORMS[message].ros_type]
+def wire_type(message: type[Message], ros_type: str = "") -> int:
+    """Return the wire's number of the ROS type that a message of the bus becomes, or is read of."""
+    return _NUMBER_OF[ros_type or ROS_FORMS[message].ros_type]
 
 
 def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:

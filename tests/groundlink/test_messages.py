@@ -87,6 +87,7 @@ EXAMPLES: list[Message] = [
         *(19, "", ("left", "right"), packed(np.array([0.5, 0.25]))),
         *(packed(np.array([1.0, -1.0])), memoryview(b"")),
     ),
+    navigation.Text(20, "<robot/>"),
     navigation.NavSatFix(20, "gps", 0, 9, 50.25, 18.5, 250.0, packed(np.diag([1.0, 1.0, 4.0])), 2),
     ground_truth.TruePoints(8, "lidar", packed(TRUE_POINTS)),
     ground_truth.Bodies(21, ("rover/base_link", "wall"), packed(np.arange(14.0))),

@@ -29,6 +29,7 @@ from udp_bridge.types import MSG_TYPES
 OLDER_STORE = get_typestore(Stores.ROS2_JAZZY)
 INCOMING = ("pose", "odometry", "map")
 TWIST = "geometry_msgs/msg/Twist"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 
 
 def body(name: str) -> bytes:
@@ -68,7 +69,7 @@ def test_the_subscribe_vector_is_what_it_says() -> None:
 
 def test_every_type_of_the_wire_is_on_the_bus() -> None:
     of_ros = {row.ros_type for row in MSG_TYPES.values() if row.ros_type}
-    assert of_ros == {form.ros_type for form in ROS_FORMS.values()} | {TWIST}
+    assert of_ros == {form.ros_type for form in ROS_FORMS.values()} | {TWIST, TWIST_STAMPED}
     from_ros = {r.ros_type for r in MSG_TYPES.values() if r.ros_type and r.direction != "to ROS"}
     assert from_ros == set(READERS)
 
@@ -144,6 +145,7 @@ def test_garbled_bodies_raise_nothing_else(data: st.DataObject, ros_type: str) -
         "nav_msgs/msg/Odometry": body("odometry"),
         "nav_msgs/msg/OccupancyGrid": body("map"),
         TWIST: b"\0\1\0\0" + bytes(48),
+        TWIST_STAMPED: body("twist-stamped"),
     }[ros_type]
     garbled = bytearray(whole)
     for _ in range(data.draw(st.integers(0, 4))):

@@ -153,6 +153,7 @@ ANY: dict[type[Message], st.SearchStrategy[Any]] = {
         lambda rows: navigation.Transforms(tuple(rows))
     ),
     navigation.JointState: joints(),
+    navigation.Text: st.builds(navigation.Text, STAMP, FRAME),
     navigation.NavSatFix: st.builds(
         navigation.NavSatFix,
         *(STAMP, FRAME, st.integers(-2, 2), st.integers(0, 2**16 - 1), NUMBER, NUMBER, NUMBER),

@@ -42,6 +42,8 @@ def as_cdr(message: Any) -> str:
 def stamp_nanos(message: Any) -> int:
     if hasattr(message, "transforms"):
         message = message.transforms[-1]
+    if hasattr(message, "data") and isinstance(message.data, str):
+        return 0  # a text has none
     stamp = message.clock if hasattr(message, "clock") else message.header.stamp
     return int(stamp.sec * 1_000_000_000 + stamp.nanosec)
 

@@ -47,6 +47,8 @@ IN_ORDER = (
     "pose",
     "range",
     "subscribe",
+    "text",
     "transforms",
     "twist",
+    "twist-stamped",
 )

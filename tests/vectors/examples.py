@@ -20,7 +20,7 @@ from groundlink import imagery, navigation
 from groundlink.clock import NANOS
 from groundlink.messages import Message, packed
 from groundlink.ros_messages import ROS_FORMS, to_cdr
-from groundlink.ros_types import STORE
+from groundlink.ros_types import STORE, header, vector
 from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
 from udp_bridge.control import Subscribe
@@ -120,6 +120,9 @@ EXAMPLES = {
             *(packed(np.array([0.5, -0.25])), packed(np.array([2.0, -2.0])), memoryview(b"")),
         ),
     ),
+    "text": Example(
+        *("String", "/robot_description", 15), navigation.Text(STAMP, '<robot name="r\u00f6ver"/>')
+    ),
 }
 SUBSCRIBE = Subscribe(type_number("Odometry"), 1, 3, 10.0)
 
@@ -173,6 +176,13 @@ def main() -> None:
         stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
         wire = WireMessage(type_number(type_name), topic, link, stamp, seq_number, body)
         _write(name, wire, fields(body, type(message)))
+    stamped = "geometry_msgs/msg/TwistStamped"
+    of = STORE.types
+    twist = of["geometry_msgs/msg/Twist"](linear=vector((0.5, 0, 0)), angular=vector((0, 0, -1.25)))
+    ros = of[stamped](header=header(STAMP, "base_link"), twist=twist)
+    body = bytes(STORE.serialize_cdr(ros, stamped))
+    wire = WireMessage(type_number("TwistStamped"), "/cmd_vel", "base_link", STAMP, 16, body)
+    _write("twist-stamped", wire, plain(ros))
     wish = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
     _write("subscribe", wish, SUBSCRIBE._asdict())
 

@@ -28,7 +28,7 @@ from udp_bridge.types import CONTROL, type_number
 
 PEER = ("127.0.0.1", 7511)
 RUN = "lab"
-TWIST, CLOCK, ENCODERS = map(type_number, ("Twist", "Clock", "WheelEncoders"))
+TWIST, CLOCK, ENCODERS, JOINTS = map(type_number, ("Twist", "Clock", "WheelEncoders", "JointState"))
 COMMAND_KEY = "groundlink/lab/rover/command"
 LAB = load(SHIPPED / "indoor_lab.yaml")
 SENSORS = ("rover/lidar", "rover/imu", "rover/encoders", "rover/camera")
@@ -115,7 +115,7 @@ class Rig:
 
     def measured(self, tick: int) -> None:
         reading = WheelEncoders(
-            stamp_nanos=tick * TICK_NANOS, frame="base", names=("a",), ticks=(1,)
+            stamp_nanos=tick * TICK_NANOS, frame="base", names=("a",) * 4, ticks=(1,) * 4
         )
         self.hear("rover/encoders", reading)
 
@@ -170,6 +170,7 @@ def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> Non
     assert set(barrier.sent) == {
         Sent(CLOCK, "/clock", 0, 1),
         Sent(ENCODERS, "/wheel_encoders", 0, 1),
+        Sent(JOINTS, "/joint_states", 0, 1),
     }
 
 

@@ -101,7 +101,9 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
     tf_key = data_key(3, TF_STATIC[1], tf_type, type_hash_of(tf_type))
     node.declare_subscriber(imu_key, came.append)
     with Bus(connect=router, foreign=True) as bus:
-        facade = Facade(bus, RmwZenoh(connect=router, domain_id=3), [IMU, TF_STATIC], [CMD_VEL])
+        facade = Facade(
+            bus, RmwZenoh(connect=router, domain_id=3), [IMU, TF_STATIC], [CMD_VEL], [TF_STATIC]
+        )
         assert facade.offers(IMU)
         assert not facade.offers(CMD_VEL)
         facade.publish((1, "/points"), 5, cdr)  # goes elsewhere

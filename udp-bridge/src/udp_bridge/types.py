@@ -45,6 +45,8 @@ _ROWS = (
     MessageType(35, "TFMessage", "tf2_msgs/msg/TFMessage", "/tf", "to ROS"),
     MessageType(36, "Odometry", "nav_msgs/msg/Odometry", "/odom", "both"),
     MessageType(37, "JointState", "sensor_msgs/msg/JointState", "/joint_states", "to ROS"),
+    MessageType(38, "TwistStamped", "geometry_msgs/msg/TwistStamped", "/cmd_vel", "from ROS"),
+    MessageType(39, "String", "std_msgs/msg/String", "/robot_description", "to ROS"),
     MessageType(64, "Control", None, "", "both"),
     MessageType(65, "Resend", None, "", "both"),
     MessageType(66, "Repair", None, "", "both"),

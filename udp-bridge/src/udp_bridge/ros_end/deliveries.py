@@ -36,10 +36,14 @@ _PUBLISHED = {
 
 _STATIC_TRANSFORMS = Delivery(depth=16, waiting=16, is_latched=True)
 STATIC_TRANSFORMS_TOPIC = "tf_static"
+# A text is a robot's description; robot_state_publisher has it the same way.
+_DESCRIPTION = Delivery(depth=1, waiting=16, is_latched=True)
 
 
 def published(type_name: str, topic: str) -> Delivery:
     """Return how a message type of the wire is published on a topic."""
     if type_name == "TFMessage" and topic.rsplit("/", 1)[-1] == STATIC_TRANSFORMS_TOPIC:
         return _STATIC_TRANSFORMS
+    if type_name == "String":
+        return _DESCRIPTION
     return _PUBLISHED.get(type_name, _SMALL)

@@ -145,7 +145,7 @@ class Inlet:
 
     def _subscribe(self, row: MessageType, topic: str, sender: Address) -> str:
         """Subscribe; return why it can't be done, or nothing."""
-        if row.direction == "to ROS" or self._is_published(topic):
+        if self._is_published(topic):
             return f"{row.name} comes from the bridge itself"
         if len(self._subscriptions) >= MAX_SUBSCRIPTIONS:
             return f"there are {MAX_SUBSCRIPTIONS} subscriptions, which is the most"

@@ -39,11 +39,15 @@ class Publishers:
             topic, raw, queue_size=delivery.depth, latch=delivery.is_latched
         )
         counter = itertools.count(1)
+        is_description = row.name == "String"
 
         def publish(body: Buffer) -> None:
             chunks = plan.to_ros1(body)
             if plan.is_stamped:
                 chunks[0] = _SEQ.pack(next(counter) & 0xFFFFFFFF)
+            if is_description:  # which ROS 1 looks for among the parameters
+                text = b"".join(chunks)[_SEQ.size :].decode("utf-8", "replace")
+                rospy.set_param(topic, text)
             publisher.publish(raw(*chunks))
 
         return publish
