@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
+from udp_bridge.ros_end.asking import Unable
+from udp_bridge.ros_end.run import Run
 from udp_bridge.wishing import ASK, PAUSE, PAUSED, RESET, RESUME, RUNNING, STEP, WishAnswer
-from udp_bridge_ros2.asking import Unable
-from udp_bridge_ros2.run import Run
 
 
 class Simulator:

@@ -38,11 +38,11 @@ class Ros1:
             "PYTHONPATH": os.pathsep.join(map(str, sources)),
             "PYTHONUNBUFFERED": "1",
         }
-        self._folder, self._port = folder, port
+        self.folder, self._port = folder, port
 
     def begin(self) -> None:
         """Build the messages and start a roscore, which takes long on a busy machine."""
-        builder = self.start(str(ROOT / "ros/ros1/build_messages.py"), str(self._folder))
+        builder = self.start(str(ROOT / "ros/ros1/build_messages.py"), str(self.folder))
         assert builder.exit_code() == 0, builder.output
         core = self.start("/usr/bin/roscore", "-p", str(self._port))
         wait_for(lambda: "started core service" in core.output, 60, "a roscore")

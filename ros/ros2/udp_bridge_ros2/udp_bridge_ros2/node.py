@@ -20,16 +20,17 @@ from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.keys import read_key
 from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
 from udp_bridge.ros_end.alive import Alive
+from udp_bridge.ros_end.asking import Asking
 from udp_bridge.ros_end.inlet import Inlet
+from udp_bridge.ros_end.lockstep import Lockstep
 from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
 
 from . import environment
-from .asking import Asking
 from .diagnostics import Diagnostics
+from .graph import Graph
 from .inlet import Subscriptions
-from .lockstep import Lockstep
 from .outlet import Outlet
 from .services import Services
 
@@ -78,7 +79,8 @@ class BridgeNode(Node):
         )
         wake = self.create_guard_condition(lambda: None)
         self._lockstep = Lockstep(
-            *(self, self._outlet, self._inlet),
+            *(Graph(self), self._outlet, self._inlet),
+            log=self.get_logger(),
             wake=wake.trigger,
             drop=lambda message, sender: self._link.dropped(message, sender),
         )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
@@ -18,8 +19,9 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from .asking import Asking
-from .run import Run
+from udp_bridge.ros_end.asking import Asking
+from udp_bridge.ros_end.run import Run
+from udp_bridge.ros_end.triggers import triggers
 
 THREADS = 8
 """Calls that may wait at a time. Only one of them steps, and all others end within seconds."""
@@ -100,9 +102,16 @@ def _offered(node: Node, run: Run) -> _Offer:
         standard = StandardServices(run)
         return _Offer("simulation_interfaces", standard.rows(), standard.actions())
     if find_spec("std_srvs"):
-        from .plain_services import PlainServices
+        from std_srvs.srv import Trigger
 
         node.declare_parameter("step_ticks", 1)
-        plain = PlainServices(run, lambda: int(node.get_parameter("step_ticks").value or 0))
-        return _Offer("std_srvs", plain.rows(), [])
+        filled = triggers(run, lambda: int(node.get_parameter("step_ticks").value or 0))
+        plain: list[tuple[str, Any, Callable[[Any, Any], Any]]] = [
+            (name, Trigger, partial(_fill, fill)) for name, fill in filled.items()
+        ]
+        return _Offer("std_srvs", plain, [])
     return _Offer("", [], [])
+
+
+def _fill(fill: Callable[[Any], Any], _: Any, response: Any) -> Any:
+    return fill(response)

@@ -20,10 +20,9 @@ from simulation_interfaces.srv import (
     StepSimulation,
 )
 
+from udp_bridge.ros_end.asking import Unable
+from udp_bridge.ros_end.run import Run, is_paused
 from udp_bridge.wishing import WishAnswer
-
-from .asking import Unable
-from .run import Run, is_paused
 
 FEATURES = (
     SimulatorFeatures.SIMULATION_RESET,

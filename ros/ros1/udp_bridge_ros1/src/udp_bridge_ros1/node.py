@@ -2,7 +2,7 @@
 """The node: a link on one side, an outlet and an inlet on the other, and what it tells the user.
 
 Rule: it only wires. The link's receiving thread hands messages over, the outlet's thread
-publishes, and the thread that calls `turn` sends back.
+publishes, and the thread that calls `turn` sends back and gives the word in lockstep.
 """
 
 from __future__ import annotations
@@ -13,21 +13,25 @@ from typing import Optional
 
 import rospy
 
-from udp_bridge import MSG_TYPES, Link, Message, Refused
+from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
-from udp_bridge.control import Subscribe
+from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.keys import read_key
 from udp_bridge.leaving import Address
 from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
 from udp_bridge.ros_end.alive import Alive
+from udp_bridge.ros_end.asking import Asking
 from udp_bridge.ros_end.inlet import Inlet
+from udp_bridge.ros_end.lockstep import Lockstep
 from udp_bridge.ros_end.outlet import Outlet
 from udp_bridge.seal import FROM_ROS
-from udp_bridge.types import SUBSCRIBE
+from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
 
 from .diagnostics import Diagnostics
+from .graph import Graph
 from .publishers import Publishers
+from .services import Services
 from .subscriptions import Subscriptions
 
 
@@ -70,7 +74,19 @@ class BridgeNode:
         publishers = Publishers()
         self._subscriptions = Subscriptions()
         self._outlet = Outlet(publishers, self._fated)
-        self._inlet = Inlet(self._subscriptions, is_published=self._outlet.publishes)
+        self._log = publishers.get_logger()
+        self._inlet = Inlet(
+            self._subscriptions,
+            is_published=self._outlet.publishes,
+            heard=lambda topic: self._lockstep.heard(topic),
+        )
+        self._lockstep = Lockstep(
+            *(Graph(), self._outlet, self._inlet),
+            log=self._log,
+            wake=self._subscriptions.wake,
+            drop=lambda message, sender: self._link.dropped(message, sender),
+        )
+        self._asking = Asking(self._send_wish)
         try:
             self._link = Link(
                 bind_address,
@@ -84,16 +100,17 @@ class BridgeNode:
             raise
         self._diagnostics = Diagnostics(self._link, time.monotonic_ns())
         self._alive = Alive(os.environ)
-        self._log = publishers.get_logger()
         host, port = self._link.address
         self._log.info(f"receiving at {host}:{port}")
         if hint := buffer_hint(self._link.receive_buffer):
             self._log.warning(hint)
+        self._services = Services(self._asking, self._log)
 
     def turn(self) -> None:
         """Serve the wishes of peers for a moment, 0.1 s at most."""
         now_nanos = time.monotonic_ns()
         wait_s = self._inlet.turn(self._link, now_nanos)
+        self._lockstep.turn(self._link)
         self._diagnostics.turn(now_nanos)
         if self._alive.is_due(now_nanos):
             self._alive.show(self._link.counters()["received_datagrams"], now_nanos)
@@ -101,6 +118,7 @@ class BridgeNode:
 
     def close(self) -> None:
         """End all threads and say in one line what was done."""
+        self._services.close()
         self._link.close()
         self._outlet.close()
         counts = self._link.counters()
@@ -119,12 +137,27 @@ class BridgeNode:
             return
         row = MSG_TYPES[message.msg_type]
         if row.ros_type is not None:
-            self._outlet.put(row, message, sender)
-        elif message.msg_type == SUBSCRIBE:
+            if not self._lockstep.holds(message, sender):
+                self._outlet.put(row, message, sender)
+        elif message.msg_type in (SUBSCRIBE, CONTROL):
             try:
-                self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
+                self._hear(message, sender)
             except Refused:
                 self._refused += 1
+
+    def _hear(self, message: Message, sender: Address) -> None:
+        if message.msg_type == SUBSCRIBE:
+            self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
+            self._asking.heard(sender)
+            return
+        said = control.parse(message.body)
+        if isinstance(said, WishAnswer):
+            self._asking.answered(said, sender)
+        elif isinstance(said, Barrier):
+            self._lockstep.take(said, sender, self._link)
+
+    def _send_wish(self, wish: Wish, to: Address) -> None:
+        self._link.send(CONTROL, "", "", time.time_ns(), wish.pack(), to)
 
     def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
         (self._link.published if is_published else self._link.dropped)(message, sender)

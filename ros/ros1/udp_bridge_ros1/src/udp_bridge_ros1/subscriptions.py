@@ -61,6 +61,10 @@ class Subscriptions:
 
         return Subscription(plan.is_stamped, end)
 
+    def wake(self) -> None:
+        """Have `turn` wait no longer; from any thread."""
+        self._came.set()
+
     def turn(self, wait_s: float) -> None:
         """Wait for messages, so long at most, and tell of all that came."""
         self._came.wait(wait_s)

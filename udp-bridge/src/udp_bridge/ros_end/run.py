@@ -8,7 +8,7 @@ knows no ROS; how wishes reach the simulator is `asking`'s.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from typing import Callable
 
 from udp_bridge.wishing import ASK, PAUSE, PAUSED, RESET, RESUME, STEP, WishAnswer
 

@@ -13,28 +13,25 @@ Nothing is published before it can be heard: a publisher or a reader that is new
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from threading import RLock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
 
 from udp_bridge import MSG_TYPES
 from udp_bridge.gathering import Gathering, Tally, in_order
+from udp_bridge.leaving import Address
 from udp_bridge.lockstep import DONE, INCOMPLETE, WAITING, Barrier, Word
 from udp_bridge.repair import Resend
-from udp_bridge.ros_end.deliveries import published
 from udp_bridge.types import CONTROL
 
 from .answers import Answers
+from .deliveries import published
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
-
     from udp_bridge import Link, Message
-    from udp_bridge.ros_end.inlet import Inlet
 
+    from .answers import Graph
+    from .inlet import Inlet
     from .outlet import Outlet
-
-Address = tuple[str, int]
 
 SETTLE_S = 1.0
 """How long a publisher and its readers are given to find each other."""
@@ -83,6 +80,8 @@ class Lockstep:
 
     Parameters
     ----------
+    log
+        What has `info` and `warning`.
     wake
         Called, from any thread, when `turn` has something to do.
     drop
@@ -91,24 +90,25 @@ class Lockstep:
 
     def __init__(
         self,
-        node: Node,
+        graph: Graph,
         outlet: Outlet,
         inlet: Inlet,
         *,
+        log: Any,
         wake: Callable[[], object],
         drop: Callable[[Message, Address], object],
     ) -> None:
-        self._node, self._outlet, self._inlet = node, outlet, inlet
+        self._outlet, self._inlet, self._log = outlet, inlet, log
         self._wake, self._drop = wake, drop
-        self._answers = Answers(node)
+        self._answers = Answers(graph)
         self._lock = RLock()  # guards runs
-        self._runs: dict[Address, _Run] = {}
-        self._mended: set[tuple[int, str]] = set()
+        self._runs: Dict[Address, _Run] = {}
+        self._mended: Set[Tuple[int, str]] = set()
         self._settled_s = 0.0
         """When all publishers and readers that are known will have found each other."""
 
     def heard(self, topic: str) -> None:
-        """Take note of a message of ROS; from the thread that spins the node."""
+        """Take note of a message of ROS; from any thread."""
         self._answers.heard(topic)
 
     def holds(self, message: Message, sender: Address) -> bool:
@@ -135,7 +135,7 @@ class Lockstep:
                 run = self._runs[sender] = _Run(lambda message: self._drop(message, sender), now_s)
                 run.tally.tell(link.left(sender))
                 self._settled_s = now_s + SETTLE_S
-                self._node.get_logger().info(
+                self._log.info(
                     f"in lockstep with {sender[0]}:{sender[1]}: time waits for "
                     + (", ".join(f"{a.topic} to {a.of}" for a in barrier.answers) or "nothing")
                 )
@@ -251,11 +251,9 @@ class Lockstep:
         if topic := self._waits_for(run, barrier):
             run.has_complained = True
             what = "a message" if run.is_handed else "somebody who publishes, or listens,"
-            self._node.get_logger().warning(
-                f"lockstep: tick {barrier.tick} waits for {what} on {topic}"
-            )
+            self._log.warning(f"lockstep: tick {barrier.tick} waits for {what} on {topic}")
 
     def _end(self, sender: Address, run: _Run) -> None:
         del self._runs[sender]
         self._outlet.put_all(in_order(run.gathering.take_all()), sender, lambda: None)
-        self._node.get_logger().info(f"no longer in lockstep with {sender[0]}:{sender[1]}")
+        self._log.info(f"no longer in lockstep with {sender[0]}:{sender[1]}")

@@ -8,21 +8,48 @@ nothing, for what was published before he came back he never got.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
 from functools import partial
 from threading import Lock
-from typing import TYPE_CHECKING, Any
-
-from . import topics
+from typing import (
+    TYPE_CHECKING,
+    Callable,
+    Collection,
+    Dict,
+    FrozenSet,
+    Hashable,
+    Iterable,
+    Protocol,
+    Set,
+    Tuple,
+)
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
-
     from udp_bridge.lockstep import Answer
-    from udp_bridge.ros_end.inlet import Key
+
+    from .inlet import Key
 
 LOOK_S = 0.5
 """How often it is looked whether somebody who owes an answer is still there."""
+
+
+class Graph(Protocol):
+    """Who is there in ROS, as far as answers are concerned."""
+
+    def publishers(self, topic: str) -> FrozenSet[Hashable]:
+        """Return who publishes on a topic: others, if one comes back after it had gone."""
+
+    def is_published(self, topic: str) -> bool:
+        """Tell whether anybody publishes on a topic."""
+
+    def is_heard(self, topic: str) -> bool:
+        """Tell whether somebody listens to what the bridge publishes on a topic."""
+
+    def listen(self, topic: str, take: Callable[[], object]) -> object:
+        """Have `take` called at each message of a topic of whatever type; from any thread.
+
+        Returns what is to be kept as long as it is wanted, or None where the topic is of no type
+        yet.
+        """
 
 
 class Answers:
@@ -30,21 +57,21 @@ class Answers:
 
     Parameters
     ----------
-    node
+    graph
         Knows who publishes and who listens.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
         self._lock = Lock()  # guards what is owed
-        self._expected: tuple[Answer, ...] = ()
-        self._owed: dict[Answer, int] = {}
-        self._subscriptions: dict[str, Any] = {}  # to answers of any type
-        self._present: set[str] = set()
-        self._who: dict[str, frozenset[bytes]] = {}
+        self._expected: Tuple[Answer, ...] = ()
+        self._owed: Dict[Answer, int] = {}
+        self._subscriptions: Dict[str, object] = {}  # to answers of any type
+        self._present: Set[str] = set()
+        self._who: Dict[str, FrozenSet[Hashable]] = {}
         self._looked_s = 0.0
 
-    def expect(self, expected: tuple[Answer, ...]) -> None:
+    def expect(self, expected: Tuple[Answer, ...]) -> None:
         """Say which answers count from now on; what is owed to others is forgotten."""
         if expected != self._expected:
             with self._lock:
@@ -71,12 +98,15 @@ class Answers:
             return next((answer.topic for answer, owed in self._owed.items() if owed), "")
 
     def forgive(self, now_s: float) -> None:
-        """Expect no answer of those who have gone; from the thread that spins the node."""
+        """Expect no answer of those who have gone; from the thread of `Lockstep.turn`."""
         if now_s - self._looked_s < LOOK_S:
             return
         self._looked_s = now_s
         for answer in self._expected:
-            before, now = self._who.get(answer.topic, frozenset()), self._publishers(answer.topic)
+            before, now = (
+                self._who.get(answer.topic, frozenset()),
+                self._graph.publishers(answer.topic),
+            )
             self._who[answer.topic] = now
             if not now or not before <= now:
                 with self._lock:
@@ -94,16 +124,18 @@ class Answers:
     def look(self, published: Collection[str], subscribed: Collection[Key]) -> bool:
         """Subscribe to what is to be answered; return whether somebody is new since the last look.
 
-        From the thread that spins the node.
+        From the thread that `turn`s the bridge.
         """
         for answer in self._expected:
             if answer.of not in published or answer.topic in self._subscriptions:
                 continue
             if not answer.msg_type:
-                self._subscribe(answer.topic)
+                kept = self._graph.listen(answer.topic, partial(self.heard, answer.topic))
+                if kept is not None:
+                    self._subscriptions[answer.topic] = kept
             elif (answer.msg_type, answer.topic) in subscribed:
                 self._subscriptions[answer.topic] = None  # the inlet's
-            self._who[answer.topic] = self._publishers(answer.topic)
+            self._who[answer.topic] = self._graph.publishers(answer.topic)
         present = {
             topic
             for answer in self._expected
@@ -114,27 +146,7 @@ class Answers:
         self._present = present
         return is_news
 
-    def _endpoints(self, answer: Answer) -> Iterable[tuple[str, bool]]:
+    def _endpoints(self, answer: Answer) -> Iterable[Tuple[str, bool]]:
         is_heard = answer.topic in self._subscriptions
-        yield answer.topic, is_heard and self._node.count_publishers(answer.topic) > 0
-        yield answer.of, self._node.count_subscribers(answer.of) > 0
-
-    def _publishers(self, topic: str) -> frozenset[bytes]:
-        return frozenset(
-            bytes(info.endpoint_gid) for info in self._node.get_publishers_info_by_topic(topic)
-        )
-
-    def _subscribe(self, topic: str) -> None:
-        """Subscribe to a topic of any type, as soon as there is one."""
-        for info in self._node.get_publishers_info_by_topic(topic):
-            self._subscriptions[topic] = self._node.create_subscription(
-                topics.message_class(info.topic_type),
-                topic,
-                partial(self._take, topic),
-                topics.subscribed(""),
-                raw=True,
-            )
-            return
-
-    def _take(self, topic: str, _: bytes) -> None:
-        self.heard(topic)
+        yield answer.topic, is_heard and self._graph.is_published(answer.topic)
+        yield answer.of, self._graph.is_heard(answer.of)

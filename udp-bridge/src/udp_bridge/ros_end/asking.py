@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from queue import Empty, SimpleQueue
+from typing import Callable, Dict, List, Tuple
 
+from udp_bridge.leaving import Address
 from udp_bridge.wishing import Wish, WishAnswer
-
-Address = tuple[str, int]
 
 REPEAT_S = 0.1
 """How long an answer may take before the wish is sent again: one of the two may be lost."""
@@ -56,10 +55,10 @@ class Asking:
         self._send = send
         self._patience_s = patience_s
         self._now_nanos = now_nanos
-        self._heard: dict[Address, int] = {}
+        self._heard: Dict[Address, int] = {}
         self._number = 0
         self._numbering = threading.Lock()
-        self._waiting: dict[tuple[int, Address], SimpleQueue[WishAnswer]] = {}
+        self._waiting: Dict[Tuple[int, Address], SimpleQueue[WishAnswer]] = {}
         self._is_closed = False
 
     def heard(self, gateway: Address) -> None:
@@ -130,7 +129,7 @@ class Asking:
             raise Unable("the bridge is ending")
         return max(list(self._heard.items()), key=lambda row: row[1])[0]
 
-    def _present(self, now_nanos: int) -> list[tuple[Address, int]]:
+    def _present(self, now_nanos: int) -> List[Tuple[Address, int]]:
         heard = list(self._heard.items())
         return [(who, when) for who, when in heard if now_nanos - when < HEARD_NANOS]
 

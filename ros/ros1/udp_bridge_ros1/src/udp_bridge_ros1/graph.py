@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who publishes and who listens, as ROS 1 tells it (a `Graph` of `udp_bridge.ros_end.answers`).
+
+Rule: whoever is connected to this node is there, and nobody else: what is published before a
+connection stands is lost to him, and the master knows of nodes that died without a word.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Callable, FrozenSet, Hashable, List
+
+import rospy
+from rospy.impl.registration import Registration, get_topic_manager
+
+
+class Graph:
+    """The connections of this node."""
+
+    def publishers(self, topic: str) -> FrozenSet[Hashable]:
+        """Return who publishes on a topic: others, if one comes back after it had gone."""
+        return frozenset(connection.id for connection in _connections(Registration.SUB, topic))
+
+    def is_published(self, topic: str) -> bool:
+        """Tell whether anybody publishes on a topic."""
+        return bool(_connections(Registration.SUB, topic))
+
+    def is_heard(self, topic: str) -> bool:
+        """Tell whether somebody listens on a topic."""
+        return bool(_connections(Registration.PUB, topic))
+
+    def listen(self, topic: str, take: Callable[[], object]) -> object:
+        """Subscribe to a topic of any type, from now on."""
+        return rospy.Subscriber(topic, rospy.AnyMsg, lambda _: take(), queue_size=10)
+
+
+def _connections(kind: str, topic: str) -> List[Any]:
+    found = get_topic_manager().get_impl(kind, rospy.resolve_name(topic))
+    return list(found.connections or ()) if found is not None else []  # None at its end

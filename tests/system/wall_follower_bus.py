@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wall follower without ROS: stands in the gateway's place in a run with `lockstep: ros`.
+
+``python -m tests.system.wall_follower_bus LAPS --connect ENDPOINT --run RUN``. At each message of
+the clock it waits until all sensors have come to it, decides, and says so to physics, as a gateway
+does with what ROS has decided.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+
+from groundlink import process
+from groundlink.bus import Bus
+from groundlink.imagery import LaserScan
+from groundlink.inbox import Inbox
+from groundlink.messages import Ack, Clock, Command, Message
+from groundlink.navigation import Odometry
+from groundlink.topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, SCAN, WHEEL_ODOMETRY, Delivery
+
+from .wall_following import Scan, WallFollower
+
+
+def float32(number: float) -> float:
+    """Return what ROS's message holds of it."""
+    return float(struct.unpack("<f", struct.pack("<f", number))[0])
+
+
+def main(arguments: Sequence[str], stop: threading.Event) -> None:
+    parser = process.parser(GATEWAY, "Follow the wall.")
+    parser.add_argument("laps", type=int)
+    options = parser.parse_args(arguments)
+    follower = WallFollower(options.laps)
+    with Bus(connect=process.endpoint(options), name=GATEWAY) as bus:
+        run, scenario = process.join(bus, options.run, stop)
+        vehicle = scenario.vehicles[0].name
+        acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), Delivery.ALL)
+        command = bus.publisher(COMMAND.key_in(run, vehicle=vehicle), COMMAND.delivery)
+        types: dict[str, type[Message]] = {
+            CLOCK.key_in(run): Clock,
+            SCAN.key_in(run, vehicle=vehicle, sensor="scanner"): LaserScan,
+            WHEEL_ODOMETRY.key_in(run, vehicle=vehicle, sensor="odometry"): Odometry,
+        }
+        acks = ACK.key_in(run, process="")
+
+        def type_of(key: str) -> type[Message] | None:
+            return Ack if key.startswith(acks) else types.get(key)
+
+        inbox: Inbox[Message] = Inbox(depth=4096)
+        bus.subscribe_in_order(f"{ROOT}/{run}/**", type_of, inbox)
+        heartbeat = process.Heartbeat(bus, run, GATEWAY)
+        ticks = dict.fromkeys(scenario.sensor_names(), -1)
+        due: Clock | None = None
+        wanted: list[tuple[float, float]] = []
+        while not stop.is_set():
+            if heartbeat.due():
+                heartbeat.beat(due.tick if due else -1, {}, [])
+            if (arrived := inbox.get(seconds=0.05)) is None:
+                continue
+            key, message = arrived
+            match message:
+                case Clock():
+                    due = message
+                case Ack():
+                    ticks[key.removeprefix(acks)] = message.tick
+                case LaserScan():
+                    turn = float32(message.angle_min_rad), float32(message.angle_increment_rad)
+                    ranges = np.frombuffer(message.ranges_m, np.float32).tolist()
+                    follower.scan(Scan(message.stamp_nanos, *turn, ranges))
+                case Odometry():
+                    follower.odometry(message.stamp_nanos, *message.orientation[2:])
+            wanted += follower.decisions()
+            if due is not None and min(ticks[name] for name in scenario.sensor_names()) >= due.tick:
+                for forward, turn_radps in wanted:
+                    command(Command(due.stamp_nanos, (forward, 0.0, 0.0), (0.0, 0.0, turn_radps)))
+                commanded = {vehicle: due.tick} if wanted else {}
+                acknowledge(Ack(due.life, due.tick, due.tick, commanded=commanded))
+                due, wanted = None, []
+
+
+if __name__ == "__main__":
+    process.run(GATEWAY, main)
