@@ -6,7 +6,7 @@ RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends \
     python3-rospy python3-roslaunch python3-rosmaster python3-rostopic python3-rosbag rosout \
     python3-diagnostic-msgs python3-geometry-msgs python3-nav-msgs python3-rosgraph-msgs \
-    python3-sensor-msgs python3-std-msgs python3-tf2-msgs python3-genpy ros-std-msgs \
+    python3-sensor-msgs python3-std-msgs python3-std-srvs python3-tf2-msgs python3-genpy ros-std-msgs \
  && rm -rf /var/lib/apt/lists/*
 COPY udp-bridge/src /opt/udp-bridge
 COPY ros/groundlink_msgs /source/groundlink_msgs

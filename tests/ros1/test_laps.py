@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One program follows the wall through ROS 1, through ROS 2 and on the bus: the same way, bit by bit.
+"""One program follows the wall by ROS 1, by ROS 2 and on the bus: the same way, bit by bit.
 
 Its decisions are in `tests/system/wall_following.py`. In lockstep they depend on the data alone, so
 whatever way the data take, the vehicle goes the same way.
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,8 @@ ROOM = """
 name: hall
 materials:
   plaster: {reflectivity: 0.8, friction: 1.0}
-room: {size_m: [5.0, 4.2, 2.0], wall_thickness_m: 0.15, wall_material: plaster, floor_material: plaster}
+room: {size_m: [5.0, 4.2, 2.0], wall_thickness_m: 0.15, wall_material: plaster,
+  floor_material: plaster}
 """
 SCENARIO = """
 name: laps
@@ -115,7 +117,7 @@ def test_the_same_laps_whatever_way_the_data_take(ros1: Ros1, tmp_path: Path) ->
     bus = ways["on_the_bus"]
     poses = [memoryview(pose).cast("d").tolist() for pose in bus[::40]]
     yaws = [2 * math.atan2(pose[5], pose[6]) for pose in poses]
-    turns = (math.remainder(b - a, 2 * math.pi) for a, b in zip(yaws, yaws[1:], strict=False))
+    turns = (math.remainder(b - a, 2 * math.pi) for a, b in pairwise(yaws))
     assert sum(turns) > 2 * math.pi, "it has not gone round"
     assert max(abs(pose[0]) for pose in poses) > 1.0
     for name, way in ways.items():

@@ -37,7 +37,12 @@ class Subscriptions:
         message_class = topics.message_class(str(row.ros_type))
         fields = message_class.get_fields_and_field_types()
         made = self._node.create_subscription(
-            message_class, topic, take, topics.subscribed(row.name), raw=True
+            message_class,
+            topic,
+            take,
+            topics.subscribed(row.name),
+            raw=True,
+            qos_overriding_options=topics.OVERRIDES,
         )
         return Subscription(
             fields.get("header") == "std_msgs/Header",

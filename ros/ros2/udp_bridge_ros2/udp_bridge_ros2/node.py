@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import time
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -17,12 +18,14 @@ from rclpy.parameter import Parameter
 from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
 from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
+from udp_bridge.header import BadMessage
 from udp_bridge.keys import read_key
 from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
 from udp_bridge.ros_end.alive import Alive
 from udp_bridge.ros_end.asking import Asking
 from udp_bridge.ros_end.inlet import Inlet
 from udp_bridge.ros_end.lockstep import Lockstep
+from udp_bridge.ros_end.options import parse_datagram, parse_repair
 from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
@@ -36,6 +39,9 @@ from .services import Services
 
 Address = tuple[str, int]
 
+ANY_TYPE = ParameterDescriptor(dynamic_typing=True)
+"""Of a parameter that may be a word or a number."""
+
 
 class BridgeNode(Node):
     """The ROS 2 end of UDP Bridge.
@@ -43,6 +49,8 @@ class BridgeNode(Node):
     Its parameters are `bind`, where it receives, and `peer`, the only one whose messages it takes
     (port 0: any of that host; empty: whoever sends), both as ``HOST:PORT``. With `key_file`, a
     file, or `key_env`, an environment variable, it sends and takes only what is sealed by that key.
+    `datagram` and `repair` are of what it sends, `frame_prefix` is put before frames of what it
+    publishes; `use_sim_time` and `qos_overrides` are those of every node.
 
     Parameters
     ----------
@@ -67,14 +75,19 @@ class BridgeNode(Node):
         peer = str(self.declare_parameter("peer", "").value)
         key_file = str(self.declare_parameter("key_file", "").value) or None
         key_env = str(self.declare_parameter("key_env", "").value) or None
+        datagram = str(self.declare_parameter("datagram", "loopback", ANY_TYPE).value)
+        repair = str(self.declare_parameter("repair", "none").value)
+        frame_prefix = str(self.declare_parameter("frame_prefix", "").value)
         secret = read_key(key_file, key_env, os.environ)
         bind_address = parse_address(bind, what="bind")
         self._peer = resolve(parse_address(peer, what="peer")) if peer else None
         self._refused = 0
-        self._outlet = Outlet(self, self._fated)
+        datagram_size, mode = parse_datagram(datagram), parse_repair(repair)
+        self._outlet = Outlet(self, self._fated, frame_prefix=frame_prefix)
         self._inlet = Inlet(
             Subscriptions(self),
             is_published=self._outlet.publishes,
+            repair=mode,
             heard=lambda topic: self._lockstep.heard(topic),
         )
         wake = self.create_guard_condition(lambda: None)
@@ -92,10 +105,11 @@ class BridgeNode(Node):
                 bind_address,
                 report=True,
                 confirmed=True,
+                datagram=datagram_size,
                 on_message=self._take,
                 socket=sealed_socket(bind_address, secret, sends=FROM_ROS) if secret else None,
             )
-        except OSError:
+        except (OSError, BadMessage):
             self._outlet.close()
             raise
         self._diagnostics = Diagnostics(self, self._link)

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rclpy.serialization import deserialize_message
+
 from udp_bridge.ros_end import outlet
+from udp_bridge.ros_end.options import prefix_frames
 
 from . import topics
 
@@ -22,26 +25,38 @@ if TYPE_CHECKING:
 class _Publishers:
     """Publishers of a node; its logger tells of them."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, frame_prefix: str) -> None:
         self._node = node
+        self._frame_prefix = frame_prefix
 
     def get_logger(self) -> Any:
         return self._node.get_logger()
 
     def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> outlet.Publish:
         assert row.ros_type is not None
+        message_class = topics.message_class(row.ros_type)
         publisher = self._node.create_publisher(
-            topics.message_class(row.ros_type), topic, topics.published(delivery)
+            message_class,
+            topic,
+            topics.published(delivery),
+            qos_overriding_options=topics.OVERRIDES,
         )
 
         def publish(body: Buffer) -> None:
             publisher.publish(bytes(body))  # the one copy: rclpy takes nothing but bytes
 
-        return publish
+        def publish_prefixed(body: Buffer) -> None:
+            message = deserialize_message(bytes(body), message_class)
+            prefix_frames(message, self._frame_prefix)
+            publisher.publish(message)
+
+        return publish_prefixed if self._frame_prefix else publish
 
 
 class Outlet(outlet.Outlet):
     """Publishes messages on a thread of its own, by the publishers of a node."""
 
-    def __init__(self, node: Node, on_fate: outlet.OnFate = lambda *_: None) -> None:
-        super().__init__(_Publishers(node), on_fate)
+    def __init__(
+        self, node: Node, on_fate: outlet.OnFate = lambda *_: None, *, frame_prefix: str = ""
+    ) -> None:
+        super().__init__(_Publishers(node, frame_prefix), on_fate)

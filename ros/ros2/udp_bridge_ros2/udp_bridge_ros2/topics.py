@@ -13,9 +13,27 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from udp_bridge.ros_end.deliveries import Delivery
+
+OVERRIDES = QoSOverridingOptions(
+    [
+        QoSPolicyKind.HISTORY,
+        QoSPolicyKind.DEPTH,
+        QoSPolicyKind.RELIABILITY,
+        QoSPolicyKind.DURABILITY,
+    ]
+)
+"""What a user can change of each topic, by parameters such as
+`qos_overrides./imu.publisher.reliability`."""
 
 _SUBSCRIBED = {
     # Maps are published once and latched; this only matches publishers that do so.

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections import deque
 from functools import partial
 from struct import Struct
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Protocol, Tuple
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Protocol, Tuple
 
 from udp_bridge.control import Subscribe
 from udp_bridge.header import BadMessage
 from udp_bridge.leaving import Address
 from udp_bridge.link import Link
+from udp_bridge.repair import Mode
 from udp_bridge.types import MSG_TYPES, MessageType
 
 from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
@@ -65,6 +66,8 @@ class Inlet:
         Where subscriptions are made; its clock stamps what has no stamp of its own.
     is_published
         Tells whether a topic is one that the bridge itself fills.
+    repair
+        How what is lost of all that is sent is made good.
     heard
         Called with the topic of each message that came, in the thread of `turn`.
     """
@@ -74,6 +77,7 @@ class Inlet:
         ros: Ros,
         *,
         is_published: Callable[[str], bool],
+        repair: Optional[Mode] = None,
         heard: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.sent = 0
@@ -81,6 +85,7 @@ class Inlet:
         self._ros = ros
         self._is_published = is_published
         self._heard = heard
+        self._repair = repair
         self._asked: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
         self._subscriptions: Dict[Key, Subscription] = {}
         self._wishes: Dict[Key, Dict[Address, Wish]] = {}
@@ -106,7 +111,7 @@ class Inlet:
             A clock that never goes back.
         """
         while self._asked:
-            self._answer(*self._asked.popleft(), now_nanos)
+            self._answer(link, *self._asked.popleft(), now_nanos)
         wait_nanos = MAX_WAIT_NANOS
         for key, sender, wish in self._all_wishes():
             if wish.is_over(now_nanos):
@@ -125,7 +130,9 @@ class Inlet:
             for sender, wish in wishes.items()
         ]
 
-    def _answer(self, subscribe: Subscribe, topic: str, sender: Address, now_nanos: int) -> None:
+    def _answer(
+        self, link: Link, subscribe: Subscribe, topic: str, sender: Address, now_nanos: int
+    ) -> None:
         row = MSG_TYPES[subscribe.wanted_type]
         key = (row.number, topic or row.default_topic)
         if not subscribe.action:
@@ -139,6 +146,8 @@ class Inlet:
                     self._ros.get_logger().warning(f"{key[1]}: not subscribed to: {complaint}")
             if complaint:
                 return
+            if self._repair is not None:
+                link.mend(*key, self._repair)
         wishes = self._wishes.setdefault(key, {})
         if sender in wishes or len(wishes) < MAX_SUBSCRIPTIONS:
             wishes.setdefault(sender, Wish()).renew(subscribe, now_nanos)

@@ -16,6 +16,7 @@ import rospy
 from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
 from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
+from udp_bridge.header import BadMessage
 from udp_bridge.keys import read_key
 from udp_bridge.leaving import Address
 from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
@@ -23,6 +24,7 @@ from udp_bridge.ros_end.alive import Alive
 from udp_bridge.ros_end.asking import Asking
 from udp_bridge.ros_end.inlet import Inlet
 from udp_bridge.ros_end.lockstep import Lockstep
+from udp_bridge.ros_end.options import parse_datagram, parse_repair
 from udp_bridge.ros_end.outlet import Outlet
 from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import CONTROL, SUBSCRIBE
@@ -41,7 +43,8 @@ class BridgeNode:
     Its parameters are `~bind`, where it receives, and `~peer`, the only one whose messages it takes
     (port 0: any of that host; empty: whoever sends), both as ``HOST:PORT``. With `~key_file`, a
     file, or `~key_env`, an environment variable, it sends and takes only what is sealed by that
-    key.
+    key. `~datagram` and `~repair` are of what it sends, `~frame_prefix` is put before frames of
+    what it publishes.
 
     Parameters
     ----------
@@ -67,17 +70,20 @@ class BridgeNode:
         peer = str(rospy.get_param("~peer", ""))
         key_file = key_file or str(rospy.get_param("~key_file", "")) or None
         key_env = key_env or str(rospy.get_param("~key_env", "")) or None
+        datagram = parse_datagram(str(rospy.get_param("~datagram", "loopback")))
+        repair = parse_repair(str(rospy.get_param("~repair", "none")))
         secret = read_key(key_file, key_env, os.environ)
         bind_address = parse_address(bind, what="bind")
         self._peer = resolve(parse_address(peer, what="peer")) if peer else None
         self._refused = 0
-        publishers = Publishers()
+        publishers = Publishers(str(rospy.get_param("~frame_prefix", "")))
         self._subscriptions = Subscriptions()
         self._outlet = Outlet(publishers, self._fated)
         self._log = publishers.get_logger()
         self._inlet = Inlet(
             self._subscriptions,
             is_published=self._outlet.publishes,
+            repair=repair,
             heard=lambda topic: self._lockstep.heard(topic),
         )
         self._lockstep = Lockstep(
@@ -92,10 +98,11 @@ class BridgeNode:
                 bind_address,
                 report=True,
                 confirmed=True,
+                datagram=datagram,
                 on_message=self._take,
                 socket=sealed_socket(bind_address, secret, sends=FROM_ROS) if secret else None,
             )
-        except OSError:
+        except (OSError, BadMessage):
             self._outlet.close()
             raise
         self._diagnostics = Diagnostics(self._link, time.monotonic_ns())

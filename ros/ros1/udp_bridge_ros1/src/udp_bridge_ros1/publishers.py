@@ -7,12 +7,16 @@ own messages and holds up nobody. `seq` counts what was published on a topic, as
 
 from __future__ import annotations
 
+import io
 import itertools
 import logging
+from importlib import import_module
 from struct import Struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Sequence
 
 import rospy
+
+from udp_bridge.ros_end.options import prefix_frames
 
 from .messages import kind
 
@@ -26,7 +30,10 @@ _SEQ = Struct("<I")
 
 
 class Publishers:
-    """What an outlet needs of ROS."""
+    """What an outlet needs of ROS; with a prefix for frames, messages are taken apart for it."""
+
+    def __init__(self, frame_prefix: str = "") -> None:
+        self._frame_prefix = frame_prefix
 
     def get_logger(self) -> logging.Logger:
         """Return rospy's, which the terminal and /rosout hear."""
@@ -45,9 +52,20 @@ class Publishers:
             chunks = plan.to_ros1(body)
             if plan.is_stamped:
                 chunks[0] = _SEQ.pack(next(counter) & 0xFFFFFFFF)
+            if self._frame_prefix:
+                chunks = [self._prefixed(row, chunks)]
             if is_description:  # which ROS 1 looks for among the parameters
                 text = b"".join(chunks)[_SEQ.size :].decode("utf-8", "replace")
                 rospy.set_param(topic, text)
             publisher.publish(raw(*chunks))
 
         return publish
+
+    def _prefixed(self, row: MessageType, chunks: Sequence[Buffer]) -> bytes:
+        package, _, name = str(row.ros_type).split("/")
+        message = getattr(import_module(f"{package}.msg"), name)()
+        message.deserialize(b"".join(chunks))
+        prefix_frames(message, self._frame_prefix)
+        buffer = io.BytesIO()
+        message.serialize(buffer)
+        return buffer.getvalue()

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a user can tell a node of either ROS about what it sends and publishes, as text.
+
+Rule: text comes in, as parameters have it; who reads them is the node's business.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+from udp_bridge.fragments import DatagramSize, check_datagram_size
+from udp_bridge.header import BadMessage
+from udp_bridge.repair import Mode, parse_mode
+
+
+def parse_datagram(text: str) -> DatagramSize:
+    """Return the size of the datagrams that go out: `mtu`, `loopback` or a number of bytes.
+
+    Raises
+    ------
+    ValueError
+        When it is none of these.
+    """
+    try:
+        return check_datagram_size(int(text) if text.isdecimal() else text)
+    except BadMessage as error:
+        raise ValueError(str(error)) from None
+
+
+def parse_repair(text: str) -> Optional[Mode]:
+    """Return how what is lost on the way back is made good: `none`, `resend 0.5` or `fec 0.2`.
+
+    Raises
+    ------
+    ValueError
+        When it is none of these.
+    """
+    name, _, figure = text.strip().partition(" ")
+    try:
+        return parse_mode({name: float(figure)} if figure else name)
+    except (BadMessage, ValueError):
+        raise ValueError(
+            f"repair is {text!r}; expected none, resend, `resend SECONDS` or `fec SHARE`"
+        ) from None
+
+
+def prefix_frames(message: Any, prefix: str) -> None:
+    """Put a prefix before every frame that a message of either ROS names."""
+    for part in getattr(message, "transforms", None) or (message,):
+        header = getattr(part, "header", None)
+        if header is not None and header.frame_id:
+            header.frame_id = prefix + header.frame_id
+        if getattr(part, "child_frame_id", ""):
+            part.child_frame_id = prefix + part.child_frame_id
