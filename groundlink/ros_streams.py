@@ -142,6 +142,18 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
     return streams
 
 
+def answers_mistake(scenario: Scenario) -> str:
+    """Return in words which topic ROS is to answer that it does not get; empty for none."""
+    known = {stream.topic for stream in outgoing(scenario, "") if stream.push}
+    for topic, of in scenario.time.answers.items():
+        if of not in known:
+            return (
+                f"`time.answers`: {topic} cannot answer {of}, which does not go to ROS unasked; "
+                f"expected one of {', '.join(sorted(known))}"
+            )
+    return ""
+
+
 def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outgoing]:
     rows = [
         (output.row, output.ros_topic, s, sensor_rate_hz(s))

@@ -15,6 +15,7 @@ import numpy as np
 from groundlink import routes
 from groundlink.errors import UserError
 from groundlink.message_sizes import Cut, NeverFits, cut, fitting_block_deg
+from groundlink.ros_streams import answers_mistake
 from groundlink.scenario import load
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz
@@ -35,9 +36,12 @@ def check(options: argparse.Namespace) -> int:
     Raises
     ------
     UserError
-        when a sensor's messages fit into no datagrams, however large.
+        when a sensor's messages fit into no datagrams, however large, or ROS is to answer a topic
+        that there is not.
     """
     scenario = load(options.scenario, tell=_doubt)
+    if mistake := answers_mistake(scenario):
+        raise UserError(f"{options.scenario}: {mistake}")
     world = scenario.world
     print(f"{options.scenario}: `{scenario.name}` is valid")
     print(f"  world    {world.name}, {len(solids(scenario))} solids, {world_hash(scenario)[:12]}")

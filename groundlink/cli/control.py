@@ -7,6 +7,7 @@ Rule: one table of commands; what each does is physics' business, whose answer i
 from __future__ import annotations
 
 import argparse
+import sys
 import threading
 import time
 
@@ -16,6 +17,10 @@ from groundlink.clock import TICK_SECONDS
 from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.control_query import ask
 from groundlink.errors import UserError
+from groundlink.hold_ups import HoldUps
+from groundlink.inbox import Inbox
+from groundlink.messages import Health
+from groundlink.topics import HEALTH, PHYSICS
 
 POLL_SECONDS = 0.05
 """How often a run is asked whether its steps are done."""
@@ -46,12 +51,36 @@ def control(options: argparse.Namespace) -> int:
     wish = Step(options.ticks) if options.wish is Step else options.wish()
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = process.join(bus, options.run, threading.Event())
+        waits = Waits(bus, run)
         answer = ask(bus, run, wish)
         while isinstance(wish, Step) and not answer.paused:
             time.sleep(POLL_SECONDS)
             answer = ask(bus, run)
+            if line := waits.line(answer.tick):
+                print(line, file=sys.stderr)
     print(told(run, answer))
     return 0
+
+
+class Waits:
+    """Says whom physics waits for, while steps are not done: what its counters say, once each."""
+
+    def __init__(self, bus: Bus, run: str) -> None:
+        self._run = run
+        self._health: Inbox[Health] = Inbox(depth=16)
+        self._said: tuple[str, ...] = ()
+        bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, self._health)
+
+    def line(self, tick: int) -> str:
+        """Return a line where others are waited for than was said; empty otherwise."""
+        silent = self._said
+        while len(self._health) and (arrived := self._health.get(seconds=0)):
+            silent = HoldUps.read(arrived[1].counters).silent_now
+        if silent == self._said:
+            return ""
+        self._said = silent
+        names = ", ".join(silent)
+        return f"run `{self._run}` waits at tick {tick} for {names}" if silent else ""
 
 
 def told(run: str, answer: ControlAnswer) -> str:

@@ -8,7 +8,7 @@ sheets, named in the field; they are converted once, where they are used.
 
 from __future__ import annotations
 
-from math import isinf
+from math import isfinite, isinf
 from typing import Annotated, Literal
 
 from msgspec import Meta, field
@@ -251,6 +251,11 @@ class Time(Spec, frozen=True):
     def __post_init__(self) -> None:
         if isinf(self.factor):
             raise ValueError("`factor` is infinite; `mode: fast` has no wall clock to keep to")
+        if not isfinite(self.deadline_s):
+            raise ValueError(
+                f"`deadline_s` is {self.deadline_s}; expected seconds, such as 5.0; with "
+                "`overload: slow` a run in lockstep is waited for however long it takes"
+            )
         if self.lockstep == "ros":
             if self.mode == "realtime":
                 raise ValueError(

@@ -12,6 +12,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from groundlink.errors import UserError
+from groundlink.ros_streams import answers_mistake
 
 from .fast_fit import window_mistake
 from .schema import Scenario
@@ -49,6 +50,8 @@ def chosen(scenario: Scenario, options: argparse.Namespace) -> Scenario:
     sensors = (sensor for vehicle in scenario.vehicles for sensor in vehicle.sensors)
     if time.mode != "realtime" and (mistake := window_mistake(time, sensors)):
         raise UserError(f"scenario `{scenario.name}`, `time.window_ticks`: {mistake}")
+    if mistake := answers_mistake(scenario):
+        raise UserError(f"scenario `{scenario.name}`, {mistake}")
     return replace(scenario, time=time)
 
 

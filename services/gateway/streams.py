@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from groundlink.errors import UserError
 from groundlink.messages import Message
 from groundlink.ros_messages import ROS_FORMS
-from groundlink.ros_streams import Outgoing
+from groundlink.ros_streams import Outgoing, answers_mistake
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RepairBy
 from udp_bridge.lockstep import Answer
@@ -64,14 +64,9 @@ def answers(scenario: Scenario, gateway: Gateway) -> tuple[Answer, ...]:
     UserError
         when one of them does not go to ROS.
     """
-    known = {stream.topic for stream in gateway.streams.values() if stream.push}
+    if mistake := answers_mistake(scenario):
+        raise UserError(mistake)
     types = {wish.topic: wish.msg_type for wish in gateway.incoming}
-    found = []
-    for topic, of in scenario.time.answers.items():
-        if of not in known:
-            raise UserError(
-                f"`time.answers`: {topic} cannot answer {of}, which does not go to ROS unasked; "
-                f"expected one of {', '.join(sorted(known))}"
-            )
-        found.append(Answer(topic, of, types.get(topic, 0)))
-    return tuple(found)
+    return tuple(
+        Answer(topic, of, types.get(topic, 0)) for topic, of in scenario.time.answers.items()
+    )

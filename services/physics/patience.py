@@ -85,7 +85,7 @@ class Patience:
         for name in sorted(self._named.keys() - holding - pace.parties.given_up):
             after = f"after {self._end(name):.1f} s"
             if pace.parties.has_followed(name):
-                lines.append(f"{self._list([name])} is back {after}")
+                lines.append(f"{self._back(name)} is back {after}")
             else:  # It has left, or has only just come.
                 lines.append(f"waits no longer for {self._list([name])}, {after}")
         late = [name for name in sorted(holding) if self._held(name) >= self._time.deadline_s]
@@ -161,6 +161,12 @@ class Patience:
         seconds = self._now - self._named.pop(name)
         self._past_seconds[name] = self._past_seconds.get(name, 0.0) + seconds
         return seconds
+
+    def _back(self, name: str) -> str:
+        """Return who is back; a gateway that skips ROS is, though ROS's word is not."""
+        if self._time.overload == "skip" and self._list([name]) != name:
+            return f"{name}, with ROS's word or without it,"
+        return self._list([name])
 
     def _list(self, names: Collection[str]) -> str:
         gives_word = GATEWAY if self._time.lockstep == "ros" else ""

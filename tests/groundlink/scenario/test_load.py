@@ -125,6 +125,8 @@ MISTAKES = [
     ("mode: fast", "mode: lokstep", 16, ["unknown value `lokstep`", "did you mean `lockstep`?"]),
     ("mode: fast", "overload: slov", 16, ["`time.overload`", "did you mean `slow`?"]),
     ("mode: fast", "deadline_s: 0", 16, ["`time.deadline_s`", "> 0"]),
+    ("mode: fast", "deadline_s: .inf", 15, ["`deadline_s` is inf; expected seconds"]),
+    ("mode: fast", "deadline_s: .nan", 16, ["`time.deadline_s`"]),
     ("mode: fast", "factor: .inf", 15, ["`factor` is infinite; `mode: fast`"]),
     ("mode: fast", "lockstep: ros", 15, ["`mode: realtime` never does", "`mode: lockstep`"]),
     (

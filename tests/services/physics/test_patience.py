@@ -11,6 +11,7 @@ from groundlink.errors import RunFailed
 from groundlink.gaps import Gap, Gaps
 from groundlink.hold_ups import HoldUps
 from groundlink.scenario.schema import Time
+from groundlink.topics import GATEWAY
 from services.physics.patience import START_SECONDS
 
 from .paced import LIDAR, SENSORS, Paced
@@ -86,6 +87,20 @@ def test_skip_in_lockstep_goes_on_after_the_deadline(mode: str) -> None:
     run.run(3.0, times_real=STOPPED)
     assert run.sim_seconds > sim + 2.9
     assert len(run.lines) == 2
+
+
+def test_a_gateway_that_skips_ros_is_back_though_ros_may_not_be() -> None:
+    for overload, back in (
+        ("slow", "gateway (ROS's word) is back after "),
+        ("skip", "gateway, with ROS's word or without it, is back after "),
+    ):
+        time = Time("fast", "ros", overload=overload, deadline_s=DEADLINE)  # type: ignore[arg-type]
+        run = Paced(time, others=[GATEWAY])
+        run.join()
+        run.run(1.0)
+        run.run(DEADLINE + SLACK, times_real={GATEWAY: 0.0})
+        run.run(1.0)
+        assert run.lines[-1].startswith(back)
 
 
 @pytest.mark.parametrize("time", [{}, {"mode": "lockstep"}, {"mode": "fast"}])
