@@ -8,7 +8,7 @@ threads: the main one takes from the bus, the link's receiving one takes from th
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from groundlink.messages import (
@@ -43,6 +43,10 @@ from .words import Words
 
 STALE_SLACK_NANOS = 100_000_000
 """A stream may be this much ahead of the clock that the gateway has heard."""
+
+
+ToRos = tuple[TopicKey, Message]
+"""A message with its place in ROS."""
 
 
 class Gateway:
@@ -117,18 +121,27 @@ class Gateway:
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
 
-    def forward(self, key: str, message: Message, link: Link) -> None:
-        """Send a message of the bus to all that want it."""
-        stamp = measured_nanos(message)
+    def forward(self, key: str, message: Message, link: Link) -> list[ToRos]:
+        """Send a message of the bus, and what follows from it, to all that want it.
+
+        Returns
+        -------
+        What the peer was sent.
+        """
         if isinstance(message, Clock):
             self.note_time(message)
-        elif self._is_stale(key, stamp):
+        elif self._is_stale(key, measured_nanos(message)):
             self.counts["stale"] += 1
-            return
-        self._send(*self._place_in_ros[key], stamp, message, link)
+            return []
+        told = [(self._place_in_ros[key], message)]
         for base in self._bases:
-            for topic, told in base.hear(key, message):
-                self._send(wire_type(type(told)), topic, measured_nanos(told), told, link)
+            told += [((wire_type(type(m)), topic), m) for topic, m in base.hear(key, message)]
+        return [(place, m) for place, m in told if self.peer in self._send(place, m, link)]
+
+    def forward_again(self, told: Sequence[ToRos], link: Link) -> None:
+        """Send to the peer what a predecessor of it may have got."""
+        for place, message in told:
+            self._send(place, message, link, to=[self.peer])
 
     def hear_native(self) -> None:
         """Take what has come from ROS besides the wire."""
@@ -164,10 +177,10 @@ class Gateway:
         # What never changes has the stamp of the run's begin, so that repetitions are equal.
         stamp = self.epoch_nanos
         if transforms := still_transforms(self._scenario, self._bases, stamp):
-            self._send(TF_MESSAGE, TF_STATIC_TOPIC, stamp, transforms, link)
+            self._send((TF_MESSAGE, TF_STATIC_TOPIC), transforms, link)
         for base in self._bases:
             text = Text(stamp, base.description)
-            self._send(wire_type(Text), base.description_topic, stamp, text, link)
+            self._send((wire_type(Text), base.description_topic), text, link)
 
     def on_message(self, message: WireMessage, sender: Address) -> None:
         """Take a message of the wire; called on the link's receiving thread."""
@@ -216,28 +229,34 @@ class Gateway:
         return rows, self.counts | peer_counters(self._reports.link)
 
     def _send(
-        self, msg_type: int, topic: str, stamp_nanos: int, message: Message, link: Link
-    ) -> None:
-        place = msg_type, topic
-        receivers = self._subscriptions.receivers(place, stamp_nanos, time.monotonic())
-        if not receivers and not self.native.offers(place):
-            return
+        self, place: TopicKey, message: Message, link: Link, *, to: Sequence[Address] | None = None
+    ) -> Sequence[Address]:
+        """Send a message to some, or to all that want it; return to whom."""
+        stamp_nanos = measured_nanos(message)
+        is_news = to is None
+        if to is None:
+            to = self._subscriptions.receivers(place, stamp_nanos, time.monotonic())
+        if not to and not self.native.offers(place):
+            return to
         try:
             cdr = to_cdr(message)
         except BadMessage:
             self.counts["refused"] += 1
-            return
+            return ()
+        msg_type, topic = place
         frame = getattr(message, "frame", "")
         if isinstance(message, Reading):  # on the wire stands what the sensor's clock says
             stamp_nanos += message.clock_error_nanos
-        self.native.publish(place, stamp_nanos, cdr)
-        for receiver in receivers:
+        if is_news:
+            self.native.publish(place, stamp_nanos, cdr)
+        for receiver in to:
             try:
                 link.send(msg_type, topic, frame, stamp_nanos, cdr, to=receiver)
             except TooLarge:
                 self.counts["too_large"] += 1
             except BadHeader:
                 self.counts["refused"] += 1
+        return to
 
     def _is_stale(self, key: str, stamp_nanos: int) -> bool:
         """Return whether a stream repeats itself: a sensor came back and caught up.

@@ -23,8 +23,9 @@ from .streams import wire_type
 LATCHED = frozenset({type_number("OccupancyGrid")})
 """Published once and kept for those that come late."""
 
-LEASE_SECONDS = 3
-"""Of the gateway's wishes; they are repeated every second."""
+LEASE_SECONDS = 10
+"""Of the gateway's wishes, which are repeated every second, on a machine that may be busy. In
+lockstep an answer that comes while nobody subscribes would be waited for in vain."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ acknowledgement take one way over the bus and wait in one inbox, so none overtak
 physics publishes at a tick goes before the state that sensors answer to. Then a Barrier tells ROS
 what was sent, and is repeated until its Word has come with all commands that this tells of. They
 are stamped with the tick, and the acknowledgement says so, so that all of them act in the next one.
+Who says there that he has begun since then gets all of it again, and is asked again.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from groundlink.quiet import Quiet
 from groundlink.scenario import Scenario
 from groundlink.topics import GATEWAY, PHYSICS
 from udp_bridge.gathering import Tally
-from udp_bridge.lockstep import DONE, Barrier, Word
+from udp_bridge.lockstep import ANEW, DONE, Barrier, Sent, Word
 from udp_bridge.repair import Resend
 from udp_bridge.types import CONTROL
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from udp_bridge.link import Link
     from udp_bridge.message import Message as WireMessage
 
-    from .gateway import Gateway
+    from .gateway import Gateway, ToRos
     from .kept import Resumed
 
 REPEAT_SECONDS = 0.02
@@ -87,6 +88,9 @@ class Lockstep:
         self._clock_key = next(s.key for s in gateway.streams.values() if s.message is Clock)
         self._others = Others(scenario.sensor_names() or [PHYSICS])
         self._tally = Tally()
+        self._forwarded: list[ToRos] = []
+        self._told_of: list[ToRos] = []
+        """What the present Barrier tells of."""
         self._resumed: Resumed | None = None
         self._told: tuple[Word, Sequence[WireMessage]] | None = None
         self._quiet, self._is_news = Quiet(0.0), True
@@ -96,7 +100,7 @@ class Lockstep:
         self._barrier_nanos = 0
         self._life, self.tick = 0, -1
         self._since: float | None = None
-        self._asked_since = self._sent_since = 0.0
+        self._asked_since = self._sent_since = self._again_since = 0.0
         self._has_complained = self._is_absent = False
         self._commanded: dict[str, int] = {}
         self.counts = dict.fromkeys(
@@ -141,11 +145,9 @@ class Lockstep:
         if self._last is None:
             self._ask(Barrier(0, -1, LIMIT_MS, (), self._answers), 0, now_seconds)
         if self._due is not None and not self._asks and self._is_all_sent():
-            due, left = self._due, self._link.left(self._gateway.peer)
-            sent = self._tally.since({k: n for k, n in left.items() if k in self._gateway.places})
-            self._tally.tell(left)
-            self._due = None
-            barrier = Barrier(due.life, due.tick, LIMIT_MS, sent, self._answers)
+            due, self._due = self._due, None
+            self._told_of, self._forwarded = self._forwarded, []
+            barrier = Barrier(due.life, due.tick, LIMIT_MS, self._sent(), self._answers)
             self._ask(barrier, due.stamp_nanos, now_seconds)
         if self._asks or self._is_absent:
             self._look_for_word(now_seconds)
@@ -159,6 +161,7 @@ class Lockstep:
         if clock.life != self._life:
             # What was sent of a life that is over and not told of is never told of.
             self._tally.tell(self._link.left(self._gateway.peer))
+            self._forwarded.clear()
             self._life, self._commanded = clock.life, {}
         self.tick = clock.tick
         self._forward(key, clock)
@@ -172,8 +175,15 @@ class Lockstep:
 
     def _forward(self, key: str, message: Message) -> None:
         if key in self._gateway.streams:
-            self._gateway.forward(key, message, self._link)
+            self._forwarded += self._gateway.forward(key, message, self._link)
             self._link.flush(FLUSH_SECONDS)
+
+    def _sent(self) -> tuple[Sent, ...]:
+        """Return what was sent to ROS since this was asked last."""
+        left = self._link.left(self._gateway.peer)
+        sent = self._tally.since({k: n for k, n in left.items() if k in self._gateway.places})
+        self._tally.tell(left)
+        return sent
 
     def _is_of_now(self, message: Message) -> bool:
         """Return whether a reading is of this life: none is from before it, or after now."""
@@ -209,6 +219,8 @@ class Lockstep:
     def _look_for_word(self, now_seconds: float) -> None:
         assert self._last is not None
         said = self._words.of(self._last.life, self._last.tick)
+        if said is not None and said[0].state == ANEW:
+            self._send_again(now_seconds)
         if said is None or said[0].state != DONE:
             return
         word, _ = said
@@ -216,6 +228,8 @@ class Lockstep:
         missing = self._words.missing(word.sent)
         if missing and not is_late:
             return
+        if self._is_absent:
+            self._say("ROS's word is back")
         asked, self._asks, self._is_absent = self._asks, False, False
         if not asked:
             return  # too late: physics has gone on without it
@@ -232,6 +246,17 @@ class Lockstep:
             )
         self._told = word, self._words.take(word.sent)
         self._tell_physics(*self._told)
+
+    def _send_again(self, now_seconds: float) -> None:
+        """Ask anew, with all that was sent, a ROS side that has begun since then."""
+        assert self._last is not None
+        if now_seconds - self._again_since < REMIND_SECONDS:
+            return  # it says so in answer to each copy
+        self._again_since = self._asked_since = now_seconds
+        self._gateway.forward_again(self._told_of, self._link)
+        self._link.flush(LIMIT_MS / 1e3)
+        self._last = self._last._replace(sent=self._sent())
+        self._send(now_seconds)
 
     def _tell_physics(self, word: Word, messages: Sequence[WireMessage]) -> None:
         for message in messages:
@@ -264,7 +289,7 @@ class Lockstep:
         """Say who is waited for too long, and do without him where the scenario says so."""
         waits_for = self._waits_for()
         if not waits_for or self._since is None:
-            if self._has_complained:
+            if self._has_complained and not self._is_absent:
                 self._say("time goes on")
             self._since, self._has_complained = None, False
             return
@@ -280,6 +305,7 @@ class Lockstep:
             self._say(waits_for)
         if skips and self._asks and self._last is not None and self._last.tick >= 0:
             self._is_absent = True
+            self._say("time goes on without ROS's word until it comes")
             self._skip()
 
     def _skip(self) -> None:

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from udp_bridge.gathering import Gathering
-from udp_bridge.lockstep import WAITING, Sent, Word
+from udp_bridge.lockstep import ANEW, WAITING, Sent, Word
 from udp_bridge.message import Message
 
 
@@ -32,6 +32,8 @@ class Words:
     def say(self, word: Word, topic: str) -> None:
         """Take a Word and the topic in its header."""
         with self._came:
+            if word.state == ANEW:
+                self._gathering.take_all()  # of a predecessor, whose numbers come again
             self._word = word, topic
             self._notify()
 
@@ -57,6 +59,8 @@ class Words:
         word, topic = said
         if word.state == WAITING:
             return f"{node} waits for {topic} since the barrier of tick {tick}"
+        if word.state == ANEW:
+            return f"{node} was started anew and has not got again what was sent to tick {tick}"
         return f"{node} and the gateway lack messages of each other since tick {tick}"
 
     def missing(self, sent: Sequence[Sent]) -> int:

@@ -113,14 +113,7 @@ def test_the_way_is_the_same_whatever_delays_and_losses(
     assert driven(tmp_path / "lossy", way=way, ticks=ticks, link=LOSS) == undisturbed
 
 
-AGAIN = pytest.mark.xfail(
-    strict=False, reason="a node that is started again may wait for an answer that was given"
-)
-
-
-@pytest.mark.parametrize(
-    "module", [pytest.param("udp_bridge_ros2", marks=AGAIN), "services.gateway"]
-)
+@pytest.mark.parametrize("module", ["udp_bridge_ros2", "services.gateway"])
 def test_who_is_started_again_takes_part_again(tmp_path: Path, module: str) -> None:
     with driving(tmp_path / "run", way="odom") as (it, seen):
         wait_for(lambda: seen.has_come_to(200), 60, f"tick 200: {it.log('up.log')}")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from udp_bridge import MSG_TYPES, BadMessage, Refused, control
-from udp_bridge.lockstep import DONE, INCOMPLETE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.lockstep import ANEW, DONE, INCOMPLETE, WAITING, Answer, Barrier, Sent, Word
 
 BARRIER = Barrier(
     life=0x0102030405060708,
@@ -63,7 +63,7 @@ WORDS = st.builds(
     Word,
     LIVES,
     TICKS,
-    st.sampled_from([DONE, WAITING, INCOMPLETE]),
+    st.sampled_from([DONE, WAITING, INCOMPLETE, ANEW]),
     st.integers(0, 2**32 - 1),
     st.lists(SENT, max_size=5).map(tuple),
 )
@@ -93,7 +93,7 @@ def test_any_bytes_are_refused_or_mean_the_same_when_packed_again(kind: int, res
         (BARRIER_BYTES, 32, 0),  # NUL in a name
         (BARRIER_BYTES, 33, 0xFF),  # no UTF-8
         (BARRIER_BYTES, 51, 7),  # type of an answer: no ROS type
-        (WORD_BYTES, 2, 3),  # no state
+        (WORD_BYTES, 2, 4),  # no state
         (WORD_BYTES, 16, 0xFE),  # tick -2
     ],
 )
@@ -123,7 +123,7 @@ def test_an_empty_name_is_refused() -> None:
         BARRIER._replace(sent=(Sent(8, "/clock", 0, 0),)),
         WORD._replace(sent=(Sent(9, "/" * 256, 0, 1),)),
         WORD._replace(sent=(Sent(9, "/cmd_vel", 0, 65536),)),
-        WORD._replace(state=3),
+        WORD._replace(state=4),
         WORD._replace(tick=-2),
     ],
 )

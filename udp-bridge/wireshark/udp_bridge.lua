@@ -135,7 +135,8 @@ local BARRIER = layout("barrier", {
 local WORD = layout("word", {
     size = 24,
     {1, 1, "topics", u8, "Topics with messages"},
-    {2, 1, "state", u8, "State", base.DEC, {[0] = "done", [1] = "waiting", [2] = "incomplete"}},
+    {2, 1, "state", u8, "State", base.DEC,
+        {[0] = "done", [1] = "waiting", [2] = "incomplete", [3] = "begun anew"}},
     {4, 4, "lost", u32, "Messages lost"},
     {8, 8, "life", u64, "Life of the run"},
     {16, 8, "tick", stamp64, "Tick (-1: before the first)"},

@@ -30,6 +30,7 @@ from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Stream as ExtraStream
 from services.gateway.gateway import Gateway
+from services.gateway.incoming import LEASE_SECONDS
 from services.gateway.streams import TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
@@ -188,7 +189,7 @@ def test_transforms_and_wishes_are_repeated_once_time_is_known(bench: Bench) -> 
     assert text.data.startswith("<robot")
     assert (wish["stamp"], transforms["stamp"]) == (10**9 + 5, 5)
     assert (wish["msg_type"], wish["topic"]) == (SUBSCRIBE, "/cmd_vel")
-    assert Subscribe.parse(wish["body"]) == Subscribe(TWIST, 1, 3, 0.0)
+    assert Subscribe.parse(wish["body"]) == Subscribe(TWIST, 1, LEASE_SECONDS, 0.0)
     assert (transforms["msg_type"], transforms["topic"]) == (TF_MESSAGE, "/tf_static")
     message: Any = STORE.deserialize_cdr(transforms["body"], "tf2_msgs/msg/TFMessage")
     frames = {t.child_frame_id: t.header.frame_id for t in message.transforms}
@@ -251,7 +252,8 @@ def test_poses_and_maps_are_wished_for_and_a_map_anew_at_the_begin(bench: Bench)
         bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
         sent = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
         wishes.append([(row["topic"], Subscribe.parse(row["body"])[:3]) for row in sent])
-    again = [("/cmd_vel", (9, 1, 3)), ("/pose", (10, 1, 3)), ("/map", (11, 1, 3))]
+    wanted = (1, LEASE_SECONDS)
+    again = [("/cmd_vel", (9, *wanted)), ("/pose", (10, *wanted)), ("/map", (11, *wanted))]
     assert wishes == [[*again[:2], ("/map", (11, 0, 0)), again[2]], again]
 
 

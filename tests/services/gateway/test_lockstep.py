@@ -22,7 +22,7 @@ from services.gateway.kept import Resumed
 from services.gateway.lockstep import LIMIT_MS, Lockstep
 from services.gateway.words import Words
 from udp_bridge import control
-from udp_bridge.lockstep import DONE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
 from udp_bridge.message import Message as WireMessage
 from udp_bridge.types import CONTROL, type_number
 
@@ -226,6 +226,31 @@ def test_commands_that_are_lost_for_good_are_counted_and_said(rig: Rig) -> None:
     assert any("lost 3 messages to ROS and 2 back" in line for line in rig.said)
 
 
+def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0)
+    rig.commands(0)  # of the predecessor; nobody will tell of it
+    rig.clock(4)
+    rig.measured(4)
+    rig.followed(4)
+    before = rig.link.barriers[-1]
+    for _ in range(3):
+        rig.says(4, state=ANEW)
+    again = rig.link.barriers[-1]
+    assert (again.life, again.tick) == (LIFE, 4)
+    told = {(ENCODERS, "/wheel_encoders"): 0, (JOINTS, "/joint_states"): 0, (CLOCK, "/clock"): 1}
+    assert {*before.sent} == {Sent(*place, first, 1) for place, first in told.items()}
+    assert {*again.sent} == {Sent(*place, first + 1, 1) for place, first in told.items()}
+    data = [row for row in rig.link.sent if row[0] != CONTROL]
+    assert sorted(data[-3:]) == sorted(data[-6:-3])
+    assert [ack.tick for ack in rig.acks] == [0]
+    rig.commands(0)
+    rig.says(4, sent=(Sent(TWIST, "/cmd_vel", 0, 1),))
+    assert len(rig.published) == 1
+    assert [ack.tick for ack in rig.acks] == [0, 4]
+
+
 def test_a_reset_begins_anew(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
@@ -332,6 +357,7 @@ def test_skip_goes_on_without_ros_until_it_answers() -> None:
     it.followed(0)
     it.turn(6.0)
     assert [ack.tick for ack in it.acks] == [0]
+    assert it.said[1:] == ["time goes on without ROS's word until it comes"]
     it.clock(4)
     it.followed(4)
     assert [ack.tick for ack in it.acks] == [0, 4], "it is not waited for again"
@@ -339,6 +365,7 @@ def test_skip_goes_on_without_ros_until_it_answers() -> None:
     it.clock(8)
     it.followed(8)
     assert [ack.tick for ack in it.acks] == [0, 4], "it is back"
+    assert it.said[2:] == ["ROS's word is back"]
     assert it.lockstep.counts["barriers_skipped"] == 2
 
 

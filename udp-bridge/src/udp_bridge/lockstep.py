@@ -21,8 +21,10 @@ _ANSWER = Struct("<BBBx")
 TOPICS_TOLD = 255
 """Topics in one Barrier or Word, and answers in a Barrier."""
 
-DONE, WAITING, INCOMPLETE = range(3)
-"""What a Word says: all was published and answered; an answer is awaited; messages are missing."""
+DONE, WAITING, INCOMPLETE, ANEW = range(4)
+"""What a Word says: all was published and answered; an answer is awaited; messages are missing;
+ROS's side has begun since they were sent and wants them again."""
+_STATES = (DONE, WAITING, INCOMPLETE, ANEW)
 
 
 class Sent(NamedTuple):
@@ -124,7 +126,7 @@ class Word(NamedTuple):
         BadMessage
             When a field is out of its range.
         """
-        if self.tick < -1 or self.state not in (DONE, WAITING, INCOMPLETE):
+        if self.tick < -1 or self.state not in _STATES:
             raise BadMessage(f"no peer would take {self}")
         fixed = _WORD.pack(5, _counted(self.sent), self.state, self.lost, self.life, self.tick)
         return fixed + _packed(self.sent)
@@ -136,7 +138,7 @@ class Word(NamedTuple):
         _, topics, state, lost, life, tick = rest.take(_WORD)
         sent = _parse_sent(rest, topics)
         rest.end()
-        if tick < -1 or state not in (DONE, WAITING, INCOMPLETE):
+        if tick < -1 or state not in _STATES:
             raise Refused("body_value")
         return cls(life, tick, state, lost, sent)
 

@@ -78,12 +78,16 @@ class Answers:
                 self._expected = expected
                 self._owed = {answer: self._owed.get(answer, 0) for answer in expected}
 
-    def due(self, published: Iterable[str]) -> None:
-        """Take note, before they are published, of messages that are to be answered, by topics."""
+    def due(self, published: Iterable[str]) -> bool:
+        """Take note, before they are published, of messages that are to be answered, by topics.
+
+        Returns whether there are any.
+        """
         with self._lock:
             for topic in published:
                 for answer in self._expected:
                     self._owed[answer] += answer.of == topic
+            return any(self._owed.values())
 
     def heard(self, topic: str) -> None:
         """Take note of a message of ROS."""
@@ -112,6 +116,11 @@ class Answers:
                 with self._lock:
                     self._owed[answer] = 0
 
+    def give_up(self) -> None:
+        """Expect no answer to what has been published."""
+        with self._lock:
+            self._owed = dict.fromkeys(self._owed, 0)
+
     def absent(self, published: Collection[str]) -> str:
         """Return a topic whose publisher or reader is missing to answer these; empty for none."""
         for answer in self._expected:
@@ -127,6 +136,8 @@ class Answers:
         From the thread that `turn`s the bridge.
         """
         for answer in self._expected:
+            if answer.msg_type and (answer.msg_type, answer.topic) not in subscribed:
+                self._subscriptions.pop(answer.topic, None)  # its lease ran out
             if answer.of not in published or answer.topic in self._subscriptions:
                 continue
             if not answer.msg_type:

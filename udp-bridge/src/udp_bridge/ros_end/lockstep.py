@@ -8,6 +8,11 @@ over, the outlet's publishes, and the thread that calls `turn` looks at ROS and 
 
 Nothing is published before it can be heard: a publisher or a reader that is new is given
 `SETTLE_S`, for DDS says of nobody that he is listening.
+
+A node that is started in the midst of a run asks for what was sent to its predecessor, and
+publishes all of it, perhaps once more. Who has answered already need not do so twice, as a timer
+does not for an instant that was: so until one tick was answered, answers that do not come are given
+up.
 """
 
 from __future__ import annotations
@@ -19,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
 from udp_bridge import MSG_TYPES
 from udp_bridge.gathering import Gathering, Tally, in_order
 from udp_bridge.leaving import Address
-from udp_bridge.lockstep import DONE, INCOMPLETE, WAITING, Barrier, Word
+from udp_bridge.lockstep import ANEW, DONE, INCOMPLETE, WAITING, Barrier, Sent, Word
 from udp_bridge.repair import Resend
 from udp_bridge.types import CONTROL
 
@@ -38,6 +43,8 @@ SETTLE_S = 1.0
 LEASE_S = 10.0
 """A gateway that has sent no Barrier for so long is not in lockstep any more; it sends one a
 second."""
+GIVE_UP_S = 10.0
+"""How long a node that took a predecessor's place waits for its first answers."""
 PATIENCE_S = 3.0
 """After this long it is said what is waited for, and looked whether who has to answer has gone."""
 MAX_GATEWAYS = 4
@@ -54,25 +61,37 @@ class _Run:
         self.barrier: Barrier | None = None
         self.begun_s = now_s
         self.heard_s = now_s
-        self.is_new = True
-        """Whether its present Barrier is the first one: what that tells of may have come before."""
+        self.predecessors: tuple[Sent, ...] = ()
+        """What the first Barrier tells of, which was sent before this node was here."""
+        self.is_unsure = False
+        """Whether a predecessor, of either end, may have got answers that are due to this node."""
+        self.has_due = False
+        """Whether its present Barrier has to be answered, and was not given up."""
         self.is_first = False
         """Of a life: its clock is not answered, for a timer of ROS only begins to count then."""
         self._life: int | None = None
-        self.is_published = self.is_handed = False
+        self.published_s: float | None = None
+        self.is_handed = False
         self.word: Word | None = None
         self.lost = 0
         self.has_complained = False
 
     def take(self, barrier: Barrier, now_s: float) -> None:
         """Begin with another Barrier."""
-        self.is_new = self.barrier is None
+        if barrier.tick >= 0 and (self.barrier is None or self.barrier.tick < 0):
+            self.is_unsure = barrier.tick > 0 or bool(self.predecessors)
         self.barrier, self.begun_s = barrier, now_s
         self.is_first = barrier.tick == 0 or self._life not in (None, barrier.life)
         if barrier.tick >= 0:
             self._life = barrier.life
-        self.is_published = self.is_handed = self.has_complained = False
+        self.published_s, self.is_handed, self.has_complained = None, False, False
         self.word, self.lost = None, 0
+
+    def is_predecessors(self, barrier: Barrier) -> bool:
+        """Return whether what a Barrier tells of was sent before this node was here."""
+        if self.barrier is None and not self.predecessors:
+            self.predecessors = barrier.sent
+        return self.barrier is None and bool(barrier.sent) and barrier.sent == self.predecessors
 
 
 class Lockstep:
@@ -133,14 +152,19 @@ class Lockstep:
                 if len(self._runs) >= MAX_GATEWAYS:
                     return
                 run = self._runs[sender] = _Run(lambda message: self._drop(message, sender), now_s)
-                run.tally.tell(link.left(sender))
                 self._settled_s = now_s + SETTLE_S
                 self._log.info(
                     f"in lockstep with {sender[0]}:{sender[1]}: time waits for "
                     + (", ".join(f"{a.topic} to {a.of}" for a in barrier.answers) or "nothing")
                 )
             run.heard_s = now_s
+            if run.is_predecessors(barrier):
+                word = Word(barrier.life, barrier.tick, ANEW)
+                link.send(CONTROL, "", "", time.time_ns(), word.pack(), sender)
+                return
             known = run.barrier
+            if known is None:
+                run.tally.tell(link.left(sender))
             if known is None or (known.life, known.tick) != (barrier.life, barrier.tick):
                 run.take(barrier, now_s)
                 if barrier.tick < 0:
@@ -161,22 +185,21 @@ class Lockstep:
                     self._end(sender, run)
                 elif (barrier := run.barrier) is not None and run.word is None:
                     self._prepare(sender, run, barrier, link, now_s)
-                    if run.is_published:
+                    if run.published_s is not None:
                         self._answer(sender, run, barrier, link, now_s)
                     self._complain(run, barrier, now_s)
 
     def _go_on(self, sender: Address, run: _Run, barrier: Barrier) -> None:
         """Hand all to the outlet if it is there and can be heard; else `turn` will."""
         missing = run.gathering.missing(barrier.sent)
-        late_s = 0.0 if run.is_new else barrier.limit_ms / 1e3
-        if missing and time.monotonic() - run.begun_s < late_s:
+        if missing and time.monotonic() - run.begun_s < barrier.limit_ms / 1e3:
             return
-        if barrier.sent and not (run.is_new and missing) and not self._can_be_heard(barrier):
+        if barrier.sent and not self._can_be_heard(run, barrier):
             self._wake()
             return
-        run.lost = 0 if run.is_new else missing
+        run.lost = missing
         messages = in_order(run.gathering.take(barrier.sent))
-        self._answers.due(
+        run.has_due = self._answers.due(
             message.topic
             for message in messages
             if not run.is_first or MSG_TYPES[message.msg_type].name != "Clock"
@@ -184,16 +207,16 @@ class Lockstep:
         run.is_handed = True
         self._outlet.put_all(messages, sender, lambda: self._published(run))
 
-    def _can_be_heard(self, barrier: Barrier) -> bool:
+    def _can_be_heard(self, run: _Run, barrier: Barrier) -> bool:
         if time.monotonic() < self._settled_s:
             return False
-        topics_told = {sent.topic for sent in barrier.sent}
-        return all(map(self._outlet.publishes, topics_told)) and not self._answers.absent(
-            topics_told
+        topics_held = {message.topic for message in run.gathering.samples(barrier.sent)}
+        return all(map(self._outlet.publishes, topics_held)) and not self._answers.absent(
+            topics_held
         )
 
     def _published(self, run: _Run) -> None:
-        run.is_published = True
+        run.published_s = time.monotonic()
         self._wake()
 
     def _prepare(
@@ -217,6 +240,7 @@ class Lockstep:
     ) -> None:
         if now_s - run.begun_s > PATIENCE_S:
             self._answers.forgive(now_s)
+        self._give_up(run, barrier, now_s)
         if self._answers.owed() or not link.flush(FLUSH_S):
             return
         left = {
@@ -226,7 +250,20 @@ class Lockstep:
         }
         run.word = Word(barrier.life, barrier.tick, DONE, run.lost, run.tally.since(left))
         run.tally.tell(left)
+        run.is_unsure = run.is_unsure and not run.has_due
         self._tell(sender, run, link)
+
+    def _give_up(self, run: _Run, barrier: Barrier, now_s: float) -> None:
+        """Go on without answers that a predecessor may have got."""
+        assert run.published_s is not None
+        topic = self._answers.owed()
+        if topic and run.is_unsure and now_s - run.published_s > GIVE_UP_S:
+            self._answers.give_up()
+            run.has_due = False
+            self._log.warning(
+                f"lockstep: tick {barrier.tick} goes on without a message on {topic}, which may "
+                "have gone to a predecessor; this run is not like others"
+            )
 
     def _tell(self, sender: Address, run: _Run, link: Link) -> None:
         """Say how far a gateway's Barrier is."""
