@@ -19,7 +19,8 @@ from .imagery import CompressedImage, Image, LaserScan, Range
 from .messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
 from .navigation import NavSatFix, Odometry
 from .ros_messages import to_cdr
-from .scenario.schema import Gateway, Vehicle
+from .scenario.ros_side import Gateway
+from .scenario.schema import Vehicle
 from .scenario.sensors import (
     Camera,
     DepthCamera,

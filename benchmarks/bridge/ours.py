@@ -18,7 +18,8 @@ import msgspec
 from groundlink.bus import Bus
 from groundlink.questions import scenario_key
 from groundlink.scenario import load
-from groundlink.scenario.schema import Scenario, Stream
+from groundlink.scenario.ros_side import Stream
+from groundlink.scenario.schema import Scenario
 from groundlink.topics import HEALTH, STREAM_TOPICS
 from udp_bridge import Link, Message
 from udp_bridge.control import LinkReport, parse

@@ -16,7 +16,7 @@ from groundlink import topics
 from groundlink.bus import DEFAULT_ENDPOINT
 from groundlink.errors import UserError
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Gateway
+from groundlink.scenario.ros_side import Gateway
 from groundlink.topics import process_names
 
 RECORDER = topics.RECORDER

@@ -19,6 +19,9 @@ from groundlink.world.solids import Spec, Vector3
 from .faults import Fault, Quantity
 
 Rate = Annotated[float, Meta(gt=0, le=400)]
+Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
+"""Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
+
 RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
 
 Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
@@ -69,7 +72,7 @@ Repair = Literal["none", "resend"] | RepairBy
 class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """What every sensor has."""
 
-    name: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
+    name: Name
     topic: RosTopic
     """ROS topic of its readings."""
 

@@ -15,7 +15,6 @@ from msgspec import Meta, field
 from msgspec.structs import replace
 
 from groundlink.clock import TICK_RATE_HZ, exact
-from groundlink.emulation import LinkScript
 from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.outdoors import Outdoor
@@ -24,12 +23,11 @@ from groundlink.world.solids import Material, Solid, Spec, Vector3
 from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
 
+from .every_sensor import Name
+from .ros_side import FromRos, Gateway, Stream, TfTree
 from .route import Route
-from .sensors import Address, Rate, Repair, RosTopic, Sensor
+from .sensors import Rate, RosTopic, Sensor
 from .vehicle import VehicleModel
-
-Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
-"""Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
 
 RESERVED_NAMES = frozenset(
     "ack assets bodies clock control faults gaps health journal link scenario state".split()
@@ -43,9 +41,6 @@ ACKS_PER_WINDOW = 8
 """How often sensors tell their progress while physics gets as far ahead as it may."""
 
 NAMESPACE = r"^(/[A-Za-z0-9_]+)*$"
-
-Peer = Annotated[str, Meta(pattern=r"^[^\s:]+(:[0-9]{1,5})?$")]
-"""HOST:PORT, or HOST for all of its ports."""
 
 
 class Datum(Spec, frozen=True):
@@ -104,39 +99,6 @@ class Placement(Spec, frozen=True):
     yaw_deg: float = 0.0
 
 
-class Stream(Spec, frozen=True, kw_only=True):
-    """What another process puts on the bus under `vehicle/name`, for the gateway to carry."""
-
-    name: Name
-    kind: Literal[
-        "camera_info",
-        "compressed_image",
-        "encoders",
-        "gnss",
-        "image",
-        "imu",
-        "joint_state",
-        "laser_scan",
-        "lidar",
-        "lidar_2d",
-        "map",
-        "nav_sat_fix",
-        "odometry",
-        "pose",
-        "range",
-        "transforms",
-        "wheel_odometry",
-    ]
-    topic: RosTopic
-    rate_hz: Rate
-    """What that process publishes in a second of sim time."""
-
-    push: bool = True
-    """Send to the gateway's peer unasked; if not, only to those who subscribe."""
-
-    repair: Repair = "none"
-
-
 class GroundTruth(Spec, frozen=True):
     """What physics publishes of a vehicle without error, for comparison and never for a stack."""
 
@@ -158,35 +120,6 @@ class BodyPoses(Spec, frozen=True):
     """Less than of one vehicle's truth: there may be hundreds of bodies, and most stand still."""
 
     push: bool = False
-
-
-class FromRos(Spec, frozen=True):
-    """Topics of the vehicle's stack that the gateway puts on the bus."""
-
-    pose: RosTopic | None = None
-    """geometry_msgs/PoseStamped: where the stack believes the vehicle to be."""
-
-    odometry: RosTopic | None = None
-    """nav_msgs/Odometry, the same with velocities."""
-
-    map: RosTopic | None = None
-    """nav_msgs/OccupancyGrid."""
-
-
-class TfTree(Spec, frozen=True):
-    """What the gateway tells of the vehicle's tf tree, beside the mounts of its sensors."""
-
-    odom: bool = True
-    """odom -> base_link, as the vehicle's first wheel odometry has it; false where a filter of the
-    stack tells it."""
-
-    map: Literal["none", "identity", "truth"] = "none"
-    """map -> odom. `none`: a localisation of the stack tells it, as on a real robot; `identity`:
-    both are one; `truth`: what an ideal localisation would tell, and the map is the world."""
-
-    def __post_init__(self) -> None:
-        if self.map == "truth" and not self.odom:
-            raise ValueError("`map: truth` needs `odom: true`: it tells the rest of the way")
 
 
 class Vehicle(Spec, frozen=True, kw_only=True):
@@ -281,48 +214,6 @@ class Time(Spec, frozen=True):
         return self.window_ticks // ACKS_PER_WINDOW
 
 
-class RmwZenoh(Spec, frozen=True):
-    """Where ROS 2 nodes that run rmw_zenoh find the gateway's topics; experimental."""
-
-    connect: str = "tcp/127.0.0.1:7447"
-    """Their Zenoh router, such as rmw_zenohd; not the run's."""
-
-    domain_id: Annotated[int, Meta(ge=0, le=232)] = 0
-    """Their ROS_DOMAIN_ID."""
-
-    type_hashes: bool = True
-    """False for ROS 2 Humble, which has none."""
-
-
-class Gateway(Spec, frozen=True):
-    """The UDP Bridge's end on the simulator's side."""
-
-    bind: Address = "127.0.0.1:7510"
-    peer: Address = "127.0.0.1:7511"
-    """Where the ROS side listens; every stream with `push` goes there."""
-
-    datagram: Literal["mtu", "loopback"] | Annotated[int, Meta(ge=256, le=65507)] = "loopback"
-    signed_peer: bool = False
-    peers: tuple[Peer, ...] = ()
-    """Whom the gateway hears, besides the peer's host; what others send is counted and dropped."""
-
-    key_file: str | None = None
-    """File with the key that both ends share, on the gateway's machine; none: nothing is sealed."""
-
-    key_env: str | None = None
-    """Environment variable with that key instead."""
-
-    link: LinkScript | None = None
-    """What happens to datagrams on purpose; none: no emulation."""
-
-    rmw_zenoh: RmwZenoh | None = None
-    """Topics on ROS 2's own Zenoh, too; none: by UDP Bridge alone."""
-
-    def __post_init__(self) -> None:
-        if self.key_file is not None and self.key_env is not None:
-            raise ValueError("`key_file` and `key_env` are both given; choose one")
-
-
 class Scenario(Spec, frozen=True, kw_only=True):
     """A run: a seed, a world, vehicles with their sensors, and how it meets ROS."""
 
@@ -368,4 +259,4 @@ class Scenario(Spec, frozen=True, kw_only=True):
         return [f"{v.name}/{s.name}" for v in self.vehicles for s in v.sensors]
 
 
-__all__ = ["Gateway", "Placement", "RmwZenoh", "Scenario", "Time", "Vector3", "Vehicle", "World"]
+__all__ = ["Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]

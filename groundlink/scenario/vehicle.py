@@ -26,7 +26,7 @@ from groundlink.world.solids import (
 )
 
 from .drives import Ackermann, Battery, Differential, Drive, Shaft, SkidSteer, Tracked
-from .every_sensor import Mount
+from .every_sensor import Mount, Name
 
 ROUNDED = 1.01
 """Moments of inertia of flat things add up but for the digits that are left out."""
@@ -82,7 +82,7 @@ class Suspension(Spec, frozen=True):
 class Wheel(Spec, frozen=True, kw_only=True):
     """One wheel; its joint is `<name>`, its link `<name>_link`."""
 
-    name: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
+    name: Name
     center_m: Vector3
     """In the base frame, springs at their loaded rest."""
 

@@ -18,7 +18,7 @@ from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.messages import Ack, Clock
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Gateway as GatewaySettings
+from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from udp_bridge.around import PeersOnly, Sealed
 from udp_bridge.header import BadMessage
 from udp_bridge.keys import BadKey, read_key

@@ -15,7 +15,7 @@ from collections.abc import Callable, Container, Iterable, Iterator
 
 from groundlink.bus import Bus
 from groundlink.ros_types import STORE
-from groundlink.scenario.schema import RmwZenoh
+from groundlink.scenario.ros_side import RmwZenoh
 from udp_bridge.message import Message
 from udp_bridge.types import MSG_TYPES
 

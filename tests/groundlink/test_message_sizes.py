@@ -18,7 +18,7 @@ from groundlink.messages import packed
 from groundlink.ros_messages import to_cdr
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import Gateway
+from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar
 from udp_bridge.fragments import TooLarge, plan
 from udp_bridge.message import Message

@@ -18,7 +18,7 @@ from groundlink.ros_base import Base, still_transforms
 from groundlink.ros_streams import outgoing
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import TfTree
+from groundlink.scenario.ros_side import TfTree
 
 RUN = "r"
 PERIOD = 20_000_000

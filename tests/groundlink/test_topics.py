@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import get_args, get_type_hints
 
 import groundlink
-from groundlink import ground_truth, messages, topics
+from groundlink import ground_truth, messages, navigation, topics
 from groundlink.ros_messages import ROS_FORMS
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, FromRos, Stream
+from groundlink.scenario.ros_side import FromRos, Stream
+from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES
 from groundlink.scenario.sensors import sensor_rate_hz
 from groundlink.topics import (
     FROM_ROS,
@@ -24,7 +25,9 @@ from groundlink.topics import (
 
 
 def test_every_message_of_the_bus_has_a_row() -> None:
-    assert {topic.message for topic in TOPICS} == messages.all_messages()
+    said_by_the_gateway_alone = {navigation.Text}
+    of_the_bus = messages.all_messages() - said_by_the_gateway_alone
+    assert {topic.message for topic in TOPICS} == of_the_bus
 
 
 def test_first_words_of_keys_are_reserved() -> None:
@@ -36,7 +39,10 @@ def test_first_words_of_keys_are_reserved() -> None:
 
 def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
     assert set(get_args(get_type_hints(Stream)["kind"])) == set(STREAM_TOPICS)
-    others = {messages.Clock, messages.Command, ground_truth.Bodies, ground_truth.TruePoints}
+    others = {
+        *(messages.Clock, messages.Command),
+        *(ground_truth.Bodies, ground_truth.TruePoints, navigation.Text),
+    }
     assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_FORMS) - others
 
 

@@ -31,7 +31,7 @@ from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diag
 from groundlink.ros_messages import RECORDED_FORMS, to_cdr
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import Stream
+from groundlink.scenario.ros_side import Stream
 from groundlink.vitals import Contact, Vitals
 
 EPOCH = 1_700_000_000 * NANOS

@@ -17,7 +17,7 @@ import pytest
 from groundlink.emulation import Event, Impairment, LinkScript
 from groundlink.emulation.model import FATES
 from groundlink.errors import UserError
-from groundlink.scenario.schema import Gateway as Settings
+from groundlink.scenario.ros_side import Gateway as Settings
 from services.gateway.__main__ import sockets
 from services.gateway.emulated import Emulated
 from udp_bridge import Link, Message

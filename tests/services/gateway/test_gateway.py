@@ -28,7 +28,7 @@ from groundlink.ros_streams import outgoing
 from groundlink.ros_types import WHEEL_ENCODERS_DEFINITION
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import Stream as ExtraStream
+from groundlink.scenario.ros_side import Stream as ExtraStream
 from services.gateway.gateway import Gateway
 from services.gateway.incoming import LEASE_SECONDS
 from services.gateway.streams import TF_MESSAGE, wire_type

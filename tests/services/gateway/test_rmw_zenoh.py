@@ -13,7 +13,7 @@ import zenoh
 import zenoh.ext
 
 from groundlink.bus import Bus
-from groundlink.scenario.schema import RmwZenoh
+from groundlink.scenario.ros_side import RmwZenoh
 from services.gateway.rmw_zenoh import (
     QOS,
     QOS_LATCHED,

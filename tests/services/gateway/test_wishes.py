@@ -12,7 +12,7 @@ import pytest
 
 from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.errors import UserError
-from groundlink.scenario.schema import Gateway as GatewaySettings
+from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
 from services.gateway.wishes import ANSWERS_KEPT, WISHES_WAITING, Wishes
 from udp_bridge import Link, Message, wishing

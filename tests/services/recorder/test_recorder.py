@@ -35,7 +35,7 @@ from groundlink.ros_gaps import from_gaps
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.faults import Stuck
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import Stream
+from groundlink.scenario.ros_side import Stream
 from groundlink.vitals import Vitals
 from services.recorder.recorder import Recorder
 

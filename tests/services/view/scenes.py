@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import State, VehicleState, packed
 from groundlink.scenario import Scenario, load
-from groundlink.scenario.schema import Stream
+from groundlink.scenario.ros_side import Stream
 from tests.system.rig import LAB
 
 EPOCH = 1_700_000_000_000_000_000
