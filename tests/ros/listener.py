@@ -16,12 +16,17 @@ from importlib import import_module
 from typing import Any
 
 import rclpy
+from cloud_digest import cloud_digest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 
 CONTENT: dict[str, Callable[[Any], Any]] = {
-    "PointCloud2": lambda message: [zlib.crc32(message.data), message.header.frame_id],
+    "PointCloud2": lambda message: [
+        zlib.crc32(message.data),
+        message.header.frame_id,
+        cloud_digest(message),
+    ],
     "Imu": lambda message: message.linear_acceleration.x,
     "WheelEncoders": lambda message: [list(message.name), list(message.ticks)],
     "Clock": lambda message: None,

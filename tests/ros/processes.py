@@ -47,10 +47,12 @@ class Process:
     def end_of_output(self) -> str:
         return "\n".join(self.lines[-20:])
 
-    def wait_until(self, is_enough: Callable[[], Any], what: str) -> None:
+    def wait_until(
+        self, is_enough: Callable[[], Any], what: str, *, patience_s: float = PATIENCE_S
+    ) -> None:
         """Wait for output that satisfies the condition, or fail with all that there was."""
         with self._changed:
-            if not self._changed.wait_for(is_enough, PATIENCE_S):
+            if not self._changed.wait_for(is_enough, patience_s):
                 raise AssertionError(
                     f"{what} did not come; the last output was:\n{self.end_of_output}"
                 )

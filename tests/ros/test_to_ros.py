@@ -44,7 +44,8 @@ def test_large_clouds_and_fast_readings_arrive_whole(
     listener.wait_for_stamp("/imu", stamps[-1])
     listener.wait_for_stamp("/points", stamps[-40])
     assert since_start(listener, "/imu") == [(stamp, n) for n, stamp in enumerate(stamps)]
-    assert since_start(listener, "/points") == [
+    clouds = since_start(listener, "/points")
+    assert [(stamp, content[:2]) for stamp, content in clouds] == [
         (stamp, [zlib.crc32(data), "lidar"]) for stamp in stamps[::40]
     ]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.ros import cloud_digest
+from tests.ros.conftest import ros as ros  # for tests with both
 from tests.ros.processes import Process
 from tests.system.rig import free_port, wait_for
 
@@ -44,6 +47,7 @@ class Ros1:
         """Build the messages and start a roscore, which takes long on a busy machine."""
         builder = self.start(str(ROOT / "ros/ros1/build_messages.py"), str(self.folder))
         assert builder.exit_code() == 0, builder.output
+        shutil.copy(cloud_digest.__file__, self.folder)  # which the listener needs
         core = self.start("/usr/bin/roscore", "-p", str(self._port))
         wait_for(lambda: "started core service" in core.output, 60, "a roscore")
 

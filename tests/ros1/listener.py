@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Any
 
 import rospy
+from cloud_digest import cloud_digest
 
 
 def content(message: Any) -> Any:
@@ -23,13 +24,15 @@ def content(message: Any) -> Any:
         return [row.name for row in message.status]
     if hasattr(message, "point_step"):
         size = message.width * message.height * message.point_step
-        return [message.header.frame_id, len(message.data) == size > 0]
+        return [message.header.frame_id, len(message.data) == size > 0, cloud_digest(message)]
     return [message.header.frame_id] if hasattr(message, "header") else None
 
 
 def stamp_nanos(message: Any) -> int:
     if hasattr(message, "transforms"):
         message = message.transforms[-1]
+    if not hasattr(message, "header") and not hasattr(message, "clock"):
+        return 0  # a text
     stamp = message.clock if hasattr(message, "clock") else message.header.stamp
     return int(stamp.to_nsec())
 
@@ -46,6 +49,7 @@ def main() -> None:
         package, name = ros_type.split("/")
         message_class = getattr(import_module(f"{package}.msg"), name)
         rospy.Subscriber(topic, message_class, take, callback_args=topic, queue_size=10000)
+    print("ready", flush=True)
     rospy.spin()
 
 

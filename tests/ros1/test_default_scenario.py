@@ -39,7 +39,7 @@ def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -
             stamps = [stamp for stamp, _ in ears.messages(topic)][5:]
             steps = {late - early for early, late in pairwise(stamps)}
             assert steps == {period}, f"{topic}: a message is missing or out of order"
-        frame, is_whole = ears.messages("/points")[-1][1]
+        frame, is_whole, _ = ears.messages("/points")[-1][1]
         assert is_whole
         assert ears.messages("/clock")
         late = ros1.listen(("tf2_msgs/TFMessage", "/tf_static"))  # who comes late hears it, too

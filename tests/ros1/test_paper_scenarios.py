@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's two scenarios as real ROS 1 and real ROS 2 see them: all topics, and the same bodies.
+
+Each is run twice from one seed, once into each ROS, and recorded: in lockstep everybody is waited
+for, so the same messages are to come, whatever the machine does meanwhile.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.messages import Clock, PointCloud
+from groundlink.navigation import Text, Transforms
+from groundlink.recording.reading import Recording
+from groundlink.ros_base import Base
+from groundlink.ros_messages import ROS_FORMS
+from groundlink.ros_streams import outgoing
+from groundlink.ros_types import STORE
+from groundlink.scenario import Scenario, load
+from groundlink.scenario.schema import TfTree
+from tests.ros import cloud_digest as digest
+from tests.ros.conftest import LATCHED, RELIABLE, Ros
+from tests.ros.processes import Process
+from tests.system.rig import REPOSITORY, rig
+
+from .conftest import Ros1
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+NANOS = 1_000_000_000
+SIM_SECONDS = 6
+FRAMELESS = (Clock, Text, Transforms)
+Expected = dict[str, tuple[str, float | None]]
+"""By topic: ROS type and, of what has a steady rate, the rate."""
+
+
+def expected(scenario: Scenario) -> Expected:
+    """Return all that a node gets unasked."""
+    rows: Expected = {
+        stream.topic: (ROS_FORMS[stream.message].ros_type, stream.declared_hz)
+        for stream in outgoing(scenario, "r")
+        if stream.push
+    }
+    tf = ROS_FORMS[Transforms].ros_type
+    for vehicle in scenario.vehicles:
+        base = Base(scenario, vehicle, "r")
+        for topic, message, rate_hz in base.places:
+            rows[topic] = (ROS_FORMS[message].ros_type, None if topic == "/tf" else rate_hz)
+        rows[base.description_topic] = (ROS_FORMS[Text].ros_type, None)
+    return rows | {"/tf_static": (tf, None), "/tf": (tf, None)}
+
+
+def text_of(name: str, bind: str, peer: str) -> str:
+    text = (REPOSITORY / "scenarios" / f"{name}.yaml").read_text(encoding="utf-8")
+    for folder in ("worlds", "vehicles", "sensors"):
+        text = text.replace(f" {folder}/", f" {REPOSITORY}/scenarios/{folder}/")
+    model = next(line for line in text.splitlines() if line.startswith("    model:"))
+    return (
+        text.replace(model, f"{model}\n    tf: {{map: truth}}")
+        + f"\ntime: {{mode: lockstep, epoch: zero}}\ngateway: {{bind: {bind}, peer: {peer}}}\n"
+    )
+
+
+def check(listener: Process, rows: Expected, frames: set[str], *, frame_at: int) -> dict[int, Any]:
+    """Check what a listener has got; return digests of clouds by stamp."""
+    digests = {}
+    for topic, (ros_type, rate_hz) in rows.items():
+        got = listener.messages(topic)
+        assert got, f"{topic} is silent"
+        stamps = [stamp for stamp, _ in got]
+        if rate_hz is not None:
+            period = NANOS / rate_hz
+            steps = [b - a for a, b in pairwise(stamps)]
+            assert all(abs(step - period) < 2_500_000 for step in steps[2:]), (topic, steps)
+        content = got[-1][1]
+        if isinstance(content, list):
+            assert content[frame_at] in frames, (topic, content)
+        if ros_type.endswith("PointCloud2"):
+            digests = {stamp: content[-1] for stamp, content in got}
+    return digests
+
+
+def enough(listener: Process, rows: Expected) -> bool:
+    stamps = [stamp for stamp, _ in listener.messages("/clock")[-1:]]
+    return bool(stamps) and stamps[0] >= SIM_SECONDS * NANOS and all(map(listener.messages, rows))
+
+
+def of_recording(path: Path) -> dict[int, int]:
+    recording = Recording(path)
+    found = {}
+    for row in recording.read(["/points"], from_nanos=0):
+        message = STORE.deserialize_cdr(bytes(row.cdr), ROS_FORMS[PointCloud].ros_type)
+        found[row.nanos] = digest.cloud_digest(message)
+    return found
+
+
+@pytest.mark.parametrize("name", ["indoor_paper", "outdoor_paper"])
+def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_path: Path) -> None:
+    shipped = load(REPOSITORY / "scenarios" / f"{name}.yaml")
+    vehicle = replace(shipped.vehicles[0], tf=TfTree(map="truth"))
+    rows = expected(replace(shipped, vehicles=(vehicle,)))
+    frames = {sensor.frame for sensor in vehicle.sensors} | {"", "base_link"}
+    recording = tmp_path / "run.mcap"
+    clouds = {}
+    with rig(tmp_path) as it:
+        it.scenario.write_text(text_of(name, it.address(it.bind), it.address(it.peer)))
+        node = ros1.bridge(it.address(it.peer))
+        ears = ros1.listen(
+            *((kind.replace("/msg", ""), topic) for topic, (kind, _) in rows.items())
+        )
+        asker = ros1.start(
+            str(Path(__file__).with_name("tf_asker.py")), "map", "camera_optical_frame", "5"
+        )
+        asker.wait_for("ready")
+        ears.wait_for("ready")
+        it.up("--no-ros", "--record", str(recording))
+        ears.wait_until(lambda: enough(ears, rows), "six seconds of all", patience_s=100)
+        asker.wait_until(lambda: asker.messages("tf"), "what tf2 says", patience_s=60)
+        clouds["ROS 1"] = check(ears, rows, frames, frame_at=0)
+        it.stop()
+        assert node.end() == 0
+        assert "lost on the way 0," in node.output
+        assert "refused 0" in node.output
+    found, complaint, parents = asker.messages("tf")[0][1]
+    assert (found, complaint) == (100, "")
+    roots = {*parents.values()} - parents.keys()
+    assert roots == {"world"}, parents
+    with rig(tmp_path) as it:
+        it.scenario.write_text(text_of(name, it.address(it.bind), it.address(it.peer)))
+        node, _ = ros.bridge("--bind", it.address(it.peer))
+        late = {"/tf_static": LATCHED, "/robot_description": LATCHED}
+        ears = ros.listen(
+            *((kind, topic, late.get(topic, RELIABLE)) for topic, (kind, _) in rows.items())
+        )
+        it.up("--no-ros")
+        ears.wait_until(lambda: enough(ears, rows), "six seconds of all", patience_s=100)
+        clouds["ROS 2"] = check(ears, rows, frames, frame_at=1)
+        it.stop()
+        assert node.end() == 0
+        assert "lost on the way 0," in node.output
+    if name == "outdoor_paper":
+        clouds["MCAP"] = of_recording(recording)
+        common = set.intersection(*map(set, clouds.values()))
+        assert len(common) > 5 * SIM_SECONDS
+        for stamp in common:
+            assert len({clouds[way][stamp] for way in clouds}) == 1, stamp
