@@ -12,9 +12,8 @@ import os
 import random
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
-
-import numpy as np
 
 from groundlink.messages import POINT, Imu, Message, PointCloud
 from groundlink.ros_messages import to_cdr
@@ -29,7 +28,7 @@ DEPTH = 10
 def messages() -> dict[str, Message]:
     """Return what is published: an IMU sample and a cloud of 1 MB, stamped now."""
     count = CLOUD_BYTES // POINT.itemsize
-    points = np.frombuffer(random.Random(1).randbytes(count * POINT.itemsize), np.uint8)
+    points = random.Random(1).randbytes(count * POINT.itemsize)
     unit = (0.0, 0.0, 0.0, 1.0)
     now = time.time_ns()
     return {
@@ -102,11 +101,12 @@ def sensor(endpoint: str, run: str, vehicle: str) -> None:
         }
         for line in sys.stdin:
             name = line.strip()
-            message = replace(filled[name], stamp_nanos=time.time_ns())  # type: ignore[call-arg]
+            message = replace(filled[name], stamp_nanos=time.time_ns())
             began = time.monotonic_ns()
             publish[name](message)
             print(began, flush=True)
 
 
 if __name__ == "__main__":
-    {"listener": listener, "plain": plain, "sensor": sensor}[sys.argv[1]](*sys.argv[2:])
+    ends: dict[str, Callable[..., None]] = {"listener": listener, "plain": plain, "sensor": sensor}
+    ends[sys.argv[1]](*sys.argv[2:])
