@@ -23,6 +23,7 @@ from udp_bridge.around import PeersOnly, Sealed
 from udp_bridge.header import BadMessage
 from udp_bridge.keys import BadKey, read_key
 from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
+from udp_bridge.memory import keep_memory
 from udp_bridge.seal import TO_ROS
 from udp_bridge.types import CONTROL
 from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
@@ -55,6 +56,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--key-file", metavar="FILE", help="instead of the scenario's key")
     options = parser.parse_args(arguments)
     sys.setswitchinterval(SWITCH_SECONDS)
+    keep_memory()
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
         process.alone(bus, run, NAME)

@@ -44,6 +44,16 @@ def test_stamp_and_frame_of_a_header_go_into_the_datagram(ros: Ros, bridge: FarE
     assert message.stamp_nanos == pose.header.stamp.sec * bodies.NANOS > 0
 
 
+def test_any_type_comes_back_from_a_topic_of_others(ros: Ros, bridge: FarEnd) -> None:
+    body = bodies.cloud(7, bytes(22))
+    ros.start("-m", "tests.ros.replayer", "sensor_msgs/msg/PointCloud2", "/filtered", body.hex())
+    bridge.send(7, "/filtered", 0, Subscribe(1, lease_s=30).pack())
+    wait_until(lambda: bridge.of_type(1), "a filtered cloud")
+    message = bridge.of_type(1)[0]
+    assert (message.topic, message.link, message.stamp_nanos) == ("/filtered", "lidar", 7)
+    assert bytes(message.body)[: len(body)] == body
+
+
 def test_a_subscription_lasts_as_long_as_its_lease(ros: Ros, bridge: FarEnd) -> None:
     talker = ros.talk(TWIST, "/cmd_vel", 50.0)
     talker.wait_for("readers")
@@ -63,6 +73,7 @@ def test_a_subscription_lasts_as_long_as_its_lease(ros: Ros, bridge: FarEnd) -> 
 def test_the_bridges_own_topics_are_not_sent_back(ros: Ros) -> None:
     process, address = ros.bridge()
     far_end = FarEnd(address)
+    far_end.send(2, "/imu", 1, bodies.imu(1), "imu")
     for _ in range(3):
         far_end.send(7, "/imu", 0, Subscribe(2, lease_s=30).pack())
     process.wait_for("/imu: not subscribed to: Imu comes from the bridge itself")

@@ -20,7 +20,7 @@ def content(message: Any) -> Any:
         return {row.child_frame_id: row.header.frame_id for row in message.transforms}
     if hasattr(message, "ticks"):
         return [message.header.frame_id, list(message.name), list(message.ticks)]
-    if hasattr(message, "status"):
+    if isinstance(getattr(message, "status", None), list):
         return [row.name for row in message.status]
     if hasattr(message, "point_step"):
         size = message.width * message.height * message.point_step

@@ -15,7 +15,6 @@ import time
 
 from .environment import apply_defaults
 from .leftovers import SHARED_MEMORY, remove_leftovers
-from .memory import keep_memory
 
 PROGRAM = "udp_bridge_ros2"
 SWITCH_SECONDS = 5e-4
@@ -29,7 +28,6 @@ def main(argv: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: signals.append(number))
     sys.setswitchinterval(SWITCH_SECONDS)
-    keep_memory()
     apply_defaults(os.environ)
     remove_leftovers(SHARED_MEMORY, now_s=time.time())
     try:
@@ -38,10 +36,13 @@ def main(argv: list[str] | None = None) -> int:
         from rclpy.signals import SignalHandlerOptions
         from rclpy.utilities import remove_ros_args
 
+        from udp_bridge.memory import keep_memory
+
         from .node import BridgeNode
     except ImportError as error:
         return _fail(f"{error}; it needs a ROS 2 environment and the Python package udp-bridge")
 
+    keep_memory()
     argv = sys.argv[1:] if argv is None else argv
     parser = argparse.ArgumentParser(
         prog=PROGRAM, description="Publish in ROS 2 what arrives by UDP Bridge, and send back."

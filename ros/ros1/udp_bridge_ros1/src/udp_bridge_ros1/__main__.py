@@ -27,11 +27,14 @@ def main(argv: Optional[List[str]] = None) -> int:
     try:
         import rospy
 
+        from udp_bridge.memory import keep_memory
+
         from .master import Watch, wait_for_master
         from .node import BridgeNode
     except ImportError as error:
         return _fail(f"{error}; it needs ROS 1 (Noetic) and the Python package udp-bridge")
 
+    keep_memory()
     argv = sys.argv[1:] if argv is None else argv
     parser = argparse.ArgumentParser(
         prog=PROGRAM, description="Publish in ROS 1 what arrives by UDP Bridge, and send back."

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Large bodies are copied into memory that was there before, in a thread as in the node."""
+"""Large bodies are copied into memory that was there before, in a thread as in a node."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ import sys
 
 import pytest
 
-pytest.importorskip("rclpy", reason="no ROS 2 here")
-
 _COPIES = """
 import resource, sys, threading
-from udp_bridge_ros2.memory import keep_memory
+from udp_bridge.memory import keep_memory
 
 def copy():
     global faults

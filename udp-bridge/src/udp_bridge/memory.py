@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keeps the memory that large bodies were copied into, for the next ones.
 
-Rule: it changes nothing but speed. Between the link and DDS a body is copied twice, and pages that
-are fresh from the kernel cost more than the copy: 5 MB then take twice as long.
+Rule: it changes nothing but speed. Between a link and its user a body is copied once or twice, and
+pages that are fresh from the kernel cost more than the copy: 5 MB then take twice as long.
 """
 
 from __future__ import annotations
