@@ -23,8 +23,8 @@ from .rig import Rig, children_of, rig, wait_for
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 pytestmark = pytest.mark.system
 
-TICKS = 4000
-"""Ten seconds."""
+TICKS = 2400
+"""Six seconds."""
 
 VEHICLES = """
 vehicles:
@@ -104,7 +104,7 @@ def process_of(it: Rig, module: str) -> int:
     return next((pid for pid, said in children_of(up.pid).items() if module in said), 0)
 
 
-@pytest.mark.parametrize(("way", "ticks"), [("odom", TICKS), ("timer", 1200)])
+@pytest.mark.parametrize(("way", "ticks"), [("odom", TICKS), ("timer", 800)])
 def test_the_way_is_the_same_whatever_delays_and_losses(
     tmp_path: Path, way: str, ticks: int
 ) -> None:
