@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from .alone import claims_key
 from .questions import (
     asset_key,
     control_key,
@@ -126,7 +127,8 @@ def access_control(scenario: Scenario) -> dict[str, Any]:
 
 def _own(process: str) -> tuple[str, ...]:
     """Return the keys under which every process tells of itself."""
-    return tuple(row.key_in("*", process=process) for row in (HEALTH, ACK))
+    rows = (row.key_in("*", process=process) for row in (HEALTH, ACK))
+    return (*rows, f"{claims_key('*', process)}/*")
 
 
 def _rule(name: str, messages: list[str], keys: list[str], flow: str = "ingress") -> dict[str, Any]:

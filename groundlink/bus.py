@@ -33,6 +33,12 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CONNECT_SECONDS = 5.0
 """How long a process tries to reach its endpoint before it gives up."""
 
+ROUTER_WAIT_SECONDS = 1.0
+"""So long a router waits for a receiver that takes nothing, before it ends the link to it. Whoever
+sends to that one waits as long: only what is bulky, as what is small fills its queue in no less
+than the 10 s after which a link is dead. Far less than the 5 s after which a sender gives up its
+own link, to a router that waits."""
+
 REPLIES_KEPT = 4096
 """Of one query: more than the longest answer has, what a sensor has missed of a fast run."""
 
@@ -46,10 +52,12 @@ ONLOOKERS = tuple(f"6e10{number:04x}" for number in range(1024))
 router drops what they are too slow for; for everybody else it waits, and a viewer that somebody has
 stopped would stop the run."""
 
+_CONGESTION = "transport/link/tx/queue/congestion_control"
 _PATIENCE = {
     "transport/link/tx/queue/size/data": 16,
-    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,
-    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 100_000,
+    "transport/link/tx/queue/size/data_low": 16,
+    f"{_CONGESTION}/drop/wait_before_drop": 100_000,
+    f"{_CONGESTION}/drop/max_wait_before_drop_fragments": 100_000,
 }
 """A busy machine may leave a sender's thread unscheduled for many ticks. The defaults (two batches,
 1 ms) then drop states although every receiver keeps up."""
@@ -133,10 +141,21 @@ class Bus:
         """Return whether there is a way to others: this is the router, or has a link to it."""
         return self._is_router or bool(self._session.info.routers_zid())
 
-    def publisher(self, key: str, delivery: Delivery) -> Callable[[Message], bytes]:
-        """Return a function that publishes messages under `key` and returns their bytes."""
+    def publisher(
+        self, key: str, delivery: Delivery, *, bulky: bool = False
+    ) -> Callable[[Message], bytes]:
+        """Return a function that publishes messages under `key` and returns their bytes.
+
+        Parameters
+        ----------
+        bulky
+            take the way of large messages, or of what must not overtake them: it has queues of its
+            own, and small ones go first.
+        """
         publisher = self._session.declare_publisher(
-            key, congestion_control=_CONGESTION_CONTROL[delivery]
+            key,
+            congestion_control=_CONGESTION_CONTROL[delivery],
+            priority=zenoh.Priority.DATA_LOW if bulky else zenoh.Priority.DATA,
         )
         self._declared.append(publisher)
 
@@ -244,9 +263,22 @@ class Bus:
                 replies[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
         return dict(sorted(replies.items(), key=lambda item: int(item[0].rpartition("/")[2])))
 
-    def announce(self, key: str) -> None:
-        """Show that this process is there, under `key`, for as long as the session lives."""
-        self._declared.append(self._session.liveliness().declare_token(key))
+    def announce(self, key: str) -> Callable[[], None]:
+        """Show that this process is there, under `key`, for as long as the session lives.
+
+        Returns
+        -------
+        callable
+            takes it back before.
+        """
+        token = self._session.liveliness().declare_token(key)
+        self._declared.append(token)
+
+        def withdraw() -> None:
+            self._declared.remove(token)
+            token.undeclare()  # type: ignore[no-untyped-call]
+
+        return withdraw
 
     def present(self, key: str, *, seconds: float) -> set[str]:
         """Return the keys of the processes that are there now, of those that `key` matches."""
@@ -285,6 +317,8 @@ def _configuration(
         "transport/shared_memory/enabled": True,
     }
     if listen:
+        wait_micros = int(ROUTER_WAIT_SECONDS * 1e6)
+        settings[f"{_CONGESTION}/block/wait_before_close"] = wait_micros
         settings["qos/network"] = [
             {
                 "id": "onlookers",

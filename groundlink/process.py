@@ -24,7 +24,6 @@ from . import asset_exchange
 from .alive import Alive
 from .bus import DEFAULT_ENDPOINT, Bus
 from .errors import UserError
-from .inbox import Inbox
 from .messages import Health, StreamReport
 from .questions import scenario_key
 from .scenario import Scenario
@@ -32,9 +31,6 @@ from .topics import HEALTH, ROOT
 
 JOIN_SECONDS = 20.0
 """How long a process waits for physics to serve the run's scenario, or what it missed."""
-
-GONE_SECONDS = 15.0
-"""After this long Zenoh has told that a process is gone that was cut off: its lease is 10 s."""
 
 HEALTH_PERIOD_SECONDS = 1.0
 
@@ -146,33 +142,6 @@ def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
         asset_exchange.fetch(bus, run_name, scenario)
         return scenario
     return None
-
-
-def alone(bus: Bus, run_name: str, process: str) -> None:
-    """Return when no other process of this name is in a run.
-
-    One that was cut off is still counted as there for some seconds; it is waited for.
-
-    Raises
-    ------
-    UserError
-        when there is one, and it is well.
-    """
-    key = HEALTH.key_in(run_name, process=process)
-    if not bus.present(key, seconds=1.0):
-        return
-    beats: Inbox[Health] = Inbox(depth=1)
-    bus.subscribe(key, Health, beats)
-    deadline = time.monotonic() + GONE_SECONDS
-    where = "and does not answer"
-    while bus.present(key, seconds=1.0):
-        if beat := beats.get(seconds=0.5):
-            where = f"on {beat[1].host} (process {beat[1].pid})"
-        if beat or time.monotonic() > deadline:
-            raise UserError(
-                f"`{process}` of run `{run_name}` is there already, {where}; end it, or give "
-                "--run another name"
-            )
 
 
 class Heartbeat:

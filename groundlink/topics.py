@@ -76,6 +76,8 @@ class Topic:
     publisher: str
     rate: str
     delivery: Delivery
+    bulky: bool = False
+    """Its messages are so large that small ones should not wait behind them."""
 
     def key_in(self, run: str, **names: str) -> str:
         """Return the full key expression in a run; names left out become `*`."""
@@ -113,7 +115,9 @@ WHEEL_COMMAND = replace(
 )
 
 
-def _of_sensor(name: str, message: type[Message], rate: str = "rate_hz") -> Topic:
+def _of_sensor(
+    name: str, message: type[Message], rate: str = "rate_hz", *, bulky: bool = False
+) -> Topic:
     """Return the row of a kind of sensor's main stream."""
     return Topic(
         name=name,
@@ -122,6 +126,7 @@ def _of_sensor(name: str, message: type[Message], rate: str = "rate_hz") -> Topi
         publisher=f"sensors.{name}",
         rate=rate,
         delivery=Delivery.ALL,
+        bulky=bulky,
     )
 
 
@@ -133,16 +138,16 @@ def _beside(main: Topic, **messages: type[Message]) -> dict[str, Topic]:
     }
 
 
-POINTS = _of_sensor("lidar", PointCloud, "rotation_rate_hz")
+POINTS = _of_sensor("lidar", PointCloud, "rotation_rate_hz", bulky=True)
 SCAN = _of_sensor("lidar_2d", LaserScan, "rotation_rate_hz")
 IMU = _of_sensor("imu", Imu)
 ENCODERS = _of_sensor("encoders", WheelEncoders)
 GNSS = _of_sensor("gnss", NavSatFix)
 RANGE = _of_sensor("range", Range)
 WHEEL_ODOMETRY = _of_sensor("wheel_odometry", Odometry)
-CAMERA = _of_sensor("camera", CompressedImage)
-DEPTH_CAMERA = _of_sensor("depth_camera", Image)
-STEREO_CAMERA = _of_sensor("stereo_camera", Image)
+CAMERA = _of_sensor("camera", CompressedImage, bulky=True)
+DEPTH_CAMERA = _of_sensor("depth_camera", Image, bulky=True)
+STEREO_CAMERA = _of_sensor("stereo_camera", Image, bulky=True)
 FAULTS = Topic(
     name="faults",
     key="faults/{process}",
@@ -184,22 +189,14 @@ TRUE_WHEELS = replace(
     key="{vehicle}/ground_truth/wheels",
     message=JointState,
 )
-TRUE_POINTS = Topic(
+TRUE_POINTS = replace(
+    POINTS,
     name="lidar.truth",
     key="{vehicle}/{sensor}/truth",
     message=TruePoints,
-    publisher="sensors.lidar",
     rate="as the cloud",
-    delivery=Delivery.ALL,
 )
-BODIES = Topic(
-    name="bodies",
-    key="bodies",
-    message=Bodies,
-    publisher="physics",
-    rate="bodies.rate_hz",
-    delivery=Delivery.NEWEST,
-)
+BODIES = replace(STATE, name="bodies", key="bodies", message=Bodies, rate="bodies.rate_hz")
 VITALS = Topic(
     name="vitals",
     key="{vehicle}/vitals",

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from msgspec.structs import replace
 
 from groundlink import process
+from groundlink.alone import alone
 from groundlink.bus import Bus
 from groundlink.errors import UserError
 from groundlink.messages import Ack, Clock
@@ -59,7 +60,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     keep_memory()
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
-        process.alone(bus, run, NAME)
+        alone(bus, run, NAME)
         changed: Scenario | None = scenario
         kept = Kept(bus, run)
         peer = Whereabouts(options.peer or scenario.gateway.peer, process.address)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from groundlink import process
+from groundlink.alone import alone
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
 from groundlink.topics import PHYSICS
 
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     router = process.router_of(options)
     listen = options.listen or (None if router else DEFAULT_ENDPOINT)
     with Bus(connect=router, listen=listen, name=NAME) as bus:
-        process.alone(bus, run, NAME)
+        alone(bus, run, NAME)
         physics = Physics(
             *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
         )

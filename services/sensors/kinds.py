@@ -11,9 +11,11 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from groundlink import process
+from groundlink.alone import alone
 from groundlink.bus import Bus
 from groundlink.calendars import calendar
 from groundlink.errors import UserError
@@ -131,7 +133,7 @@ def follower(
     assert found is not None, "who asks has found it"
     vehicle, spec = found
     assert isinstance(spec, kind.spec_type)
-    process.alone(bus, run_name, name)
+    alone(bus, run_name, name)
     model = kind.make_model(scenario, vehicle, spec)
     link: NativeLink | NoLink = NoLink()
     if kind.native is not None and isinstance(spec, WithNative):
@@ -139,8 +141,10 @@ def follower(
             link = NativeLink(kind.native(model, spec), destination)
             opened.callback(link.close)
     names = {"vehicle": vehicle.name, "sensor": spec.name}
+    # All that it says takes the way of its readings: who hears how far it has come has them.
+    publisher = partial(bus.publisher, bulky=SENSOR_TOPICS[type(spec)].bulky)
     publish = {
-        output.name: bus.publisher(output.row.key_in(run_name, **names), output.row.delivery)
+        output.name: publisher(output.row.key_in(run_name, **names), output.row.delivery)
         for output in sensor_outputs(spec)
     }
 
@@ -157,7 +161,7 @@ def follower(
         streams=RandomStreams(scenario.seed, name),
     )
 
-    tell_gaps = bus.publisher(GAPS.key_in(run_name, process=name), GAPS.delivery)
+    tell_gaps = publisher(GAPS.key_in(run_name, process=name), GAPS.delivery)
     account = Account(name, calendar(spec), publish, tell_gaps)
 
     def renew(world: str) -> bool:
@@ -180,7 +184,7 @@ def follower(
         renew=renew,
         ack_ticks=time.ack_ticks,
         publish=send,
-        acknowledge=bus.publisher(ACK.key_in(run_name, process=name), ACK.delivery),
+        acknowledge=publisher(ACK.key_in(run_name, process=name), ACK.delivery),
         account=account,
         # Nobody waits for it: what is a window late, which is as far as physics goes ahead of those
         # that it does wait for, has lost its worth.
@@ -191,7 +195,7 @@ def follower(
         faulty,
         vehicle=vehicle,
         spec=spec,
-        report=bus.publisher(FAULTS.key_in(run_name, process=name), FAULTS.delivery),
+        report=publisher(FAULTS.key_in(run_name, process=name), FAULTS.delivery),
         acknowledge=sensor.tell_progress,
     )
     bus.serve(faults_key(run_name, name), live.answer)
