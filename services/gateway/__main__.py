@@ -22,7 +22,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from udp_bridge.around import PeersOnly, Sealed
 from udp_bridge.header import BadMessage
-from udp_bridge.keys import BadKey, read_key
+from udp_bridge.keys import BadKey, Misfits, read_key
 from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
 from udp_bridge.memory import keep_memory
 from udp_bridge.seal import TO_ROS
@@ -126,7 +126,7 @@ def _carry(
             kept.subscribe(gateway)
         else:
             kept.subscribe_in_order(gateway, scenario)
-        heartbeat = kept.heartbeat
+        heartbeat, misfits = kept.heartbeat, Misfits()
         following = _following(kept, gateway, link, words, scenario, emulated)
         while not stop.is_set():
             if arrived := following.listen(inbox):
@@ -148,6 +148,8 @@ def _carry(
                 gateway.repeat(link)
                 streams, counts = gateway.report(link, inbox.dropped_of)
                 wire = link.counters()
+                for line in misfits.new(wire["refused"]):
+                    print(f"{NAME}: {line}", file=sys.stderr, flush=True)
                 counts |= {
                     "bus_dropped": inbox.dropped,
                     "bus_refused": inbox.refused,

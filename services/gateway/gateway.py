@@ -34,6 +34,7 @@ from udp_bridge.link import Link
 from udp_bridge.message import Message as WireMessage
 from udp_bridge.types import CONTROL, SUBSCRIBE
 
+from .attendance import Attendance
 from .incoming import LATCHED, Incoming
 from .reports import PeerReports, peer_counters, with_pushed_out
 from .rmw_zenoh import Facade, NoFacade
@@ -110,6 +111,7 @@ class Gateway:
         self.newest: dict[str, int] = {}
         """By stream: the stamp of the newest message that went to ROS."""
 
+        self._attendance = Attendance(scenario, run)
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
 
@@ -133,6 +135,7 @@ class Gateway:
         elif self._is_stale(key, measured_nanos(message)):
             self.counts["stale"] += 1
             return []
+        self._attendance.came(key, measured_nanos(message) - self.epoch_nanos)
         told = [(self._place_in_ros[key], message)]
         for base in self._bases:
             told += [((wire_type(type(m)), topic), m) for topic, m in base.hear(key, message)]
@@ -157,6 +160,7 @@ class Gateway:
             self.newest.clear()
             for base in self._bases:
                 base.restart()
+        self._attendance.clock(has_begun=has_begun)
         self.clock_nanos, self.epoch_nanos = clock.stamp_nanos, clock.epoch_nanos
         return has_begun
 
@@ -226,7 +230,8 @@ class Gateway:
         topics = {key: stream.topic for key, stream in self.streams.items()}
         pushed_out = {topics[key]: count for key, count in dropped.items() if key in topics}
         rows = [with_pushed_out(row, pushed_out) for row in rows]
-        return rows, self.counts | peer_counters(self._reports.link)
+        counts = self.counts | self._attendance.counters()
+        return rows, counts | peer_counters(self._reports.link)
 
     def _send(
         self, place: TopicKey, message: Message, link: Link, *, to: Sequence[Address] | None = None

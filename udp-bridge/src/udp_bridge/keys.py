@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared keys from a file or the environment. No error shows a key, or what was in its place."""
+"""Shared keys from a file or the environment, and what is said when those of two ends differ.
+
+Rule: no error shows a key, or what was in its place.
+"""
 
 from __future__ import annotations
 
 import os
 import stat
 import string
-from typing import Mapping, Optional
+from typing import Dict, List, Mapping, Optional
 
 SMALLEST_KEY = 16
 LARGEST_TEXT = 4096
@@ -79,3 +82,30 @@ def parse_key(text: bytes, where: str) -> bytes:
             "`openssl rand -hex 32` makes one"
         )
     return key
+
+
+MISFITS: Dict[str, str] = {
+    "bad_tag": "the other end has another key, or bits were flipped on the way",
+    "unsealed": "this end has a key and the other one has none",
+    "sealed": "the other end has a key and this one has none",
+    "stale": "the clocks of the two ends differ by more than 10 s, or somebody repeats old ones",
+}
+"""Why an end refuses all that comes, by the reason that it counts."""
+
+
+class Misfits:
+    """What is to be told people of datagrams that no key fits: each reason once."""
+
+    def __init__(self) -> None:
+        self._told: Dict[str, str] = {}
+
+    def new(self, refused: Mapping[str, int]) -> List[str]:
+        """Return lines for reasons that are new among those counted so far."""
+        found = {why: text for why, text in MISFITS.items() if refused.get(why, 0)}
+        lines = [
+            f"refuses datagrams as {why}: {text}"
+            for why, text in found.items()
+            if why not in self._told
+        ]
+        self._told.update(found)
+        return lines

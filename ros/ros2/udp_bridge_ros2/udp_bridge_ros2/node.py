@@ -19,7 +19,7 @@ from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
 from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.header import BadMessage
-from udp_bridge.keys import read_key
+from udp_bridge.keys import Misfits, read_key
 from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
 from udp_bridge.ros_end.alive import Alive
 from udp_bridge.ros_end.asking import Asking
@@ -113,7 +113,7 @@ class BridgeNode(Node):
             self._outlet.close()
             raise
         self._diagnostics = Diagnostics(self, self._link)
-        self._alive = Alive(os.environ)
+        self._alive, self._misfits = Alive(os.environ), Misfits()
         host, port = self._link.address
         self.get_logger().info(f"receiving at {host}:{port}; {environment.describe(os.environ)}")
         if hint := buffer_hint(self._link.receive_buffer):
@@ -127,7 +127,10 @@ class BridgeNode(Node):
         self._lockstep.turn(self._link)
         self._diagnostics.turn(now_nanos)
         if self._alive.is_due(now_nanos):
-            self._alive.show(self._link.counters()["received_datagrams"], now_nanos)
+            counts = self._link.counters()
+            self._alive.show(counts["received_datagrams"], now_nanos)
+            for line in self._misfits.new(counts["refused"]):
+                self.get_logger().warning(line)
         self._executor.spin_once(timeout_sec=wait_s)
 
     def close(self) -> None:

@@ -27,8 +27,8 @@ class Alive:
         self._heard = 0
 
     def is_due(self, now_nanos: int) -> bool:
-        """Return whether a second has passed; never without a file."""
-        return self._file is not None and now_nanos >= self._due_nanos
+        """Return whether a second has passed since it was shown."""
+        return now_nanos >= self._due_nanos
 
     def show(self, received_datagrams: int, now_nanos: int) -> None:
         """Touch the file when more has been received than at the last call."""

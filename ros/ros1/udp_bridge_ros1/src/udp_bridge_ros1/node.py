@@ -17,7 +17,7 @@ from udp_bridge import MSG_TYPES, Link, Message, Refused, control
 from udp_bridge.around import sealed_socket
 from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.header import BadMessage
-from udp_bridge.keys import read_key
+from udp_bridge.keys import Misfits, read_key
 from udp_bridge.leaving import Address
 from udp_bridge.ros_end.addresses import DEFAULT_BIND, is_from, parse_address, resolve
 from udp_bridge.ros_end.alive import Alive
@@ -106,7 +106,7 @@ class BridgeNode:
             self._outlet.close()
             raise
         self._diagnostics = Diagnostics(self._link, time.monotonic_ns())
-        self._alive = Alive(os.environ)
+        self._alive, self._misfits = Alive(os.environ), Misfits()
         host, port = self._link.address
         self._log.info(f"receiving at {host}:{port}")
         if hint := buffer_hint(self._link.receive_buffer):
@@ -120,7 +120,10 @@ class BridgeNode:
         self._lockstep.turn(self._link)
         self._diagnostics.turn(now_nanos)
         if self._alive.is_due(now_nanos):
-            self._alive.show(self._link.counters()["received_datagrams"], now_nanos)
+            counts = self._link.counters()
+            self._alive.show(counts["received_datagrams"], now_nanos)
+            for line in self._misfits.new(counts["refused"]):
+                self._log.warning(line)
         self._subscriptions.turn(wait_s)
 
     def close(self) -> None:
