@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hosts with networks of their own on this machine, joined by a switch whose cables can be pulled.
 
-Rule: each host is a network namespace of the kernel, the switch is one too, and nothing of the
-machine's own network is touched; all of it ends with the processes that hold the namespaces.
+Rule: each host is a network namespace of the kernel with a `/dev/shm` of its own, by which Zenoh
+would else carry large messages past the cable; the switch is one too, and nothing of the machine's
+own network is touched. All of it ends with the processes that hold the namespaces.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ import pytest
 
 from groundlink.supervisor import end_with_parent
 
-_ANCHOR = ("unshare", "--net", "sleep", "infinity")
+_ANCHOR = (
+    *("unshare", "--net", "--mount", "sh", "-c"),
+    "mount -t tmpfs none /dev/shm && echo && exec sleep infinity",
+)
 
 
 class Hosts:
@@ -38,7 +42,8 @@ class Hosts:
 
     def inside(self, name: str) -> tuple[str, ...]:
         """Return the words by which a command is run on a host."""
-        return ("nsenter", f"--target={self._anchors[name].pid}", "--net", "--")
+        host = f"--target={self._anchors[name].pid}"
+        return ("nsenter", host, "--net", "--mount", f"--wd={os.getcwd()}", "--")
 
     def cut(self, name: str) -> None:
         """Pull a host's cable out of the switch; the host does not see it."""
@@ -58,14 +63,18 @@ class Hosts:
         subprocess.run([*self.inside(name), *command.split()], check=True, timeout=10)
 
 
-def _anchor() -> subprocess.Popen[bytes]:
-    """Return a process that holds a network of its own, which is there already."""
+def _anchor() -> subprocess.Popen[str]:
+    """Return a process that holds a network and a memory of its own, which are there already."""
     anchor = subprocess.Popen(
-        _ANCHOR, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, preexec_fn=end_with_parent
+        _ANCHOR,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=end_with_parent,
     )
-    here = os.readlink("/proc/self/ns/net")
-    while anchor.poll() is None and os.readlink(f"/proc/{anchor.pid}/ns/net") == here:
-        pass
+    assert anchor.stdout is not None
+    with anchor.stdout as said:
+        said.readline()
     return anchor
 
 
