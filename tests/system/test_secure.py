@@ -28,6 +28,8 @@ from groundlink.questions import (
 from groundlink.scenario import load
 from groundlink.topics import FROM_ROS, HEALTH, TOPICS, process_names
 from udp_bridge import Link
+from udp_bridge.around import sealed_socket
+from udp_bridge.seal import FROM_ROS as FROM_ROS_SIDE
 
 from .rig import LAB, Observer, Rig, rig, wait_for
 from .secured import Heard, Secured
@@ -266,18 +268,24 @@ def test_nobody_is_there_in_anothers_name(running: Running, operator: Bus) -> No
         del tokens
 
 
-def test_datagrams_without_the_key_are_counted_and_dropped(
-    running: Running, health: Callable[[str], Health]
+@pytest.mark.parametrize(("secret", "why"), [(None, "unsealed"), (bytes(32), "bad_tag")])
+def test_datagrams_without_the_key_are_dropped_counted_and_told_once(
+    running: Running, health: Callable[[str], Health], secret: bytes | None, why: str
 ) -> None:
-    before = health("gateway").counters.get("wire_refused_unsealed", 0)
-    with Link(("127.0.0.1", 0), running.rig.bind) as stranger:
-        stranger.send(8, "/clock", "", 1, bytes(12))
-        assert stranger.flush(5)
-    wait_for(
-        lambda: health("gateway").counters.get("wire_refused_unsealed", 0) > before,
-        10,
-        "it is counted",
-    )
+    before = health("gateway").counters.get(f"wire_refused_{why}", 0)
+    bind = ("127.0.0.1", 0)
+    around = sealed_socket(bind, secret, sends=FROM_ROS_SIDE) if secret else None
+    with Link(bind, running.rig.bind, socket=around) as stranger:
+        for _ in range(2):
+            stranger.send(8, "/clock", "", 1, bytes(12))
+            assert stranger.flush(5)
+
+    def is_counted() -> bool:
+        return health("gateway").counters.get(f"wire_refused_{why}", 0) > before + 1
+
+    wait_for(is_counted, 10, "it is counted")
+    lines = running.rig.log("gateway.log").splitlines()
+    assert len([line for line in lines if f"refuses datagrams as {why}: " in line]) == 1
 
 
 def test_secrets_stay_in_their_files(running: Running) -> None:

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who gets onto a bus that takes certificates, by trying; what each may say there is elsewhere."""
+
+from __future__ import annotations
+
+import datetime
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from groundlink import bus
+from groundlink.bus import Bus, BusError
+from groundlink.certificates import Authority
+from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
+
+NOW = datetime.datetime.now(datetime.UTC)
+YESTERDAY = NOW - datetime.timedelta(days=1)
+
+
+def write(folder: Path, authority: Authority, process: str, known: bytes | None = None) -> str:
+    """Write a process's credentials, which take those for genuine that `known` has signed."""
+    own = authority.certify(process, ["127.0.0.1"] if process == "router" else ())
+    folder.mkdir()
+    (folder / AUTHORITY).write_bytes(known or authority.certificate)
+    (folder / CERTIFICATE).write_bytes(own.certificate)
+    (folder / KEY).write_bytes(own.key)
+    (folder / ABOUT).write_text(about_text(process))
+    return str(folder)
+
+
+@pytest.fixture(scope="module")
+def authority() -> Authority:
+    return Authority(NOW)
+
+
+@pytest.fixture(scope="module")
+def endpoint(authority: Authority, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tls/127.0.0.1:{probe.getsockname()[1]}"
+    with pytest.MonkeyPatch.context() as patched:
+        folder = tmp_path_factory.mktemp("certified") / "router"
+        patched.setenv(VARIABLE, write(folder, authority, "router"))
+        with Bus(listen=endpoint, name="router"):
+            yield endpoint
+
+
+def test_who_has_a_certificate_gets_in(
+    authority: Authority, endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, write(tmp_path / "imu", authority, "rover/imu"))
+    with Bus(connect=endpoint, name="rover/imu") as own:
+        assert own.is_linked()
+
+
+@pytest.mark.parametrize("wrong", ["expired", "of another authority", "none"])
+def test_who_has_none_that_is_good_stays_out_and_is_told_why(
+    authority: Authority,
+    endpoint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    wrong: str,
+) -> None:
+    if wrong == "expired":
+        monkeypatch.setattr(authority, "_from", YESTERDAY - datetime.timedelta(days=1))
+        monkeypatch.setattr(authority, "_to", YESTERDAY)
+        monkeypatch.setenv(VARIABLE, write(tmp_path / "imu", authority, "rover/imu"))
+    elif wrong == "of another authority":
+        known = authority.certificate
+        folder = write(tmp_path / "imu", Authority(NOW), "rover/imu", known)
+        monkeypatch.setenv(VARIABLE, folder)
+    else:
+        monkeypatch.delenv(VARIABLE)
+    monkeypatch.setattr(bus, "CONNECT_SECONDS", 2.0)
+    with pytest.raises(BusError, match="does not take the other's certificate") as no:
+        Bus(connect=endpoint, name="rover/imu")
+    assert len(str(no.value).splitlines()) == 1
