@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import re
 from collections.abc import Callable
 from types import TracebackType
@@ -21,6 +20,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
+from . import zenoh_settings
 from .credentials import from_environment
 from .errors import UserError
 from .inbox import Inbox
@@ -30,15 +30,6 @@ from .topics import Delivery
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where physics listens when it is told neither to listen nor to connect elsewhere."""
 
-CONNECT_SECONDS = 5.0
-"""How long a process tries to reach its endpoint before it gives up."""
-
-ROUTER_WAIT_SECONDS = 1.0
-"""So long a router waits for a receiver that takes nothing, before it ends the link to it. Whoever
-sends to that one waits as long: only what is bulky, as what is small fills its queue in no less
-than the 10 s after which a link is dead. Far less than the 5 s after which a sender gives up its
-own link, to a router that waits."""
-
 REPLIES_KEPT = 4096
 """Of one query: more than the longest answer has, what a sensor has missed of a fast run."""
 
@@ -46,21 +37,6 @@ _CONGESTION_CONTROL = {
     Delivery.NEWEST: zenoh.CongestionControl.DROP,
     Delivery.ALL: zenoh.CongestionControl.BLOCK,
 }
-
-ONLOOKERS = tuple(f"6e10{number:04x}" for number in range(1024))
-"""Identities of sessions that only look on, so many that two hardly choose the same. To them the
-router drops what they are too slow for; for everybody else it waits, and a viewer that somebody has
-stopped would stop the run."""
-
-_CONGESTION = "transport/link/tx/queue/congestion_control"
-_PATIENCE = {
-    "transport/link/tx/queue/size/data": 16,
-    "transport/link/tx/queue/size/data_low": 16,
-    f"{_CONGESTION}/drop/wait_before_drop": 100_000,
-    f"{_CONGESTION}/drop/max_wait_before_drop_fragments": 100_000,
-}
-"""A busy machine may leave a sender's thread unscheduled for many ticks. The defaults (two batches,
-1 ms) then drop states although every receiver keeps up."""
 
 HEARTBEAT_SECONDS = 0.5
 """How often a publisher that keeps messages tells what it has."""
@@ -113,11 +89,21 @@ class Bus:
         if credentials is not None and name is not None:
             credentials.check(name)
         more = credentials.settings() if credentials is not None else {}
-        more |= {"timestamping/enabled": True} if foreign else _PATIENCE
+        more |= {"timestamping/enabled": True} if foreign else zenoh_settings.PATIENCE
+        settings = zenoh_settings.settings_of(connect, listen, onlooker=onlooker) | more
+        configuration = zenoh.Config()
+        for key, value in settings.items():
+            configuration.insert_json5(key, json.dumps(value))
+        threads = {"ZENOH_RUNTIME": zenoh_settings.ROUTER_THREADS} if listen else {}
+        before = dict(os.environ)
+        os.environ.update(threads | before)
         try:
-            self._session = zenoh.open(_configuration(connect, listen, onlooker, more))
+            self._session = zenoh.open(configuration)
         except zenoh.ZError as error:
             raise BusError(_explained(str(error), connect, listen)) from None
+        finally:
+            for name in threads.keys() - before:  # no business of the processes that it starts
+                del os.environ[name]
 
     def __enter__(self) -> Bus:
         return self
@@ -296,46 +282,6 @@ class Bus:
         )
 
 
-def _configuration(
-    connect: str | None, listen: str | None, onlooker: bool, more: dict[str, Any]
-) -> zenoh.Config:
-    """Return the session's configuration: explicit endpoints only, and what credentials add."""
-    settings: dict[str, Any] = {
-        "mode": "router" if listen else "client",
-        "connect/endpoints": [connect] if connect else [],
-        "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
-        "connect/exit_on_failure": True,
-        # A router that was lost is looked for this often; Zenoh's own periods grow to 4 s.
-        "connect/retry": {
-            "period_init_ms": 250,
-            "period_max_ms": 1000,
-            "period_increase_factor": 2,
-        },
-        "listen/endpoints": [listen] if listen else [],
-        "listen/exit_on_failure": True,
-        "scouting/multicast/enabled": False,
-        "transport/shared_memory/enabled": True,
-    }
-    if listen:
-        wait_micros = int(ROUTER_WAIT_SECONDS * 1e6)
-        settings[f"{_CONGESTION}/block/wait_before_close"] = wait_micros
-        settings["qos/network"] = [
-            {
-                "id": "onlookers",
-                "zids": ONLOOKERS,
-                "messages": ["put"],
-                "flows": ["egress"],
-                "overwrite": {"congestion_control": "drop"},
-            }
-        ]
-    if onlooker:
-        settings["id"] = random.choice(ONLOOKERS)
-    configuration = zenoh.Config()
-    for key, value in (settings | more).items():
-        configuration.insert_json5(key, json.dumps(value))
-    return configuration
-
-
 def _explained(problem: str, connect: str | None, listen: str | None) -> str:
     """Return what Zenoh's error means to the one who gave the endpoints."""
     if listen and "in use" in problem:
@@ -344,11 +290,11 @@ def _explained(problem: str, connect: str | None, listen: str | None) -> str:
         return f"cannot listen on {listen}: {problem.split(': ')[-1][:80]}"
     if connect and connect.startswith("tls/"):
         return (
-            f"{connect} was not joined within {CONNECT_SECONDS:.0f} s: nobody is there, or one of "
-            "the two does not take the other's certificate (another run's, or expired); see "
+            f"{connect} was not joined within {zenoh_settings.CONNECT_SECONDS:.0f} s: nobody is there, "
+            "or one of the two does not take the other's certificate (another run's, or expired); see "
             "GROUNDLINK_CREDENTIALS"
         )
     return (
-        f"nobody answered at {connect} within {CONNECT_SECONDS:.0f} s; start physics or a router "
-        "there first, or correct --connect"
+        f"nobody answered at {connect} within {zenoh_settings.CONNECT_SECONDS:.0f} s; start physics "
+        "or a router there first, or correct --connect"
     )

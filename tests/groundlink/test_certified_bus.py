@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink import bus
+from groundlink import zenoh_settings
 from groundlink.bus import Bus, BusError
 from groundlink.certificates import Authority
 from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
@@ -73,7 +73,7 @@ def test_who_has_none_that_is_good_stays_out_and_is_told_why(
         monkeypatch.setenv(VARIABLE, folder)
     else:
         monkeypatch.delenv(VARIABLE)
-    monkeypatch.setattr(bus, "CONNECT_SECONDS", 2.0)
+    monkeypatch.setattr(zenoh_settings, "CONNECT_SECONDS", 2.0)
     with pytest.raises(BusError, match="does not take the other's certificate") as no:
         Bus(connect=endpoint, name="rover/imu")
     assert len(str(no.value).splitlines()) == 1

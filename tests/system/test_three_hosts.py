@@ -27,8 +27,14 @@ NEAR = "rover/encoders"
 """The sensor that is with physics, and not on the hosts that are cut off."""
 
 PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}
-CUT_SECONDS = {"sensors": 5.0, "ros": 12.0}
-"""Shorter and longer than the 10 s after which Zenoh takes who is silent for gone."""
+CUT_SECONDS = {"sensors": 13.0, "ros": 5.0}
+"""Longer and shorter than the 10 s after which Zenoh takes who is silent for gone."""
+
+TOLD_SECONDS = 3.0
+"""Within so long a process has told its counters, once a second, and they are recorded."""
+
+UNDER_WAY_SECONDS = 1.0
+"""Of readings that were on a cable that is pulled, or in a router that is killed."""
 
 BACK_WITHIN_SECONDS = 5.0
 HELD_UP_SECONDS = 2.0
@@ -113,12 +119,23 @@ def test_sensors_that_are_cut_off_come_back_and_the_rest_goes_on(spread: Spread)
 
 
 def test_ros_that_is_cut_off_comes_back_and_only_it_went(spread: Spread) -> None:
+    log_before = spread.rig.log("router.log")
     _, put_in = spread.cut("ros", CUT_SECONDS["ros"])
     spread.wait_for_topics(put_in)
     spread.assert_nothing_old_is_new()
-    log = spread.rig.log("router.log")
-    assert "gateway" in log
+    log = spread.rig.log("router.log").removeprefix(log_before)
     assert not [line for line in log.splitlines() if " went" in line and "gateway" not in line]
+
+
+def test_a_router_that_is_killed_and_comes_back_is_found_by_all(spread: Spread) -> None:
+    (router,) = (p for p in spread.rig.started if "services.router" in str(p.args))
+    router.kill()
+    router.wait(10)
+    spread.start_router()
+    wait_for(lambda: "listens" in spread.rig.log("router.log"), 30, "the router listens")
+    spread.wait_for_topics(time.monotonic())
+    spread.assert_nothing_old_is_new()
+    spread.wait_for_topics(time.monotonic() + TOLD_SECONDS)
 
 
 @pytest.fixture(scope="module")
@@ -130,14 +147,15 @@ def recorded(spread: Spread) -> Gathered:
 
 
 def test_the_sums_add_up_beside_physics(recorded: Gathered) -> None:
-    """Every reading that was due was recorded, or its sensor told why not."""
+    """Every reading that was due was recorded, or its sensor told why not, or a link lost it."""
     for account in recorded.accounts:
         missing = account.missing()
         print(account.topic, account.due, account.published, dict(missing))
         assert account.due == account.published + missing.total()
-        assert missing[NOT_TOLD] == 0, account.topic
+        assert missing[NOT_TOLD] * PERIODS_NANOS[account.topic] < UNDER_WAY_SECONDS * 1e9
         if account.sensor == NEAR:
-            assert missing["states lost"] == 0, "who was not cut off has all states"
+            lost = [hole for hole in account.holes() if hole.cause == "states lost"]
+            assert len(lost) == 1, "it lacks what the router's end has cost"
         else:
             due_in_cut = CUT_SECONDS["sensors"] * 1e9 / PERIODS_NANOS[account.topic]
             assert missing.total() - missing[UNDER_WAY] > 0.5 * due_in_cut
@@ -155,4 +173,4 @@ def test_the_sums_add_up_in_ros(spread: Spread, recorded: Gathered) -> None:
         due_in_cut = CUT_SECONDS["ros"] * 1e9 / period_nanos
         assert not_come > 0.5 * due_in_cut
         # Both were told within the last seconds, and ROS may not have found the first ones.
-        assert sent + not_come == pytest.approx(due, abs=0.3 * due_in_cut)
+        assert sent + not_come == pytest.approx(due, abs=0.8 * due_in_cut)
