@@ -288,13 +288,14 @@ def _explained(problem: str, connect: str | None, listen: str | None) -> str:
         return f"{listen} is in use; end the other process or choose a port with --listen"
     if listen and "listener" in problem:
         return f"cannot listen on {listen}: {problem.split(': ')[-1][:80]}"
+    within = f"{zenoh_settings.CONNECT_SECONDS:.0f} s"
     if connect and connect.startswith("tls/"):
         return (
-            f"{connect} was not joined within {zenoh_settings.CONNECT_SECONDS:.0f} s: nobody is there, "
-            "or one of the two does not take the other's certificate (another run's, or expired); see "
+            f"{connect} was not joined within {within}: nobody is there, or one of the two does "
+            "not take the other's certificate (another run's, or expired); see "
             "GROUNDLINK_CREDENTIALS"
         )
     return (
-        f"nobody answered at {connect} within {zenoh_settings.CONNECT_SECONDS:.0f} s; start physics "
-        "or a router there first, or correct --connect"
+        f"nobody answered at {connect} within {within}; start physics or a router there first, or "
+        "correct --connect"
     )
