@@ -18,6 +18,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", ["config/bridge.yaml"]),
+        (f"share/{NAME}/launch", ["launch/bridge.launch.xml"]),
+        (f"share/{NAME}/rviz", ["rviz/groundlink.rviz"]),
     ],
     # rclpy and the message packages come with ROS, or with the wheels that stand in for it.
     install_requires=["udp-bridge"],

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The packages as the tools of ROS find and install them, by the files alone."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROS = Path(__file__).resolve().parents[2] / "ros"
+ROS2 = ROS / "ros2/udp_bridge_ros2"
+MANIFESTS = sorted(ROS.rglob("package.xml"))
+MARKERS = {"AMENT_IGNORE", "CATKIN_IGNORE", "COLCON_IGNORE"}
+"""Today's catkin passes over folders with any of them; colcon over those with the last, and over
+packages with one of the others."""
+
+
+def found_below(folder: Path) -> set[str]:
+    """Return the folders of the packages that a workspace with this folder has."""
+    found = set()
+    for place, folders, files in os.walk(folder):
+        if MARKERS & set(files):
+            folders.clear()
+        elif "package.xml" in files:
+            folders.clear()
+            found.add(str(Path(place).relative_to(ROS)))
+    return found
+
+
+def test_a_workspace_finds_the_packages_of_its_ros_and_no_others() -> None:
+    assert found_below(ROS) == {"groundlink_msgs", "ros2/udp_bridge_ros2"}
+    linked = [folder for folder in (ROS / "ros1").iterdir() if (folder / "package.xml").exists()]
+    assert {str(folder.relative_to(ROS)) for folder in linked} == set().union(
+        *(found_below(folder) for folder in linked)
+    )
+
+
+@pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda file: str(file.relative_to(ROS)))
+def test_a_manifest_is_whole(manifest: Path) -> None:
+    root = ET.parse(manifest).getroot()
+    assert root.get("format") == "3"
+    assert root.findtext("name") == manifest.parent.name
+    for tag in ("version", "description", "maintainer", "license"):
+        assert root.findtext(tag), tag
+
+
+def test_what_setup_installs_is_there_and_its_command_runs() -> None:
+    text = (ROS2 / "setup.py").read_text()
+    named = re.findall(r'"((?:config|launch|rviz)/[^"]+)"', text)
+    assert set(named) == {
+        str(file.relative_to(ROS2))
+        for folder in ("config", "launch", "rviz")
+        for file in (ROS2 / folder).iterdir()
+    }
+    assert (ROS2 / "resource" / ROS2.name).exists()
+    module, _, name = "udp_bridge_ros2.__main__:main".partition(":")
+    assert "{NAME}.__main__:main" in text
+    assert callable(getattr(importlib.import_module(module), name))
+
+
+def test_the_launch_files_name_what_is_there() -> None:
+    ros2 = ET.parse(ROS2 / "launch/bridge.launch.xml").getroot()
+    ros1_folder = ROS / "ros1/udp_bridge_ros1"
+    ros1 = ET.parse(ros1_folder / "launch/bridge.launch").getroot()
+    for root, share, folder in (
+        (ros2, "$(find-pkg-share udp_bridge_ros2)/", ROS2),
+        (ros1, "$(find udp_bridge_ros1)/", ros1_folder),
+    ):
+        text = ET.tostring(root, encoding="unicode")
+        paths = re.findall(re.escape(share) + r'([^"\s]+)', text)
+        assert paths
+        assert all((folder / path).exists() for path in paths)
+        declared = {arg.get("name") for arg in root.iter("arg")}
+        assert declared == set(re.findall(r"\$\((?:var|arg) (\w+)\)", text))
+
+
+def test_the_file_of_parameters_has_the_defaults_of_the_node() -> None:
+    declared = {}
+    for file in (ROS2 / "udp_bridge_ros2").glob("*.py"):
+        for call in ast.walk(ast.parse(file.read_text())):
+            if isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "declare_parameter":
+                name, default = call.args[0], call.args[1]
+                assert isinstance(name, ast.Constant)
+                declared[name.value] = getattr(default, "value", None)
+    (written,) = yaml.safe_load((ROS2 / "config/bridge.yaml").read_text()).values()
+    assert written["ros__parameters"]
+    for name, value in written["ros__parameters"].items():
+        assert declared[name] == value, name
+
+
+@pytest.mark.parametrize("file", sorted(ROS.rglob("*.rviz")), ids=lambda file: str(file.parts[-3]))
+def test_rviz_shows_the_topics_of_the_scenarios(file: Path) -> None:
+    displays = yaml.safe_load(file.read_text())["Visualization Manager"]["Displays"]
+    topics = {
+        topic["Value"] if isinstance(topic, dict) else topic
+        for row in displays
+        if (topic := row.get("Topic", row.get("Image Topic")))
+    }
+    assert topics == {"/points", "/scan", "/camera/image_raw", "/odom", "/map"}
