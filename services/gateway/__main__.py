@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from groundlink import process
 from groundlink.alone import alone
-from groundlink.bus import Bus
+from groundlink.bus import Bus, BusError
 from groundlink.errors import UserError
 from groundlink.messages import Ack, Clock
 from groundlink.scenario import Scenario
@@ -174,7 +174,11 @@ def _native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
     if settings is None:
         yield
         return
-    with Bus(connect=settings.connect, foreign=True) as bus:
+    try:
+        theirs = Bus(connect=settings.connect, foreign=True)
+    except BusError as error:
+        raise UserError(f"`gateway.rmw_zenoh.connect`: {error}") from None
+    with theirs as bus:
         wanted = [(wish.msg_type, wish.topic) for wish in gateway.incoming]
         gateway.native = Facade(bus, settings, gateway.pushed, wanted, gateway.latched)
         yield

@@ -34,12 +34,19 @@ void mutate(Datagram& datagram, std::mt19937_64& random) {
     if (datagram.empty()) return;
     // Headers are where decisions are made.
     const std::size_t at = below(std::min<std::size_t>(datagram.size(), below(2) ? 24 : 2000));
-    switch (below(4)) {
+    switch (below(5)) {
       case 0: datagram[at] = static_cast<std::uint8_t>(random()); break;
       case 1: datagram[at] ^= static_cast<std::uint8_t>(1u << below(8)); break;
       case 2: datagram.resize(below(datagram.size() + 1)); break;
       case 3: datagram.insert(datagram.begin() + static_cast<std::ptrdiff_t>(at), below(40),
                               static_cast<std::uint8_t>(random())); break;
+      case 4:  // another place among few messages, of which some are finished and some are open
+        if (datagram.size() < 16) break;
+        udp_bridge::detail::write_u32(datagram.data() + 2, static_cast<std::uint32_t>(below(6)));
+        udp_bridge::detail::write_u32(datagram.data() + 8, static_cast<std::uint32_t>(below(3)));
+        datagram[6] = static_cast<std::uint8_t>(below(4));
+        datagram[7] = static_cast<std::uint8_t>(1 + below(below(2) ? 4 : 255));
+        break;
     }
   }
 }
@@ -60,12 +67,15 @@ int main(int count, char** argv) {
   std::uint64_t taken = 0, handed = 0, credits = 0;
   std::int64_t now = 0;
   for (const std::uint64_t wanted = std::strtoull(argv[1], nullptr, 10); taken < wanted; ++taken) {
-    Datagram datagram = seeds[random() % seeds.size()];
+    // Half of all is of one topic and sender, so that much meets much.
+    const bool is_common = random() % 2;
+    Datagram datagram = seeds[is_common ? 0 : random() % seeds.size()];
     mutate(datagram, random);
     datagram.shrink_to_fit();  // one byte read past its end is an error
     now += static_cast<std::int64_t>(random() % 20000000);
+    if (random() % 50 == 0) now += 1100000000;  // a topic was silent
     receiver.take(
-        datagram.data(), datagram.size(), random() % 5, now,
+        datagram.data(), datagram.size(), is_common ? 0 : random() % 5, now,
         [&](udp_bridge::Message&& m) {
           ++handed;
           if (!m.header.is_legal()) std::abort();
