@@ -118,7 +118,7 @@ def _carry(
         if isinstance(error, BadMessage):
             raise UserError(str(error)) from None
         raise
-    with link, _native(scenario, gateway):
+    with link, native(scenario, gateway):
         kept.wishes.tell_by(
             lambda answer: link.send(CONTROL, "", "", time.time_ns(), answer.pack())
         )
@@ -168,7 +168,7 @@ def _carry(
 
 
 @contextmanager
-def _native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
+def native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
     """Let a gateway be there for nodes of rmw_zenoh meanwhile, if the scenario wants that."""
     settings = scenario.gateway.rmw_zenoh
     if settings is None:

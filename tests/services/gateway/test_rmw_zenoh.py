@@ -11,9 +11,15 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 import zenoh.ext
+from msgspec.structs import replace
 
 from groundlink.bus import Bus
+from groundlink.errors import UserError
+from groundlink.scenario import load as load_scenario
+from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import RmwZenoh
+from services.gateway.__main__ import native as native_of
+from services.gateway.gateway import Gateway
 from services.gateway.rmw_zenoh import (
     QOS,
     QOS_LATCHED,
@@ -90,6 +96,12 @@ def wait_for(condition: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
+def tokens(node: zenoh.Session, key: str) -> list[str]:
+    """Return the liveliness keys that are there."""
+    replies = node.liveliness().get(key, timeout=5.0)
+    return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+
+
 def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> None:
     imu = Reassembler().receive(load("imu").datagrams[0], "", 0)
     assert imu is not None
@@ -132,11 +144,9 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
         wait_for(lambda: latched)
         assert latched == [b"the transforms"]
 
-        replies = node.liveliness().get("@ros2_lv/3/**", timeout=5.0)
-        tokens = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
         rows = [(IMU, "sensor_msgs/msg/Imu", "MP", QOS), (TF_STATIC, tf_type, "MP", QOS_LATCHED)]
         rows += [(CMD_VEL, "geometry_msgs/msg/Twist", "MS", QOS)]
-        assert tokens == sorted(
+        assert tokens(node, "@ros2_lv/3/**") == sorted(
             [node_token(3, bus.identity)]
             + [
                 endpoint_token(3, bus.identity, i, kind, place[1], of, type_hash_of(of), qos=qos)
@@ -160,9 +170,9 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
 def test_humble_has_no_hashes(router: str, node: zenoh.Session) -> None:
     with Bus(connect=router, foreign=True) as bus:
         Facade(bus, RmwZenoh(connect=router, type_hashes=False), [IMU], [])
-        replies = node.liveliness().get("@ros2_lv/0/*/0/1/**", timeout=5.0)
-        tokens = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
-    assert [token.split("/")[-2] for token in tokens] == ["TypeHashNotSupported"]
+        wait_for(lambda: tokens(node, "@ros2_lv/0/*/0/1/**"))
+        (token,) = tokens(node, "@ros2_lv/0/*/0/1/**")
+    assert token.split("/")[-2] == "TypeHashNotSupported"
 
 
 def test_without_the_option_nothing_is_there() -> None:
@@ -170,3 +180,18 @@ def test_without_the_option_nothing_is_there() -> None:
     stand_in.publish(IMU, 0, memoryview(b""))
     assert not stand_in.offers(IMU)
     assert not list(stand_in.arrived())
+
+
+def test_a_scenario_has_it_or_not(router: str) -> None:
+    def native(settings: RmwZenoh | None) -> type:
+        shipped = load_scenario(SHIPPED / "indoor_lab.yaml")
+        scenario = replace(shipped, gateway=replace(shipped.gateway, rmw_zenoh=settings))
+        gateway = Gateway(scenario, "lab", peer=("127.0.0.1", 1), publish=lambda *_: None)
+        with native_of(scenario, gateway):
+            assert gateway.native.offers((2, "/imu")) == (settings is not None)
+        return type(gateway.native)
+
+    assert native(None) is NoFacade
+    assert native(RmwZenoh(connect=router)) is Facade
+    with pytest.raises(UserError, match=r"`gateway.rmw_zenoh.connect`: `here` is no endpoint"):
+        native(RmwZenoh(connect="here"))
