@@ -33,7 +33,7 @@ from services.gateway.rmw_zenoh import (
     type_hash_of,
 )
 from tests.udp_bridge.vectors import load
-from udp_bridge import Reassembler
+from udp_bridge import Message, Reassembler
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -155,7 +155,7 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
         )
 
         twist = "3/rover/cmd_vel/geometry_msgs::msg::dds_::Twist_/TypeHashNotSupported"
-        arrived = []
+        arrived: list[Message] = []
 
         def is_heard() -> bool:
             node.put(twist, b"a twist", attachment=attachment(1, 0, gid))
