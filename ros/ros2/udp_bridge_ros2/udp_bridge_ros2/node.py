@@ -111,6 +111,8 @@ class BridgeNode(Node):
             )
         except (OSError, BadMessage):
             self._outlet.close()
+            self._executor.shutdown()
+            self.destroy_node()
             raise
         self._diagnostics = Diagnostics(self, self._link)
         self._alive, self._misfits = Alive(os.environ), Misfits()
