@@ -51,6 +51,10 @@ namespace UdpBridge
         Odometry = 36,
         /// <summary>sensor_msgs/msg/JointState, to ROS.</summary>
         JointState = 37,
+        /// <summary>geometry_msgs/msg/TwistStamped, from ROS.</summary>
+        TwistStamped = 38,
+        /// <summary>std_msgs/msg/String, to ROS.</summary>
+        String = 39,
         /// <summary>The bridge's own; <see cref="Receiver"/> answers it and hands none over.</summary>
         Control = 64,
     }
