@@ -8,11 +8,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
+from udp_bridge.departures import take_in_turn
 from udp_bridge.flow import DatagramKey
 from udp_bridge.known_headers import EXPRESS_TOPICS
 from udp_bridge.leaving import Datagram
-from udp_bridge.repair import Fec, Mode, Resend
-from udp_bridge.sending import Outbox, take_in_turn
+from udp_bridge.repair import Fec, Mode, RepairTable, Resend
+from udp_bridge.repair_wire import Offer, Request, parse_resend
+from udp_bridge.sending import Outbox
 from udp_bridge.waiting import SMALL_WAITING_PER_TOPIC
 
 TO = ("192.0.2.1", 4000)
@@ -256,18 +258,20 @@ def express_run(box: Outbox, message: Message, most_bytes: int) -> Datagram | No
     return box.express_run(msg_type, topic, link, stamp_nanos, body, 0, most_bytes)
 
 
-@settings(deadline=None)  # to compare a megabyte takes a while
+@settings(deadline=None, max_examples=40)  # to compare a megabyte takes a while
 @given(
     st.integers(65_281, 1_200_000),
     st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), max_size=4),
     st.sampled_from((70_000, 200_000, 1 << 20)),
     st.booleans(),
+    st.sampled_from(({}, {(33, "/image"): Resend(10**9)})),
 )
-@example(1_015_097, [0, 0, 0, 0], 70_000, False)
+@example(1_015_097, [0, 0, 0, 0], 70_000, False, {})
+@example(1_015_097, [0, 0, 0, 0], 1 << 20, False, {(33, "/image"): Resend(10**9)})
 def test_an_express_run_is_the_long_way_in_one_step(
-    size: int, stamps: list[int], most_bytes: int, signed_peer: bool
+    size: int, stamps: list[int], most_bytes: int, signed_peer: bool, repair: RepairTable
 ) -> None:
-    short, long = (known_run(size, signed_peer=signed_peer) for _ in range(2))
+    short, long = (known_run(size, signed_peer=signed_peer, repair=repair) for _ in range(2))
     for stamp_nanos in stamps:
         at_once = express_run(short, cloud_of(size, stamp_nanos), most_bytes)
         if at_once is None:  # the window is full
@@ -286,6 +290,24 @@ def test_an_express_run_is_the_long_way_in_one_step(
         assert at_once is None
     assert short.accounts.rows(0) == long.accounts.rows(0)
     assert short.pacer.window.in_flight_bytes == long.pacer.window.in_flight_bytes
+    assert short.resender.history_bytes == long.resender.history_bytes
+    assert short.resender.next_offer_nanos == long.resender.next_offer_nanos
+
+
+def test_what_left_by_express_is_sent_again_when_it_is_asked_for() -> None:
+    box = known_run(700_000, repair={(33, "/image"): Resend(10**9)})
+    message = cloud_of(700_000)
+    at_once = express_run(box, message, 1 << 20)
+    assert at_once is not None
+    assert at_once.run is not None
+    header, offset = parse(at_once.run.behind or b"")
+    assert parse_resend((at_once.run.behind or b"")[offset:]) == Offer(33, 11, 1000)
+    request = Request(33, 11, 1, 10**6, (3,))
+    box.resender.asked(header, request, 2 * 10**6)
+    again = box.take(2 * 10**6)
+    assert again is not None
+    assert again.header == at_once.header[:6] + b"\3" + at_once.header[7:]
+    assert again.part == memoryview(message.body)[3 * 65_280 : 4 * 65_280]
 
 
 def test_a_large_message_with_more_to_it_takes_the_long_way() -> None:
@@ -307,7 +329,8 @@ def test_a_large_message_with_more_to_it_takes_the_long_way() -> None:
     assert sent == 5  # four and a part of the fifth fill half of the peer's buffer, with the first
     assert not box.is_idle
     resent = known_run(700_000, repair={(33, "/image"): Resend(10**9)})
-    assert express_run(resent, fits, most) is None
+    fields = (33, "/image", "camera", 5, fits.body)
+    assert resent.express_run(*fields, 10**6, most) is None  # an offer is due
 
 
 def test_headers_are_kept_of_a_bounded_number_of_topics() -> None:

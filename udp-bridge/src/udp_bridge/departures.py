@@ -22,7 +22,7 @@ from .leaving import Address, Datagram
 from .parking import NoParking, Parking
 from .repair import Mode, RepairTable
 from .repair_wire import Request
-from .sending import Outbox, take_in_turn
+from .sending import Outbox
 from .udp_socket import DatagramSocket, resolve
 from .waiting import TopicKey, WaitingTable
 
@@ -271,3 +271,13 @@ class Departures:
             self._sent["sent_datagrams"] += datagrams
             self._sent["sent_bytes"] += size
             self._sent["sent_messages"] += is_last
+
+
+def take_in_turn(outboxes: List[Outbox], now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
+    """Return what `Outbox.take` returns, of any of them; whose turn it was goes to the end."""
+    for index, outbox in enumerate(outboxes):
+        datagram = outbox.take(now_nanos, most_bytes)
+        if datagram is not None:
+            outboxes.append(outboxes.pop(index))
+            return datagram
+    return None

@@ -6,7 +6,7 @@ Bounded, by forgetting all. Who may use them, and when, is `sending`'s to say.
 
 from __future__ import annotations
 
-from typing import Dict, NamedTuple, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple
 
 from .fragments import Split
 from .message import Message
@@ -25,6 +25,8 @@ class Alike(NamedTuple):
     """Header of part 0."""
     body_size: int
     cut: Split
+    limit_nanos: Optional[int]
+    """So long it may be sent again; None: never."""
 
 
 class KnownHeaders:
@@ -35,7 +37,14 @@ class KnownHeaders:
         """Of single parts: the header, and the largest body that takes no second part."""
         self.large: Dict[Topic, Alike] = {}
 
-    def remember(self, message: Message, packed: bytes, body_size: int, cut: Split) -> None:
+    def remember(
+        self,
+        message: Message,
+        packed: bytes,
+        body_size: int,
+        cut: Split,
+        limit_nanos: Optional[int],
+    ) -> None:
         """Keep the header of part 0 of a message."""
         key = (message.msg_type, message.topic, message.link)
         if len(self.small) + len(self.large) >= EXPRESS_TOPICS:
@@ -44,7 +53,7 @@ class KnownHeaders:
         if cut.parts_max == 1:
             self.small[key] = packed, cut.part_size
         else:
-            self.large[key] = Alike(packed, body_size, cut)
+            self.large[key] = Alike(packed, body_size, cut, limit_nanos)
 
     def forget(self, msg_type: int, topic: str) -> None:
         """Keep no header of a topic any more."""

@@ -195,7 +195,8 @@ class Link(Departures):
                     raise
         if express is not None:
             self._send(express)
-            if express.is_last and not self._is_relied_on:
+            is_offered = express.run is not None and express.run.behind is not None
+            if express.is_last and not self._is_relied_on and not is_offered:
                 return
         self._send_at_once(AT_ONCE_BYTES)
 

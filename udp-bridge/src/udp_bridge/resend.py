@@ -160,6 +160,11 @@ class Resender:
         """When an offer is due; None when there is none."""
         return self._offers.next_nanos
 
+    def is_offer_due(self, now_nanos: int) -> bool:
+        """Tell whether `next_offer` would return one."""
+        due_nanos = self._offers.next_nanos
+        return due_nanos is not None and due_nanos <= now_nanos
+
     def _kept(self, header: Header, request: Request, now_nanos: int) -> Iterator[Again]:
         """Yield what is asked for and has been sent, of messages that are in the history."""
         for offset in range(request.messages):

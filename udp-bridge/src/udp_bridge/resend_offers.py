@@ -103,4 +103,6 @@ class Offers:
     @property
     def next_nanos(self) -> Optional[int]:
         """When an offer is due; None when there is none."""
-        return min((schedule.due_nanos for schedule in self._topics.values()), default=None)
+        if not self._topics:
+            return None
+        return min(schedule.due_nanos for schedule in self._topics.values())

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import chain
-from typing import Deque, Iterator, List, Optional, Tuple
+from typing import Deque, Iterator, Optional, Tuple
 
 from .accounts import Accounts
 from .control import CreditRequest
@@ -120,18 +120,21 @@ class Outbox:
             return None
         view, cut = flat(body), alike.cut
         size = len(alike.packed) + cut.part_size
-        if view.nbytes != alike.body_size or self.resender.next_offer_nanos is not None:
+        if view.nbytes != alike.body_size or self.resender.is_offer_due(now_nanos):
             return None
         most = min(most_bytes // size, cut.parts_max)
         count = self.pacer.granted(size, most, now_nanos) if most else 0
         if not count:
             return None
         number = self.accounts.numbered((msg_type, topic), stamp_nanos, view.nbytes)
-        self._message = Message(msg_type, topic, link, stamp_nanos, number, body)
+        message = self._message = Message(msg_type, topic, link, stamp_nanos, number, body)
+        packed, limit_nanos = restamped(alike.packed, number, stamp_nanos), alike.limit_nanos
         self._leaving = None
-        self._parts = Parts(restamped(alike.packed, number, stamp_nanos), view, cut)
+        if limit_nanos is not None:
+            self._leaving = self.resender.leaves(message, cut, packed, limit_nanos, now_nanos)
+        self._parts = Parts(packed, view, cut)
         self._current = self._parts
-        return self._leave(self._parts, 0, count, now_nanos)
+        return self._with_offer(self._leave(self._parts, 0, count, now_nanos), now_nanos)
 
     def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
         """Return the datagram to send now, if one may go.
@@ -242,12 +245,9 @@ class Outbox:
         most = most_bytes // _size(part)
         if most and parts is not None and parts.upcoming == first + 1:
             count = self.pacer.granted(_size(part), min(most, parts.parts_left + 1), now_nanos)
-            datagram = self._leave(parts, first, count, now_nanos) if count else None
-            if datagram is not None and datagram.is_last and self._leaving is not None:
-                assert datagram.run is not None
-                run = datagram.run._replace(behind=self.resender.next_offer(now_nanos))
-                datagram = datagram._replace(run=run)
-            return datagram
+            if not count:
+                return None
+            return self._with_offer(self._leave(parts, first, count, now_nanos), now_nanos)
         if not self._may_send(self._message, part, now_nanos):
             return None
         self._has_sent_part(self._leaving, now_nanos)
@@ -268,10 +268,19 @@ class Outbox:
             self._has_sent_part(self._leaving, now_nanos)
         parts.upcoming = end
         if is_last:
-            self._parts = None
-        self._part = next(parts, None)
+            self._parts = self._part = None
+        else:
+            self._part = next(parts)
         run = Run(parts, first, count, (count - 1) * size + last_size)
         return Datagram(parts.packed, parts.body, self.to, is_last, run)
+
+    def _with_offer(self, datagram: Datagram, now_nanos: int) -> Datagram:
+        """Let the offer of a message go right behind its last parts."""
+        if self._leaving is None or not datagram.is_last:
+            return datagram
+        assert datagram.run is not None
+        run = datagram.run._replace(behind=self.resender.next_offer(now_nanos))
+        return datagram._replace(run=run)
 
     def _may_send(self, message: Message, part: Tuple[bytes, memoryview], now_nanos: int) -> bool:
         """Tell whether a datagram of a message may go now, and take note that it does."""
@@ -326,24 +335,15 @@ class Outbox:
         packed = header.pack(signed_peer=self._signed_peer)
         parts = Parts(packed, body, cut)
         mode = self._repair.get(key)
-        if mode is None:
-            self._known.remember(message, packed, body.nbytes, cut)
         if isinstance(mode, Fec):
             return message, None, chain(parts, symbols_of(message, cut, mode))
-        sent = None
+        sent, limit_nanos = None, None
         if isinstance(mode, Resend):
-            sent = self.resender.leaves(message, cut, packed, mode.limit_nanos, now_nanos)
+            limit_nanos = mode.limit_nanos
+            sent = self.resender.leaves(message, cut, packed, limit_nanos, now_nanos)
+        if sent is None or cut.parts_max > 1:
+            self._known.remember(message, packed, body.nbytes, cut, limit_nanos)
         return message, sent, parts
-
-
-def take_in_turn(outboxes: List[Outbox], now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
-    """Return what `Outbox.take` returns, of any of them; whose turn it was goes to the end."""
-    for index, outbox in enumerate(outboxes):
-        datagram = outbox.take(now_nanos, most_bytes)
-        if datagram is not None:
-            outboxes.append(outboxes.pop(index))
-            return datagram
-    return None
 
 
 def _size(part: Tuple[bytes, memoryview]) -> int:
