@@ -14,6 +14,7 @@ from udp_bridge.holdings import Limits
 from udp_bridge.placing import Credits, Place, Run
 from udp_bridge.receiving import Inbox
 from udp_bridge.repair_wire import Offer
+from udp_bridge.round_trip import FIRST_WAIT_NANOS
 
 SENDERS = (("192.0.2.7", 5000), ("192.0.2.8", 5000))
 Datagram = tuple[bytes, tuple[str, int]]
@@ -211,7 +212,7 @@ def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
     ((message, answer, _),) = inbox.receive_run(place, credited, 0)
     assert message is not None
     assert answer is None
-    assert (inbox.credits_sent, inbox.credit_bytes_sent) == (2, 2 * (28 + 12))
+    assert (inbox.answers_sent, inbox.answer_bytes_sent) == (2, 2 * (28 + 12))
     assert inbox.expected()[1] == Credits(0, 1 << 16, credits.number + 2)
 
 
@@ -224,6 +225,62 @@ def test_parts_are_not_waited_for_when_others_are_to_be_asked_for() -> None:
     inbox.requests(0)
     run_of(inbox, cut(0)[4:6])
     assert inbox.expected()[0].due_nanos > 0
+
+
+def offered_inbox() -> Inbox:
+    """Return one to which a topic was offered, and of which nothing is missing."""
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    run_of(inbox, cut(0))
+    offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
+    run_of(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
+    run_of(inbox, cut(1)[:5])
+    run_of(inbox, cut(1)[5:])
+    return inbox
+
+
+def test_what_was_asked_for_in_a_run_is_not_asked_for_again_before_its_time() -> None:
+    inbox = offered_inbox()
+    datagrams = cut(2)
+    place, credits = inbox.expected()
+    assert place.may_ask
+    run = Kernel([*datagrams[:2], *datagrams[3:]]).receive(place, credits, 255)
+    inbox.receive_run(place, run._replace(asked=b"\4\0", asked_nanos=5), 10)
+    assert inbox.requests(10) == []
+    assert inbox.requests_sent == 1
+    assert inbox.answer_bytes_sent == 28 + 8 + 2
+    place, _ = inbox.expected()
+    assert not place.may_ask
+    assert place.due_nanos == 5 + FIRST_WAIT_NANOS
+    ((message, _, _),) = run_of(inbox, datagrams[2:3], 1000)
+    assert message is not None
+    assert inbox.reassembler.counters.repaired == 1
+    place, _ = inbox.expected()
+    assert (place.may_ask, place.due_nanos) == (True, 0)
+    assert place.patience_nanos == (1000 - 5) // 4  # it was a round trip
+
+
+def test_what_was_asked_for_in_a_run_may_come_in_it() -> None:
+    inbox = offered_inbox()
+    datagrams = cut(2)
+    place, credits = inbox.expected()
+    run = Kernel([*datagrams[:2], *datagrams[3:], datagrams[2]]).receive(place, credits, 255)
+    asked = run._replace(asked=b"\4\0", asked_nanos=5)
+    ((message, _, _),) = inbox.receive_run(place, asked, 10)
+    assert message is not None
+    assert inbox.reassembler.counters.repaired == 1
+    assert inbox.requests(10**9) == []
+    assert inbox.expected()[0].may_ask
+
+
+def test_for_copies_of_what_was_handed_over_nothing_is_asked_again() -> None:
+    inbox = offered_inbox()
+    place, credits = inbox.expected()
+    datagrams = cut(1)
+    run = Kernel([*datagrams[:2], *datagrams[3:]]).receive(place, credits, 255)
+    inbox.receive_run(place, run._replace(asked=b"\4\0", asked_nanos=5), 10)
+    run_of(inbox, cut(2), 10**8)
+    assert inbox.requests(10**8) == []
+    assert inbox.expected()[0].may_ask
 
 
 def test_behind_a_part_that_is_sent_again_the_message_goes_on_where_it_was() -> None:

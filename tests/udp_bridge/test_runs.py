@@ -5,16 +5,18 @@ from __future__ import annotations
 
 import random
 import socket
+import struct
 from collections.abc import Iterator
 
 import pytest
 
-from udp_bridge import Message, parse, runs
+from udp_bridge import Header, Message, parse, runs
 from udp_bridge.control import Credit
 from udp_bridge.control import parse as parse_control
 from udp_bridge.fragments import Parts, Split
 from udp_bridge.leaving import Run as Leaving
 from udp_bridge.placing import NOWHERE, Credits, Place, Run
+from udp_bridge.repair_wire import Offer, Request
 
 LOCAL = ("127.0.0.1", 0)
 PART = 1000
@@ -229,6 +231,8 @@ def test_parts_lie_in_their_places_in_whatever_order_they_come(
 @needs_many
 def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
     one, two = pair
+    # All that comes is there before it is received; behind it nothing is worth a wait.
+    two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, 50_000))
     parts = parts_of(200_000)
     datagrams = whole(parts)
     for number in (*range(0, 200, 2), *range(1, 200, 2)):
@@ -263,6 +267,90 @@ def test_a_gap_is_not_waited_for_longer_than_it_takes_to_ask_for_it(pair: Pair) 
     run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
     assert run is not None
     assert (run.rows, run.stray) == (((0, 1), (2, 1)), None)
+
+
+def request_of(topic: str, *parts: int) -> bytes:
+    """Return the request that Python would send for parts of a message of 5."""
+    head = Header(65, 3, 0, 1, 0, 8, topic).pack()
+    return head + Request(1, 5, 1, 999, parts).pack()
+
+
+def offer_of(topic: str, **other: int) -> bytes:
+    """Return the offer of such a message, or of another one."""
+    offer = Offer(1, other.pop("parts_max", 5), 500)
+    return Header(65, 3, 0, 1, 0, 8, topic)._replace(**other).pack() + offer.pack()
+
+
+def place_to_ask(parts: Parts, sender: socket.socket, patience_nanos: int) -> Place:
+    at = place(parts, sender, is_open=False)
+    return at._replace(patience_nanos=patience_nanos, may_ask=True)
+
+
+ASKING = CREDITS._replace(goodput=999)
+LONG_NANOS = 10**10
+
+
+@needs_many
+@pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
+def test_a_gap_is_asked_for_as_python_would_and_filled_in_the_same_run(
+    pair: Pair, topic: str
+) -> None:
+    one, two = pair
+    one.settimeout(10.0)
+    parts = parts_of(4500, 3, topic)
+    for number in (0, 2, 1, 3, 4):
+        one.sendto(whole(parts)[number], two.getsockname())
+    at = place_to_ask(parts, one, 1)
+    run, _ = runs.ManyAtOnce().receive(two, at, ASKING)
+    assert run is not None
+    assert run.rows == ((0, 1), (2, 1), (1, 1), (3, 2))
+    assert run.asked == b"\2"
+    assert run.asked_nanos > 0
+    assert one.recv(1000) == request_of(topic, 1)
+    assert bytes(at.block)[:4500] == parts.body
+
+
+@needs_many
+@pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
+def test_an_offer_behind_parts_is_answered_at_once_and_handed_over(pair: Pair, topic: str) -> None:
+    one, two = pair
+    one.settimeout(10.0)
+    parts = parts_of(4500, 3, topic)
+    offer = offer_of(topic)
+    for raw in (*(whole(parts)[number] for number in (0, 1, 3)), offer):
+        one.sendto(raw, two.getsockname())
+    run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    assert run is not None
+    assert (run.rows, run.stray) == (((0, 2), (3, 1)), offer)
+    assert run.asked == b"\x14"
+    assert one.recv(1000) == request_of(topic, 2, 4)
+
+
+@needs_many
+@pytest.mark.parametrize(
+    "stray",
+    [
+        offer_of("/points", seq_number=4),
+        offer_of("/points", time_nsec=9),
+        offer_of("/points", parts_max=6),
+        offer_of("/pointz"),
+        offer_of("/points") + b"\0",
+        offer_of("/points")[:-1],
+        request_of("/points", 1),
+        b"",
+    ],
+)
+def test_nothing_is_asked_for_behind_anything_else(pair: Pair, stray: bytes) -> None:
+    one, two = pair
+    one.setblocking(False)
+    parts = parts_of(4500, 3)
+    for raw in (whole(parts)[0], whole(parts)[2], stray):
+        one.sendto(raw, two.getsockname())
+    run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    assert run is not None
+    assert (run.stray, run.asked) == (stray, b"")
+    with pytest.raises(BlockingIOError):
+        one.recv(1000)
 
 
 @pytest.mark.parametrize("receiving", RECEIVING)

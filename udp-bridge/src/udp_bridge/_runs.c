@@ -3,11 +3,12 @@
 //
 // A Python thread that asks for each datagram gets the interpreter each time, up to 5 ms late where
 // another thread computes. So parts of a message that are exactly those expected are received here
-// one after the other, each into its place, and acknowledged; all else is handed back at once,
-// whole and in order, and `receiving` judges it by every rule. Nothing is kept between two calls,
-// but for credits: while a sender finds room for more, those for what it sends are kept here until
-// it looks (`parking.py`), and wake nobody. Where it finds none it may leave the rest of a message
-// here, and the thread that receives a credit sends what that makes room for.
+// one after the other, each into its place, acknowledged, and their gaps asked for once; all else
+// is handed back at once, whole and in order, and `receiving` judges it by every rule. Nothing is
+// kept between two calls, but for credits: while a sender finds room for more, those for what it
+// sends are kept here until it looks (`parking.py`), and wake nobody. Where it finds none it may
+// leave the rest of a message here, and the thread that receives a credit sends what that makes
+// room for.
 #define PY_SSIZE_T_CLEAN
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
@@ -27,7 +28,8 @@
 enum {
     SEQ_NUMBER = 2, PART_NUMBER = 6, PARTS_MAX = 7, TIME = 8, TIME_NSEC = 12, TOPIC_SIZE = 16,
     NAMES = 18, HEADER_MIN = 20, HEADER_ROOM = 256, MOST_PARTS = 255,
-    CONTROL = 64, CREDIT_SIZE = 12, CREDIT_SHARE = 8, BATCH = 64, NANOS = 1000000000, PARKED = 64,
+    CONTROL = 64, RESEND = 65, REQUEST = 1, CREDIT_SIZE = 12, CREDIT_SHARE = 8, OFFER = 0,
+    OFFER_SIZE = 8, REQUEST_SIZE = 8, BITMAP_SIZE = 32, BATCH = 64, NANOS = 1000000000, PARKED = 64,
     FLIGHTS = 16, WINDOW_SHARE = 2,
     ROWS = 64, LONGEST_NANOS = 20000000 // of a run, behind its first datagram; then Python looks around
 };
@@ -330,6 +332,11 @@ struct run {
     unsigned long long uncredited;
     long long due_nanos; // nothing is waited for longer behind a part; 0: it is
     long long patience_nanos; // so long behind a gap it is due; 0: never
+    int may_ask;              // for gaps, when that is due
+    unsigned int goodput;     // to be told then
+    long long asked_nanos;    // when that was done, and for what; the bitmap is of so many bytes
+    unsigned char asked[BITMAP_SIZE];
+    int asked_size;
     long long drops; // that the kernel told of; -1 where it did not
     PyThreadState *thread; // while the interpreter is given away
 };
@@ -398,25 +405,63 @@ static int is_expected(const struct run *run, const unsigned char *head, Py_ssiz
                      : u32(head + TIME_NSEC) < NANOS);
 }
 
+// Begin a datagram that answers a part, in memory that is all zero; return where its body goes.
+static unsigned char *answer_to(const unsigned char *head, unsigned char *answer, int msg_type,
+                                uint32_t seq_number)
+{
+    int topic_size = head[TOPIC_SIZE], size = (NAMES + topic_size + 3) & ~3;
+    answer[0] = (unsigned char)msg_type;
+    answer[1] = (unsigned char)size;
+    put_u32(answer + SEQ_NUMBER, seq_number);
+    answer[PARTS_MAX] = 1;
+    memcpy(answer + TIME, head + TIME, 8);
+    answer[TOPIC_SIZE] = head[TOPIC_SIZE];
+    memcpy(answer + NAMES, head + NAMES, topic_size);
+    return answer + size;
+}
+
+static int is_answered(const struct run *run, const unsigned char *answer, size_t size)
+{
+    return sendto(run->fd, answer, size, 0, (const struct sockaddr *)&run->sender,
+                  sizeof run->sender) == (ssize_t)size;
+}
+
 // Acknowledge a part, as `receiving` would; return whether it went out.
 static int send_credit(struct run *run, const unsigned char *head)
 {
-    unsigned char credit[HEADER_ROOM + CREDIT_SIZE] = {CONTROL};
-    int topic_size = head[TOPIC_SIZE], size = (NAMES + topic_size + 3) & ~3;
-    credit[1] = (unsigned char)size;
-    put_u32(credit + SEQ_NUMBER, run->control_number + run->credits);
-    credit[PARTS_MAX] = 1;
-    memcpy(credit + TIME, head + TIME, 8);
-    credit[TOPIC_SIZE] = head[TOPIC_SIZE];
-    memcpy(credit + NAMES, head + NAMES, topic_size);
-    unsigned char *body = credit + size;
+    unsigned char credit[HEADER_ROOM + CREDIT_SIZE] = {0};
+    unsigned char *body = answer_to(head, credit, CONTROL, run->control_number + run->credits);
     body[1] = head[0];
     body[2] = head[PART_NUMBER];
     memcpy(body + 4, head + SEQ_NUMBER, 4);
     put_u32(body + 8, run->receive_buffer);
-    size_t length = body + CREDIT_SIZE - credit;
-    return sendto(run->fd, credit, length, 0, (struct sockaddr *)&run->sender,
-                  sizeof run->sender) == (ssize_t)length;
+    return is_answered(run, credit, body + CREDIT_SIZE - credit);
+}
+
+// Ask for the parts before `end` that are missing, as `resend_asking` would, which takes it from
+// there. Once in a run, of a message of which nothing was asked for before.
+static void send_request(struct run *run, int end)
+{
+    unsigned char request[HEADER_ROOM + REQUEST_SIZE + BITMAP_SIZE] = {0};
+    unsigned char *body = answer_to(run->came, request, RESEND, u32(run->came + SEQ_NUMBER));
+    int size = ((int)run->arrived.len + 7) / 8, missing = 0;
+    body[0] = REQUEST;
+    body[1] = run->came[0];
+    body[2] = run->came[PARTS_MAX];
+    body[3] = 1; // message
+    put_u32(body + 4, run->goodput);
+    for (int i = 0; i < end; i++) {
+        missing += !run->is_in[i];
+        body[REQUEST_SIZE + i / 8] |= !run->is_in[i] << i % 8;
+    }
+    run->due_nanos = 0;
+    if (!missing) return; // they only came late
+    run->may_ask = 0;
+    if (!is_answered(run, request, body + REQUEST_SIZE + size - request)) return;
+    memcpy(run->asked, body + REQUEST_SIZE, size);
+    run->asked_size = size;
+    run->asked_nanos = now_nanos();
+    run->due_nanos = run->asked_nanos + LONGEST_NANOS; // then the answer is late
 }
 
 // Copy a datagram that lies in three places.
@@ -431,6 +476,22 @@ static void gather(const struct run *run, const unsigned char *head, Py_ssize_t 
         memcpy(to + at, from[i], some);
         at += some;
     }
+}
+
+// Whether a datagram says that all parts of the message that parts came of have been sent.
+static int is_offer(const struct run *run, const unsigned char *head, Py_ssize_t size)
+{
+    unsigned char offer[HEADER_ROOM + OFFER_SIZE], like[HEADER_ROOM + OFFER_SIZE] = {0};
+    if (!run->rows_count || run->from.sin_addr.s_addr != run->sender.sin_addr.s_addr ||
+        run->from.sin_port != run->sender.sin_port)
+        return 0;
+    unsigned char *body = answer_to(run->came, like, RESEND, u32(run->came + SEQ_NUMBER));
+    body[0] = OFFER;
+    body[1] = run->came[0];
+    body[2] = run->came[PARTS_MAX];
+    if (size != body + OFFER_SIZE - like) return 0;
+    gather(run, head, size, (char *)offer);
+    return !memcmp(offer, like, body + 3 - like);
 }
 
 static int64_t cost_of(const struct flight *flight, int count)
@@ -512,6 +573,12 @@ static int keep_credit(struct run *run, const unsigned char *head, Py_ssize_t si
     return is_kept;
 }
 
+static int is_gap_before(const struct run *run, int number)
+{
+    while (number && run->is_in[number - 1]) number--;
+    return number > 0;
+}
+
 // Take note of a part, put it where it belongs, and acknowledge it if that is due; return whether
 // that went well.
 static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size)
@@ -521,7 +588,8 @@ static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size
     if (number != run->next) {
         memcpy(place_of(run, number), place_of(run, run->next), size - run->head.len);
         int64_t due_nanos = now_nanos() + run->patience_nanos;
-        if (run->patience_nanos && (!run->due_nanos || due_nanos < run->due_nanos))
+        int is_sooner = !run->due_nanos || due_nanos < run->due_nanos;
+        if (run->patience_nanos && is_sooner && is_gap_before(run, number))
             run->due_nanos = due_nanos;
     }
     if (!is_next_in_row(run, number)) {
@@ -535,8 +603,7 @@ static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size
     while (run->missing && run->is_in[run->next]) run->next = run->next < last ? run->next + 1 : 0;
     if (number == last) run->last_size = size - run->head.len;
     run->uncredited += size;
-    if (head[PART_NUMBER] != head[PARTS_MAX] - 1 &&
-        run->uncredited <= run->receive_buffer / CREDIT_SHARE)
+    if (run->missing && number != last && run->uncredited <= run->receive_buffer / CREDIT_SHARE)
         return 1;
     if (!send_credit(run, head)) return 0; // then it is still due
     run->uncredited = 0;
@@ -547,14 +614,22 @@ static int take_part(struct run *run, const unsigned char *head, Py_ssize_t size
 // Receive one datagram, which is waited for as long as nothing else is due.
 static Py_ssize_t receive_next(struct run *run, unsigned char *head)
 {
-    int waits = !run->rows_count || !run->due_nanos;
-    Py_ssize_t size = receive_one(run, head, waits ? 0 : MSG_DONTWAIT);
-    if (size >= 0 || waits || run->error != EAGAIN) return size;
-    int64_t left = run->due_nanos - now_nanos();
-    struct timespec most = {left / NANOS, left % NANOS};
-    struct pollfd source = {.fd = run->fd, .events = POLLIN};
-    if (left <= 0 || ppoll(&source, 1, &most, NULL) <= 0) return -1;
-    return receive_one(run, head, MSG_DONTWAIT);
+    for (;;) {
+        int waits = !run->rows_count || !run->due_nanos;
+        int64_t left = waits ? 0 : run->due_nanos - now_nanos();
+        if (!waits && left <= 0) {
+            if (!run->may_ask) return -1;
+            int end = (int)run->arrived.len;
+            while (!run->is_in[end - 1]) end--;
+            send_request(run, end);
+            continue;
+        }
+        Py_ssize_t size = receive_one(run, head, waits ? 0 : MSG_DONTWAIT);
+        if (size >= 0 || waits || run->error != EAGAIN) return size;
+        struct timespec most = {left / NANOS, left % NANOS};
+        struct pollfd source = {.fd = run->fd, .events = POLLIN};
+        ppoll(&source, 1, &most, NULL);
+    }
 }
 
 // Receive until something comes that is not expected. Return its size; -1 where nothing did.
@@ -570,7 +645,11 @@ static Py_ssize_t receive_parts(struct run *run, unsigned char *head, int is_flo
     }
     while (size >= 0) {
         int is_part = is_expected(run, head, size);
-        if (!is_part && !keep_credit(run, head, size)) break;
+        if (!is_part && !keep_credit(run, head, size)) {
+            if (run->may_ask && is_offer(run, head, size))
+                send_request(run, (int)run->arrived.len);
+            break;
+        }
         if (!run->thread) run->thread = PyEval_SaveThread();
         int is_over =
             is_part ? !take_part(run, head, size) || !run->missing : run->is_over;
@@ -616,19 +695,21 @@ static int is_sound(struct run *run)
 }
 
 // receive(fd, rest, block, header, (host, port), part size, next, which are in, is open, due,
-// patience, uncredited, receive buffer, control number, is flowing, memory for credits) -> None, or
-// (header, ((first, count), ...), last size, credits, uncredited, stray datagram or None, its
-// sender, why it is refused, credits kept, their bytes, whether an order is over), errno, drops
+// patience, may ask, uncredited, receive buffer, control number, goodput, is flowing, memory for
+// credits) -> None, or (header, ((first, count), ...), last size, credits, uncredited, stray datagram
+// or None, its sender, why it is refused, credits kept, their bytes, whether an order is over, bitmap
+// of what was asked for, when), errno, drops
 static PyObject *receive(PyObject *self, PyObject *args)
 {
     struct run run = {.drops = -1};
     int port, is_flowing;
     const char *host;
     (void)self;
-    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLKIIpw*", &run.fd, &run.rest, &run.block,
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLpKIIIpw*", &run.fd, &run.rest, &run.block,
                           &run.head, &host, &port, &run.part_size, &run.next, &run.arrived,
-                          &run.is_open, &run.due_nanos, &run.patience_nanos, &run.uncredited,
-                          &run.receive_buffer, &run.control_number, &is_flowing, &run.parking))
+                          &run.is_open, &run.due_nanos, &run.patience_nanos, &run.may_ask,
+                          &run.uncredited, &run.receive_buffer, &run.control_number, &run.goodput,
+                          &is_flowing, &run.parking))
         return NULL;
     PyObject *found = NULL, *stray = NULL, *sender = NULL, *rows = NULL;
     unsigned char head[HEADER_ROOM];
@@ -651,10 +732,11 @@ static PyObject *receive(PyObject *self, PyObject *args)
         sender = Py_BuildValue("si", name, ntohs(run.from.sin_port));
         if (!stray || !sender) goto end;
     }
-    found = Py_BuildValue("(y#OniKOOsiKi)iL", run.came, run.rows_count ? run.head.len : 0, rows,
+    found = Py_BuildValue("(y#OniKOOsiKiy#L)iL", run.came, run.rows_count ? run.head.len : 0, rows,
                           run.last_size, run.credits, run.uncredited, stray ? stray : Py_None,
                           sender ? sender : Py_None, "", run.parked, run.parked_bytes, run.is_over,
-                          run.error, run.drops);
+                          run.asked, (Py_ssize_t)run.asked_size, run.asked_nanos, run.error,
+                          run.drops);
 end:
     Py_XDECREF(rows);
     Py_XDECREF(stray);

@@ -40,6 +40,11 @@ class Limits(NamedTuple):
     keep_late: bool = False
     """Hand over messages that come behind newer ones, too (for recorders)."""
 
+    @property
+    def most_of_a_sender(self) -> int:
+        """Announced bytes that one sender's open messages take at most."""
+        return self.memory_bytes // self.share
+
 
 class Sender:
     """What is known of one sender; its topics in the order in which they were last heard."""
@@ -139,6 +144,10 @@ class Holdings:
                     topic.asking.saw(came, is_whole=False, now_nanos=assembly.since_nanos)
         return topic.asking
 
+    def takes_alone(self, announced_bytes: int) -> bool:
+        """Tell whether nothing is open and a message of this size is not too large."""
+        return not self.memory_bytes and announced_bytes <= self._limits.most_of_a_sender
+
     def hold(self, topic: Topic, key: Key, assembly: Assembly) -> None:
         """Keep an unfinished message; where it announces too much, the oldest give way."""
         if key not in topic.open:
@@ -153,7 +162,7 @@ class Holdings:
         self._open[topic, key] = assembly.announced_bytes
         sender.memory_bytes += more
         self.memory_bytes += more
-        while sender.memory_bytes > self._limits.memory_bytes // self._limits.share:
+        while sender.memory_bytes > self._limits.most_of_a_sender:
             self._give_up_oldest(sender)
         while self.memory_bytes > self._limits.memory_bytes:
             # Who holds nothing else to give takes from the one who holds the most.

@@ -238,9 +238,9 @@ class Link(Departures):
                 "resent": sum(outbox.resender.resent for outbox in outboxes),
                 "resend_refused": sum(outbox.resender.over_budget for outbox in outboxes),
             }
-        counts["sent_messages"] += self._inbox.credits_sent
-        counts["sent_datagrams"] += self._inbox.credits_sent
-        counts["sent_bytes"] += self._inbox.credit_bytes_sent
+        counts["sent_messages"] += self._inbox.answers_sent
+        counts["sent_datagrams"] += self._inbox.answers_sent
+        counts["sent_bytes"] += self._inbox.answer_bytes_sent
         counts["received_datagrams"] = self._inbox.datagrams
         counts["received_bytes"] = self._inbox.bytes_received
         counts["repaired"] = self.received.repaired

@@ -120,8 +120,9 @@ class Listening:
         sender: Address,
         now_nanos: int,
     ) -> None:
-        for request in self._inbox.requests(now_nanos):  # a message waits for what they ask for
-            self._answer(*request)
+        if self._inbox.reassembler.to_ask:
+            for request in self._inbox.requests(now_nanos):  # a message waits for what they ask for
+                self._answer(*request)
         if credit is not None:
             self._answer(*credit)
         if message is None or self._is_ended:

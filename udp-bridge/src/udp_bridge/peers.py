@@ -27,6 +27,8 @@ class Peer:
         self.heard_nanos = now_nanos
         self.goodput_bytes = 0
         """All that came from it."""
+        self.goodput_told = 0
+        """The last word on that, for those who have no time to reckon."""
         self._marks = deque([(now_nanos, 0)])  # when, and what came until then
 
     def goodput(self, now_nanos: int) -> int:

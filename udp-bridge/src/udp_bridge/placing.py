@@ -43,6 +43,9 @@ class Place(NamedTuple):
     waited for behind parts that came; 0 when nothing is."""
     patience_nanos: int
     """So long behind a part that leaves a gap that is to be asked for; 0 when it can't be."""
+    may_ask: bool = False
+    """Nothing of the message was asked for, and nothing else is due: whoever receives may ask for
+    its gaps when that is due, once."""
 
     def takes(self, head: bytes, size: int, sender: Address) -> bool:
         """Tell whether a datagram of `size` bytes that begins so is a part that is missing.
@@ -82,6 +85,8 @@ class Credits(NamedTuple):
     receive_buffer: int
     number: int
     """seq_number of the next credit."""
+    goodput: int = 0
+    """What a request tells of it."""
 
 
 class Run(NamedTuple):
@@ -108,10 +113,16 @@ class Run(NamedTuple):
     parked_bytes: int = 0
     order_is_over: bool = False
     """What was left to be sent here was sent, or can't be; see `parking`."""
+    asked: bytes = b""
+    """Bitmap of the parts that were asked for where they were received; empty when none was."""
+    asked_nanos: int = 0
+    """When that was done, by the monotonic clock."""
 
     @property
     def parts_count(self) -> int:
         """How many parts came."""
+        if len(self.rows) == 1:
+            return self.rows[0][1]
         return sum(count for _, count in self.rows)
 
 
@@ -145,8 +156,13 @@ class Guess:
             block = self._pool.offer(self._part_size * self._parts_max)
         else:
             return NOWHERE
+        due_nanos, patience_nanos, may_ask = 0, 0, False
         asking = self._asking
-        due_nanos, patience_nanos = (0, 0) if asking is None else asking.patience
+        if asking is not None:
+            due_nanos, patience_nanos = asking.patience
+            may_ask = not due_nanos and not (
+                is_open and self._header is not None and asking.is_asked(self._header.seq_number)
+            )
         return Place(
             block,
             self._head,
@@ -157,6 +173,7 @@ class Guess:
             is_open,
             due_nanos,
             patience_nanos,
+            may_ask,
         )
 
     def follow(

@@ -40,7 +40,8 @@ class Reassembler:
         """Where bodies lie."""
         self._holdings = Holdings(self.limits, self.counters)
         self._verdicts = Verdicts(self._holdings, self.counters, keep_late=self.limits.keep_late)
-        self._asked: List[Tuple[Hashable, str, Asked]] = []
+        self.to_ask: List[Tuple[Hashable, str, Asked]] = []
+        """What `asked` returns next."""
 
     @property
     def memory_bytes(self) -> int:
@@ -123,9 +124,7 @@ class Reassembler:
 
     def asked(self) -> List[Tuple[Hashable, str, Asked]]:
         """Return what is to be asked since the last call: of which sender, the topic, the rest."""
-        asked = self._asked
-        if asked:
-            self._asked = []
+        asked, self.to_ask = self.to_ask, []
         return asked
 
     def expire(self, now_nanos: int) -> None:
@@ -236,7 +235,7 @@ class Reassembler:
         self, asking: Asking, header: Header, msg_type: int, sender: Hashable, now_nanos: int
     ) -> None:
         for asked in asking.due(msg_type, now_nanos):
-            self._asked.append((sender, header.topic, asked))
+            self.to_ask.append((sender, header.topic, asked))
 
     def _add(
         self, topic: Topic, header: Header, part: memoryview, now_nanos: int

@@ -26,6 +26,8 @@ from .verdicts import message_of
 CREDIT_SHARE = 8
 """A credit goes out at the latest when one part in this many of the receive buffer was taken."""
 _CREDIT_BODY = 12
+_REQUEST_BODY = 8
+"""Before its bitmap."""
 
 Taken = Tuple[Optional[Message], Optional[Answer], Address]
 OnCredit = Callable[[Address, DatagramKey, int], None]
@@ -56,8 +58,8 @@ class Inbox:
         """Datagrams that the kernel dropped for want of buffer; the socket's owner sets it."""
         self.requests_sent = 0
         """Requests to send something again."""
-        self.credits_sent = self.credit_bytes_sent = 0
-        """Credits that went out beside runs, not as answers."""
+        self.answers_sent = self.answer_bytes_sent = 0
+        """Credits and requests that went out where parts are received, not by who called us."""
         self._on_credit = on_credit
         self._on_report = on_report
         self._on_request = on_request
@@ -124,7 +126,7 @@ class Inbox:
         if peer is None:
             return place, Credits(0, self.receive_buffer, 0)
         number = peer.numbering.next(CONTROL, self._guess.topic, 0)
-        return place, Credits(peer.uncredited_bytes, self.receive_buffer, number)
+        return place, Credits(peer.uncredited_bytes, self.receive_buffer, number, peer.goodput_told)
 
     def receive_run(self, place: Place, run: Run, now_nanos: int) -> List[Taken]:
         """Take what came at a place; return what `receive` returns, and the sender.
@@ -168,10 +170,16 @@ class Inbox:
             self._guess.is_done(run)
         peer = self._peers.heard(sender, now_nanos)
         peer.goodput_bytes += size
+        if place.patience_nanos:
+            peer.goodput_told = peer.goodput(now_nanos)
         if run.credits:
             peer.numbering.next(CONTROL, header.topic, run.credits)
-            self.credits_sent += run.credits
-            self.credit_bytes_sent += run.credits * _credit_size(header)
+            self.answers_sent += run.credits
+            self.answer_bytes_sent += run.credits * (_head_size(header) + _CREDIT_BODY)
+        if run.asked:
+            self.requests_sent += 1
+            self.answers_sent += 1
+            self.answer_bytes_sent += _head_size(header) + _REQUEST_BODY + len(run.asked)
         peer.uncredited_bytes = run.uncredited_bytes
         if not run.uncredited_bytes:
             return message, None, sender
@@ -254,9 +262,10 @@ class Inbox:
         return message_of(header, body), None
 
 
-def _credit_size(header: Header) -> int:
+def _head_size(header: Header) -> int:
+    """Return the size of an answer's header."""
     size = FIXED_SIZE + len(header.topic.encode())
-    return size + -size % 4 + _CREDIT_BODY
+    return size + -size % 4
 
 
 def _nobody(*_: object) -> None:

@@ -82,8 +82,13 @@ def parse_resend(body: Buffer) -> Union[Offer, Request]:
     most = 1 if parts_max else WHOLE_MAX
     if not 1 <= count <= most or bits >> parts_max or bool(bits) != bool(parts_max):
         raise Refused("body_value")
-    parts = tuple(part for part in range(parts_max) if bits >> part & 1)
-    return Request(msg_type, parts_max, count, number, parts)
+    return Request(msg_type, parts_max, count, number, parts_of(bitmap))
+
+
+def parts_of(bitmap: bytes) -> Tuple[int, ...]:
+    """Return the numbers of the bits that are set."""
+    bits = int.from_bytes(bitmap, "little")
+    return tuple(part for part in range(8 * len(bitmap)) if bits >> part & 1)
 
 
 class Symbol(NamedTuple):

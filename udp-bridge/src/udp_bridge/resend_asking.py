@@ -13,7 +13,7 @@ from collections import OrderedDict
 from typing import Iterator, List, NamedTuple, Optional, Tuple
 
 from .header import SEQ_NUMBERS, Header
-from .repair_wire import WHOLE_MAX, Offer, Request
+from .repair_wire import WHOLE_MAX, Offer, Request, parts_of
 from .resend_want import Want
 from .round_trip import RoundTrip
 
@@ -75,6 +75,16 @@ class Asking:
         want = self._wants.get(seq_number)
         return want is not None and want.is_asked
 
+    def is_next(self, header: Header) -> bool:
+        """Tell whether a message is the next one and nothing before it is missing."""
+        newest = self._newest
+        return (
+            newest is not None
+            and header.seq_number == (newest + 1) % SEQ_NUMBERS
+            and not self._wants
+            and self._due_nanos is None
+        )
+
     @property
     def patience(self) -> Tuple[int, int]:
         """When something is to be asked for, 0 when nothing is; and how long behind a gap."""
@@ -115,6 +125,8 @@ class Asking:
             if want is not None:
                 self._measure(want, first, now_nanos)
                 del self._wants[seq_number]
+            if not self._wants:
+                self._due_nanos = None
             return
         if want is None:
             want = self._want(seq_number, now_nanos)
@@ -143,6 +155,21 @@ class Asking:
             due_nanos = max(due_nanos, want.asked_nanos + self._round_trip.nanos)
         self._is_sent_up_to(want, first, due_nanos)
         want.highest = max(want.highest, first + count - 1)
+
+    def has_asked(self, header: Header, bitmap: bytes, asked_nanos: int, now_nanos: int) -> None:
+        """Take note of a request that went out where the parts of a message are received.
+
+        It was due then, and the first of this message; the parts that came are told by `saw`.
+        """
+        self._advance(header, now_nanos)
+        want = self._wants.get(header.seq_number) or self._want(header.seq_number, now_nanos)
+        want.parts_max, want.time = header.parts_max, (header.time_sec, header.time_nsec)
+        want.is_asked, want.asked_nanos = True, asked_nanos
+        due = (asked_nanos + self._round_trip.wait_nanos(0), 1)
+        parts = parts_of(bitmap)
+        want.due.update(dict.fromkeys(parts, due))
+        want.highest = max(want.highest, *parts)
+        self._wake_at(due[0])
 
     def finished(self, seq_number: int) -> None:
         """Ask no more for a message that was given up."""

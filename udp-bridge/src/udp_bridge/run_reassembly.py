@@ -30,12 +30,19 @@ class RunReassembler(Reassembler):
 
         Nothing is raised: what is refused is counted. `header` is that of the first part.
         """
-        self.expire(now_nanos)
+        if self._holdings.memory_bytes:  # otherwise nothing is open
+            self.expire(now_nanos)
         topic = self._holdings.find(sender, (header.msg_type, header.topic))
         assembly = None
         if topic is not None:
+            if run.rows == ((0, header.parts_max),) and not place.is_open:
+                whole = self._accept_whole(topic, header, place, run, sender, now_nanos)
+                if whole is not None:
+                    return whole
             if topic.asking is not None:
                 self._verdicts.notice_restart(topic, header, now_nanos)
+                if run.asked and not topic.order.is_finished(header):
+                    topic.asking.has_asked(header, run.asked, run.asked_nanos, now_nanos)
             assembly = self._placed_at(topic, header, place, now_nanos)
         if topic is None or assembly is None:
             return self._accept_each(header, place, run, sender, now_nanos)
@@ -61,6 +68,36 @@ class RunReassembler(Reassembler):
                 topic.asking.saw(part, is_whole=is_whole, now_nanos=now_nanos, count=count)
             self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
         return message
+
+    def _accept_whole(
+        self,
+        topic: Topic,
+        header: Header,
+        place: Place,
+        run: Run,
+        sender: Hashable,
+        now_nanos: int,
+    ) -> Optional[Message]:
+        """Return a message that came in one run if it is the next one and nothing is open.
+
+        As most are: then there is nothing to hold or to ask for, and nothing can be late.
+        """
+        announced_bytes = place.part_size * header.parts_max
+        asking = topic.asking
+        if (
+            not self._holdings.takes_alone(announced_bytes)
+            or (asking is not None and not asking.is_next(header))
+            or not topic.order.takes_next(header, now_nanos)
+        ):
+            return None
+        self._holdings.topic(sender, (header.msg_type, header.topic))  # it was heard
+        topic.link = header.link
+        view = memoryview(place.block)
+        self.pool.take_offered(place.block, announced_bytes)
+        if asking is not None:
+            asking.saw(header, is_whole=True, now_nanos=now_nanos)
+        size = announced_bytes - place.part_size + run.last_size
+        return self._verdicts.handed(topic, header, view[:size].toreadonly())
 
     def _placed_at(
         self, topic: Topic, header: Header, place: Place, now_nanos: int

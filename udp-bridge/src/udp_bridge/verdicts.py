@@ -82,7 +82,8 @@ class Verdicts:
 
     def handed(self, topic: Topic, header: Header, body: memoryview) -> Message:
         """Return a message to be handed over; `take_note` tells its topic."""
-        self.take_note()
+        if self._handed:
+            self.take_note()
         self._totals.messages += 1
         message = message_of(header, body)
         self._handed.append((topic.arrived, (message.seq_number, message.stamp_nanos), body.nbytes))

@@ -133,8 +133,10 @@ class Lockstep:
     def holds(self, message: Message, sender: Address) -> bool:
         """Take a message from the gateway if it waits for its Barrier."""
         run = self._runs.get(sender)
+        if run is None:
+            return False
         row = MSG_TYPES[message.msg_type]
-        if run is None or published(row.name, message.topic).is_latched:
+        if published(row.name, message.topic).is_latched:
             return False
         with self._lock:
             run.gathering.put(message)
