@@ -24,7 +24,8 @@ from groundlink.bus import Bus
 from groundlink.questions import scenario_key
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.schema import Scenario, Stream
+from groundlink.scenario.ros_side import Stream
+from groundlink.scenario.schema import Scenario
 from groundlink.topics import HEALTH
 
 from .bridge.processes import PATIENCE_S, Late, Program, Silent, python, stand_apart

@@ -29,7 +29,7 @@ class Node:
         self.is_publishing = threading.Event()
         self.bodies: list[bytes] = []
 
-    def create_publisher(self, *_: Any) -> Node:
+    def create_publisher(self, *_: Any, **__: Any) -> Node:
         return self
 
     def publish(self, body: bytes) -> None:

@@ -32,6 +32,9 @@ def main() -> None:
     """Play the peer that gives credits, the link that sends, and a user's thread that computes."""
     sys.setswitchinterval(1e-4)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        # No more than fits: what the kernel drops here nobody sends again.
+        window = peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2
         peer.bind(LOCAL)
         ours = UdpSocket(LOCAL, receive_buffer=RECEIVE_BUFFER, wait_s=0.05)
         is_over = threading.Event()
@@ -57,7 +60,7 @@ def main() -> None:
                 if raw[6] % 2 or raw[6] == raw[7] - 1:
                     number = int.from_bytes(raw[2:6], "little")
                     header = Header(CONTROL, 1, 0, 1, 5, 6, "/image").pack()
-                    body = Credit(33, raw[6], number, RECEIVE_BUFFER).pack()
+                    body = Credit(33, raw[6], number, window).pack()
                     peer.sendto(header + body, ours.address)
 
         def compute() -> None:
@@ -72,7 +75,7 @@ def main() -> None:
         parking = Parking(ours, sent)
         orders = 0
         for stamp in range(ROUNDS):
-            outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), RECEIVE_BUFFER, 0)
+            outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), window, 0)
             outbox.put(Message(33, "/image", "", stamp, 0, BODY))
             while not outbox.is_idle:
                 parking.collect(0, waits=False)
