@@ -211,7 +211,6 @@ class Deployment:
                     "ALIVE_FILE": "/tmp/alive",
                     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
                 },
-                "ipc": "shareable",
                 "shm_size": "512m",
             },
         )

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Any
 
@@ -16,8 +18,8 @@ from groundlink.messages import Clock, Message, decode, measured_nanos
 from groundlink.topics import CLOCK, GAPS, sensor_outputs
 from tests.system.rig import wait_for
 
-SETTLED_SECONDS = 1.0
-"""What is missing is told within so long, eight times a window."""
+SETTLED_SECONDS = 10.0
+"""How long is waited for what is missing to be told: it takes less than one where nothing is."""
 
 
 class _Sensor:
@@ -80,21 +82,43 @@ class Ledger:
             number = sensor.due.at_or_after(measured_nanos(message) - self._epoch_nanos)
             sensor.seen.add(number)
 
-    def hears(self, name: str) -> None:
-        """Return once readings of a sensor come."""
-        wait_for(lambda: self._sensors[name].seen, 10, f"readings of {name}")
+    def hears(self, names: Iterable[str]) -> None:
+        """Return once readings of these sensors come."""
+        wait_for(lambda: all(self._sensors[n].seen for n in names), 20, f"readings of {names}")
 
-    def missing(self, name: str) -> tuple[dict[str, int], list[int]]:
-        """Return how many readings of a sensor were told missing, by cause, and which nobody told.
+    def told(self, name: str) -> int:
+        """Return how many readings of a sensor were told missing so far, for whatever cause."""
+        return len(self._sensors[name].told)
 
-        From the first reading that was seen to the last one.
+    def missing(self, name: str) -> dict[str, int]:
+        """Return by cause how many readings of a sensor are missing, each of which was told.
+
+        From the first reading that was seen to the last one. Fail where one is neither seen nor,
+        soon, told.
         """
         sensor = self._sensors[name]
-        last = max(sensor.seen)
-        time.sleep(SETTLED_SECONDS)
-        due = range(min(sensor.seen), last + 1)
-        told: dict[str, int] = {}
-        for number in due:
-            if number not in sensor.seen and (cause := sensor.told.get(number)):
-                told[cause] = told.get(cause, 0) + 1
-        return told, [n for n in due if n not in sensor.seen and n not in sensor.told]
+        seen = sensor.seen.copy()
+        due = range(min(seen), max(seen) + 1)
+
+        def unexplained() -> list[int]:
+            return [n for n in due if n not in sensor.seen and n not in sensor.told]
+
+        deadline = time.monotonic() + SETTLED_SECONDS
+        while unexplained() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert not unexplained(), (
+            f"{name}: of {len(due)} readings nobody explains {_ranges(unexplained())}; "
+            f"told are {Counter(sensor.told.values())}"
+        )
+        return Counter(sensor.told[n] for n in due if n not in sensor.seen)
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Return numbers as text, those that follow one another as from..to."""
+    parts: list[list[int]] = []
+    for n in numbers:
+        if parts and n == parts[-1][-1] + 1:
+            parts[-1][1:] = [n]
+        else:
+            parts.append([n])
+    return ", ".join("..".join(map(str, part)) for part in parts)

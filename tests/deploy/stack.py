@@ -92,11 +92,12 @@ class Stack:
         """Kill all that runs in a container, from inside."""
         docker("exec", self.name(service), "sh", "-c", "kill -9 -1", check=False)
 
-    def restarts(self, service: str) -> int:
-        return int(docker("inspect", "-f", "{{.RestartCount}}", self.name(service)))
-
-    def log(self, service: str) -> str:
-        return self.compose("logs", "--no-log-prefix", service)
+    def starts(self) -> dict[str, str]:
+        """Return when each container was started last."""
+        names = [self.name(service) for service in self.containers()]
+        lines = docker("inspect", "-f", "{{.Name}} {{.State.StartedAt}}", *names).split("\n")
+        of_name = dict(line.removeprefix(f"/{PROJECT}-").split() for line in lines if line)
+        return {name.removesuffix("-1"): begun for name, begun in of_name.items()}
 
     def streams(self) -> list[dict[str, Any]]:
         """Return what became of what the gateway has sent, by stream."""
@@ -108,12 +109,17 @@ class Stack:
         return [structs.asdict(row) for row in beat[1].streams if row.direction == "to ROS"]
 
     @contextmanager
-    def cut_off(self, service: str, network: str = "bus") -> Iterator[None]:
-        """Take a container off a network for a while."""
-        net = f"{PROJECT}_{network}"
+    def cut_off(self, service: str, seconds: float, network: str = "bus") -> Iterator[None]:
+        """Take a container off a network, for so many seconds in all.
+
+        A link is taken up where it was until 6 s, and after 13 s begun anew. What is done between
+        is lost on a link that only one of the two has given up, and nobody tells of it.
+        """
+        net, end = f"{PROJECT}_{network}", time.monotonic() + seconds
         docker("network", "disconnect", net, self.name(service))
         try:
             yield
+            time.sleep(max(0.0, end - time.monotonic()))
         finally:
             docker("network", "connect", "--alias", service, net, self.name(service))
 
@@ -134,13 +140,14 @@ def up(*files: str) -> Iterator[Stack]:
 class Observer:
     """A subscriber in another container, on the network of ROS alone."""
 
-    def __init__(self, stack: Stack) -> None:
+    def __init__(self) -> None:
         self._file = tempfile.TemporaryFile("w+", encoding="utf-8")
         self._process = subprocess.Popen(
             [
                 *("docker", "run", "--rm", "--init", "--name", f"{PROJECT}-observer"),
-                *("--network", f"{PROJECT}_ros", "--ipc", f"container:{stack.name('ros2')}"),
+                *("--network", f"{PROJECT}_ros"),
                 *("-e", "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET", "-e", "HOME=/tmp"),
+                *("-e", "FASTDDS_BUILTIN_TRANSPORTS=UDPv4?sockets_size=4MB"),
                 *("-v", f"{Path(__file__).with_name('observer.py')}:/observer.py:ro"),
                 *("--entrypoint", "python", "groundlink-ros2", "/observer.py"),
             ],

@@ -22,7 +22,7 @@ from groundlink.ros_messages import ROS_FORMS
 from groundlink.ros_streams import outgoing
 from groundlink.ros_types import STORE
 from groundlink.scenario import Scenario, load
-from groundlink.scenario.schema import TfTree
+from groundlink.scenario.ros_side import TfTree
 from tests.ros import cloud_digest as digest
 from tests.ros.conftest import LATCHED, RELIABLE, Ros
 from tests.ros.processes import Process
