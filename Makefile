@@ -28,7 +28,7 @@ test: setup ## run every test: units, architecture, style, types, and the real s
 test-stack: setup ## bring the containers up on a Docker engine, break them, look
 	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy
 
-check: test ## what CI runs, and then test-stack
+check: test ## what CI runs
 
 benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.lidar
