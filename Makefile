@@ -23,7 +23,8 @@ run: setup ## start SCENARIO and show what arrives in ROS (DURATION=20 ends by i
 		$(if $(DURATION),--duration $(DURATION)) $(if $(REPORT),--report $(REPORT))
 
 test: setup ## run every test: units, architecture, style, types, and the real system
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -m "not system and not stack" --numprocesses=auto --dist=loadfile
+	@$(BIN)/python -m pytest -m "system and not stack" --durations=30
 
 test-stack: setup ## bring the containers up on a Docker engine, break them, look
 	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy
