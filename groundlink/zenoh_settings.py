@@ -12,11 +12,11 @@ from typing import Any
 CONNECT_SECONDS = 5.0
 """How long a process tries to reach its endpoint before it gives up."""
 
-ROUTER_WAIT_SECONDS = 1.0
+ROUTER_WAIT_SECONDS = 3.0
 """So long a router waits for a receiver that takes nothing, before it ends the link to it. Whoever
 sends to that one waits as long: only what is bulky, as what is small fills its queue in no less
-than the 10 s after which a link is dead. Far less than the 5 s after which a sender gives up its
-own link, to a router that waits."""
+than the 10 s after which a link is dead. Less than the 5 s after which a sender gives up its own
+link, to a router that waits; enough for a gateway that stands still for 2 s to lose nothing."""
 
 ONLOOKERS = tuple(f"6e10{number:04x}" for number in range(1024))
 """Identities of sessions that only look on, so many that two hardly choose the same. To them the

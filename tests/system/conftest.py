@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all tests of the running system share."""
+
+from __future__ import annotations
+
+import pytest
+
+from groundlink.bus import Bus
+from groundlink.cli.running import free_endpoint
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _threads_of_a_router() -> None:
+    """Have as many of Zenoh's threads as a router, for some tests' own process is one.
+
+    Zenoh makes them at a process's first session, and a router of few threads stands still while it
+    closes links to processes that were killed.
+    """
+    with Bus(listen=free_endpoint()):
+        pass
