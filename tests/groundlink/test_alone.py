@@ -13,6 +13,7 @@ import pytest
 
 from groundlink.alone import alone, claims_key
 from groundlink.bus import Bus
+from groundlink.cli.running import free_endpoint
 from groundlink.errors import UserError
 from groundlink.process import Heartbeat
 
@@ -22,9 +23,7 @@ AT_ONCE = 3
 
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = free_endpoint()
     with Bus(listen=endpoint):
         yield endpoint
 

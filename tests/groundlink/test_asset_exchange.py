@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ from msgspec.structs import replace
 from groundlink import asset_exchange, assets, process
 from groundlink.assets import VARIABLE
 from groundlink.bus import Bus
+from groundlink.cli.running import free_endpoint
 from groundlink.errors import UserError
 from groundlink.questions import asset_key, scenario_key
 from groundlink.scenario import Scenario, load
@@ -29,9 +29,7 @@ RUN = "one"
 
 @pytest.fixture
 def endpoint() -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = free_endpoint()
     with Bus(listen=endpoint):
         yield endpoint
 

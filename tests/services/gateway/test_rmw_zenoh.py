@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import socket
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ import zenoh.ext
 from msgspec.structs import replace
 
 from groundlink.bus import Bus
+from groundlink.cli.running import free_endpoint
 from groundlink.errors import UserError
 from groundlink.scenario import load as load_scenario
 from groundlink.scenario.load import SHIPPED
@@ -70,9 +70,7 @@ def test_an_attachment_is_what_zenoh_makes_of_the_three() -> None:
 @pytest.fixture
 def router() -> Iterator[str]:
     """A router in the place of rmw_zenohd."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = free_endpoint()
     with Bus(listen=endpoint):
         yield endpoint
 
