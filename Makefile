@@ -8,7 +8,7 @@ READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
-.PHONY: help setup run test test-stack check benchmarks clean
+.PHONY: help setup run test test-stack check benchmarks experiments clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -41,6 +41,9 @@ benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.loss
 	@$(BIN)/python -m benchmarks.freshness
 	@$(BIN)/python -m benchmarks.recording
+
+experiments: setup ## the paper's experiments, with SLAM programs of others (NAMES=..., SHORT=1)
+	@$(BIN)/python -m experiments $(if $(SHORT),--short) $(NAMES)
 
 clean: ## remove the environment and every cache
 	@rm -rf .venv build *.egg-info udp-bridge/src/*.egg-info \

@@ -34,7 +34,7 @@ else
 fi
 
 step "Groundlink, PyBullet, Embree, Zenoh, Rerun and the tools of its tests (a minute or two)"
-install -e ./udp-bridge -e '.[physics,sensors,camera,gateway,record,report,view,secure,benchmarks,dev]'
+install -e ./udp-bridge -e '.[physics,sensors,camera,gateway,record,report,view,secure,benchmarks,experiments,dev]'
 
 step "ROS 2 Kilted"
 if install $(.venv/bin/python - <<'PYTHON'

@@ -11,7 +11,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = ("groundlink", "services", "udp-bridge/src", "ros/ros1", "ros/ros2", "benchmarks")
+SOURCES = (
+    "groundlink",
+    "services",
+    "udp-bridge/src",
+    "ros/ros1",
+    "ros/ros2",
+    "benchmarks",
+    "experiments",
+)
 FILES = [
     file
     for folder in (*SOURCES, "tests", "fuzz")
@@ -33,7 +41,7 @@ def test_style() -> None:
 
 
 def test_types() -> None:
-    run("-m", "mypy", "groundlink", "services", "benchmarks")
+    run("-m", "mypy", "groundlink", "services", "benchmarks", "experiments")
     run("-m", "mypy", "udp-bridge/src/udp_bridge")
     run("-m", "mypy", "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1")
     run("-m", "mypy", "ros/ros2/udp_bridge_ros2/udp_bridge_ros2")

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`python -m experiments [NAME ...] [--short] [--seeds N] [--out DIR] [--list]`.
+
+Runs experiments, writes a table (CSV) of each and its figures (PNG), and says which limits were not
+kept; the exit code is 1 then. What is recorded once is used again as long as neither the scenario
+nor the sources of the simulator change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from groundlink.errors import UserError
+
+from .evaluation import missed, write_csv
+from .experiment import Options
+from .say import Say
+from .table import EXPERIMENTS, SHORT
+
+OUT = Path("build/experiments")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run experiments; 0 when all limits are kept."""
+    parser = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
+    parser.add_argument("--short", action="store_true", help="one seed, twenty seconds, no limits")
+    parser.add_argument("--seeds", type=int, default=3, metavar="N", help="runs each (3)")
+    parser.add_argument("--out", type=Path, default=OUT, help="where all goes (%(default)s)")
+    parser.add_argument("--list", action="store_true", help="say what there is")
+    options = parser.parse_args(arguments)
+    if options.list:
+        for name, experiment in EXPERIMENTS.items():
+            print(f"{name:20} {experiment.minutes:3g} min  {experiment.what}")
+        return 0
+    if unknown := [name for name in options.names if name not in EXPERIMENTS]:
+        known = ", ".join(EXPERIMENTS)
+        print(f"no experiment {', '.join(unknown)}; expected some of {known}", file=sys.stderr)
+        return UserError.exit_code
+    if options.seeds < 1:
+        print(f"--seeds {options.seeds}: expected 1 or more", file=sys.stderr)
+        return UserError.exit_code
+    seeds = tuple(range(1, 2 if options.short else options.seeds + 1))
+    say = Say()
+    given = Options(options.out.resolve(), say, seeds, options.short)
+    failed = []
+    for name in options.names or (SHORT if options.short else EXPERIMENTS):
+        experiment = EXPERIMENTS[name]
+        say(f"{name}: {experiment.what}; about {experiment.minutes:g} minutes")
+        try:
+            results = experiment.run(given)
+        except UserError as error:
+            print(error, file=sys.stderr)
+            return error.exit_code
+        table = given.folder("tables") / f"{name}.csv"
+        write_csv(table, results)
+        say(f"{name}: wrote {table}")
+        failed += missed(results)
+    for line in failed:
+        say(f"not kept: {line}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

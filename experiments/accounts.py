@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a run arrived in ROS: the bag against a recording of the bus, message by message.
+
+Rule: bytes are compared, not numbers alone. What was under way when the bag was ended counts
+neither way.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from mcap.reader import make_reader
+
+from groundlink.clock import NANOS
+from groundlink.ros_streams import outgoing
+from groundlink.scenario import Scenario
+
+UNDER_WAY_NANOS = NANOS // 4
+"""Before the bag's end: what was measured then may not have been sent."""
+
+
+@dataclass(frozen=True)
+class Account:
+    """One topic."""
+
+    topic: str
+    sent: int
+    """Messages that its process put on the bus."""
+
+    arrived: int
+    """Of these, those that are in the bag with the same bytes."""
+
+    other: int
+    """In the bag, and never sent like that."""
+
+    @property
+    def lost(self) -> int:
+        """Messages that are not in the bag."""
+        return self.sent - self.arrived
+
+
+def compare(bus: Path, bag: Path, scenario: Scenario) -> list[Account]:
+    """Return an account of each topic that goes to ROS unasked.
+
+    Parameters
+    ----------
+    bus
+        a recording of the run, by Groundlink's own recorder.
+    bag
+        what a node in ROS has recorded of it.
+    """
+    topics = [stream.topic for stream in outgoing(scenario, "") if stream.push]
+    ends = [_last_nanos(file) for file in (bus, bag)]
+    end_nanos = min(ends) - UNDER_WAY_NANOS
+    sent, got = (_digests(file, topics, end_nanos) for file in (bus, bag))
+    return [
+        Account(
+            topic,
+            sent=sent[topic].total(),
+            arrived=(sent[topic] & got[topic]).total(),
+            other=(got[topic] - sent[topic]).total(),
+        )
+        for topic in topics
+    ]
+
+
+def _last_nanos(file: Path) -> int:
+    with file.open("rb") as stream:
+        last = 0
+        for _, _, message in make_reader(stream).iter_messages(["/clock"], log_time_order=False):
+            last = max(last, message.log_time)
+        return last
+
+
+def _digests(file: Path, topics: Iterable[str], end_nanos: int) -> dict[str, Counter[bytes]]:
+    """Return digests of the messages of each topic before a time, with how often there were."""
+    found: dict[str, Counter[bytes]] = {topic: Counter() for topic in topics}
+    with file.open("rb") as stream:
+        reader = make_reader(stream)
+        for _, channel, message in reader.iter_messages(list(found), log_time_order=False):
+            if message.log_time < end_nanos:
+                digest = hashlib.blake2b(message.data, digest_size=12).digest()
+                found[channel.topic][digest] += 1
+    return found
+
+
+def write_accounts(file: Path, accounts: Iterable[Account]) -> None:
+    """Write accounts as CSV."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, [field.name for field in fields(Account)])
+        writer.writeheader()
+        writer.writerows(map(asdict, accounts))
+
+
+def read_accounts(file: Path) -> list[Account]:
+    """Return accounts as they were written."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        return [
+            Account(row["topic"], int(row["sent"]), int(row["arrived"]), int(row["other"]))
+            for row in csv.DictReader(stream)
+        ]

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors of a trajectory: `python evo_errors.py TRUTH.tum ESTIMATE.tum [--scale] --out FILE`.
+
+Rule: runs in evo's environment. Both files have poses at the same times. The estimate is aligned
+with the truth as a whole, by SE(3) or with `--scale` by Sim(3), and written as it lies then.
+Prints one line of JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+import numpy as np
+from evo.core import metrics, sync
+from evo.tools import file_interface
+
+
+def main() -> None:
+    """Align, measure, print."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("truth")
+    parser.add_argument("estimate")
+    parser.add_argument("--scale", action="store_true", help="the estimate's scale is unknown")
+    parser.add_argument("--out", required=True, help="aligned estimate (TUM)")
+    options = parser.parse_args()
+    truth = file_interface.read_tum_trajectory_file(options.truth)
+    estimate = file_interface.read_tum_trajectory_file(options.estimate)
+    truth, estimate = sync.associate_trajectories(truth, estimate, max_diff=1e-4)
+    _, _, scale = estimate.align(truth, correct_scale=options.scale)
+    error = metrics.APE(metrics.PoseRelation.translation_part)
+    error.process_data((truth, estimate))
+    file_interface.write_tum_trajectory_file(options.out, estimate)
+    drift = (estimate.positions_xyz[-1] - estimate.positions_xyz[0]) - (
+        truth.positions_xyz[-1] - truth.positions_xyz[0]
+    )
+    told = {
+        "ate_m": error.get_statistic(metrics.StatisticsType.rmse),
+        "largest_m": error.get_statistic(metrics.StatisticsType.max),
+        "start_to_end_m": float(np.linalg.norm(drift)),
+        "poses": len(error.error),
+        "scale": float(scale),
+        "way_m": float(truth.path_length),
+    }
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main()

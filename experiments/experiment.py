@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an experiment is: a name, what it shows, how it is run, and what it leaves.
+
+Rule: an experiment returns plain results; tables, verdicts and the page are made of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .accounts import Account
+from .evaluation import Result, evaluate
+from .recordings import Recording
+from .say import Say
+from .trajectories import Trajectory, read_tum
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line asks of an experiment."""
+
+    out: Path
+    """Where recordings, environments, tables and figures go."""
+
+    say: Say
+    seeds: tuple[int, ...] = (1, 2, 3)
+    short: bool = False
+    """Twenty seconds of driving instead of all, for tests."""
+
+    def folder(self, *names: str) -> Path:
+        """Return a folder below `out`, which is made."""
+        folder = self.out.joinpath(*names)
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A row of the table."""
+
+    what: str
+    run: Callable[[Options], Sequence[Result]]
+    minutes: float
+    """On two cores, environments made and nothing recorded yet."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way for a figure: what was estimated, over the truth at the same times."""
+
+    label: str
+    truth: Trajectory
+    estimate: Trajectory
+    """Aligned with the truth."""
+
+    raw: Trajectory
+    """As the program had it, in the frame of its map."""
+
+
+def lost(accounts: Sequence[Account]) -> str:
+    """Return in words what did not arrive in ROS; empty for nothing."""
+    return ", ".join(
+        f"{account.topic}: {account.lost} of {account.sent} lost, {account.other} of other bytes"
+        for account in accounts
+        if account.lost or account.other
+    )
+
+
+def judged(
+    options: Options,
+    recording: Recording,
+    tum: Path,
+    *,
+    frame: str,
+    seed: int,
+    experiment: str,
+    program: str,
+    case: str = "",
+    took_s: float = 0.0,
+    limit_m: float = 0.0,
+    scale: bool = False,
+) -> tuple[Result, Way]:
+    """Return how well a program did on a recording.
+
+    Parameters
+    ----------
+    tum
+        its estimate, of `frame`.
+    scale
+        align by Sim(3), for what cannot know its scale.
+    """
+    truth = recording.truth(frame)
+    errors, matched, aligned = evaluate(truth, tum, options.out, options.say, scale=scale)
+    result = Result(
+        experiment=experiment,
+        program=program,
+        case=case,
+        seed=seed,
+        ate_m=errors["ate_m"],
+        largest_m=errors["largest_m"],
+        start_to_end_m=errors["start_to_end_m"],
+        way_m=errors["way_m"],
+        poses=int(errors["poses"]),
+        scale=errors["scale"],
+        took_s=took_s,
+        limit_m=0.0 if options.short else limit_m,
+    )
+    options.say(
+        f"{experiment}, {program} {case}, seed {seed}: ATE {100 * result.ate_m:.2f} cm, start to "
+        f"end {100 * result.start_to_end_m:.2f} cm over {result.way_m:.1f} m, {result.poses} poses"
+    )
+    return result, Way(f"{program} {case}".strip(), matched, aligned, read_tum(tum))

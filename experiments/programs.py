@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The programs of others that the experiments use, each pinned, each in an environment of its own.
+
+Rule: one table. None of them is a dependency of Groundlink, nor is any part of them in this
+repository; pip fetches them when an experiment wants them, and they run as processes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+DRIVERS = Path(__file__).with_name("drivers")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """A program of others."""
+
+    name: str
+    what: str
+    requirements: tuple[str, ...]
+    """What pip installs, wheels alone."""
+
+    driver: str = ""
+    """The script in `drivers` that feeds it; empty where its own command reads our bags."""
+
+    licence: str
+    libraries: tuple[str, ...] = ()
+    """Shared libraries of the system that it needs."""
+
+    @property
+    def script(self) -> Path:
+        """Where the driver is."""
+        return DRIVERS / self.driver
+
+
+BAG_READER = ("rosbags==0.11.9", "numpy==2.4.6")
+"""What every driver reads bags with."""
+
+_OPENGL = {
+    "libOpenGL.so.0": "libopengl0",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libX11.so.6": "libx11-6",
+    "libXext.so.6": "libxext6",
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+    "libGLX.so.0": "libglx0",
+}
+DEBIAN_PACKAGES = dict(_OPENGL)
+"""By shared library: Debian's package of it."""
+
+YAG_SLAM = Program(
+    name="yag-slam",
+    what="2D graph SLAM with loop closure on laser scans and wheel odometry, after OpenKarto",
+    requirements=("yag-slam==0.2.5", "opencv-python-headless==5.0.0.93", *BAG_READER),
+    driver="yag_slam_2d.py",
+    licence="LGPL-3.0",
+)
+ORB_SLAM3 = Program(
+    name="orb-slam3",
+    what="ORB-SLAM3 on one camera, or on a camera with depth",
+    requirements=("pyorbslam3==0.1.1", "opencv-python-headless==5.0.0.93", *BAG_READER),
+    driver="orb_slam3.py",
+    licence="GPL-3.0",
+    libraries=tuple(_OPENGL),
+)
+EVO = Program(
+    name="evo",
+    what="errors of trajectories",
+    requirements=("evo==1.38.1", "numpy==2.4.6"),
+    driver="evo_errors.py",
+    licence="GPL-3.0",
+)
+
+PROGRAMS = {program.name: program for program in (YAG_SLAM, ORB_SLAM3, EVO)}

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of experiments: what `python -m experiments` can run.
+
+Rule: one row each; an experiment is a function of its own module.
+"""
+
+from __future__ import annotations
+
+from . import indoors
+from .experiment import Experiment
+
+EXPERIMENTS: dict[str, Experiment] = {
+    "indoor_scans": Experiment(
+        what="6.3: 2D graph SLAM with loop closure on scans and odometry",
+        run=indoors.scans,
+        minutes=8,
+    ),
+}
+
+SHORT = ("indoor_scans",)
+"""What a short run consists of."""
