@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
-import sys
 import time
 import venv
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from pathlib import Path
 from groundlink.errors import UserError
 from groundlink.supervisor import end_with_parent
 
-from .programs import DEBIAN_PACKAGES, Program
+from .programs import DEBIAN_PACKAGES, DRIVERS, Program
 from .say import Say
 
 
@@ -84,6 +83,7 @@ def run(
     *,
     label: str,
     log: Path,
+    script: str = "",
     command: Sequence[str] = (),
     limit_s: float = 900.0,
 ) -> str:
@@ -93,6 +93,8 @@ def run(
 
     Parameters
     ----------
+    script
+        another script of `drivers` than the program's.
     command
         a command in the environment's `bin`, where the program has no driver.
 
@@ -102,7 +104,11 @@ def run(
         when it fails, or takes longer than its limit.
     """
     python = python_of(program, out, say)
-    words = [python.parent / command[0], *command[1:]] if command else [python, program.script]
+    words = (
+        [python.parent / command[0], *command[1:]]
+        if command
+        else [python, DRIVERS / (script or program.driver)]
+    )
     began_s = time.monotonic()
     with log.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
@@ -136,8 +142,3 @@ def _progress(log: Path) -> str:
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     told = [line for line in lines if line.startswith("progress ")]
     return told[-1].removeprefix("progress ") if told else "starts"
-
-
-def interpreter_words() -> str:
-    """Return the version of Python that environments have."""
-    return f"Python {sys.version.split()[0]}"

@@ -29,11 +29,6 @@ class Program:
     libraries: tuple[str, ...] = ()
     """Shared libraries of the system that it needs."""
 
-    @property
-    def script(self) -> Path:
-        """Where the driver is."""
-        return DRIVERS / self.driver
-
 
 BAG_READER = ("rosbags==0.11.9", "numpy==2.4.6")
 """What every driver reads bags with."""

@@ -15,6 +15,16 @@ EXPERIMENTS: dict[str, Experiment] = {
         run=indoors.scans,
         minutes=8,
     ),
+    "indoor_mono": Experiment(
+        what="6.3: ORB-SLAM3 on one camera at 30 Hz",
+        run=indoors.mono,
+        minutes=12,
+    ),
+    "indoor_rgbd": Experiment(
+        what="6.3: ORB-SLAM3 on a depth camera",
+        run=indoors.rgbd,
+        minutes=12,
+    ),
 }
 
 SHORT = ("indoor_scans",)

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ORB-SLAM3 on a bag: `python orb_slam3.py BAG OUT.tum --vocabulary FILE [--depth TOPIC] ...`.
+
+Rule: runs in ORB-SLAM3's environment and knows ROS messages alone. Frames are given at the pace at
+which they were taken, as its threads for the map need their time, and none is left out. The
+trajectory is that of the key frames of the last map, in the camera's optical frame.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pyorbslam3
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+SETTINGS = """\
+%YAML:1.0
+---
+File.version: "1.0"
+Camera.type: "PinHole"
+Camera1.fx: {fx}
+Camera1.fy: {fy}
+Camera1.cx: {cx}
+Camera1.cy: {cy}
+Camera1.k1: 0.0
+Camera1.k2: 0.0
+Camera1.p1: 0.0
+Camera1.p2: 0.0
+Camera.width: {width}
+Camera.height: {height}
+Camera.fps: {fps}
+Camera.RGB: 0
+Stereo.ThDepth: 40.0
+Stereo.b: 0.07732
+RGBD.DepthMapFactor: 1.0
+ORBextractor.nFeatures: {features}
+ORBextractor.scaleFactor: 1.2
+ORBextractor.nLevels: 8
+ORBextractor.iniThFAST: 20
+ORBextractor.minThFAST: 7
+Viewer.KeyFrameSize: 0.05
+Viewer.KeyFrameLineWidth: 1.0
+Viewer.GraphLineWidth: 0.9
+Viewer.PointSize: 2.0
+Viewer.CameraSize: 0.08
+Viewer.CameraLineWidth: 3.0
+Viewer.ViewpointX: 0.0
+Viewer.ViewpointY: -0.7
+Viewer.ViewpointZ: -1.8
+Viewer.ViewpointF: 500.0
+"""
+"""As in ORB-SLAM3's own examples. The viewer is not started, but its settings have to be there."""
+
+SETTLE_S = 2.0
+"""For the map's threads, behind the last frame."""
+
+
+def main() -> None:
+    """Read, feed, write."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("bag", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--vocabulary", type=Path, required=True)
+    parser.add_argument("--image", default="/camera/image_raw/compressed")
+    parser.add_argument("--info", default="/camera/camera_info")
+    parser.add_argument("--depth", default="", help="16UC1, in millimetres, of the same pixels")
+    parser.add_argument("--features", type=int, default=1200)
+    parser.add_argument("--from-s", type=float, default=0.0, help="stamp of the first frame")
+    parser.add_argument("--pace", type=float, default=1.0, help="times as fast as it was taken")
+    options = parser.parse_args()
+    camera, stamps = look(options)
+    settings = options.out.with_suffix(".settings.yaml")
+    settings.write_text(
+        SETTINGS.format(
+            fx=camera.k[0],
+            fy=camera.k[4],
+            cx=camera.k[2],
+            cy=camera.k[5],
+            width=camera.width,
+            height=camera.height,
+            fps=round((len(stamps) - 1) / (stamps[-1] - stamps[0])),
+            features=options.features,
+        ),
+        encoding="utf-8",
+    )
+    sensor = pyorbslam3.Sensor.RGBD if options.depth else pyorbslam3.Sensor.MONOCULAR
+    slam = pyorbslam3.Slam(str(options.vocabulary), str(settings), sensor)
+    tracked, late_s = feed(options, slam, len(stamps))
+    time.sleep(SETTLE_S)
+    slam.shutdown()
+    slam.save_keyframe_trajectory_tum(str(options.out))
+    in_seconds(options.out)
+    print(f"tracked {tracked} of {len(stamps)} frames; at most {late_s:.2f} s behind")
+
+
+def seconds_of(header: Any) -> float:
+    """Return a header's stamp."""
+    return float(header.stamp.sec + 1e-9 * header.stamp.nanosec)
+
+
+def messages(options: argparse.Namespace, *topics: str) -> Iterator[tuple[str, Any]]:
+    """Return the messages of some topics, in the order of their times."""
+    with AnyReader([options.bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as bag:
+        connections = [c for c in bag.connections if c.topic in topics]
+        for connection, _, raw in bag.messages(connections):
+            yield connection.topic, bag.deserialize(raw, connection.msgtype)
+
+
+def look(options: argparse.Namespace) -> tuple[Any, list[float]]:
+    """Return the camera's description, and the stamps of the frames that will be given."""
+    found = [message for _, message in messages(options, options.info)]
+    stamps = [s for message in found if (s := seconds_of(message.header)) >= options.from_s]
+    if len(stamps) < 2:
+        sys.exit(f"{options.bag}: {len(stamps)} messages on {options.info}; expected many")
+    return found[0], stamps
+
+
+def frames(options: argparse.Namespace) -> Iterator[tuple[float, Any, Any]]:
+    """Return stamp, grey picture, and depth in metres or None, of each frame."""
+    waiting: dict[float, dict[str, Any]] = {}
+    wanted = {options.image, options.depth} - {""}
+    for topic, message in messages(options, *wanted):
+        stamp = seconds_of(message.header)
+        if stamp < options.from_s:
+            continue
+        parts = waiting.setdefault(stamp, {})
+        parts[topic] = picture(message)
+        if parts.keys() == wanted:
+            del waiting[stamp]
+            yield stamp, parts[options.image], parts.get(options.depth)
+
+
+def picture(message: Any) -> Any:
+    """Return a picture as grey values, or a depth image in metres."""
+    if hasattr(message, "format"):
+        return cv2.imdecode(np.asarray(message.data), cv2.IMREAD_GRAYSCALE)
+    shape = (message.height, message.width)
+    data = np.asarray(message.data)
+    if message.encoding == "16UC1":
+        return data.view(np.uint16).reshape(shape).astype(np.float32) / 1000.0
+    if message.encoding == "mono8":
+        return data.reshape(shape)
+    return cv2.cvtColor(data.reshape(*shape, 3), cv2.COLOR_RGB2GRAY)
+
+
+def feed(options: argparse.Namespace, slam: Any, count: int) -> tuple[int, float]:
+    """Give all frames; return how many were tracked, and how late the latest was."""
+    tracked, late_s, begun_s, first_s = 0, 0.0, 0.0, 0.0
+    for number, (stamp, grey, depth) in enumerate(frames(options)):
+        if not number:
+            begun_s, first_s = time.monotonic(), stamp
+        due_s = begun_s + (stamp - first_s) / options.pace
+        late_s = max(late_s, time.monotonic() - due_s)
+        time.sleep(max(due_s - time.monotonic(), 0.0))
+        if depth is None:
+            result = slam.track_monocular(grey, stamp)
+        else:
+            result = slam.track_rgbd(grey, depth, stamp)
+        tracked += bool(result.pose_valid)
+        if number % 30 == 0:
+            print(f"progress {number} of {count} frames, {tracked} tracked", flush=True)
+    return tracked, late_s
+
+
+def in_seconds(tum: Path) -> None:
+    """Write stamps in seconds where ORB-SLAM3 has written nanoseconds."""
+    rows = [line.split() for line in tum.read_text(encoding="utf-8").splitlines()]
+    scale = 1e-9 if rows and float(rows[-1][0]) > 1e8 else 1.0
+    lines = [f"{float(row[0]) * scale:.9f} {' '.join(row[1:])}\n" for row in rows]
+    tum.write_text("".join(lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
