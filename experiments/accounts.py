@@ -17,6 +17,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 from groundlink.clock import NANOS
+from groundlink.errors import UserError
 from groundlink.ros_streams import outgoing
 from groundlink.scenario import Scenario
 
@@ -55,9 +56,11 @@ def compare(bus: Path, bag: Path, scenario: Scenario) -> list[Account]:
         what a node in ROS has recorded of it.
     """
     topics = [stream.topic for stream in outgoing(scenario, "") if stream.push]
-    ends = [_last_nanos(file) for file in (bus, bag)]
-    end_nanos = min(ends) - UNDER_WAY_NANOS
-    sent, got = (_digests(file, topics, end_nanos) for file in (bus, bag))
+    first, last = zip(*(_clocks(file) for file in (bus, bag)), strict=True)
+    # In real time nobody waits until the bag is heard; in lockstep the first clock is there.
+    begin_nanos = max(first) + UNDER_WAY_NANOS if max(first) else 0
+    span = range(begin_nanos, min(last) - UNDER_WAY_NANOS)
+    sent, got = (_digests(file, topics, span) for file in (bus, bag))
     return [
         Account(
             topic,
@@ -69,21 +72,23 @@ def compare(bus: Path, bag: Path, scenario: Scenario) -> list[Account]:
     ]
 
 
-def _last_nanos(file: Path) -> int:
+def _clocks(file: Path) -> tuple[int, int]:
+    """Return the first and the last time of the clock."""
     with file.open("rb") as stream:
-        last = 0
-        for _, _, message in make_reader(stream).iter_messages(["/clock"], log_time_order=False):
-            last = max(last, message.log_time)
-        return last
+        messages = make_reader(stream).iter_messages(["/clock"], log_time_order=False)
+        times = [message.log_time for _, _, message in messages]
+    if not times:
+        raise UserError(f"{file}: no clock is in it")
+    return min(times), max(times)
 
 
-def _digests(file: Path, topics: Iterable[str], end_nanos: int) -> dict[str, Counter[bytes]]:
-    """Return digests of the messages of each topic before a time, with how often there were."""
+def _digests(file: Path, topics: Iterable[str], span: range) -> dict[str, Counter[bytes]]:
+    """Return digests of the messages of each topic in a time, with how often there were."""
     found: dict[str, Counter[bytes]] = {topic: Counter() for topic in topics}
     with file.open("rb") as stream:
         reader = make_reader(stream)
         for _, channel, message in reader.iter_messages(list(found), log_time_order=False):
-            if message.log_time < end_nanos:
+            if message.log_time in span:
                 digest = hashlib.blake2b(message.data, digest_size=12).digest()
                 found[channel.topic][digest] += 1
     return found

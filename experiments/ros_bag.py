@@ -40,6 +40,9 @@ DEPTH = 4000
 LOOK_S = 0.05
 """How often it is looked what the bridge publishes; it waits 1 s before its first message."""
 
+QUIET_S, LAST_S = 0.5, 2.0
+"""At the end: what is under way is waited for until nothing more comes, and never longer."""
+
 STAMPED_AT = 4
 """Where the stamp of a message with a header is, and of a clock: behind the CDR's four bytes."""
 
@@ -122,15 +125,17 @@ def main(out: str, seconds: float) -> None:
     rclpy.init()
     file = RosFile(Path(out))
     bag = Bag(file, round(seconds * NANOS))
-    told_s, quiet_since_s, seen = 0.0, 0.0, -1
+    told_s, quiet_since_s, over_s, seen = 0.0, 0.0, 0.0, -1
     try:
         while True:
             rclpy.spin_once(bag, timeout_sec=0.1)
             now_s = time.monotonic()
             if bag.messages != seen:
                 seen, quiet_since_s = bag.messages, now_s
-            if bag.is_over and now_s - quiet_since_s > 0.5:
-                break
+            if bag.is_over:
+                over_s = over_s or now_s
+                if now_s - quiet_since_s > QUIET_S or now_s - over_s > LAST_S:
+                    break
             if now_s - told_s > 1.0:
                 told_s = now_s
                 file.commit({})

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is missing in a bag, or has other bytes, is counted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.accounts import Account, compare, read_accounts, write_accounts
+from groundlink.clock import NANOS
+from groundlink.messages import Clock
+from groundlink.recording.ros_channels import RosFile
+from groundlink.ros_messages import to_cdr
+from groundlink.scenario import load
+
+SCENARIO = """
+name: accounts
+world: worlds/lab.yaml
+time: {clock_rate_hz: 50.0}
+vehicles:
+  - name: rover
+    model: vehicles/rover.yaml
+    sensors:
+      - {kind: imu, name: imu, topic: /imu, frame: imu_link, mount: imu, rate_hz: 100.0}
+"""
+
+
+def write(file: Path, bodies: dict[int, bytes]) -> Path:
+    """A recording of two seconds of clock, and of the IMU what is given by time."""
+    bag = RosFile(file)
+    clock = bag.topic("/clock", "rosgraph_msgs/msg/Clock")
+    imu = bag.topic("/imu", "sensor_msgs/msg/Imu")
+    for nanos in range(0, 2 * NANOS + 1, NANOS // 50):
+        clock.write(nanos, to_cdr(Clock(nanos, 0, nanos // 2_500_000, 0)))
+    for nanos, body in bodies.items():
+        imu.write(nanos, memoryview(body))
+    bag.commit({})
+    bag.close()
+    return file
+
+
+def test_all_lost_and_changed_messages_are_found(tmp_path: Path) -> None:
+    (tmp_path / "scenario.yaml").write_text(SCENARIO, encoding="utf-8")
+    scenario = load(tmp_path / "scenario.yaml")
+    sent = {nanos: b"%012d" % nanos for nanos in range(0, 2 * NANOS, NANOS // 100)}
+    late = {nanos for nanos in sent if nanos >= 2 * NANOS - NANOS // 4}
+    arrived = {nanos: body for nanos, body in sent.items() if nanos not in late}
+    bus = write(tmp_path / "bus.mcap", sent)
+    accounts = {a.topic: a for a in compare(bus, write(tmp_path / "a.mcap", arrived), scenario)}
+    assert accounts["/imu"] == Account("/imu", sent=175, arrived=175, other=0)
+    assert accounts["/clock"].lost == 0
+
+    del arrived[NANOS // 2]
+    arrived[NANOS] = b"something other"
+    accounts = {a.topic: a for a in compare(bus, write(tmp_path / "b.mcap", arrived), scenario)}
+    assert accounts["/imu"] == Account("/imu", sent=175, arrived=173, other=1)
+    assert accounts["/imu"].lost == 2
+
+
+def test_accounts_are_read_as_they_were_written(tmp_path: Path) -> None:
+    accounts = [Account("/imu", 10, 9, 1), Account("/scan", 4, 4, 0)]
+    write_accounts(tmp_path / "accounts.csv", accounts)
+    assert read_accounts(tmp_path / "accounts.csv") == accounts

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results: a table that reads back, medians over seeds, and limits that are missed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from experiments.evaluation import Result, median, missed, read_csv, write_csv
+
+ONE = Result(
+    experiment="indoor",
+    program="slam",
+    case="",
+    seed=1,
+    ate_m=0.01,
+    largest_m=0.03,
+    start_to_end_m=0.02,
+    way_m=30.25,
+    poses=400,
+    scale=1.0,
+    took_s=12.5,
+    limit_m=0.02,
+)
+
+
+def with_errors(*errors_m: float, case: str = "") -> list[Result]:
+    return [replace(ONE, seed=i, ate_m=e, case=case) for i, e in enumerate(errors_m, 1)]
+
+
+def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:
+    write_csv(tmp_path / "table.csv", [ONE])
+    assert read_csv(tmp_path / "table.csv") == [ONE]
+
+
+def test_the_median_is_what_counts() -> None:
+    assert median(with_errors(0.01, 0.5, 0.015)) == 0.015
+    assert missed(with_errors(0.01, 0.5, 0.015)) == []
+    assert missed(with_errors(0.01, 0.03, 0.02)) == [
+        "indoor, slam : 0.0200 m, expected below 0.02 m"
+    ]
+
+
+def test_each_case_has_its_own_limit() -> None:
+    alone = [replace(r, limit_m=0.0) for r in with_errors(1.0, 2.0, 3.0, case="odometry alone")]
+    assert missed([*with_errors(0.01), *alone]) == []
+
+
+def test_what_is_no_number_is_missed() -> None:
+    assert missed(with_errors(float("nan")))

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of experiments has the tables that were measured, to the letter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.evaluation import read_csv
+from experiments.page import KEPT, PAGE, table, with_table
+from experiments.table import EXPERIMENTS
+
+from .test_evaluation import ONE
+
+
+def test_a_table_has_a_line_for_each_program_and_case() -> None:
+    results = [replace(ONE, seed=s, ate_m=e) for s, e in enumerate((0.01, 0.5, 0.015), 1)]
+    results += [replace(r, case="odometry alone", limit_m=0.0, ate_m=2.5) for r in results]
+    lines = table("indoor", results).splitlines()
+    assert lines[0] == "`python -m experiments indoor`"
+    assert lines[4:] == [
+        "| slam | 1.50 cm | 1.00 cm, 50.00 cm, 1.50 cm | 2.00 cm | 30.2 m | 2.00 cm | 12 s |",
+        "| slam, odometry alone | 2.50 m | 2.50 m, 2.50 m, 2.50 m | 2.00 cm | 30.2 m | - | 12 s |",
+    ]
+
+
+def test_only_what_is_between_the_marks_is_replaced() -> None:
+    page = "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n<!-- y -->\n<!-- end of y -->\n"
+    assert with_table(page, "x", "new \\1") == page.replace("old", "new \\1")
+    with pytest.raises(ValueError, match="no <!-- z -->"):
+        with_table(page, "z", "new")
+
+
+def test_the_page_says_what_the_tables_say() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    tables = sorted(KEPT.glob("*.csv"))
+    assert tables
+    for file in tables:
+        assert file.stem in EXPERIMENTS
+        assert with_table(page, file.stem, table(file.stem, read_csv(file))) == page, file.name

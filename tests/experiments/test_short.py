@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The short run: a drive through the whole chain into a ROS bag, a SLAM program of others on it.
+
+The first run makes the programs' environments in build/experiments, which takes a minute.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from experiments.evaluation import read_csv
+from experiments.setups import ROOT
+
+pytest.importorskip("rclpy", reason="no ROS 2 here")
+pytest.importorskip("tf2_msgs", reason="no ROS 2 messages here")
+pytestmark = [pytest.mark.system, pytest.mark.timeout(400)]
+
+
+def test_a_short_drive_is_mapped(tmp_path: Path) -> None:
+    environments = ROOT / "build" / "experiments" / "environments"
+    environments.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "environments").symlink_to(environments)
+    done = subprocess.run(
+        [sys.executable, "-m", "experiments", "--short", "--out", str(tmp_path)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    results = {result.case: result for result in read_csv(tmp_path / "tables/indoor_scans.csv")}
+    slam, odometry = results[""], results["odometry alone"]
+    assert slam.way_m > 4.0
+    assert slam.poses > 30
+    assert slam.ate_m < 0.03
+    assert odometry.ate_m < 0.2
+    for name in ("indoor_scans", "indoor_map"):
+        assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
