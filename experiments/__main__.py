@@ -27,7 +27,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run experiments; 0 when all limits are kept."""
     parser = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
-    parser.add_argument("--short", action="store_true", help="one seed, twenty seconds, no limits")
+    parser.add_argument("--short", action="store_true", help="one seed, 12 s of driving, no limits")
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="runs each (3)")
     parser.add_argument("--out", type=Path, default=OUT, help="where all goes (%(default)s)")
     parser.add_argument("--list", action="store_true", help="say what there is")

@@ -27,7 +27,7 @@ class Options:
     say: Say
     seeds: tuple[int, ...] = (1, 2, 3)
     short: bool = False
-    """Twenty seconds of driving instead of all, for tests."""
+    """Some seconds of driving instead of all, without limits: for tests."""
 
     def folder(self, *names: str) -> Path:
         """Return a folder below `out`, which is made."""

@@ -18,8 +18,8 @@ from .setups import Setup
 OUTDOORS = Setup(
     name="vocabulary_hamlet",
     scenario="outdoor_paper",
-    seconds=100.0,
-    sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 2.0}},
+    seconds=40.0,
+    sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 5.0}},
 )
 INDOORS = Setup(
     name="vocabulary_room",

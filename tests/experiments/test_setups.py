@@ -65,7 +65,7 @@ def test_what_a_recording_depends_on_names_it(tmp_path: Path, change: dict[str, 
     [
         *(
             replace(PLAIN, sensors=sensors)
-            for sensors in (indoors.WITHOUT_CAMERA, indoors.MONO, indoors.RGBD)
+            for sensors in (indoors.SENSORS, indoors.WITHOUT_CAMERAS)
         ),
         vocabulary.OUTDOORS,
         vocabulary.INDOORS,
