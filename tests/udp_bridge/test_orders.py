@@ -15,7 +15,7 @@ STRESS = Path(__file__).with_name("orders_under_stress.py")
 PATIENCE_S = 120.0
 
 
-@pytest.mark.skipif(not runs.IS_BUILT, reason="_runs.c was not built")
+@pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
 def test_who_takes_an_order_back_and_who_carries_it_out_do_not_wait_for_each_other() -> None:
     # A process of its own: threads that wait for each other may keep the interpreter.
     done = subprocess.run(

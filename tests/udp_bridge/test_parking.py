@@ -26,7 +26,7 @@ LOCAL = ("127.0.0.1", 0)
 TO = ("127.0.0.1", 9)
 PATIENCE_S = 10.0
 BODY = random.Random(5).randbytes(3_000_000)
-needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs.c was not built")
+needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
 
 
 def credit(number: int, part: int = 3, *, topic: str = "/image", msg_type: int = 33) -> bytes:

@@ -22,7 +22,7 @@ LOCAL = ("127.0.0.1", 0)
 PART = 1000
 CREDITS = Credits(0, 1 << 20, 7)
 
-needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs.c was not built")
+needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
 RECEIVING = [pytest.param(runs.ManyAtOnce, marks=needs_many), runs.OneByOne]
 SENDING = [pytest.param(runs.SendingMany, marks=needs_many), runs.SendingOne]
 Pair = tuple[socket.socket, socket.socket]

@@ -20,7 +20,7 @@ from .sending import Outbox
 from .types import CONTROL
 
 FLIGHTS = 16
-"""Messages in flight at most where the rest of one is left to the socket; as in `_runs.c`."""
+"""Messages in flight at most where the rest of one is left to the socket; as in `_runs.h`."""
 Kept = Tuple[int, int, int]
 """seq_number, part_number and receive_buffer of a Credit."""
 _Followed = Tuple[Address, int, str]

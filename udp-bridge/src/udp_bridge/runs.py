@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of datagrams from and to a socket: many in a call where `_runs.c` was built, else one.
+"""Runs of datagrams from and to a socket: many in a call where `_runs` was built, else one.
 
 What is received goes where `placing` expects it. Without the module, without sockets as POSIX has
 them, or with UDP_BRIDGE_PLAIN=1 in the environment, each datagram is a call of its own; what
@@ -39,7 +39,7 @@ Received = Tuple[Optional[Run], int]
 
 
 class ManyAtOnce:
-    """By `_runs.c`; one thread's."""
+    """By `_runs`; one thread's."""
 
     def __init__(self) -> None:
         self.drops = 0
@@ -125,7 +125,7 @@ class OneByOne:
 
 
 class SendingMany:
-    """By `_runs.c`."""
+    """By `_runs`."""
 
     def send(self, source: socket.socket, run: Leaving, to: Address, complain: Complain) -> int:
         """Send a run; return how many of it the kernel took.
