@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from . import crowded, latency, resending, throughput
@@ -35,6 +36,12 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bridge")
     parser.add_argument("--quick", action="store_true", help="few messages of fewer sizes")
     parser.add_argument("--only", choices=PARTS, help="one part of it")
+    parser.add_argument(
+        "--rosbridge",
+        metavar="PROGRAM",
+        type=Path,
+        help="measure the latency of a real rosbridge beside: its rosbridge_websocket",
+    )
     parser.add_argument("--figure", metavar="FILE", type=Path, help="draw the paper's Figure 9")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write what was measured")
     options = parser.parse_args(arguments)
@@ -44,10 +51,14 @@ def main(arguments: Sequence[str]) -> None:
     began = time.monotonic()
     load, cores = os.getloadavg()[0], os.cpu_count()
     print(f"{cores} cores, load {load:.1f}, Python {sys.version.split()[0]}", flush=True)
+    if options.rosbridge is not None and not options.rosbridge.is_file():
+        parser.error(f"--rosbridge: there is no file {options.rosbridge}")
+    runs = dict(PARTS)
+    runs["latency"] = partial(latency.run, rosbridge=options.rosbridge)
     parts: dict[str, Part] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in [options.only] if options.only else PARTS:
-            parts[name] = PARTS[name](options.quick, Path(folder))
+            parts[name] = runs[name](options.quick, Path(folder))
     claims: list[Claim] = [claim for part in parts.values() for claim in part.claims]
     print("", *claims, f"\n{time.monotonic() - began:.0f} s", sep="\n")
     if options.json is not None:

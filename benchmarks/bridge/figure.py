@@ -12,7 +12,8 @@ _LABELS = {
     "UDP Bridge": "UDP Bridge, from send",
     "from the bus": "UDP Bridge, from the sensor's publish on the bus",
     "C program": "C program, until the message is whole",
-    "ROS# way": "ROS# way (rosbridge, JSON)",
+    "ROS# way": "ROS# way (rosbridge's calls, read by the leanest server)",
+    "rosbridge": "the same calls, read by rosbridge itself",
 }
 
 

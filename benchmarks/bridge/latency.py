@@ -15,7 +15,7 @@ from pathlib import Path
 
 from .claims import Claim, Part
 from .ours import FromTheBus, UdpBridge
-from .ways import CProgram, RosSharp, Tcp, Way
+from .ways import CProgram, Rosbridge, RosSharp, Tcp, Way
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 10_000_000, 16_000_000)
 QUICK_SIZES = (1_000, 1_000_000, 10_000_000)
@@ -27,25 +27,26 @@ GOAL = {10_000_000: 20.0}
 _WARM_UP = 5
 
 
-def run(quick: bool, folder: Path) -> Part:
-    """Measure and print."""
+def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> Part:
+    """Measure and print; by a real rosbridge too where its `rosbridge_websocket` is given."""
     rows, claims = [], []
     with ExitStack() as stack:
         ways: list[Way] = []
         for make in (UdpBridge, FromTheBus, lambda: CProgram(folder), Tcp, RosSharp):
             ways.append(stack.enter_context(closing(make())))
+        if rosbridge is not None:
+            ways.append(stack.enter_context(closing(Rosbridge(rosbridge))))
         names = [way.name for way in ways]
         print("\nUntil ROS's publish call (C program: until whole), medians in ms:")
         print(" ".join([f"{'bytes':>9}", *(f"{n:>12}" for n in names), "  ROS#/ours  messages"]))
         for size in QUICK_SIZES if quick else SIZES:
             count = 8 if quick else max(21, min(100, 100_000_000 // size))
-            medians = [statistics.median(took) for took in measure(ways, size, count)]
-            ratio = medians[-1] / medians[0]
-            columns = " ".join(f"{median:12.3f}" for median in medians)
+            took = measure(ways, size, count)
+            medians = dict(zip(names, map(statistics.median, took), strict=True))
+            ratio = medians[RosSharp.name] / medians[UdpBridge.name]
+            columns = " ".join(f"{median:12.3f}" for median in medians.values())
             print(f"{size:9} {columns} {ratio:11.1f} {count:9}", flush=True)
-            rows.append(
-                {"bytes": size, "count": count, "ms": dict(zip(names, medians, strict=True))}
-            )
+            rows.append({"bytes": size, "count": count, "ms": medians})
             paper = PAPER_LARGE if size >= LARGE else PAPER_SMALL
             what = f"{size} bytes, times faster than the ROS# way"
             claims.append(Claim(what, ratio, GOAL.get(size, paper)))

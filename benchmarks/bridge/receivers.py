@@ -11,8 +11,10 @@ from __future__ import annotations
 import argparse
 import array
 import base64
+import contextlib
 import json
 import os
+import runpy
 import signal
 import socket
 import struct
@@ -31,9 +33,9 @@ IMAGE = 33
 _SIZE = struct.Struct("<Q")
 
 
-def tell(nanos: int) -> None:
-    """Print a time."""
-    os.write(1, b"%d\n" % nanos)
+def tell(number: int) -> None:
+    """Print a time, or a port."""
+    os.write(1, b"%d\n" % number)
 
 
 class Publisher:
@@ -159,19 +161,54 @@ def fill(message: Any, fields: dict[str, Any]) -> None:
             setattr(message, name, value)
 
 
+def rosbridge(options: argparse.Namespace) -> None:
+    """Run a real rosbridge as it is; only its publishers tell when they are called."""
+    from udp_bridge_ros2 import environment
+
+    environment.apply_defaults(os.environ)
+    from rclpy.node import Node
+
+    create = Node.create_publisher
+
+    def telling(self: Node, *given: Any, **more: Any) -> Any:
+        publisher = create(self, *given, **more)
+        return Publisher(publisher) if given[1] == TOPIC else publisher
+
+    setattr(Node, "create_publisher", telling)  # noqa: B010
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    threading.Thread(target=_tell_of_server, args=[port], daemon=True).start()
+    sys.stdout = sys.stderr  # for what it has to say itself
+    sys.argv = [options.program, "--address", "127.0.0.1", "--port", str(port)]
+    sys.argv += ["--max_message_size", str(1 << 27)]  # it refuses more than 10 MB otherwise
+    runpy.run_path(options.program, run_name="__main__")
+
+
+def _tell_of_server(port: int) -> None:
+    """Print the port as soon as somebody serves there."""
+    while True:
+        with (
+            contextlib.suppress(ConnectionRefusedError),
+            socket.create_connection(("127.0.0.1", port)),
+        ):
+            return tell(port)
+        time.sleep(0.05)
+
+
 def compute() -> None:
     """Keep the interpreter busy, as a user's own thread may."""
     while True:
         pass
 
 
-WAYS = {way.__name__: way for way in (node, library, tcp, ros_sharp)}
+WAYS = {way.__name__: way for way in (node, library, tcp, ros_sharp, rosbridge)}
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("way", choices=WAYS)
     parser.add_argument("--busy-thread", action="store_true")
     parser.add_argument("--lost", type=float, default=0.0)
+    parser.add_argument("--program")
     given = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     if given.busy_thread:

@@ -127,8 +127,8 @@ class RosSharp:
 
     name = "ROS# way"
 
-    def __init__(self) -> None:
-        self._receiver = python(RECEIVERS, "ros_sharp")
+    def __init__(self, *receiver: str) -> None:
+        self._receiver = python(RECEIVERS, *(receiver or ("ros_sharp",)))
         url = f"ws://{LOCALHOST}:{self._receiver.number()}"
         self._connection = connect(url, max_size=None, compression=None)
         self._call("advertise", type="sensor_msgs/msg/Image")
@@ -159,3 +159,12 @@ class RosSharp:
         """See `Way`."""
         self._connection.close()
         self._receiver.close()
+
+
+class Rosbridge(RosSharp):
+    """The same calls to a real rosbridge, which somebody has installed."""
+
+    name = "rosbridge"
+
+    def __init__(self, program: Path) -> None:
+        super().__init__("rosbridge", f"--program={program}")

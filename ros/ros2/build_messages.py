@@ -96,8 +96,9 @@ class InterfacePackage:
 
     @property
     def depends(self) -> list[str]:
-        """Packages that it names."""
-        return [str(entry.text).strip() for entry in self.description.iter("depend")]
+        """Packages that it is built with (REP 149: `depend` is `build_depend` and more)."""
+        found = [*self.description.iter("depend"), *self.description.iter("build_depend")]
+        return [str(entry.text).strip() for entry in found]
 
     @cached_property
     def dependencies(self) -> tuple[str, ...]:

@@ -83,9 +83,10 @@ def test_what_another_package_needs_is_named(tmp_path: Path) -> None:
     (tmp_path / "srv").mkdir()
     (tmp_path / "srv" / "Ask.srv").touch()
     package = (
-        "<package><name>mine</name><depend>std_msgs</depend><depend>their_msgs</depend></package>"
+        "<package><name>mine</name><depend>std_msgs</depend>"
+        "<depend>their_msgs</depend><build_depend>more_msgs</build_depend></package>"
     )
     (tmp_path / "package.xml").write_text(package, encoding="utf-8")
     done = build(ROS_FOLDER, str(tmp_path))
     assert done.returncode == 2
-    assert done.stderr.endswith(": ros-their-msgs\n")
+    assert done.stderr.endswith(": ros-more-msgs, ros-their-msgs\n")
