@@ -20,7 +20,7 @@ class Program:
     name: str
     what: str
     requirements: tuple[str, ...]
-    """What pip installs, wheels alone."""
+    """What pip installs; wheels alone, unless an option among them says more."""
 
     driver: str = ""
     """The script in `drivers` that feeds it; empty where its own command reads our bags."""
@@ -32,6 +32,21 @@ class Program:
 
 BAG_READER = ("rosbags==0.11.9", "numpy==2.4.6")
 """What every driver reads bags with."""
+
+ROS_2 = tuple(
+    f"ros-kilted-{name}"
+    for name in (
+        "rclpy",
+        "rmw-fastrtps-cpp",
+        "rmw-implementation",
+        "rosidl-typesupport-fastrtps-c",
+        "rosidl-typesupport-fastrtps-cpp",
+        "geometry-msgs",
+        "nav-msgs",
+        "sensor-msgs",
+    )
+)
+"""What a node of rclpy needs, as in pyproject.toml."""
 
 _OPENGL = {
     "libOpenGL.so.0": "libopengl0",
@@ -69,4 +84,13 @@ EVO = Program(
     licence="GPL-3.0",
 )
 
-PROGRAMS = {program.name: program for program in (YAG_SLAM, ORB_SLAM3, EVO)}
+YAG_SLAM_LIVE = Program(
+    name="yag-slam-live",
+    what="the same as a ROS 2 node",
+    # empy, which rosidl wants, has no wheel.
+    requirements=(*YAG_SLAM.requirements, *ROS_2, "--no-binary=empy"),
+    driver="yag_slam_live.py",
+    licence="LGPL-3.0",
+)
+
+PROGRAMS = {program.name: program for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, EVO)}

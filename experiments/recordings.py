@@ -111,7 +111,7 @@ def _digest(setup: Setup, folder: Path) -> str:
 
 def _run(setup: Setup, folder: Path, say: Say) -> None:
     """Start everything, wait until the bag is full, and end everything."""
-    bind, peer = (f"127.0.0.1:{_free_port()}" for _ in range(2))
+    bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
     scenario = setup.write(folder, {"bind": bind, "peer": peer})
     run = f"experiment_{os.getpid()}_{random.randrange(10**6)}"
     up = ["-m", "groundlink", "up", str(scenario), "--run", run, "--listen", free_endpoint()]
@@ -120,8 +120,8 @@ def _run(setup: Setup, folder: Path, say: Say) -> None:
     bag = ("-m", "experiments.ros_bag", str(folder / "run.mcap"), str(setup.seconds))
     domain = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
     with (
-        _process(bag, folder / "bag.log", domain) as recorder,
-        _process(
+        process(bag, folder / "bag.log", domain) as recorder,
+        process(
             (*up, "--record", str(folder / "bus.mcap")), folder / "up.log", domain
         ) as supervisor,
     ):
@@ -139,7 +139,7 @@ def _wait(
     seconds = -1.0
     while recorder.poll() is None:
         now_s = time.monotonic()
-        told = _last_told(folder / "bag.log")
+        told = last_told(folder / "bag.log")
         if told.get("seconds", 0.0) > seconds:
             seconds, moved_s = told.get("seconds", 0.0), now_s
         say.progress(
@@ -162,7 +162,7 @@ def _wait(
     )
 
 
-def _last_told(log: Path) -> dict[str, float]:
+def last_told(log: Path) -> dict[str, float]:
     """Return the last line of JSON of a log; nothing where there is none."""
     lines = log.read_text(encoding="utf-8").splitlines()
     for line in reversed(lines):
@@ -176,14 +176,17 @@ def _last_told(log: Path) -> dict[str, float]:
 
 
 @contextmanager
-def _process(
-    command: Sequence[str], log: Path, environment: dict[str, str]
+def process(
+    command: Sequence[str],
+    log: Path,
+    environment: dict[str, str],
+    python: str = sys.executable,
 ) -> Iterator[subprocess.Popen[str]]:
     """Start a Python process whose output goes to a file; end it at last."""
     output: IO[str]
     with log.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
-            [sys.executable, *command],
+            [python, *command],
             cwd=ROOT,
             env=os.environ | environment | {"PYTHONUNBUFFERED": "1"},
             stdin=subprocess.DEVNULL,
@@ -204,7 +207,8 @@ def _process(
             process.wait()
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a UDP port that nobody has."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

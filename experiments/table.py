@@ -6,7 +6,7 @@ Rule: one row each; an experiment is a function of its own module.
 
 from __future__ import annotations
 
-from . import indoors
+from . import indoors, live
 from .experiment import Experiment
 
 EXPERIMENTS: dict[str, Experiment] = {
@@ -14,6 +14,11 @@ EXPERIMENTS: dict[str, Experiment] = {
         what="6.3: 2D graph SLAM with loop closure on scans and odometry",
         run=indoors.scans,
         minutes=8,
+    ),
+    "live": Experiment(
+        what="2D graph SLAM as a ROS node, in real time; its poses and map come back to the bus",
+        run=live.slam,
+        minutes=4,
     ),
     "indoor_mono": Experiment(
         what="6.3: ORB-SLAM3 on one camera at 30 Hz",

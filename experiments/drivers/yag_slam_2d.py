@@ -169,50 +169,72 @@ def straightened(scan: Any, odometry: Odometry, scan_in_base: Pose, limit_m: flo
     return ranges_found
 
 
+class Mapper:
+    """A graph of scans that grows; poses are of the scanner in the frame of the map."""
+
+    def __init__(self, scan_in_base: Pose, range_m: float) -> None:
+        from yag_slam.graph_slam import GraphSlam
+        from yag_slam.scan_matching import Scan2DMatcherCpp
+
+        self._scan_in_base, self._range_m = scan_in_base, range_m
+        matcher = {"range_threshold": range_m, "search_size": 0.3, "smear_deviation": 0.03}
+        self._graph = GraphSlam(
+            Scan2DMatcherCpp(matcher),
+            Scan2DMatcherCpp({"range_threshold": range_m}, loop=True),
+            scan_buffer_len=15,
+        )
+        self._times_s: list[float] = []
+
+    def add(self, scan: Any, odometry: Odometry) -> Row:
+        """Take a scan; return its seconds and its pose as it is known by now."""
+        from yag_slam.models import LocalizedRangeScan
+
+        pose = compose(odometry.at(middle_s(scan)), self._scan_in_base)
+        ranges = straightened(scan, odometry, self._scan_in_base, self._range_m)
+        found = LocalizedRangeScan(
+            ranges,
+            float(scan.angle_min),
+            float(scan.angle_max),
+            float(scan.angle_increment),
+            float(scan.range_min),
+            float(scan.range_max),
+            self._range_m,
+            *pose,
+        )
+        self._graph.process_scan(found)
+        self._times_s.append(middle_s(scan))
+        corrected = found.corrected_pose
+        return self._times_s[-1], corrected.x, corrected.y, corrected.euler[-1]
+
+    def grid(self) -> Any:
+        """Return the map of all scans, as yag-slam has it."""
+        return self._graph.make_occupancy_grid(MAP_CELL_M, self._range_m)
+
+    def rows(self) -> list[Row]:
+        """Return all poses, after the graph was relaxed once more."""
+        self._graph.run_opt()
+        poses = [vertex.obj.corrected_pose for vertex in self._graph.graph.vertices]
+        return [(t, p.x, p.y, p.euler[-1]) for t, p in zip(self._times_s, poses, strict=True)]
+
+
 def slam(
     options: argparse.Namespace, scans: Sequence[Any], odometry: Odometry, scan_in_base: Pose
 ) -> list[Row]:
     """Return seconds, x, y, yaw of the scanner for each scan, as the graph has it at the end."""
-    from yag_slam.graph_slam import GraphSlam
-    from yag_slam.models import LocalizedRangeScan
-    from yag_slam.scan_matching import Scan2DMatcherCpp
-
-    matcher = {"range_threshold": options.range_m, "search_size": 0.3, "smear_deviation": 0.03}
-    graph = GraphSlam(
-        Scan2DMatcherCpp(matcher),
-        Scan2DMatcherCpp({"range_threshold": options.range_m}, loop=True),
-        scan_buffer_len=15,
-    )
-    times = []
+    mapper = Mapper(scan_in_base, options.range_m)
     for number, scan in enumerate(scans):
-        pose = compose(odometry.at(middle_s(scan)), scan_in_base)
-        ranges = straightened(scan, odometry, scan_in_base, options.range_m)
-        graph.process_scan(
-            LocalizedRangeScan(
-                ranges,
-                float(scan.angle_min),
-                float(scan.angle_max),
-                float(scan.angle_increment),
-                float(scan.range_min),
-                float(scan.range_max),
-                options.range_m,
-                *pose,
-            )
-        )
-        times.append(middle_s(scan))
+        mapper.add(scan, odometry)
         if number % 20 == 0:
             print(f"progress {number} of {len(scans)} scans", flush=True)
-    graph.run_opt()
-    write_map(options.out, graph, options.range_m)
-    poses = [vertex.obj.corrected_pose for vertex in graph.graph.vertices]
-    return [(t, p.x, p.y, p.euler[-1]) for t, p in zip(times, poses, strict=True)]
+    rows = mapper.rows()
+    write_map(options.out, mapper.grid())
+    return rows
 
 
-def write_map(out: Path, graph: Any, range_m: float) -> None:
+def write_map(out: Path, grid: Any) -> None:
     """Write the occupancy grid as map_server reads it."""
     import cv2
 
-    grid = graph.make_occupancy_grid(MAP_CELL_M, range_m)
     cells = np.array(grid.image)
     image = np.full(cells.shape, UNKNOWN, np.uint8)
     for theirs, ours in TRINARY.items():
