@@ -6,14 +6,15 @@ Rule: an experiment returns plain results; tables, verdicts and the page are mad
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .accounts import Account
 from .evaluation import Result, evaluate
 from .recordings import Recording
 from .say import Say
+from .setups import Changes
 from .trajectories import Trajectory, read_tum
 
 
@@ -28,6 +29,12 @@ class Options:
     seeds: tuple[int, ...] = (1, 2, 3)
     short: bool = False
     """Some seconds of driving instead of all, without limits: for tests."""
+
+    vary: Mapping[str, Changes] = field(default_factory=dict)
+    """Sensors, by name, with fields that are other than the experiment has them."""
+
+    figures: str = "figures"
+    """Where figures go, below `out`."""
 
     def folder(self, *names: str) -> Path:
         """Return a folder below `out`, which is made."""

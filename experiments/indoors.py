@@ -150,11 +150,11 @@ def _record(options: Options, seed: int) -> Recording:
         seed=seed,
         sensors=WITHOUT_CAMERAS if options.short else SENSORS,
     )
-    recording = record(setup, options.out, options.say)
+    recording = record(setup.varied(options.vary), options.out, options.say)
     if words := lost(recording.accounts):
         raise UserError(f"{setup.name}, seed {seed}: not all came to the bag: {words}")
     return recording
 
 
 def _figure(options: Options, name: str) -> Path:
-    return options.folder("figures") / f"{name}.png"
+    return options.folder(options.figures) / f"{name}.png"

@@ -59,7 +59,7 @@ def slam(options: Options) -> Sequence[Result]:
         seconds = SHORT_S if options.short else SECONDS
         setup = Setup(
             name="live", scenario="indoor_paper", seconds=seconds, seed=seed, time=IN_REAL_TIME
-        )
+        ).varied(options.vary)
         folder = options.folder("runs", f"live-{seed}")
         recording, map_yaml = _run(options, setup, folder, str(python))
         tum = folder / "poses.tum"
@@ -75,7 +75,7 @@ def slam(options: Options) -> Sequence[Result]:
         )
         results.append(result)
         if seed == options.seeds[0]:
-            drawn = options.folder("figures")
+            drawn = options.folder(options.figures)
             figures.trajectories(drawn / "live.png", recording.scenario, [way])
             figures.map_beside_plan(drawn / "live_map.png", recording.scenario, map_yaml, way)
     return results

@@ -24,10 +24,13 @@ KEPT = ROOT / "docs" / "experiments"
 
 
 def table(name: str, results: Sequence[Result]) -> str:
-    """Return the table of an experiment: a line for each program and case, medians over seeds."""
+    """Return the table of an experiment with its command."""
+    return "\n".join([f"`python -m experiments {name}`", "", *table_of(results)])
+
+
+def table_of(results: Sequence[Result]) -> list[str]:
+    """Return a line for each program and case, medians over seeds."""
     lines = [
-        f"`python -m experiments {name}`",
-        "",
         "| program | ATE, median | of each seed | start to end, median | way | limit | took |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -42,7 +45,7 @@ def table(name: str, results: Sequence[Result]) -> str:
             f"| {_length(median(group, 'start_to_end_m'))} | {median(group, 'way_m'):.1f} m "
             f"| {_length(limit_m) if limit_m else '-'} | {median(group, 'took_s'):.0f} s |"
         )
-    return "\n".join(lines)
+    return lines
 
 
 def _length(metres: float) -> str:

@@ -33,18 +33,16 @@ class Program:
 BAG_READER = ("rosbags==0.11.9", "numpy==2.4.6")
 """What every driver reads bags with."""
 
-ROS_2 = tuple(
-    f"ros-kilted-{name}"
-    for name in (
-        "rclpy",
-        "rmw-fastrtps-cpp",
-        "rmw-implementation",
-        "rosidl-typesupport-fastrtps-c",
-        "rosidl-typesupport-fastrtps-cpp",
-        "geometry-msgs",
-        "nav-msgs",
-        "sensor-msgs",
-    )
+ROS_2 = (
+    "ros-kilted-rclpy==9.1.2",
+    "ros-kilted-rmw-fastrtps-cpp==9.3.3",
+    "ros-kilted-rmw-implementation==3.0.4",
+    "ros-kilted-rosidl-typesupport-fastrtps-c==3.8.1",
+    "ros-kilted-rosidl-typesupport-fastrtps-cpp==3.8.1",
+    "ros-kilted-geometry-msgs==5.5.1",
+    "ros-kilted-nav-msgs==5.5.1",
+    "ros-kilted-sensor-msgs==5.5.1",
+    "--no-binary=empy",  # which rosidl wants, and which has no wheel
 )
 """What a node of rclpy needs, as in pyproject.toml."""
 
@@ -87,8 +85,7 @@ EVO = Program(
 YAG_SLAM_LIVE = Program(
     name="yag-slam-live",
     what="the same as a ROS 2 node",
-    # empy, which rosidl wants, has no wheel.
-    requirements=(*YAG_SLAM.requirements, *ROS_2, "--no-binary=empy"),
+    requirements=(*YAG_SLAM.requirements, *ROS_2),
     driver="yag_slam_live.py",
     licence="LGPL-3.0",
 )

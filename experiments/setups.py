@@ -9,13 +9,14 @@ from __future__ import annotations
 import copy
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import yaml
 
+from groundlink.errors import UserError
 from groundlink.scenario import Scenario, load
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -77,6 +78,22 @@ class Setup:
     """How what the link loses is made good, of every sensor: `none`, `{resend: 0.5}` ..."""
 
     time: Changes = field(default_factory=lambda: IN_LOCKSTEP)
+
+    def varied(self, vary: Mapping[str, Changes]) -> Setup:
+        """Return the same with other fields of some sensors.
+
+        Raises
+        ------
+        UserError
+            when it has no such sensor.
+        """
+        names = [sensor["name"] for sensor in self.document()["vehicles"][0]["sensors"]]
+        if strange := [name for name in vary if name not in names]:
+            raise UserError(f"{self.name} has no sensor {strange[0]}; it has {', '.join(names)}")
+        sensors = dict(self.sensors)
+        for name, changes in vary.items():
+            sensors[name] = {**(sensors.get(name) or {}), **changes}
+        return replace(self, sensors=sensors)
 
     def document(self) -> dict[str, Any]:
         """Return the scenario as a file would have it, without addresses."""

@@ -25,6 +25,7 @@ from .cli import (
     sensors,
     snapshot,
     spawn,
+    sweep,
     top,
     topics,
     up,
@@ -57,6 +58,7 @@ COMMANDS = (
     world,
     compose,
     secure,
+    sweep,
 )
 
 

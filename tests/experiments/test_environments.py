@@ -53,7 +53,7 @@ def test_a_library_that_is_missing_is_named_with_its_package(
 
 @pytest.mark.parametrize("program", PROGRAMS.values(), ids=list(PROGRAMS))
 def test_every_program_is_pinned_and_has_its_script(program: Program) -> None:
-    assert all("==" in requirement for requirement in program.requirements)
+    assert all("==" in word for word in program.requirements if not word.startswith("--"))
     assert not program.driver or (DRIVERS / program.driver).is_file()
     assert set(program.libraries) <= set(DEBIAN_PACKAGES)
     assert program.licence
