@@ -34,7 +34,7 @@ from .following import Following
 from .gateway import Gateway
 from .kept import NAME, Kept
 from .lockstep import REPAIR, Lockstep
-from .memory import memory_of, recall
+from .memory import known_of, memory_of, recall
 from .rmw_zenoh import Facade
 from .streams import repair_table, waiting_table
 from .subscriptions import Address
@@ -132,24 +132,27 @@ def _carry(
             if arrived := following.listen(inbox):
                 key, message = arrived
                 if isinstance(message, Clock):
-                    if gateway.note_time(message) and message.tick:
-                        recall(kept.bus, kept.run, gateway, emulated)
+                    if gateway.note_time(message):
+                        recall(_known(kept, message), gateway, emulated)
                     if emulated is not None:
                         emulated.at(message.stamp_nanos - message.epoch_nanos)
                 following.hear(key, message)
             following.turn(time.monotonic())
             gateway.hear_native()
             if heartbeat.due():
-                if changed := kept.changed(scenario, stop):
+                changed = kept.changed(scenario, stop)
+                if changed or peer_now.address != peer:
+                    kept.left = gateway.life, memory_of(gateway, emulated)
+                if changed:
                     return changed
-                if peer_now.address != peer:
-                    print(f"{NAME}: the peer is at {peer_now.address[0]} now", file=sys.stderr)
+                if (now := peer_now.address) != peer and now is not None:
+                    _say(f"the peer is at {now[0]} now")
                     return scenario
                 gateway.repeat(link)
                 streams, counts = gateway.report(link, inbox.dropped_of)
                 wire = link.counters()
                 for line in misfits.new(wire["refused"]):
-                    print(f"{NAME}: {line}", file=sys.stderr, flush=True)
+                    _say(line)
                 counts |= {
                     "bus_dropped": inbox.dropped,
                     "bus_refused": inbox.refused,
@@ -168,6 +171,18 @@ def _carry(
 
 
 @contextmanager
+def _say(line: str) -> None:
+    print(f"{NAME}: {line}", file=sys.stderr, flush=True)
+
+
+def _known(kept: Kept, begins: Clock) -> bytes:
+    """Return what is known of this gateway's predecessors as a life begins for it."""
+    life, memory = kept.left
+    if life == begins.life:
+        return memory
+    return known_of(kept.bus, kept.run) if begins.tick else b""
+
+
 def native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
     """Let a gateway be there for nodes of rmw_zenoh meanwhile, if the scenario wants that."""
     settings = scenario.gateway.rmw_zenoh
@@ -203,7 +218,7 @@ def _following(
         *(scenario, gateway, link, words),
         acknowledge=acknowledge,
         resume=kept.resumed,
-        say=lambda line: print(f"{NAME}: {line}", file=sys.stderr, flush=True),
+        say=_say,
     )
 
 
@@ -239,7 +254,7 @@ def sockets(
             "the other process or change `gateway.bind`"
         ) from None
     if hint := buffer_hint(bare.receive_buffer, DEFAULT_RECEIVE_BUFFER):
-        print(f"{NAME}: {hint}", file=sys.stderr, flush=True)
+        _say(hint)
     around: DatagramSocket = PeersOnly(bare, peers)
     emulated = None
     if settings.link is not None:

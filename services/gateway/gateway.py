@@ -111,7 +111,7 @@ class Gateway:
         self.newest: dict[str, int] = {}
         """By stream: the stamp of the newest message that went to ROS."""
 
-        self._attendance = Attendance(scenario, run)
+        self.attendance = Attendance(scenario, run)
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
 
@@ -119,7 +119,8 @@ class Gateway:
         """Where what is pushed goes besides the wire."""
 
         self.epoch_nanos = 0
-        self._life: int | None = None
+        self.life: int | None = None
+        """Of which the newest clock message is."""
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
 
@@ -135,7 +136,7 @@ class Gateway:
         elif self._is_stale(key, measured_nanos(message)):
             self.counts["stale"] += 1
             return []
-        self._attendance.came(key, measured_nanos(message) - self.epoch_nanos)
+        self.attendance.came(key, measured_nanos(message))
         told = [(self._place_in_ros[key], message)]
         for base in self._bases:
             told += [((wire_type(type(m)), topic), m) for topic, m in base.hear(key, message)]
@@ -153,14 +154,14 @@ class Gateway:
 
     def note_time(self, clock: Clock) -> bool:
         """Take note of what time it is; return whether a life of the run has begun."""
-        has_begun = clock.life != self._life
+        has_begun = clock.life != self.life
         if has_begun:
             # Sim time begins again: nothing repeats itself.
-            self._life = clock.life
+            self.life = clock.life
             self.newest.clear()
             for base in self._bases:
                 base.restart()
-        self._attendance.clock(has_begun=has_begun)
+        self.attendance.clock(clock)
         self.clock_nanos, self.epoch_nanos = clock.stamp_nanos, clock.epoch_nanos
         return has_begun
 
@@ -230,7 +231,7 @@ class Gateway:
         topics = {key: stream.topic for key, stream in self.streams.items()}
         pushed_out = {topics[key]: count for key, count in dropped.items() if key in topics}
         rows = [with_pushed_out(row, pushed_out) for row in rows]
-        counts = self.counts | self._attendance.counters()
+        counts = self.counts | self.attendance.counters()
         return rows, counts | peer_counters(self._reports.link)
 
     def _send(

@@ -52,6 +52,9 @@ class Kept:
         self.wishes = Wishes(partial(ask, bus, run), backlog=lambda: len(self.inbox))
         self.emulated: Emulated | None = None
         self._types: dict[str, type[Message]] = {}
+        self.left: tuple[int | None, bytes] = (None, b"")
+        """What the last gateway in this process left to the next: in which life, its memory."""
+
         self._physics: Inbox[Health] = Inbox(depth=16)
         self._worlds: int | None = None
         bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)

@@ -29,21 +29,32 @@ class _Memory(msgspec.Struct, array_like=True):
     link: dict[str, Course]
     """By direction: how far the emulated link has come with its random numbers."""
 
+    next_due: dict[str, int] = {}
+    not_come: dict[str, int] = {}
+    """See `Attendance.memory`."""
+
 
 def memory_of(gateway: Gateway, emulated: Emulated | None) -> bytes:
     """Return what a successor has to know."""
     link = {} if emulated is None else emulated.courses()
-    return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link))
+    attendance = gateway.attendance.memory()
+    return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link, *attendance))
 
 
-def recall(bus: Bus, run: str, gateway: Gateway, emulated: Emulated | None) -> None:
-    """Go on from what physics knows of a predecessor, if it knows anything."""
+def known_of(bus: Bus, run: str) -> bytes:
+    """Return what physics knows of a predecessor; nothing where it knows of none."""
     for payload in bus.ask(history_key(run), GATEWAY, seconds=ANSWER_SECONDS).values():
-        ack = decode(payload, Ack)
-        if ack.memory:
-            known = msgspec.msgpack.decode(ack.memory, type=_Memory)
-            gateway.newest = known.newest
-            gateway.counts |= known.counts
-            if emulated is not None:
-                emulated.take_up(known.link)
+        return decode(payload, Ack).memory
+    return b""
+
+
+def recall(memory: bytes, gateway: Gateway, emulated: Emulated | None) -> None:
+    """Go on from a predecessor's memory, in a life whose first clock was heard."""
+    if not memory:
         return
+    known = msgspec.msgpack.decode(memory, type=_Memory)
+    gateway.newest = known.newest
+    gateway.counts |= known.counts
+    gateway.attendance.remember(known.next_due, known.not_come)
+    if emulated is not None:
+        emulated.take_up(known.link)

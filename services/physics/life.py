@@ -28,7 +28,7 @@ from groundlink.messages import Ack, Clock, Command, State, WheelCommand, decode
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.topics import RECORDER, driver_names, process_names
+from groundlink.topics import GATEWAY, RECORDER, driver_names, process_names
 from groundlink.vitals import VITALS_HZ
 from groundlink.world.build import solids, world_hash
 
@@ -268,13 +268,14 @@ class Life:
         """Return for a process that joins where it resumes, and the states since then.
 
         In real time there is nothing for who joins late, but for those that take up what they did
-        in an earlier life, and for sensors that were there before. Where readings are left out
-        these, too, have missed what they have missed.
+        in an earlier life, for a gateway what the one before it knew, and for sensors that were
+        there before. Where readings are left out these, too, have missed what they have missed.
         """
         if self._is_realtime and process not in self._predecessors:
-            if process not in self._acks or self.scenario.sensor(process) is None:
+            is_sensor = self.scenario.sensor(process) is not None
+            if process not in self._acks or not (is_sensor or process == GATEWAY):
                 return []
-            if not self._at_start.time.waits:
+            if not self._at_start.time.waits or process == GATEWAY:
                 return [encode(self._acks[process])]
         resume = self._acks.get(process, Ack(self.number, -1, -1))
         history = [*self._history]

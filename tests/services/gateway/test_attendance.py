@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.calendars import calendar
+from groundlink.messages import Clock
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.gateway.attendance import Attendance
@@ -13,12 +14,40 @@ from services.gateway.attendance import Attendance
 SCENARIO = load(SHIPPED / "indoor_lab.yaml")
 VEHICLE = SCENARIO.vehicles[0]
 STREAMS = {"lidar": "/points", "imu": "/imu", "encoders": "/wheel_encoders"}
+DUE = {spec.name: calendar(spec) for spec in VEHICLE.sensors}
+SECOND = 1_000_000_000
 
 
-def came(attendance: Attendance, sensor: str, readings: list[int]) -> None:
-    (spec,) = (spec for spec in VEHICLE.sensors if spec.name == sensor)
-    for reading in readings:
-        attendance.came(f"groundlink/lab/rover/{sensor}", calendar(spec).nanos(reading))
+class Run:
+    """An attendance, and a run whose lives begin at an epoch."""
+
+    def __init__(self) -> None:
+        self.attendance = Attendance(SCENARIO, "lab")
+        self.life, self.epoch_nanos = 1, 100 * SECOND
+
+    def begins_anew(self, *, epoch_nanos: int) -> None:
+        self.life, self.epoch_nanos = self.life + 1, epoch_nanos
+
+    def clock(self, seconds: float) -> None:
+        nanos = round(seconds * SECOND)
+        tick = nanos // 2_500_000
+        stamp = self.epoch_nanos + nanos
+        self.attendance.clock(Clock(stamp, self.epoch_nanos, tick, self.life))
+
+    def came(self, sensor: str, *readings: int) -> None:
+        for reading in readings:
+            stamp = self.epoch_nanos + DUE[sensor].nanos(reading)
+            self.attendance.came(f"groundlink/lab/rover/{sensor}", stamp)
+
+    def not_come(self, topic: str) -> int:
+        return self.attendance.counters().get(f"not_come_{topic}", 0)
+
+
+@pytest.fixture
+def run() -> Run:
+    run = Run()
+    run.clock(0)
+    return run
 
 
 @pytest.mark.parametrize("sensor", STREAMS)
@@ -27,28 +56,80 @@ def came(attendance: Attendance, sensor: str, readings: list[int]) -> None:
     [([7, 8, 9], 0), ([7, 9], 1), ([7, 10, 11, 15], 5), ([12], 0)],
 )
 def test_what_is_left_out_between_two_is_counted(
-    sensor: str, readings: list[int], not_come: int
+    run: Run, sensor: str, readings: list[int], not_come: int
 ) -> None:
-    attendance = Attendance(SCENARIO, "lab")
-    came(attendance, sensor, readings)
-    attendance.clock(has_begun=False)
-    assert attendance.counters().get(f"not_come_{STREAMS[sensor]}", 0) == not_come
+    run.came(sensor, *readings)
+    run.clock(2)
+    assert run.not_come(STREAMS[sensor]) == not_come
 
 
-def test_another_life_is_no_gap_even_where_a_reading_is_ahead_of_the_clock() -> None:
-    attendance = Attendance(SCENARIO, "lab")
-    came(attendance, "imu", [20, 22])
-    attendance.clock(has_begun=False)
-    came(attendance, "imu", [5000])
-    attendance.clock(has_begun=True)
-    came(attendance, "imu", [3, 4])
-    attendance.clock(has_begun=False)
-    assert attendance.counters() == {"not_come_/imu": 1}
+def test_what_is_ahead_of_its_clock_waits_for_it(run: Run) -> None:
+    run.came("encoders", 5, 50, 51)  # 50 a second
+    run.clock(0.1)
+    assert run.not_come("/wheel_encoders") == 0
+    run.clock(1)
+    assert run.not_come("/wheel_encoders") == 44
 
 
-def test_what_is_no_reading_is_passed_over() -> None:
-    attendance = Attendance(SCENARIO, "lab")
-    attendance.came("groundlink/lab/clock", 10)
-    attendance.came("groundlink/lab/clock", 10_000_000_000)
-    attendance.clock(has_begun=False)
-    assert attendance.counters() == {}
+@pytest.mark.parametrize("epoch_nanos", [100 * SECOND, 140 * SECOND], ids=["the same", "later"])
+def test_a_life_is_accounted_to_its_end_and_the_next_one_from_its_begin(
+    run: Run, epoch_nanos: int
+) -> None:
+    """One epoch is that of a run with its own time, the other one the wall clock's."""
+    run.came("encoders", *range(50))
+    run.clock(2)
+    run.came("encoders", 95)
+    run.begins_anew(epoch_nanos=epoch_nanos)
+    run.came("encoders", 2)
+    run.clock(0.1)
+    # To the last clock 101 were due, of which the last one may have been under way.
+    assert run.not_come("/wheel_encoders") == 45 + 4
+    run.clock(0.2)
+    assert run.not_come("/wheel_encoders") == 45 + 4 + 2
+    run.came("encoders", 3, 5)
+    run.clock(0.3)
+    assert run.not_come("/wheel_encoders") == 45 + 4 + 3
+
+
+def test_what_comes_after_its_life_has_ended_has_come(run: Run) -> None:
+    run.came("encoders", *range(50))
+    run.clock(2)
+    run.begins_anew(epoch_nanos=140 * SECOND)
+    run.clock(0)
+    assert run.not_come("/wheel_encoders") == 50
+    run.begins_anew(epoch_nanos=100 * SECOND)
+    run.came("encoders", 50, 52, 52, 3000)
+    run.begins_anew(epoch_nanos=140 * SECOND)
+    run.life = 2
+    run.came("encoders", 0)
+    run.clock(0.1)
+    assert run.not_come("/wheel_encoders") == 48
+
+
+def test_a_stream_that_never_came_is_not_missed(run: Run) -> None:
+    run.clock(5)
+    run.begins_anew(epoch_nanos=140 * SECOND)
+    run.clock(0)
+    run.clock(5)
+    run.came("imu", 1000)
+    run.clock(6)
+    assert not any(run.attendance.counters().values())
+
+
+def test_a_successor_goes_on_from_where_the_last_one_was(run: Run) -> None:
+    run.came("encoders", 7, 9)
+    run.clock(1)
+    run.came("encoders", 10)
+    after = Run()
+    after.came("encoders", 20, 21)
+    after.clock(1)
+    after.attendance.remember(*run.attendance.memory())
+    after.clock(1.1)
+    assert after.not_come("/wheel_encoders") == 1 + 9
+
+
+def test_what_is_no_reading_is_passed_over(run: Run) -> None:
+    run.attendance.came("groundlink/lab/clock", run.epoch_nanos)
+    run.attendance.came("groundlink/lab/clock", run.epoch_nanos + 10 * SECOND)
+    run.clock(11)
+    assert run.attendance.counters() == {}

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from groundlink.messages import Ack, Clock, Imu, encode
-from services.gateway.memory import memory_of, recall
+from services.gateway.memory import known_of, memory_of, recall
 
 from .test_gateway import RUN, Bench
 
@@ -44,7 +44,7 @@ def test_what_went_to_ros_before_does_not_go_again() -> None:
     ack = Ack(9, 40, 40, memory_of(first.gateway, None))
     bus: Any = Archive(encode(ack), b"a state")
     second.gateway.forward(f"groundlink/{RUN}/clock", Clock(100_000_000, 0, 40, 9), second.link)
-    recall(bus, RUN, second.gateway, None)
+    recall(known_of(bus, RUN), second.gateway, None)
     assert forwarded(second, 2, 3, 4) == [4]
     assert second.gateway.counts["commands"] == 17
 
@@ -53,5 +53,5 @@ def test_who_has_no_predecessor_begins_anew() -> None:
     for replies in ((), (encode(Ack(9, -1, -1)), b"a state")):
         bench = Bench()
         bus: Any = Archive(*replies)
-        recall(bus, RUN, bench.gateway, None)
+        recall(known_of(bus, RUN), bench.gateway, None)
         assert forwarded(bench, 1, 2) == [1, 2]

@@ -138,6 +138,7 @@ def test_in_real_time_a_sensor_that_was_there_resumes(overload: Any, states: int
     resume, *missed = life.missed_by("rover/imu")
     assert decode(resume, Ack) == word
     assert [decode(state, State).tick for state in missed] == list(range(3 - states, 3))
-    for late in ("rover/lidar", "rover/driver", "gateway"):
+    assert [decode(known, Ack) for known in life.missed_by("gateway")] == [word]
+    for late in ("rover/lidar", "rover/driver"):
         assert life.missed_by(late) == []
     physics.close()
