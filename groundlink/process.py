@@ -36,6 +36,10 @@ HEALTH_PERIOD_SECONDS = 1.0
 
 
 def parser(process: str, description: str) -> argparse.ArgumentParser:
+class NoSuchHost(UserError):
+    """A host's name has no address, or none yet."""
+
+
     """Return the argument parser that all processes share."""
     arguments = argparse.ArgumentParser(prog=process, description=description)
     arguments.add_argument(
@@ -65,7 +69,7 @@ def address(text: str) -> tuple[str, int]:
     Raises
     ------
     UserError
-        when it is no address or the host has none.
+        when it is no address; `NoSuchHost` when the host has none.
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535:
@@ -73,7 +77,7 @@ def address(text: str) -> tuple[str, int]:
     try:
         return socket.gethostbyname(host), int(port)
     except OSError:
-        raise UserError(f"`{text}`: no host is called `{host}`") from None
+        raise NoSuchHost(f"`{text}`: no host is called `{host}`") from None
 
 
 def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) -> NoReturn:

@@ -65,7 +65,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         kept = Kept(bus, run)
         peer = Whereabouts(options.peer or scenario.gateway.peer, process.address)
         try:
-            while changed is not None:
+            while changed is not None and peer.known(stop, _say) is not None:
                 changed = _carry(kept, changed, options, peer, stop)
         finally:
             peer.close()
@@ -86,6 +86,7 @@ def _carry(
     inbox = kept.inbox
     bind = process.address(options.bind or scenario.gateway.bind)
     peer = peer_now.address
+    assert peer is not None, "it is known by now"
     words = Words() if scenario.time.lockstep == "ros" else None
     gateway = Gateway(
         scenario,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the peer is now, whose name may come to mean another address.
+"""Where the peer is now, whose name may come to mean another address, or has none yet.
 
 Rule: names are looked up on a thread of its own, since one failed look-up can take ten seconds, and
 while it fails the last address holds.
@@ -7,15 +7,20 @@ while it fails the last address holds.
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable
 
 from groundlink.errors import UserError
+from groundlink.process import NoSuchHost
 
 from .subscriptions import Address
 
 LOOK_UP_SECONDS = 2.0
 """Between two look-ups: a container that was made anew may have another address."""
+
+WAIT_SECONDS = 0.02
 
 
 class Whereabouts:
@@ -25,28 +30,52 @@ class Whereabouts:
     ----------
     look_up
         returns the address of such a text, or raises a UserError.
-
-    Raises
-    ------
-    UserError
-        when it has none at first.
     """
 
     def __init__(
         self, text: str, look_up: Callable[[str], Address], period_seconds: float = LOOK_UP_SECONDS
     ) -> None:
-        self.address = look_up(text)
+        self.address: Address | None = None
+        """The last one; None before the first."""
+
         self._text, self._look_up, self._period_seconds = text, look_up, period_seconds
+        self._mistake: UserError | None = None
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._keep_looking, daemon=True)
         self._thread.start()
 
+    def known(self, stop: threading.Event, tell: Callable[[str], object]) -> Address | None:
+        """Return the address as soon as there is one, None if `stop` is set before.
+
+        Parameters
+        ----------
+        tell
+            is called once where that takes longer than the time between two look-ups.
+
+        Raises
+        ------
+        UserError
+            when the text is no address.
+        """
+        told_at = time.monotonic() + self._period_seconds
+        while self.address is None and not stop.wait(WAIT_SECONDS):
+            if self._mistake is not None and not isinstance(self._mistake, NoSuchHost):
+                raise self._mistake
+            if time.monotonic() > told_at:
+                told_at = math.inf
+                tell(
+                    f"no address is known of `{self._text}`, which is looked up again and again; "
+                    "ROS gets nothing until there is one"
+                )
+        return self.address
+
     def _keep_looking(self) -> None:
-        while not self._end.wait(self._period_seconds):
+        while not self._end.is_set():
             try:
                 self.address = self._look_up(self._text)
-            except UserError:
-                continue
+            except UserError as mistake:
+                self._mistake = mistake
+            self._end.wait(self._period_seconds)
 
     def close(self) -> None:
         """Look no more; a look-up under way ends with the process."""

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 
 import pytest
 
 from groundlink.errors import UserError
+from groundlink.process import NoSuchHost
 from services.gateway.whereabouts import Whereabouts
 from tests.system.rig import wait_for
 
@@ -17,31 +19,99 @@ class Names:
 
     def __init__(self) -> None:
         self.host: str | None = "10.0.0.1"
-        self.threads: set[int] = set()
+        self.looked_up = 0
+        self.thread = 0
+        self.no_host: UserError = NoSuchHost("no host")
+        self.hangs = threading.Event()
+        self.hangs.set()
 
     def look_up(self, text: str) -> tuple[str, int]:
-        self.threads.add(threading.get_ident())
+        self.thread = threading.get_ident()
+        self.hangs.wait()
+        self.looked_up += 1
         if self.host is None:
-            raise UserError("no host")
+            raise self.no_host
         return self.host, 7511
 
 
-def test_another_address_is_taken_and_a_failed_look_up_changes_nothing() -> None:
-    names = Names()
+@pytest.fixture
+def names() -> Names:
+    return Names()
+
+
+@pytest.fixture
+def stop() -> threading.Event:
+    return threading.Event()
+
+
+@pytest.fixture
+def lines() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def peer(names: Names) -> Iterator[Whereabouts]:
     peer = Whereabouts("ros2:7511", names.look_up, period_seconds=0.001)
     try:
-        assert peer.address == ("10.0.0.1", 7511)
-        names.host = None
-        wait_for(lambda: len(names.threads) == 2, 5, "a look-up on a thread of its own")
-        assert peer.address == ("10.0.0.1", 7511)
-        names.host = "10.0.0.2"
-        wait_for(lambda: peer.address == ("10.0.0.2", 7511), 5, "the new address")
+        yield peer
     finally:
+        names.hangs.set()
         peer.close()
 
 
-def test_a_peer_without_any_address_is_the_users_mistake() -> None:
-    names = Names()
+def test_another_address_is_taken_and_a_failed_look_up_changes_nothing(
+    names: Names, peer: Whereabouts, stop: threading.Event, lines: list[str]
+) -> None:
+    assert peer.known(stop, lines.append) == ("10.0.0.1", 7511)
     names.host = None
-    with pytest.raises(UserError, match="no host"):
-        Whereabouts("ros2:7511", names.look_up)
+    before = names.looked_up
+    wait_for(lambda: names.looked_up > before + 1, 5, "a look-up")
+    assert names.thread != threading.get_ident()
+    assert peer.address == ("10.0.0.1", 7511)
+    names.host = "10.0.0.2"
+    wait_for(lambda: peer.address == ("10.0.0.2", 7511), 5, "the new address")
+
+
+@pytest.mark.parametrize("hangs", [False, True], ids=["no such host", "no answer"])
+def test_a_peer_without_an_address_is_told_once_and_taken_when_it_has_one(
+    hangs: bool, names: Names, stop: threading.Event, lines: list[str]
+) -> None:
+    names.host = None
+    if hangs:
+        names.hangs.clear()
+    peer = Whereabouts("ros2:7511", names.look_up, period_seconds=0.001)
+
+    def appear() -> None:
+        wait_for(lambda: lines, 5, "the line")
+        names.host = "10.0.0.3"
+        names.hangs.set()
+
+    appears = threading.Thread(target=appear)
+    appears.start()
+    try:
+        assert peer.known(stop, lines.append) == ("10.0.0.3", 7511)
+    finally:
+        appears.join()
+        peer.close()
+    (line,) = lines
+    assert "no address is known of `ros2:7511`" in line
+
+
+def test_who_is_asked_to_end_waits_for_no_name(
+    names: Names, stop: threading.Event, lines: list[str]
+) -> None:
+    names.host = None
+    never = Whereabouts("ros2:7511", names.look_up, period_seconds=0.001)
+    stop.set()
+    assert never.known(stop, lines.append) is None
+    never.close()
+
+
+def test_what_is_no_address_is_the_users_mistake(
+    names: Names, stop: threading.Event, lines: list[str]
+) -> None:
+    names.host, names.no_host = None, UserError("`ros2` is no address")
+    peer = Whereabouts("ros2", names.look_up)
+    with pytest.raises(UserError, match="is no address"):
+        peer.known(stop, lines.append)
+    peer.close()
