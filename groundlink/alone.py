@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a process makes sure that it is the only one of its name in a run.
+"""How a process makes sure that it is the only one of its name in a run, and stays it.
 
 Rule: of those that start at the same instant one goes on, and every other one says who it is and
 ends. Each claims the name by a token of its own before it looks who else does: of two that look,
 the later one sees both. The lowest claim wins; who lost takes its claim back and waits for the
-winner to show itself. Nothing is kept anywhere: tokens end with their sessions.
+winner to show itself. Of two that run, as one was cut off when the other was started, the one with
+the highest claim goes on: claims begin with the time, so where the hosts' clocks agree that is the
+later one, which the others have joined. Nothing is kept anywhere: tokens end with their sessions.
 """
 
 from __future__ import annotations
 
 import random
 import time
+from typing import Protocol
 
 from .bus import Bus
 from .errors import UserError
@@ -22,7 +25,7 @@ GONE_SECONDS = 15.0
 """After this long Zenoh has told that a process is gone that was cut off: its lease is 10 s."""
 
 YIELD_SECONDS = 3.0
-"""Who has seen a lower claim than its own has long taken its own back."""
+"""Who has seen a lower claim than its own has long taken its own back; so who keeps one runs."""
 
 LOOK_SECONDS = 1.0
 PAUSE_SECONDS = 0.1
@@ -33,7 +36,20 @@ def claims_key(run: str, process: str) -> str:
     return f"{ROOT}/{run}/claims/{process}"
 
 
-def alone(bus: Bus, run_name: str, process: str) -> None:
+class Claims(Protocol):
+    """A process's claim to its name, while it runs."""
+
+    def check(self, now_seconds: float) -> None:
+        """Look whether the name is still this process's alone; to be called every second or so.
+
+        Raises
+        ------
+        UserError
+            once, when another one has taken its place.
+        """
+
+
+def alone(bus: Bus, run_name: str, process: str) -> Claims:
     """Return when no other process of this name is in a run, nor will be.
 
     One that was cut off is still counted as there for some seconds; it is waited for.
@@ -45,13 +61,13 @@ def alone(bus: Bus, run_name: str, process: str) -> None:
     """
     there = _There(bus, run_name, process)
     claims = claims_key(run_name, process)
-    own = f"{claims}/{random.getrandbits(63):019}"
+    own = f"{claims}/{time.time_ns():019}{random.getrandbits(31):010}"
     while True:
         while there.is_there() or _others(bus, claims, own):
             time.sleep(PAUSE_SECONDS)
         withdraw = bus.announce(own)
         if _is_mine(bus, claims, own):
-            return
+            return Claim(bus, run_name, process, own)
         withdraw()
 
 
@@ -68,6 +84,48 @@ def _is_mine(bus: Bus, claims: str, own: str) -> bool:
             return False
         time.sleep(PAUSE_SECONDS)
     return True
+
+
+class Claim:
+    """Sees who else claims the name of a process that runs.
+
+    Parameters
+    ----------
+    own
+        key of this process's claim.
+    """
+
+    def __init__(self, bus: Bus, run_name: str, process: str, own: str) -> None:
+        self._bus, self._run, self._process, self._own = bus, run_name, process, own
+        self._higher: dict[str, float] = {}
+        """By claim above the own one: since when it is there."""
+
+        bus.watch(f"{claims_key(run_name, process)}/*", self._on_change)
+
+    def _on_change(self, key: str, there: bool) -> None:
+        if not there:
+            self._higher.pop(key, None)
+        elif key > self._own:
+            self._higher.setdefault(key, time.monotonic())
+
+    def check(self, now_seconds: float) -> None:
+        """See `Claims`."""
+        for key, since in self._higher.copy().items():
+            if now_seconds - since <= YIELD_SECONDS:
+                continue
+            self._higher.clear()
+            if self._bus.present(key, seconds=LOOK_SECONDS):
+                raise UserError(
+                    f"another `{self._process}` of run `{self._run}` was started while this one "
+                    "was cut off, and goes on; this one ends"
+                )
+
+
+class Unclaimed:
+    """Stands for the claim of a process of which several may be there."""
+
+    def check(self, now_seconds: float) -> None:
+        """Do nothing."""
 
 
 class _There:

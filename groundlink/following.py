@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+from .alone import Claims, Unclaimed
 from .bus import Bus
 from .inbox import Inbox
 from .messages import Ack, State, decode
@@ -51,6 +52,9 @@ class Follower(NamedTuple):
     counters: Callable[[], dict[str, int]]
     """What it counts, `refused` among it, to which messages are added that were none."""
 
+    claim: Claims = Unclaimed()
+    """To its name."""
+
 
 def follow_states(
     bus: Bus,
@@ -74,7 +78,7 @@ def follow_states(
     states: Inbox[State] = Inbox(depth=STATES_KEPT)
     bus.subscribe(STATE.key_in(run_name), State, states)
     life = _catch_up(bus, run_name, followers)
-    heartbeats = [Heartbeat(bus, run_name, name) for name, _, _ in followers]
+    heartbeats = [Heartbeat(bus, run_name, f.name, f.claim) for f in followers]
     quiet = Quiet(time.monotonic())
     while not ended():
         if arrived := states.get(seconds=0.1):
@@ -85,15 +89,15 @@ def follow_states(
                 life = missed_of or state.life
             elif waited_for and any(0 <= f.taker.tick < state.tick - 1 for f in followers):
                 _catch_up(bus, run_name, followers)
-            for _, taker, _ in followers:
-                taker.take(state, len(states))
+            for follower in followers:
+                follower.taker.take(state, len(states))
         elif waited_for and quiet.is_too_long(time.monotonic()):
             life = _catch_up(bus, run_name, followers, life) or life
-        for heartbeat, (_, taker, counters) in zip(heartbeats, followers, strict=True):
+        for heartbeat, follower in zip(heartbeats, followers, strict=True):
             if heartbeat.due():
-                counts = counters()
+                counts = follower.counters()
                 counts["refused"] += states.refused
-                heartbeat.beat(taker.tick, counts)
+                heartbeat.beat(follower.taker.tick, counts)
 
 
 def _catch_up(
@@ -104,7 +108,7 @@ def _catch_up(
     Of the life that is known, who has all states and is known to have them has missed nothing.
     """
     life = None
-    for name, taker, _ in followers:
+    for name, taker, *_ in followers:
         missed = list(bus.ask(history_key(run_name), name, seconds=JOIN_SECONDS).values())
         if missed:
             ack = decode(missed[0], Ack)

@@ -22,6 +22,7 @@ import msgspec
 
 from . import asset_exchange
 from .alive import Alive
+from .alone import Claims, Unclaimed
 from .bus import DEFAULT_ENDPOINT, Bus
 from .errors import UserError
 from .messages import Health, StreamReport
@@ -35,11 +36,11 @@ JOIN_SECONDS = 20.0
 HEALTH_PERIOD_SECONDS = 1.0
 
 
-def parser(process: str, description: str) -> argparse.ArgumentParser:
 class NoSuchHost(UserError):
     """A host's name has no address, or none yet."""
 
 
+def parser(process: str, description: str) -> argparse.ArgumentParser:
     """Return the argument parser that all processes share."""
     arguments = argparse.ArgumentParser(prog=process, description=description)
     arguments.add_argument(
@@ -151,9 +152,9 @@ def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
 class Heartbeat:
     """Tells the run once a second how a process is."""
 
-    def __init__(self, bus: Bus, run_name: str, process: str) -> None:
+    def __init__(self, bus: Bus, run_name: str, process: str, claim: Claims | None = None) -> None:
         key = HEALTH.key_in(run_name, process=process)
-        self._process = process
+        self._process, self._claim = process, claim or Unclaimed()
         self._publish = bus.publisher(key, HEALTH.delivery)
         self._next = 0.0
         self._alive = Alive(process, bus.is_linked, os.environ)
@@ -166,10 +167,17 @@ class Heartbeat:
     def beat(
         self, tick: int, counters: dict[str, int], streams: Sequence[StreamReport] = ()
     ) -> None:
-        """Publish the process's health."""
+        """Publish the process's health.
+
+        Raises
+        ------
+        UserError
+            when another one has taken its place.
+        """
         self._next = time.monotonic() + HEALTH_PERIOD_SECONDS
         health = Health(
             self._process, os.getpid(), tick, counters, tuple(streams), socket.gethostname()
         )
         self._publish(health)
         self._alive.show(time.monotonic())
+        self._claim.check(time.monotonic())

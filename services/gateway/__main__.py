@@ -60,9 +60,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     keep_memory()
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
-        alone(bus, run, NAME)
+        claim = alone(bus, run, NAME)
         changed: Scenario | None = scenario
-        kept = Kept(bus, run)
+        kept = Kept(bus, run, claim)
         peer = Whereabouts(options.peer or scenario.gateway.peer, process.address)
         try:
             while changed is not None and peer.known(stop, _say) is not None:
@@ -171,7 +171,6 @@ def _carry(
     return None
 
 
-@contextmanager
 def _say(line: str) -> None:
     print(f"{NAME}: {line}", file=sys.stderr, flush=True)
 
@@ -184,6 +183,7 @@ def _known(kept: Kept, begins: Clock) -> bytes:
     return known_of(kept.bus, kept.run) if begins.tick else b""
 
 
+@contextmanager
 def native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
     """Let a gateway be there for nodes of rmw_zenoh meanwhile, if the scenario wants that."""
     settings = scenario.gateway.rmw_zenoh

@@ -13,6 +13,7 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 from groundlink import process
+from groundlink.alone import Claims
 from groundlink.bus import Bus
 from groundlink.control_query import ask
 from groundlink.inbox import Inbox
@@ -44,17 +45,17 @@ class Resumed(NamedTuple):
 class Kept:
     """What a gateway keeps of a run whose vehicles change: what it has declared on the bus."""
 
-    def __init__(self, bus: Bus, run: str) -> None:
-        self.bus, self.run = bus, run
+    def __init__(self, bus: Bus, run: str, claim: Claims) -> None:
+        self.bus, self.run, self._claim = bus, run, claim
         self.inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
         self.publishers: dict[str, Callable[[Message], bytes]] = {}
         self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
         self.wishes = Wishes(partial(ask, bus, run), backlog=lambda: len(self.inbox))
         self.emulated: Emulated | None = None
-        self._types: dict[str, type[Message]] = {}
         self.left: tuple[int | None, bytes] = (None, b"")
         """What the last gateway in this process left to the next: in which life, its memory."""
 
+        self._types: dict[str, type[Message]] = {}
         self._physics: Inbox[Health] = Inbox(depth=16)
         self._worlds: int | None = None
         bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)
@@ -62,7 +63,7 @@ class Kept:
     @cached_property
     def heartbeat(self) -> process.Heartbeat:
         """By which others know that it is there: to be asked for when it hears all."""
-        return process.Heartbeat(self.bus, self.run, NAME)
+        return process.Heartbeat(self.bus, self.run, NAME, self._claim)
 
     def declare(self, gateway: Gateway) -> None:
         """Publish and subscribe what a gateway carries, where that is not done yet."""

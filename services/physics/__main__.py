@@ -44,11 +44,11 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     router = process.router_of(options)
     listen = options.listen or (None if router else DEFAULT_ENDPOINT)
     with Bus(connect=router, listen=listen, name=NAME) as bus:
-        alone(bus, run, NAME)
+        claim = alone(bus, run, NAME)
         physics = Physics(
             *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
         )
-        heartbeat = process.Heartbeat(bus, run, NAME)
+        heartbeat = process.Heartbeat(bus, run, NAME, claim)
         try:
             _keep_stepping(physics, heartbeat, stop.is_set)
         finally:

@@ -133,7 +133,7 @@ def follower(
     assert found is not None, "who asks has found it"
     vehicle, spec = found
     assert isinstance(spec, kind.spec_type)
-    alone(bus, run_name, name)
+    claim = alone(bus, run_name, name)
     model = kind.make_model(scenario, vehicle, spec)
     link: NativeLink | NoLink = NoLink()
     if kind.native is not None and isinstance(spec, WithNative):
@@ -209,4 +209,4 @@ def follower(
         }
         return counts | counters_of(account.missing) | counted(live.active) | link.counters
 
-    return Follower(name, live, counters)
+    return Follower(name, live, counters, claim)

@@ -6,16 +6,19 @@ from __future__ import annotations
 import os
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
 
-from groundlink.alone import alone, claims_key
+from groundlink.alone import YIELD_SECONDS, Claim, alone, claims_key
 from groundlink.bus import Bus
 from groundlink.cli.running import free_endpoint
 from groundlink.errors import UserError
 from groundlink.process import Heartbeat
+from tests.system.rig import wait_for
 
 RUN, NAME = "lab", "gateway"
 AT_ONCE = 3
@@ -81,3 +84,56 @@ def test_who_comes_while_another_one_is_starting_waits_to_see_who_it_is(endpoint
             alone(second, RUN, NAME)
         over.set()
         starts.join()
+
+
+class Cut:
+    """A bus that comes back after it was cut off, on which the test says who else is there."""
+
+    def __init__(self) -> None:
+        self.there: set[str] = set()
+
+    def watch(self, key: str, on_change: Callable[[str, bool], None]) -> None:
+        assert key == f"{claims_key(RUN, NAME)}/*"
+        self._on_change = on_change
+
+    def present(self, key: str, *, seconds: float) -> set[str]:
+        return self.there & {key}
+
+    def comes(self, number: int, *, there: bool = True, told: bool = True) -> None:
+        key = f"{claims_key(RUN, NAME)}/{number}"
+        self.there = self.there | {key} if there else self.there - {key}
+        if told:
+            self._on_change(key, there)
+
+
+def claim(bus: Any) -> Claim:
+    return Claim(bus, RUN, NAME, f"{claims_key(RUN, NAME)}/5")
+
+
+def test_who_was_cut_off_ends_when_a_later_one_has_taken_its_place() -> None:
+    bus = Cut()
+    own = claim(bus)
+    bus.comes(7)
+    own.check(time.monotonic())
+    with pytest.raises(UserError, match=f"another `{NAME}` of run `{RUN}` was started while"):
+        own.check(time.monotonic() + YIELD_SECONDS)
+    own.check(time.monotonic() + 2 * YIELD_SECONDS)
+
+
+def test_who_goes_on_is_not_stopped_by_one_that_comes_back_or_looks_or_has_gone() -> None:
+    bus = Cut()
+    own = claim(bus)
+    for number in (3, 5, 7, 8):
+        bus.comes(number)
+    bus.comes(7, there=False)
+    bus.comes(8, there=False, told=False)
+    own.check(time.monotonic() + 2 * YIELD_SECONDS)
+
+
+def test_two_that_run_see_each_other(endpoint: str) -> None:
+    with Bus(connect=endpoint) as first, Bus(connect=endpoint) as second:
+        earlier = alone(first, RUN, NAME)
+        later = f"{claims_key(RUN, NAME)}/{time.time_ns():019}0000000000"
+        second.announce(later)
+        with pytest.raises(UserError, match="and goes on; this one ends"):
+            wait_for(lambda: earlier.check(time.monotonic() + YIELD_SECONDS), 10, "it sees it")
