@@ -35,7 +35,7 @@ class Company:
         self._vehicles: dict[str, str] = {}
         self._gone: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._seen: frozenset[str] = frozenset()
-        self._disobeyed = 0
+        self._disobeyed = self._stale = 0
         self._ack_prefix = ACK.key_in(run, process="")
         self._health_prefix = HEALTH.key_in(run, process="")
         bus.subscribe(ACK.key_in(run), Ack, self._acks)
@@ -62,7 +62,7 @@ class Company:
             life.acknowledged(arrived[0].removeprefix(self._ack_prefix), arrived[1])
         while len(self._commands) and (command := self._commands.get(seconds=0)):
             try:
-                life.command(self._vehicles[command[0]], command[1])
+                self._stale += not life.command(self._vehicles[command[0]], command[1])
             except (ValueError, KeyError):  # such as for a vehicle that was taken away
                 self._disobeyed += 1
         life.settle()
@@ -74,7 +74,11 @@ class Company:
     def counters(self) -> dict[str, int]:
         """Return what did not get through."""
         refused = self._disobeyed + self._commands.refused + self._acks.refused
-        return {"commands_dropped": self._commands.dropped, "refused": refused}
+        return {
+            "commands_dropped": self._commands.dropped,
+            "commands_stale": self._stale,
+            "refused": refused,
+        }
 
     def _on_liveliness(self, key: str, there: bool) -> None:
         name = key.removeprefix(self._health_prefix)

@@ -59,13 +59,17 @@ class Controller:
         self._linear_step = drive.max_acceleration_mps2 * TICK_SECONDS
         self._angular_step = drive.max_angular_acceleration_radps2 * TICK_SECONDS
         self._waiting: list[tuple[int, Twist | Wheels]] = []
-        self._since_nanos = -1
+        self._now_nanos = self._since_nanos = -1
         self._asked: Twist | Wheels = STANDSTILL
         self._ramped: Twist | None = STANDSTILL
         self._wheels = Wheels(self._steering.speeds(STANDSTILL), self._steering.angles(STANDSTILL))
 
-    def command(self, command: Command | WheelCommand) -> None:
+    def command(self, command: Command | WheelCommand) -> bool:
         """Take a command; one that is older than what acts already changes nothing.
+
+        Returns
+        -------
+        False where it is stale: its time was over when it came.
 
         Raises
         ------
@@ -76,11 +80,14 @@ class Controller:
         asked = (
             self._velocity(command) if isinstance(command, Command) else self._each_wheel(command)
         )
+        sim_nanos = command.stamp_nanos - self._epoch_nanos + self._latency_nanos
+        if self._now_nanos - sim_nanos > self._timeout_nanos:
+            return False
         if len(self._waiting) >= MAX_WAITING:
             raise ValueError(f"{MAX_WAITING} commands wait already: their stamps are in the future")
-        sim_nanos = command.stamp_nanos - self._epoch_nanos + self._latency_nanos
         if sim_nanos >= self._since_nanos:
             insort(self._waiting, (sim_nanos, asked), key=lambda waiting: waiting[0])
+        return True
 
     def _velocity(self, command: Command) -> Twist:
         if not all(map(isfinite, (*command.linear_mps, *command.angular_radps))):
@@ -103,6 +110,7 @@ class Controller:
         angles
             of the steered wheels now.
         """
+        self._now_nanos = sim_nanos
         while self._waiting and self._waiting[0][0] <= sim_nanos:
             self._since_nanos, self._asked = self._waiting.pop(0)
         if sim_nanos - self._since_nanos > self._timeout_nanos:

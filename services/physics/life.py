@@ -141,8 +141,8 @@ class Life:
         if ack.life == self.number and process not in self._cut_off:
             self._promises.given(process, ack)
 
-    def command(self, vehicle: str, command: Command | WheelCommand) -> None:
-        """Give a vehicle a command.
+    def command(self, vehicle: str, command: Command | WheelCommand) -> bool:
+        """Give a vehicle a command; return whether it will act, or is stale.
 
         Raises
         ------
@@ -151,18 +151,19 @@ class Life:
         """
         stamp_nanos = command.stamp_nanos - self.epoch_nanos
         if isinstance(command, Command):
-            self._take_in(Commanded(self.tick, vehicle, replace(command, stamp_nanos=stamp_nanos)))
-        else:
-            wheels = replace(command, stamp_nanos=stamp_nanos)
-            self._take_in(WheelsCommanded(self.tick, vehicle, wheels))
+            velocity = replace(command, stamp_nanos=stamp_nanos)
+            return self._take_in(Commanded(self.tick, vehicle, velocity))
+        wheels = replace(command, stamp_nanos=stamp_nanos)
+        return self._take_in(WheelsCommanded(self.tick, vehicle, wheels))
 
-    def _take_in(self, entry: Commanded | WheelsCommanded) -> None:
+    def _take_in(self, entry: Commanded | WheelsCommanded) -> bool:
         if isinstance(entry, Commanded):
             # It is of these that drivers give their word.
             tick = entry.command.stamp_nanos // TICK_NANOS
             self._promises.commanded(entry.vehicle, tick)
-        self._simulation.command(entry.vehicle, entry.command)
+        will_act = self._simulation.command(entry.vehicle, entry.command)
         self._entries.append(encode_entry(entry))
+        return will_act
 
     def follow(self, entry: AnyEntry) -> None:
         """Take in what an earlier life has taken in at the same tick."""

@@ -182,10 +182,10 @@ class Simulation:
         """Sim time of the present tick."""
         return self.tick * TICK_NANOS
 
-    def command(self, vehicle_name: str, command: Command | WheelCommand) -> None:
-        """Ask a vehicle, or its wheels, for a velocity.
+    def command(self, vehicle_name: str, command: Command | WheelCommand) -> bool:
+        """Ask a vehicle, or its wheels, for a velocity; return whether it will act.
 
-        It acts in the first step at or after its stamp.
+        It acts in the first step at or after its stamp; not where its time is over.
 
         Raises
         ------
@@ -194,7 +194,7 @@ class Simulation:
         ValueError
             when a velocity is not finite, or commands from the future pile up.
         """
-        self._vehicles[vehicle_name].drive.command(command)
+        return self._vehicles[vehicle_name].drive.command(command)
 
     def step(self) -> None:
         """Go on by one tick."""

@@ -82,6 +82,19 @@ def test_a_flood_from_the_future_is_refused(model: VehicleModel) -> None:
         drive.command(twist(10**18, 0.5))
 
 
+def test_stale_commands_change_nothing_and_leave_room_for_a_new_one(model: VehicleModel) -> None:
+    """They come in a burst when who sends them was cut off."""
+    drive = Controller(model)
+    now = 2_000_000_000
+    assert drive.command(twist(now, 0.5))
+    before = speeds(drive, now)
+    for stamp in range(MAX_WAITING + 1):
+        assert not drive.command(twist(stamp, -0.5))
+    assert speeds(drive, now + TICK_NANOS) == before
+    assert drive.command(twist(now + 2 * TICK_NANOS, 0.25))
+    assert speeds(drive, now + 2 * TICK_NANOS) == wheel_speeds(model, (0.25, 0.0))
+
+
 def test_velocity_ramps(lab: Scenario) -> None:
     model = lab.vehicles[0].model
     drive = Controller(model)
