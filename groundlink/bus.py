@@ -82,6 +82,7 @@ class Bus:
     ) -> None:
         self._declared: list[Any] = []
         self._is_router = listen is not None
+        self._links_made = 0
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
@@ -104,6 +105,13 @@ class Bus:
         finally:
             for name in threads.keys() - before:  # no business of the processes that it starts
                 del os.environ[name]
+        if not self._is_router:
+            self._declared.append(
+                self._session.info.declare_transport_events_listener(self._on_link)
+            )
+
+    def _on_link(self, event: zenoh.TransportEvent) -> None:
+        self._links_made += event.kind == zenoh.SampleKind.PUT
 
     def __enter__(self) -> Bus:
         return self
@@ -126,6 +134,13 @@ class Bus:
     def is_linked(self) -> bool:
         """Return whether there is a way to others: this is the router, or has a link to it."""
         return self._is_router or bool(self._session.info.routers_zid())
+
+    def links_made(self) -> int:
+        """Return how often this session had to make another link to its router.
+
+        What was published by the one before may never have come.
+        """
+        return self._links_made
 
     def publisher(
         self, key: str, delivery: Delivery, *, bulky: bool = False

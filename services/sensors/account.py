@@ -3,22 +3,28 @@
 
 Rule: every reading that is due is accounted for once and in order, on each stream. That one is
 missing is seen by the number of the one that comes next, or by the sensor being beyond it; so
-nothing has to be told by models, but what they leave out on purpose.
+nothing has to be told by models, but what they leave out on purpose. What was told by a link that
+is no more may not have come, and is told again.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import msgspec
+from msgspec.structs import replace
 
 from groundlink.calendars import Calendar
 from groundlink.clock import TICK_NANOS
 from groundlink.gaps import Cause, Gap, Gaps
 
 from .model import LeftOut
+
+AGAIN_NANOS = 30_000_000_000
+"""What was told within so long may have gone by a link that was dead: one is taken for alive for
+10 s, and the next may end with it."""
 
 
 class _Missing(NamedTuple):
@@ -59,10 +65,14 @@ class Account:
         self._outputs = tuple(outputs)
         self._publish = publish
         self.missing: Counter[Cause] = Counter()
+        self._told: deque[Gaps] = deque()
+        """Of this life, and not long ago."""
+
         self._begin()
 
     def _begin(self) -> None:
         """Begin a life of physics: from tick 0 on, whenever the sensor has joined it."""
+        self._told.clear()
         self._next = dict.fromkeys(self._outputs, self._calendar.first)
         self._pending: dict[str, list[_Missing]] = {output: [] for output in self._outputs}
         self._cause: Cause = "not there"
@@ -84,7 +94,9 @@ class Account:
             self._beyond(output, reading)
             self._miss(output, reading + 1, one.cause)
 
-    def tell(self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int) -> None:
+    def tell(
+        self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int, again: bool = False
+    ) -> None:
         """Tell the run what is missing, where something is.
 
         Parameters
@@ -93,6 +105,8 @@ class Account:
             Nothing that is stamped before it is still to come.
         stamp_nanos
             The instant of the last state.
+        again
+            Tell what was told of late once more.
         """
         settled = self._calendar.at_or_after(settled_tick * TICK_NANOS)
         outputs_of: dict[_Missing, list[str]] = {}
@@ -113,8 +127,14 @@ class Account:
             )
             gaps.append(gap)
             self.missing[cause] += gap.readings
+        told = Gaps(stamp_nanos, self._sensor, tuple(gaps))
+        while self._told and stamp_nanos - self._told[0].stamp_nanos > AGAIN_NANOS:
+            self._told.popleft()
+        before = [gap for one in self._told for gap in one.gaps] if again else []
         if gaps:
-            self._publish(Gaps(stamp_nanos, self._sensor, tuple(gaps)))
+            self._told.append(told)
+        if before or gaps:
+            self._publish(replace(told, gaps=(*before, *gaps)))
 
     def memory(self) -> bytes:
         """Return what a successor has to know; what is missing has been told."""
@@ -153,7 +173,9 @@ class NoAccount:
     def left_out(self, one: LeftOut) -> None:
         """Do nothing."""
 
-    def tell(self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int) -> None:
+    def tell(
+        self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int, again: bool = False
+    ) -> None:
         """Do nothing."""
 
     def memory(self) -> bytes:
