@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holds sensors to account on the bus: every reading that is due is seen there, or told missing."""
+"""Holds sensors and gateway to account on the bus: each reading is seen, told missing, or counted.
+
+Rule: a reading that is due is seen here, or its sensor tells that it is missing and why, or it is
+lost on the bus, and then the gateway's own counters have it as one that did not come. That goes
+through all lives of the run: each is over at its last clock, and in the next one readings are due
+from the first on. So a ledger is opened before a fault and read after it.
+"""
 
 from __future__ import annotations
 
@@ -7,30 +13,61 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterable
+from itertools import pairwise
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.calendars import Calendar, calendar
-from groundlink.gaps import Gaps
-from groundlink.messages import Clock, Message, decode, measured_nanos
-from groundlink.topics import CLOCK, GAPS, sensor_outputs
+from groundlink.clock import NANOS
+from groundlink.gaps import Gap, Gaps
+from groundlink.messages import Clock, Health, Message, decode, measured_nanos
+from groundlink.topics import CLOCK, GAPS, GATEWAY, HEALTH, sensor_outputs
+from services.gateway.attendance import COUNTER_PREFIX
 from tests.system.rig import wait_for
 
 SETTLED_SECONDS = 10.0
 """How long is waited for what is missing to be told: it takes less than one where nothing is."""
 
+LOST = "lost on the bus"
+
+UNDER_WAY_SECONDS = 0.25
+"""Of readings that were in a router when it ended may have come to the gateway and not here."""
+
+SILENT_SECONDS = 0.5
+"""A clock that stays out for so long says that router or physics was away."""
+
+NEVER = 1 << 63
+"""An instant after all others."""
+
 
 class _Sensor:
-    def __init__(self, due: Calendar) -> None:
-        self.due = due
+    def __init__(self, due: Calendar, topic: str) -> None:
+        self.due, self.counter = due, COUNTER_PREFIX + topic
         self.seen: set[int] = set()
-        self.told: dict[int, str] = {}
+        """Instants of measurement."""
+
+        self.told: set[Gap] = set()
+        """What is told again is the same."""
+
+
+class _Due(NamedTuple):
+    """Readings of one sensor in one life of the run, by their numbers there."""
+
+    numbers: range
+    seen: set[int]
+    told: dict[int, str]
+
+    def unseen(self) -> list[int]:
+        return [n for n in self.numbers if n not in self.seen]
+
+    def lost(self) -> list[int]:
+        return [n for n in self.unseen() if n not in self.told]
 
 
 class Ledger:
-    """Readings and gaps of a run that the machine of the tests sees on the bus.
+    """Readings, gaps and counts of a run that the machine of the tests sees on the bus.
 
     It is an inbox that keeps stamps alone.
     """
@@ -38,20 +75,27 @@ class Ledger:
     def __init__(self, endpoint: str) -> None:
         self._bus = Bus(connect=endpoint)
         run, scenario = process.join(self._bus, None, threading.Event())
-        self._epoch_nanos: int | None = None
+        self._clock_nanos: dict[int, int] = {}
+        """By the epoch of each life: the stamp of its last clock."""
+
+        self._clock_seconds = 0.0
+        self._was_silent = False
+        self._counted: Counter[str] | None = None
+        self._counted_before: Counter[str] = Counter()
         self._sensors: dict[str, _Sensor] = {}
         self._sensor_of: dict[str, _Sensor] = {}
         inbox: Any = self
         for vehicle in scenario.vehicles:
             for spec in vehicle.sensors:
                 name = f"{vehicle.name}/{spec.name}"
-                sensor = self._sensors[name] = _Sensor(calendar(spec))
-                row = next(output.row for output in sensor_outputs(spec) if not output.name)
-                key = row.key_in(run, vehicle=vehicle.name, sensor=spec.name)
+                main = next(output for output in sensor_outputs(spec) if not output.name)
+                sensor = self._sensors[name] = _Sensor(calendar(spec), main.ros_topic)
+                key = main.row.key_in(run, vehicle=vehicle.name, sensor=spec.name)
                 self._sensor_of[key] = sensor
-                self._bus.subscribe(key, row.message, inbox)
+                self._bus.subscribe(key, main.row.message, inbox)
         self._bus.subscribe(GAPS.key_in(run), Gaps, inbox)
         self._bus.subscribe(CLOCK.key_in(run), Clock, inbox)
+        self._bus.subscribe(HEALTH.key_in(run, process=GATEWAY), Health, inbox)
 
     def __enter__(self) -> Ledger:
         return self
@@ -67,20 +111,22 @@ class Ledger:
     def put(self, key: str, payload: bytes, message_type: type[Message]) -> None:
         """Take a message of the bus."""
         message = decode(payload, message_type)
-        if isinstance(message, Clock):
-            self._epoch_nanos = message.epoch_nanos
-        elif self._epoch_nanos is None:
-            return
+        if isinstance(message, Health):
+            if self._counted is None:
+                self._counted_before = Counter(message.counters)
+            self._counted = Counter(message.counters)
+        elif isinstance(message, Clock):
+            now = time.monotonic()
+            self._was_silent |= 0 < self._clock_seconds < now - SILENT_SECONDS
+            self._clock_seconds = now
+            self._clock_nanos[message.epoch_nanos] = message.stamp_nanos
+        elif self._counted is None:
+            return  # what was missing so far is not told apart in the counters
         elif isinstance(message, Gaps):
-            sensor = self._sensors[message.sensor]
-            for gap in message.gaps:
-                if "" in gap.outputs:
-                    first = sensor.due.at_or_after(gap.first_nanos - self._epoch_nanos)
-                    sensor.told |= dict.fromkeys(range(first, first + gap.readings), gap.cause)
+            told = self._sensors[message.sensor].told
+            told |= {gap for gap in message.gaps if "" in gap.outputs}
         else:
-            sensor = self._sensor_of[key]
-            number = sensor.due.at_or_after(measured_nanos(message) - self._epoch_nanos)
-            sensor.seen.add(number)
+            self._sensor_of[key].seen.add(measured_nanos(message))
 
     def hears(self, names: Iterable[str]) -> None:
         """Return once readings of these sensors come."""
@@ -88,29 +134,72 @@ class Ledger:
 
     def told(self, name: str) -> int:
         """Return how many readings of a sensor were told missing so far, for whatever cause."""
-        return len(self._sensors[name].told)
+        return sum(gap.readings for gap in self._sensors[name].told.copy())
 
     def missing(self, name: str) -> dict[str, int]:
-        """Return by cause how many readings of a sensor are missing, each of which was told.
+        """Return by cause how many readings of a sensor are missing, each told or counted.
 
         From the first reading that was seen to the last one. Fail where one is neither seen nor,
-        soon, told.
+        soon, told or counted.
         """
         sensor = self._sensors[name]
-        seen = sensor.seen.copy()
-        due = range(min(seen), max(seen) + 1)
-
-        def unexplained() -> list[int]:
-            return [n for n in due if n not in sensor.seen and n not in sensor.told]
-
         deadline = time.monotonic() + SETTLED_SECONDS
-        while unexplained() and time.monotonic() < deadline:
+        lives = self._lives(sensor)
+        until = tuple(life.numbers.stop for life in lives)
+        while time.monotonic() < deadline and not self._explains(sensor, lives):
             time.sleep(0.1)
-        assert not unexplained(), (
-            f"{name}: of {len(due)} readings nobody explains {_ranges(unexplained())}; "
-            f"told are {Counter(sensor.told.values())}"
+            lives = self._lives(sensor, until)
+        lost = [_ranges(life.lost()) for life in lives if life.lost()]
+        causes = Counter(life.told.get(n, LOST) for life in lives for n in life.unseen())
+        assert self._explains(sensor, lives), (
+            f"{name}: of {sum(len(life.numbers) for life in lives)} readings nobody explains "
+            f"{'; '.join(lost)}; missing are {dict(causes)}, and the gateway counts "
+            f"{self._not_come(sensor)}"
         )
-        return Counter(sensor.told[n] for n in due if n not in sensor.seen)
+        return causes
+
+    def _not_come(self, sensor: _Sensor) -> int:
+        """Return how many the gateway has counted as such since this ledger was opened."""
+        assert self._counted is not None
+        return self._counted[sensor.counter] - self._counted_before[sensor.counter]
+
+    def _explains(self, sensor: _Sensor, lives: list[_Due]) -> bool:
+        """Return whether what was lost is in the gateway's count of what did not come."""
+        if not any(life.lost() for life in lives):
+            return True
+        under_way = 0
+        if self._was_silent:
+            under_way = sensor.due.at_or_after(round(UNDER_WAY_SECONDS * NANOS))
+        return sum(len(life.unseen()) for life in lives) <= self._not_come(sensor) + under_way
+
+    def _lives(self, sensor: _Sensor, until: tuple[int, ...] = ()) -> list[_Due]:
+        """Return what was due in each life, as far as it goes or at first went in the last one."""
+        epochs = sorted(self._clock_nanos)
+        return [
+            self._life(sensor, epoch, after, i, until)
+            for i, (epoch, after) in enumerate(pairwise([*epochs, NEVER]))
+        ]
+
+    def _life(
+        self, sensor: _Sensor, epoch: int, after: int, i: int, until: tuple[int, ...]
+    ) -> _Due:
+        def number(stamp_nanos: int) -> int:
+            return sensor.due.at_or_after(stamp_nanos - epoch)
+
+        seen = {number(stamp) for stamp in sensor.seen.copy() if epoch <= stamp < after}
+        told: dict[int, str] = {}
+        for gap in sensor.told.copy():
+            if epoch <= gap.first_nanos < after:
+                first = number(gap.first_nanos)
+                told |= dict.fromkeys(range(first, first + gap.readings), gap.cause)
+        begin = sensor.due.first if i else min(seen, default=0)
+        end = max(seen, default=begin - 1) + 1
+        if after != NEVER:
+            # The newest may have been under way as it ended.
+            end = max(end, number(self._clock_nanos[epoch] + 1) - 1)
+        elif i < len(until):
+            end = until[i]
+        return _Due(range(begin, end), seen, told)
 
 
 def _ranges(numbers: list[int]) -> str:
