@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outlet as ROS 2 fills it: publishers that take CDR bytes as they are."""
+"""The outlet's publishers as ROS 2 makes them: they take CDR bytes as they are."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from rclpy.serialization import deserialize_message
 
-from udp_bridge.ros_end import outlet
 from udp_bridge.ros_end.options import prefix_frames
 
 from . import topics
@@ -19,20 +18,23 @@ if TYPE_CHECKING:
 
     from udp_bridge.header import Buffer
     from udp_bridge.ros_end.deliveries import Delivery
+    from udp_bridge.ros_end.outlet import Publish
     from udp_bridge.types import MessageType
 
 
-class _Publishers:
+class Publishers:
     """Publishers of a node; its logger tells of them."""
 
-    def __init__(self, node: Node, frame_prefix: str) -> None:
+    def __init__(self, node: Node, frame_prefix: str = "") -> None:
         self._node = node
         self._frame_prefix = frame_prefix
 
     def get_logger(self) -> Any:
+        """Return the node's."""
         return self._node.get_logger()
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> outlet.Publish:
+    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publish:
+        """Return how to publish on a topic."""
         assert row.ros_type is not None
         message_class = topics.message_class(row.ros_type)
         publisher = self._node.create_publisher(
@@ -51,12 +53,3 @@ class _Publishers:
             publisher.publish(message)
 
         return publish_prefixed if self._frame_prefix else publish
-
-
-class Outlet(outlet.Outlet):
-    """Publishes messages on a thread of its own, by the publishers of a node."""
-
-    def __init__(
-        self, node: Node, on_fate: outlet.OnFate = lambda *_: None, *, frame_prefix: str = ""
-    ) -> None:
-        super().__init__(_Publishers(node, frame_prefix), on_fate)
