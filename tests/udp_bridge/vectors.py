@@ -44,6 +44,7 @@ IN_ORDER = (
     "map",
     "nav-sat-fix",
     "odometry",
+    "path",
     "pose",
     "range",
     "subscribe",

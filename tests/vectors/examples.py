@@ -20,7 +20,7 @@ from groundlink import imagery, navigation
 from groundlink.clock import NANOS
 from groundlink.messages import Message, packed
 from groundlink.ros_messages import ROS_FORMS, to_cdr
-from groundlink.ros_types import STORE, header, vector
+from groundlink.ros_types import STORE, header, pose, vector
 from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
 from udp_bridge.control import Subscribe
@@ -183,6 +183,14 @@ def main() -> None:
     body = bytes(STORE.serialize_cdr(ros, stamped))
     wire = WireMessage(type_number("TwistStamped"), "/cmd_vel", "base_link", STAMP, 16, body)
     _write("twist-stamped", wire, plain(ros))
+    pose_stamped = of["geometry_msgs/msg/PoseStamped"]
+    plan = [
+        pose_stamped(header=header(STAMP, "map"), pose=pose((x, x / 2, 0.0), TURN))
+        for x in (0.5, 1.0, 1.5, 2.0)
+    ]
+    ros = of["nav_msgs/msg/Path"](header=header(STAMP, "map"), poses=plan)
+    body = bytes(STORE.serialize_cdr(ros, "nav_msgs/msg/Path"))
+    _write("path", WireMessage(type_number("Path"), "/plan", "map", STAMP, 17, body), plain(ros))
     wish = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
     _write("subscribe", wish, SUBSCRIBE._asdict())
 

@@ -94,7 +94,7 @@ inline const char* name_of(Refusal refusal) {
 
 /// Whether a message of this type has a ROS type: its body is CDR.
 inline bool has_ros_type(std::uint8_t type) {
-  return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 39);
+  return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 40);
 }
 
 namespace detail {

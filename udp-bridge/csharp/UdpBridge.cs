@@ -55,6 +55,8 @@ namespace UdpBridge
         TwistStamped = 38,
         /// <summary>std_msgs/msg/String, to ROS.</summary>
         String = 39,
+        /// <summary>nav_msgs/msg/Path, from ROS.</summary>
+        Path = 40,
         /// <summary>The bridge's own; <see cref="Receiver"/> answers it and hands none over.</summary>
         Control = 64,
     }

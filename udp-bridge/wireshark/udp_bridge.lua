@@ -30,6 +30,7 @@ local TYPES = {
     [37] = {"JointState", "sensor_msgs/msg/JointState", "/joint_states"},
     [38] = {"TwistStamped", "geometry_msgs/msg/TwistStamped", "/cmd_vel"},
     [39] = {"String", "std_msgs/msg/String", "/robot_description"},
+    [40] = {"Path", "nav_msgs/msg/Path", "/plan"},
     [64] = {"Control", "", ""},
     [65] = {"Resend", "", ""},
     [66] = {"Repair", "", ""},

@@ -47,6 +47,7 @@ _ROWS = (
     MessageType(37, "JointState", "sensor_msgs/msg/JointState", "/joint_states", "to ROS"),
     MessageType(38, "TwistStamped", "geometry_msgs/msg/TwistStamped", "/cmd_vel", "from ROS"),
     MessageType(39, "String", "std_msgs/msg/String", "/robot_description", "to ROS"),
+    MessageType(40, "Path", "nav_msgs/msg/Path", "/plan", "from ROS"),
     MessageType(64, "Control", None, "", "both"),
     MessageType(65, "Resend", None, "", "both"),
     MessageType(66, "Repair", None, "", "both"),
