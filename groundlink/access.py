@@ -34,6 +34,7 @@ from .topics import (
     GAPS,
     GROUND_TRUTH,
     HEALTH,
+    RELAYED,
     ROOT,
     STATE,
     TRUE_WHEELS,
@@ -88,7 +89,7 @@ def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
         vehicle_name = name.partition("/")[0]
         yield name, Grant((*_own(name), COMMAND.key_in("*", vehicle=vehicle_name)))
     commands = (COMMAND.key_in("*"), WHEEL_COMMAND.key_in("*"))
-    heard = (row.key_in("*") for row in FROM_ROS.values())
+    heard = (row.key_in("*") for row in (*FROM_ROS.values(), RELAYED))
     yield "gateway", Grant((*_own("gateway"), *commands, *heard), (link_key("*"),))
     for name in ONLOOKERS:
         yield name, Grant((*_own(name), *_own(f"{name}/*")))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from rosbags.serde import SerdeError
 from .clock import NANOS
 from .messages import BadMessage, Command, Message, Quaternion, packed
 from .navigation import OccupancyGrid, Odometry, PoseStamped
+from .relayed import Relayed
 from .ros_types import STORE, nanos, xyz, xyzw
 
 Body = bytes | bytearray | memoryview
@@ -104,6 +106,17 @@ READERS: dict[str, Callable[[Body, int], Message]] = {
 }
 """By ROS type: a body, and the run's time for what has none of its own, to a message of the bus.
 All of them raise `BadMessage`."""
+
+
+def reader(message: type[Message], ros_type: str) -> Callable[[Body, int], Message]:
+    """Return what reads bodies of a ROS type as messages of the bus of one type."""
+    return partial(relayed, ros_type=ros_type) if message is Relayed else READERS[ros_type]
+
+
+def relayed(body: Body, now_nanos: int, *, ros_type: str) -> Relayed:
+    """Return a body as it came, if it is a message of its type."""
+    _decoded(body, ros_type)
+    return Relayed(now_nanos, ros_type, memoryview(bytes(body)))
 
 
 def _decoded(body: Body, ros_type: str) -> Any:

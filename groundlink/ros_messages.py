@@ -31,6 +31,7 @@ from .faults import Faults
 from .gaps import Gaps
 from .ground_truth import TRUE_POINT, Bodies, TruePoints
 from .messages import POINT, BadMessage, Clock, Command, Imu, Message, PointCloud, WheelEncoders
+from .relayed import Relayed
 from .ros_types import STORE, TYPES, header, quaternion, time, vector
 from .vitals import Vitals
 
@@ -144,6 +145,11 @@ RECORDED_FORMS = ROS_FORMS | {
 """Those, and what only a recording holds."""
 
 
+def ros_type_of(message: type[Message], told: str = "") -> str:
+    """Return the ROS type of a stream's messages; `told` is that of what is only relayed."""
+    return told if message is Relayed else RECORDED_FORMS[message].ros_type
+
+
 def to_cdr(message: Message) -> memoryview:
     """Return a message as its ROS type's CDR, encapsulation header included.
 
@@ -152,6 +158,8 @@ def to_cdr(message: Message) -> memoryview:
     BadMessage
         when a number is beyond what the ROS type holds: a stamp after 2038, a large float32.
     """
+    if isinstance(message, Relayed):
+        return message.cdr
     form = RECORDED_FORMS[type(message)]
     try:
         return STORE.serialize_cdr(TYPES[form.ros_type](**form.fields(message)), form.ros_type)

@@ -28,6 +28,7 @@ from .topics import (
     FROM_ROS,
     GAPS,
     GROUND_TRUTH,
+    RELAYED,
     STREAM_TOPICS,
     TRUE_POINTS,
     TRUE_WHEELS,
@@ -138,6 +139,16 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
             )
             for row, topic, ros_type in rows
             if topic is not None
+        ]
+        streams += [
+            RosStream(
+                key=RELAYED.key_in(run, vehicle=vehicle.name, topic=topic.strip("/")),
+                message=RELAYED.message,
+                topic=topic,
+                declared_hz=None,
+                ros_type=ros_type.replace("/", "/msg/"),
+            )
+            for topic, ros_type in vehicle.from_ros.topics.items()
         ]
     return streams
 

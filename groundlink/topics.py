@@ -28,6 +28,7 @@ from .messages import (
     WheelEncoders,
 )
 from .navigation import JointState, NavSatFix, OccupancyGrid, Odometry, PoseStamped, Transforms
+from .relayed import Relayed
 from .scenario.schema import Scenario, Vehicle
 from .scenario.sensors import (
     Camera,
@@ -81,7 +82,7 @@ class Topic:
 
     def key_in(self, run: str, **names: str) -> str:
         """Return the full key expression in a run; names left out become `*`."""
-        fields = {"vehicle": "*", "sensor": "*", "process": "**"} | names
+        fields = {"vehicle": "*", "sensor": "*", "process": "**", "topic": "**"} | names
         return f"{ROOT}/{run}/{self.key.format(**fields)}"
 
 
@@ -93,14 +94,7 @@ STATE = Topic(
     rate=f"{TICK_RATE_HZ} Hz",
     delivery=Delivery.NEWEST,
 )
-CLOCK = Topic(
-    name="clock",
-    key="clock",
-    message=Clock,
-    publisher="physics",
-    rate="time.clock_rate_hz",
-    delivery=Delivery.NEWEST,
-)
+CLOCK = replace(STATE, name="clock", key="clock", message=Clock, rate="time.clock_rate_hz")
 COMMAND = Topic(
     name="command",
     key="{vehicle}/command",
@@ -226,6 +220,9 @@ FROM_ROS = {
 }
 """By field of the scenario's `from_ros`."""
 
+RELAYED = replace(_from_ros("topics", Relayed), key="{vehicle}/from_ros/topics/{topic}")
+"""Of its further topics, each under its name in ROS."""
+
 SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
     Lidar: POINTS,
     Lidar2d: SCAN,
@@ -298,6 +295,7 @@ TOPICS = (
     BODIES,
     VITALS,
     *FROM_ROS.values(),
+    RELAYED,
     FAULTS,
     GAPS,
     ACK,

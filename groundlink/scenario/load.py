@@ -26,6 +26,7 @@ from .fault_fit import mistake
 from .grounded import place_outdoors, place_solids
 from .imported import bring_assets
 from .namespaces import into_namespaces
+from .ros_side import TOLD_BY_THE_GATEWAY
 from .route import FIGURES, Route, ThereAndBack, Waypoints
 from .scattered import sow
 from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
@@ -239,8 +240,9 @@ def _check(scenario: Scenario, document: Document) -> None:
         raise ScenarioError(
             f"{document.mark(())}: two streams share the topic `{twice[0]}`; give each its own"
         )
-    heard = [topic for v in scenario.vehicles for topic in msgspec.structs.astuple(v.from_ros)]
-    heard = [topic for topic in heard if topic] + [v.command_topic for v in scenario.vehicles]
+    topics += TOLD_BY_THE_GATEWAY
+    heard = [topic for v in scenario.vehicles for topic in v.from_ros.all_topics()]
+    heard += [v.command_topic for v in scenario.vehicles]
     if again := [t for t in heard if t in topics or heard.count(t) > 1]:
         raise ScenarioError(
             f"{document.mark(())}: `{again[0]}` is taken from ROS, but is another stream's topic, "

@@ -48,7 +48,9 @@ def into_namespaces(document: Document) -> None:
 def _absolute(document: Document, path: DataPath, namespace: str) -> None:
     """Write topics in full, at a place and in all that is in it."""
     value = document.at(path)
-    if isinstance(value, dict):
+    if path[-2:] == ("from_ros", "topics") and isinstance(value, dict):
+        _further(document, path, namespace)
+    elif isinstance(value, dict):
         for key in value:
             _absolute(document, (*path, key), namespace)
     elif isinstance(value, list):
@@ -56,6 +58,16 @@ def _absolute(document: Document, path: DataPath, namespace: str) -> None:
             _absolute(document, (*path, index), namespace)
     elif isinstance(value, str) and _is_topic(path) and not value.startswith("/"):
         document.at(path[:-1])[path[-1]] = f"{namespace}/{value}"
+
+
+def _further(document: Document, path: DataPath, namespace: str) -> None:
+    """Write topics that are keys in full, and their types as ROS 1 has them."""
+    full = {}
+    for topic, ros_type in document.at(path).items():
+        name = topic if topic.startswith("/") else f"{namespace}/{topic}"
+        full[name] = ros_type.replace("/msg/", "/") if isinstance(ros_type, str) else ros_type
+        document.marks[(*path, name)] = document.mark((*path, topic))
+    document.at(path[:-1])[path[-1]] = full
 
 
 def _is_topic(path: DataPath) -> bool:

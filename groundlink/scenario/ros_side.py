@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
 from groundlink.emulation import LinkScript
 from groundlink.world.solids import Spec
@@ -52,6 +52,32 @@ class Stream(Spec, frozen=True, kw_only=True):
     repair: Repair = "none"
 
 
+RosType = Literal[
+    "geometry_msgs/PoseStamped",
+    "geometry_msgs/Twist",
+    "geometry_msgs/TwistStamped",
+    "groundlink_msgs/WheelEncoders",
+    "nav_msgs/OccupancyGrid",
+    "nav_msgs/Odometry",
+    "nav_msgs/Path",
+    "sensor_msgs/CameraInfo",
+    "sensor_msgs/CompressedImage",
+    "sensor_msgs/Image",
+    "sensor_msgs/Imu",
+    "sensor_msgs/JointState",
+    "sensor_msgs/LaserScan",
+    "sensor_msgs/NavSatFix",
+    "sensor_msgs/PointCloud2",
+    "sensor_msgs/Range",
+    "std_msgs/String",
+    "tf2_msgs/TFMessage",
+]
+"""What the wire can bring; in files also as ROS 2 writes it, with `/msg/`."""
+
+TOLD_BY_THE_GATEWAY = frozenset({"/clock", "/tf", "/tf_static"})
+"""Topics that can't come from ROS, as they go there."""
+
+
 class FromRos(Spec, frozen=True):
     """Topics of the vehicle's stack that the gateway puts on the bus."""
 
@@ -63,6 +89,14 @@ class FromRos(Spec, frozen=True):
 
     map: RosTopic | None = None
     """nav_msgs/OccupancyGrid."""
+
+    topics: dict[RosTopic, RosType] = field(default_factory=dict)
+    """Any others, by topic with their types, such as {/plan: nav_msgs/Path}."""
+
+    def all_topics(self) -> list[str]:
+        """Return every topic that is wished for."""
+        named = (self.pose, self.odometry, self.map)
+        return [*(topic for topic in named if topic is not None), *self.topics]
 
 
 class TfTree(Spec, frozen=True):

@@ -7,11 +7,11 @@ from ROS is wished for as long as the gateway lives, and nothing comes that was 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from groundlink.messages import BadMessage, Message
-from groundlink.ros_incoming import READERS
+from groundlink.ros_incoming import Body, reader
 from groundlink.ros_streams import incoming
 from groundlink.scenario import Scenario
 from udp_bridge.control import Subscribe
@@ -35,6 +35,8 @@ class Wish:
     msg_type: int
     topic: str
     key: str
+    reader: Callable[[Body, int], Message]
+    """Of bodies, at the run's time."""
 
     def subscribe(self) -> bytes:
         """Return the body of the Subscribe that asks for it."""
@@ -52,23 +54,18 @@ class Wish:
         BadMessage
             when the body is not what its type says.
         """
-        ros_type = MSG_TYPES[self.msg_type].ros_type
-        assert ros_type is not None
-        return READERS[ros_type](message.body, now_nanos)
+        return self.reader(message.body, now_nanos)
 
 
 class Incoming:
     """All that a run wishes from ROS."""
 
     def __init__(self, scenario: Scenario, run: str) -> None:
-        wishes = (
-            Wish(
-                msg_type=wire_type(stream.message, stream.ros_type),
-                topic=stream.topic,
-                key=stream.key,
-            )
-            for stream in incoming(scenario, run)
-        )
+        wishes = []
+        for stream in incoming(scenario, run):
+            msg_type = wire_type(stream.message, stream.ros_type)
+            read = reader(stream.message, str(MSG_TYPES[msg_type].ros_type))
+            wishes.append(Wish(msg_type=msg_type, topic=stream.topic, key=stream.key, reader=read))
         self._by_topic = {(wish.msg_type, wish.topic): wish for wish in wishes}
 
     def __iter__(self) -> Iterator[Wish]:

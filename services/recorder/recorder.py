@@ -19,7 +19,7 @@ from groundlink.clock import NANOS, Schedule, exact
 from groundlink.messages import BadMessage, Clock, Command, Health, Message, measured_nanos
 from groundlink.navigation import Odometry
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros_messages import ros_type_of, to_cdr
 from groundlink.ros_streams import (
     TF_STATIC_TOPIC,
     TF_TOPIC,
@@ -278,13 +278,13 @@ class Recorder:
         """Begin the file with all its topics, so that also those appear on which nothing comes."""
         self._file = self._begin(clock.epoch_nanos)
         for stream in self.streams:
-            self._topic(stream.topic, RECORDED_FORMS[stream.message].ros_type)
+            self._topic(stream.topic, ros_type_of(stream.message, stream.ros_type))
         if transforms := static_transforms(self._scenario, clock.epoch_nanos):
             self._put(TF_STATIC_TOPIC, _TF_TYPE, clock.stamp_nanos, transforms)
 
     def _write(self, key: str, message: Message, nanos: int) -> None:
         stream = self._outgoing.get(key) or self._incoming[key]
-        self._put(stream.topic, RECORDED_FORMS[stream.message].ros_type, nanos, message)
+        self._put(stream.topic, ros_type_of(stream.message, stream.ros_type), nanos, message)
 
     def _put(self, topic: str, ros_type: str, nanos: int, message: Message) -> None:
         if self._is_beyond(nanos):

@@ -20,9 +20,12 @@ from groundlink.clock import NANOS
 from groundlink.frames import Floats, transform
 from groundlink.ground_truth import TruePoints
 from groundlink.messages import Command, Imu, Message, PointCloud, WheelEncoders, floats
+from groundlink.relayed import Relayed
+from groundlink.ros_incoming import READERS
+from groundlink.ros_types import STORE
 from groundlink.scenario.sensors import Encoders, Lidar
 
-from . import forms_imagery
+from . import forms_imagery, forms_relayed
 from .canvas import WORLD, Canvas, Seen, Trail
 from .colours import Colours, of_bodies, of_cells, of_points
 from .placing import Reals, points_in_world
@@ -232,6 +235,26 @@ def nav_sat_fix(canvas: Canvas, seen: Seen, path: str, message: navigation.NavSa
         canvas.log(f"{path}/way", message.stamp_nanos, way)
 
 
+RELAYED_FORMS = {
+    "nav_msgs/msg/Path": forms_relayed.path,
+    "sensor_msgs/msg/PointCloud2": forms_relayed.point_cloud,
+}
+
+
+def relayed(canvas: Canvas, seen: Seen, path: str, message: Relayed) -> None:
+    """Draw what ROS tells as it came: by its own type, or as what the bus has for it."""
+    if draw := RELAYED_FORMS.get(message.ros_type):
+        found = STORE.deserialize_cdr(bytes(message.cdr), message.ros_type)
+        draw(canvas, seen, path, message.stamp_nanos, found)
+        return
+    read = READERS.get(message.ros_type)
+    known = read(message.cdr, message.stamp_nanos) if read is not None else None
+    if isinstance(known, navigation.PoseStamped | navigation.Odometry | navigation.OccupancyGrid):
+        FORMS[type(known)](canvas, seen, path, known)
+    else:
+        canvas.not_drawn += 1
+
+
 Form = Callable[[Canvas, Seen, str, Any], None]
 
 FORMS: dict[type[Message], Form] = {
@@ -251,5 +274,6 @@ FORMS: dict[type[Message], Form] = {
     navigation.Transforms: transforms,
     navigation.JointState: joint_state,
     navigation.NavSatFix: nav_sat_fix,
+    Relayed: relayed,
 }
 """Every message of a vehicle that is drawn. States, clock and health are not a vehicle's."""

@@ -18,7 +18,7 @@ from groundlink.errors import UserError
 from groundlink.messages import BadMessage, Clock, Health, Message, State
 from groundlink.navigation import OccupancyGrid, Odometry, Transforms
 from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
-from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.ros_messages import ros_type_of, to_cdr
 from groundlink.ros_streams import (
     TF_STATIC_TOPIC,
     TF_TOPIC,
@@ -46,7 +46,8 @@ class FoxgloveServer(ServerListener):
         self._scenario = scenario
         self._context = Context()
         self._channels = {
-            path: self._channel(stream.topic, stream.message) for path, stream in streams.items()
+            path: self._channel(stream.topic, stream.message, stream.ros_type)
+            for path, stream in streams.items()
         }
         self._tf = self._channel(TF_TOPIC, Transforms)
         self._tf_static = self._channel(TF_STATIC_TOPIC, Transforms)
@@ -140,8 +141,8 @@ class FoxgloveServer(ServerListener):
         if channel.topic in self._latched:
             self._is_owed = True
 
-    def _channel(self, topic: str, message: type[Message]) -> Channel:
-        name = ROS_FORMS[message].ros_type
+    def _channel(self, topic: str, message: type[Message], told: str = "") -> Channel:
+        name = ros_type_of(message, told)
         schema = Schema(name=name, encoding=ENCODING, data=definition(name).encode())
         return Channel(
             topic, schema=schema, message_encoding=MESSAGE_ENCODING, context=self._context

@@ -16,6 +16,7 @@ from groundlink.imagery import CompressedImage, Image
 from groundlink.inbox import Inbox
 from groundlink.messages import Health, Imu, M, Message, PointCloud, State
 from groundlink.navigation import OccupancyGrid
+from groundlink.relayed import Relayed
 from groundlink.ros_streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RotatingLidar
@@ -29,6 +30,7 @@ KEPT: dict[type[Message], int] = {
     Image: 3,
     CompressedImage: 6,
     OccupancyGrid: 1,
+    Relayed: 6,
 }
 """Messages of a stream that may wait, by type: of states those of 2.5 s."""
 

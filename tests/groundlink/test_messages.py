@@ -21,6 +21,7 @@ from groundlink.messages import (
     encode,
     packed,
 )
+from groundlink.relayed import Relayed
 from groundlink.scenario.faults import Bias, Stuck
 from groundlink.vitals import BatteryState, Contact, Vitals
 
@@ -91,6 +92,7 @@ EXAMPLES: list[Message] = [
     navigation.NavSatFix(20, "gps", 0, 9, 50.25, 18.5, 250.0, packed(np.diag([1.0, 1.0, 4.0])), 2),
     ground_truth.TruePoints(8, "lidar", packed(TRUE_POINTS)),
     ground_truth.Bodies(21, ("rover/base_link", "wall"), packed(np.arange(14.0))),
+    Relayed(22, "nav_msgs/msg/Path", memoryview(bytes(24))),
     messages.Ack(10, 11, -1, b"7", {"rover": 10}),
     messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,), "a-host"),
     Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
@@ -193,10 +195,11 @@ def test_a_cloud_with_half_a_point_is_refused() -> None:
         decode(msgspec.msgpack.encode(document), messages.PointCloud)
 
 
+OF_ANY_SIZE = messages.State | messages.PointCloud | imagery.CompressedImage | Relayed
 LENGTHS = [
     (type(example), field, len(value))
     for example in EXAMPLES
-    if not isinstance(example, messages.State | messages.PointCloud | imagery.CompressedImage)
+    if not isinstance(example, OF_ANY_SIZE)
     for field in example.__struct_fields__
     if isinstance(value := getattr(example, field), memoryview) and len(value)
 ]

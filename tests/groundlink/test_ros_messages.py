@@ -7,7 +7,7 @@ import json
 import math
 from dataclasses import replace
 from importlib import import_module
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -18,8 +18,10 @@ from rosbags.typesys import Stores, get_typestore
 from groundlink.imagery import Range
 from groundlink.messages import BadMessage, Clock, Command, Message, packed
 from groundlink.navigation import OccupancyGrid, Odometry, PoseStamped
-from groundlink.ros_incoming import READERS
+from groundlink.relayed import Relayed
+from groundlink.ros_incoming import READERS, reader
 from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.scenario.ros_side import RosType
 from tests.udp_bridge.vectors import FOLDER, load
 from tests.vectors.examples import EXAMPLES, SUBSCRIBE, fields
 from udp_bridge import Reassembler
@@ -29,6 +31,7 @@ from udp_bridge.types import MSG_TYPES
 OLDER_STORE = get_typestore(Stores.ROS2_JAZZY)
 INCOMING = ("pose", "odometry", "map")
 TWIST = "geometry_msgs/msg/Twist"
+PATH = "nav_msgs/msg/Path"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 
 
@@ -69,9 +72,20 @@ def test_the_subscribe_vector_is_what_it_says() -> None:
 
 def test_every_type_of_the_wire_is_on_the_bus() -> None:
     of_ros = {row.ros_type for row in MSG_TYPES.values() if row.ros_type}
-    assert of_ros == {form.ros_type for form in ROS_FORMS.values()} | {TWIST, TWIST_STAMPED}
+    assert of_ros == {form.ros_type for form in ROS_FORMS.values()} | {TWIST, TWIST_STAMPED, PATH}
     from_ros = {r.ros_type for r in MSG_TYPES.values() if r.ros_type and r.direction != "to ROS"}
-    assert from_ros == set(READERS)
+    assert from_ros == {*READERS, PATH}
+    may_be_wished = {name.replace("/", "/msg/") for name in get_args(RosType)}
+    assert may_be_wished == of_ros - {"rosgraph_msgs/msg/Clock"}
+
+
+def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:
+    read = reader(Relayed, PATH)
+    assert read(body("path"), 7) == Relayed(7, PATH, memoryview(body("path")))
+    assert bytes(to_cdr(read(body("path"), 7))) == body("path")
+    for wrong_one in (body("path")[:-9], b"", body("pose")):
+        with pytest.raises(BadMessage, match="not a nav_msgs/msg/Path"):
+            read(wrong_one, 7)
 
 
 @pytest.mark.parametrize("name", INCOMING)

@@ -11,6 +11,11 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
+from groundlink.bus import Bus
+from groundlink.inbox import Inbox
+from groundlink.relayed import Relayed
+from groundlink.ros_types import STORE
+from groundlink.topics import RELAYED
 from tests.system.rig import rig
 
 from .conftest import Ros1
@@ -18,6 +23,7 @@ from .conftest import Ros1
 pytestmark = pytest.mark.system
 
 PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}
+PATH = ("/plan", "nav_msgs/Path")
 TOPICS = (
     ("sensor_msgs/PointCloud2", "/points"),
     ("sensor_msgs/Imu", "/imu"),
@@ -30,6 +36,9 @@ TOPICS = (
 
 def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -> None:
     with rig(tmp_path, time_section="time: {mode: realtime}\n") as it:
+        text = it.scenario.read_text(encoding="utf-8")
+        more = text.replace("map: /map}", "map: /map, topics: {/plan: nav_msgs/Path}}")
+        it.scenario.write_text(more, encoding="utf-8")
         node = ros1.bridge(it.address(it.peer))
         ears = ros1.listen(*TOPICS)
         it.up("--no-ros")
@@ -51,6 +60,17 @@ def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -
         ears.wait_until(
             lambda: min(ears.messages("/wheel_encoders")[-1][1][2]) > max(ticks) + 50, "it drives"
         )
+        with Bus(connect=it.endpoint) as bus:  # what any other of its programs says comes back
+            plans: Inbox[Relayed] = Inbox(depth=100)
+            bus.subscribe(RELAYED.key_in(it.run), Relayed, plans)
+            plan = "{header: {frame_id: map}, poses: [{pose: {position: {x: 2.5}}}]}"
+            planner = ros1.start(*("/usr/bin/rostopic", "pub", "-r", "10"), *PATH, plan)
+            arrived = plans.get(seconds=30)
+            assert arrived, planner.output
+            assert arrived[0] == RELAYED.key_in(it.run, vehicle="rover", topic="plan")
+            body = STORE.deserialize_cdr(bytes(arrived[1].cdr), arrived[1].ros_type)
+            assert (body.header.frame_id, body.poses[0].pose.position.x) == ("map", 2.5)
+            planner.end(signal.SIGINT)
         bag = tmp_path / "run.bag"
         recorder = ros1.start("/usr/bin/rosbag", "record", "-O", str(bag), "/points", "/imu")
         meter = ros1.start("/usr/bin/rostopic", "hz", "/imu")

@@ -14,10 +14,12 @@ from msgspec.structs import replace
 from groundlink.bus import Bus
 from groundlink.inbox import Inbox
 from groundlink.messages import Message, State
+from groundlink.relayed import Relayed
 from groundlink.ros_messages import ROS_FORMS, to_cdr
-from groundlink.topics import FROM_ROS, STATE, STREAM_TOPICS
+from groundlink.topics import FROM_ROS, RELAYED, STATE, STREAM_TOPICS
+from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES, fields
-from udp_bridge import Link
+from udp_bridge import Link, Reassembler
 from udp_bridge import Message as WireMessage
 from udp_bridge.control import Subscribe
 from udp_bridge.types import MSG_TYPES, type_number
@@ -29,8 +31,10 @@ pytestmark = pytest.mark.system
 ODOMETRY = type_number("Odometry")
 CLOUD = type_number("PointCloud2")
 SCAN = type_number("LaserScan")
+PATH = "nav_msgs/msg/Path"
 LAB_CHANGES = (
     ("sensors/vlp16_paper.yaml,", "sensors/vlp16_paper.yaml, block_deg: 15,"),
+    ("map: /map}", "map: /map, topics: {/plan: nav_msgs/Path}}"),
     (
         "    sensors:\n",
         "    streams: [{name: scan, kind: laser_scan, topic: /scan, rate_hz: 10, push: false}]\n"
@@ -169,3 +173,21 @@ def test_a_pose_and_a_map_of_ros_are_typed_messages_on_the_bus(running: Running)
         arrived = inbox.get(seconds=20)
         assert arrived, it.log(f"{name}.log")
         assert arrived == (key, example.message)
+
+
+def test_any_further_topic_of_ros_is_on_the_bus_as_it_came(running: Running) -> None:
+    it = running.rig
+    (path,) = [vector for vector in VECTORS if vector.name == "path"]
+    reassembler = Reassembler()
+    for datagram in path.datagrams:
+        whole = reassembler.receive(datagram, "", 0)
+    assert whole
+    inbox: Inbox[Message] = Inbox(depth=100)
+    running.bus.subscribe(RELAYED.key_in(it.run), Relayed, inbox)
+    it.start("-m", "tests.ros.replayer", PATH, "/plan", bytes(whole.body).hex(), log="plan.log")
+    arrived = inbox.get(seconds=20)
+    assert arrived, it.log("plan.log")
+    key, message = arrived
+    assert key == RELAYED.key_in(it.run, vehicle="rover", topic="plan")
+    assert isinstance(message, Relayed)
+    assert (message.ros_type, bytes(message.cdr)) == (PATH, bytes(whole.body))

@@ -24,6 +24,7 @@ from groundlink.clock import TICK_NANOS
 from groundlink.inbox import Inbox
 from groundlink.messages import Command, Health, Imu, Message, PointCloud, State
 from groundlink.topics import COMMAND, HEALTH, IMU, POINTS, STATE
+from services.view.viewer import program
 from tests.services.view.foxglove_client import joined
 
 from .rerun_eyes import Eyes, eyes, need_vulkan, share_of
@@ -33,6 +34,9 @@ pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
 
 TRUTH = (90, 220, 255)
 """Colour of the true trajectory, as services/view/picture.py draws it."""
+
+
+OF_THE_STACK = "from_ros: {pose: /pose, map: /map}"
 
 
 @dataclass
@@ -77,6 +81,10 @@ class Running:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     with rig(tmp_path_factory.mktemp("view")) as it:
+        text = it.scenario.read_text(encoding="utf-8")
+        assert OF_THE_STACK in text
+        more = OF_THE_STACK.replace("}", ", topics: {/plan: nav_msgs/Path}}")
+        it.scenario.write_text(text.replace(OF_THE_STACK, more), encoding="utf-8")
         it.up()
         wait_for(lambda: _listens(it), 20, "the router listens")
         with Bus(connect=it.endpoint) as bus:
@@ -198,13 +206,24 @@ def test_a_viewer_that_falls_behind_or_goes_changes_no_rate(running: Running) ->
         assert running.counters(sensor)["missed_ticks"] == 0
 
 
-def test_foxglove_sees_a_robot(running: Running) -> None:
+@pytest.fixture
+def slam(running: Running) -> Iterator[None]:
+    """Have a stack tell of a pose, a map and a plan while a test lasts."""
+    pytest.importorskip("rclpy", reason="no ROS 2 here")
+    process = running.rig.start("-m", "tests.system.ros_slam", log="slam.log")
+    yield
+    process.terminate()
+    process.wait(10)
+
+
+def test_foxglove_sees_a_robot_and_what_its_stack_tells(running: Running, slam: None) -> None:
     port = free_port(socket.SOCK_STREAM)
     viewer = running.view("--foxglove", "--port", str(port), log="foxglove.log")
     wait_for(lambda: "open ws://" in running.rig.log("foxglove.log"), 30, "it serves")
     with joined(port) as client:
         client.subscribe(*client.channels)
         wanted = {"/clock", "/points", "/imu", "/wheel_encoders", "/tf", "/tf_static", "/scene"}
+        wanted |= {"/pose", "/map", "/plan"}
         begun = time.monotonic()
         while not wanted <= {topic for topic, _, _ in client.got}:
             assert time.monotonic() < begun + 20
@@ -217,15 +236,30 @@ def test_foxglove_sees_a_robot(running: Running) -> None:
         }
         assert frames == {"base_link": "world", "lidar_link": "base_link", "imu_link": "base_link"}
         assert client.times
+        told = {topic: client.decoded(topic) for topic in ("/pose", "/map", "/plan")}
+    assert {message.header.frame_id for message in told.values()} == {"map"}
+    assert np.unique(told["/map"].data).tolist() == [0, 100]
+    assert len(told["/map"].data) == told["/map"].info.width * told["/map"].info.height > 0
+    assert [row.pose.position.x for row in told["/plan"].poses] == [0.0, 2.0]
     _ends_at_once(viewer)
 
 
-def test_a_file_holds_what_was_seen(running: Running, tmp_path: Path) -> None:
+def test_a_file_holds_what_was_seen(running: Running, slam: None, tmp_path: Path) -> None:
+    """Also what the vehicle's stack told: the vehicle in its map."""
     need_vulkan()
     file = tmp_path / "run.rrd"
     viewer = running.view("--save", str(file), log="save.log")
     wait_for(lambda: file.exists() and file.stat().st_size > 30_000_000, 30, "it is written")
     _ends_at_once(viewer)
+    held = subprocess.run(
+        [program(), "rrd", "print", str(file)], check=True, capture_output=True, text=True
+    ).stdout
+    for entity, drawn in (
+        ("map", "GridMap"),
+        ("pose", "LineStrips3D"),
+        ("topics/plan", "LineStrips3D"),
+    ):
+        assert re.search(rf"/rover/from_ros/{entity}\b.*{drawn}", held), (entity, held[-3000:])
     with eyes(str(file), tmp_path) as seen:
         wait_for(lambda: seen.newest_seconds() > 0 and not seen.state().loading, 30, "it opens")
         wait_for(lambda: _cloud_share(_world(seen)) > 2e-3, 30, "the cloud is drawn")

@@ -57,6 +57,38 @@ def test_a_scenario_may_name_them_otherwise(tmp_path: Path) -> None:
     assert two.sensors[0].topic == "/fleet/a/imu"
 
 
+def test_further_topics_are_in_the_namespace_too_and_types_as_either_ros_writes_them(
+    tmp_path: Path,
+) -> None:
+    further = "pose, topics: {plan: nav_msgs/msg/Path, /fleet: nav_msgs/Path}"
+    file = scenario(tmp_path, vehicle("one", pose=further), vehicle("two", 5.0))
+    one, _ = load(file).vehicles
+    assert one.from_ros.topics == {"/one/plan": "nav_msgs/Path", "/fleet": "nav_msgs/Path"}
+
+
+@pytest.mark.parametrize(
+    ("further", "complaint"),
+    [
+        (
+            "{plan: nav_msgs/Paths}",
+            r"some.yaml:\d+: .*topics\..*/plan`: unknown value "
+            "`nav_msgs/Paths`; did you mean `nav_msgs/Path`",
+        ),
+        ("{plan: 7}", r"some.yaml:\d+: .*/plan`: expected `str`"),
+        ("[plan]", r"some.yaml:\d+: `vehicles\[0\].from_ros.topics`: expected `object`"),
+        ("{/a b: nav_msgs/Path}", r"some.yaml:\d+: .*topics"),
+        ("{pose: nav_msgs/Path}", "`/pose` is taken from ROS, but is another stream's topic"),
+        ("{imu: sensor_msgs/Imu}", "`/imu` is taken from ROS, but is another stream's topic"),
+        ("{/tf: tf2_msgs/TFMessage}", "`/tf` is taken from ROS, but is another stream's topic"),
+    ],
+)
+def test_what_is_no_further_topic_is_one_line(tmp_path: Path, further: str, complaint: str) -> None:
+    file = scenario(tmp_path, vehicle("one", pose=f"pose, topics: {further}"))
+    with pytest.raises(ScenarioError, match=complaint) as raised:
+        load(file)
+    assert "\n" not in str(raised.value)
+
+
 @pytest.mark.parametrize("more", ["command_topic: /one/cmd_vel", "command_topic: /one/imu"])
 def test_two_that_share_a_topic_of_commands_are_refused(tmp_path: Path, more: str) -> None:
     with pytest.raises(ScenarioError, match=r"`/one/.*give each its own"):

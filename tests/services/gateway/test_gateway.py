@@ -23,11 +23,13 @@ from groundlink.messages import (
     WheelEncoders,
     packed,
 )
+from groundlink.relayed import Relayed
 from groundlink.ros_messages import to_cdr
 from groundlink.ros_streams import outgoing
-from groundlink.ros_types import WHEEL_ENCODERS_DEFINITION
+from groundlink.ros_types import WHEEL_ENCODERS_DEFINITION, header
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.ros_side import FromRos
 from groundlink.scenario.ros_side import Stream as ExtraStream
 from services.gateway.gateway import Gateway
 from services.gateway.incoming import LEASE_SECONDS
@@ -242,6 +244,27 @@ def test_what_a_slam_stack_tells_is_on_the_bus(bench: Bench) -> None:
         bench.hear(msg_type, f"/{name}", bytes(to_cdr(sent)))
         assert bench.commands.pop() == (f"groundlink/lab/rover/from_ros/{name}", sent)
     assert bench.report()[1]["from_ros"] == 2
+
+
+def test_any_further_topic_is_wished_for_and_passed_on_as_it_came() -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    further = FromRos(topics={"/nav/plan": "nav_msgs/Path"})
+    vehicle = replace(scenario.vehicles[0], from_ros=further)
+    bench = Bench(replace(scenario, vehicles=(vehicle,)))
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
+    bench.link.sent.clear()
+    bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
+    wishes = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
+    found = [(row["topic"], Subscribe.parse(row["body"]).wanted_type) for row in wishes]
+    assert found == [("/cmd_vel", TWIST), ("/nav/plan", type_number("Path"))]
+    ros = STORE.types["nav_msgs/msg/Path"](header=header(5, "map"), poses=[])
+    body = bytes(STORE.serialize_cdr(ros, "nav_msgs/msg/Path"))
+    bench.hear(type_number("Path"), "/nav/plan", body)
+    sent = Relayed(10**9, "nav_msgs/msg/Path", memoryview(body))
+    assert bench.commands == [("groundlink/lab/rover/from_ros/topics/nav/plan", sent)]
+    bench.hear(type_number("Path"), "/nav/plan", body[:-5])
+    counts = bench.report()[1]
+    assert (counts["from_ros"], counts["refused"]) == (1, 1)
 
 
 def test_poses_and_maps_are_wished_for_and_a_map_anew_at_the_begin(bench: Bench) -> None:

@@ -31,11 +31,13 @@ from groundlink.navigation import JointState, Odometry, PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
+from groundlink.relayed import Relayed
 from groundlink.ros_gaps import from_gaps
+from groundlink.ros_types import STORE, TYPES, header
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.faults import Stuck
 from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.ros_side import Stream
+from groundlink.scenario.ros_side import FromRos, Stream
 from groundlink.vitals import Vitals
 from services.recorder.recorder import Recorder
 
@@ -176,6 +178,21 @@ def test_times_of_what_comes_from_ros(rig: Rig) -> None:
     (tick, pose) = written["/pose"][0]
     assert tick == 40
     assert pose.header.stamp.nanosec == 17
+
+
+def test_what_is_relayed_stands_under_its_topic_as_its_type(lab: Scenario, tmp_path: Path) -> None:
+    (rover,) = lab.vehicles
+    told = FromRos(topics={"/plan": "nav_msgs/Path"})
+    rig = Rig(replace(lab, vehicles=(replace(rover, from_ros=told),)), tmp_path / "run.mcap")
+    rig.clock(0)
+    rig.clock(40)
+    path = TYPES["nav_msgs/msg/Path"](header=header(17, "map"), poses=[])
+    cdr = memoryview(bytes(STORE.serialize_cdr(path, "nav_msgs/msg/Path")))
+    key = f"groundlink/{RUN}/rover/from_ros/topics/plan"
+    rig.recorder.take(key, Relayed(EPOCH, "nav_msgs/msg/Path", cdr))
+    written = rig.written()
+    ((tick, plan),) = written["/plan"]
+    assert (tick, plan.header.stamp.nanosec, plan.header.frame_id) == (40, 17, "map")
 
 
 def test_diagnostics_once_a_second_of_sim_time(rig: Rig) -> None:

@@ -25,7 +25,10 @@ from groundlink.messages import (
     WheelEncoders,
     packed,
 )
+from groundlink.relayed import Relayed
+from groundlink.ros_messages import to_cdr
 from groundlink.ros_streams import RosStream
+from groundlink.ros_types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
@@ -34,6 +37,7 @@ from groundlink.topics import (
     COMMAND,
     FROM_ROS,
     GROUND_TRUTH,
+    RELAYED,
     STREAM_TOPICS,
     TRUE_POINTS,
     TRUE_WHEELS,
@@ -97,6 +101,38 @@ GRID = navigation.OccupancyGrid(
     STAMP, "world", STAMP, 0.5, 2, 1, (0, 0, 0), UP, packed(np.array([-1, 100], np.int8))
 )
 
+
+def relayed(ros_type: str, **fields: Any) -> Relayed:
+    message = TYPES[ros_type](**fields)
+    return Relayed(STAMP, ros_type, memoryview(bytes(STORE.serialize_cdr(message, ros_type))))
+
+
+def plan(frame: str, *points: tuple[float, float, float]) -> Relayed:
+    """Return a nav_msgs/Path, whose stamps are 0 as some planners leave them."""
+    pose_stamped = TYPES["geometry_msgs/msg/PoseStamped"]
+    poses = [pose_stamped(header=header(0, frame), pose=pose(point, UP)) for point in points]
+    return relayed("nav_msgs/msg/Path", header=header(0, frame), poses=poses)
+
+
+def filtered(frame: str, points: list[tuple[float, float, float]], *, axes: str = "xyz") -> Relayed:
+    """Return a sensor_msgs/PointCloud2 of 16 bytes a point, as PCL has it."""
+    data = np.zeros((len(points), 4), np.float32)
+    data[:, :3] = points
+    field = TYPES["sensor_msgs/msg/PointField"]
+    return relayed(
+        "sensor_msgs/msg/PointCloud2",
+        header=header(0, frame),
+        height=1,
+        width=len(points),
+        fields=[field(name=axis, offset=4 * i, datatype=7, count=1) for i, axis in enumerate(axes)],
+        is_bigendian=False,
+        point_step=16,
+        row_step=16 * len(points),
+        data=data.view(np.uint8).ravel(),
+        is_dense=True,
+    )
+
+
 CASES: dict[type[Message], tuple[Message, str, type | None]] = {
     Command: (Command(STAMP, (1, 0, 0), (0, 0, 0)), "rover/speed/commanded", None),
     Imu: (Imu(STAMP, "imu_link", UP, (0, 0, 1), (0, 0, 9), 0, 0, 0), "rover/x/acceleration", None),
@@ -146,13 +182,14 @@ CASES: dict[type[Message], tuple[Message, str, type | None]] = {
         "rover/x",
         rr.GeoPoints,
     ),
+    Relayed: (plan("world", (0, 0, 0), (1, 0, 0)), "rover/x", rr.LineStrips3D),
 }
 """A message of each kind, where something of it is drawn, and as what; None is a plot."""
 
 
 def test_all_that_ros_sees_of_a_vehicle_is_drawn() -> None:
     truths = [GROUND_TRUTH, TRUE_WHEELS, TRUE_POINTS]
-    rows = [COMMAND, *truths, *STREAM_TOPICS.values(), *FROM_ROS.values()]
+    rows = [COMMAND, *truths, *STREAM_TOPICS.values(), *FROM_ROS.values(), RELAYED]
     assert {row.message for row in rows} == set(FORMS) == set(CASES)
 
 
@@ -313,6 +350,34 @@ def test_the_stack_begins_on_the_truth_and_may_leave_it() -> None:
 GRID_OF_STACK = navigation.OccupancyGrid(
     STAMP, "map", STAMP, 0.5, 2, 1, (0, 0, 0), UP, packed(np.array([0, 100], np.int8))
 )
+
+
+def test_a_plan_lies_in_the_frame_of_the_stack_and_a_cloud_in_the_sensors() -> None:
+    it, recording = picture()
+    path = "rover/from_ros/topics/plan"
+    show(it, path, plan("map", (0, 0, 0), (1, 2, 0)))
+    assert it.canvas.not_drawn == 1, "where the stack's map lies is not known yet"
+    show(it, "rover/from_ros/pose", navigation.PoseStamped(STAMP, "map", (0, 0, 0), UP))
+    show(it, path, plan("map", (0, 0, 0), (1, 2, 0)))
+    frame, line = recording.logged[path]
+    assert frame.frame.as_arrow_array().to_pylist() == ["rover/from_ros"]
+    assert line.strips.as_arrow_array().to_pylist() == [[[0, 0, 0], [1, 2, 0]]]
+    nan = float("nan")
+    show(it, "rover/y", filtered("lidar_link", [(1, 2, 3), (nan, 0, 0)]))
+    frame, points = recording.logged["rover/y"]
+    assert frame.frame.as_arrow_array().to_pylist() == ["lidar_link"]
+    assert points.positions.as_arrow_array().to_pylist() == [[1, 2, 3]]
+    assert it.canvas.not_drawn == 1
+
+
+def test_what_else_is_relayed_is_drawn_as_what_it_is_or_counted() -> None:
+    it, recording = picture()
+    costmap = memoryview(bytes(to_cdr(GRID)))
+    show(it, "rover/x", Relayed(STAMP, "nav_msgs/msg/OccupancyGrid", costmap))
+    assert any(isinstance(what, rr.GridMap) for what in recording.logged["rover/x"])
+    show(it, "rover/y", relayed("std_msgs/msg/String", data="hello"))
+    show(it, "rover/z", filtered("lidar_link", [(1, 2, 3)], axes="abc"))
+    assert it.canvas.not_drawn == 2
 
 
 def test_a_new_life_of_physics_gets_a_recording_of_its_own() -> None:
