@@ -76,7 +76,7 @@ def node(_: argparse.Namespace) -> None:
     class Telling(module.BridgeNode):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
-            print(self._link.address[1], flush=True)
+            print(self._end.link.address[1], flush=True)
 
         def create_publisher(self, *given: Any, **more: Any) -> Any:
             publisher = super().create_publisher(*given, **more)

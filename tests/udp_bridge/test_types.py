@@ -10,7 +10,7 @@ from udp_bridge.types import MessageType
 
 
 def test_numbers_are_those_of_the_wire() -> None:
-    assert list(MSG_TYPES) == [*range(1, 12), *range(32, 40), 64, 65, 66]
+    assert list(MSG_TYPES) == [*range(1, 12), *range(32, 41), 64, 65, 66]
 
 
 @pytest.mark.parametrize("row", MSG_TYPES.values(), ids=lambda row: row.name)
