@@ -92,6 +92,18 @@ def test_a_duplicate_took_buffer_too_and_is_acknowledged() -> None:
     assert len(bench.receive(cloud(5000))) == 4
 
 
+def test_a_late_message_that_becomes_whole_amid_its_parts_is_acknowledged() -> None:
+    bench = Bench()
+    first, *rest = [head + bytes(part) for head, part in fragments(cloud(5000), 1472)]
+    ahead = [head + bytes(part) for head, part in fragments(cloud(5000, 5), 1472)]
+    for datagram in (*rest, *ahead):
+        bench.inbox.receive(memoryview(datagram), SENDER, 0, WALL)
+    message, answer = bench.inbox.receive(memoryview(first), SENDER, 0, WALL)
+    assert message is None
+    assert answer is not None
+    assert control.parse(answer[0][parse(answer[0])[1] :]) == Credit(1, 0, 4, 212_992)
+
+
 def test_the_end_of_an_incomplete_message_is_acknowledged() -> None:
     bench = Bench()
     last = [head + bytes(part) for head, part in fragments(cloud(5000), 1472)][-1]

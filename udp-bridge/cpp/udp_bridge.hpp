@@ -405,7 +405,7 @@ class Receiver {
     if (topic.is_restart_by_silence(h, now_nanos)) forget(peer, topic, kNever);
     if (topic.is_finished(key)) {
       ++counters.duplicates;
-      credit(peer, h, datagram_size, h.parts_max > 1, reply);
+      credit(peer, h, datagram_size, h.part_number + 1 == h.parts_max, reply);
       return Refusal::none;
     }
     auto open = find(topic, key);
@@ -431,7 +431,7 @@ class Receiver {
       release({&peer, &topic, open});
       finish(peer, topic, key, std::move(message), now_nanos, hand_over);
     } else {
-      keep_bounds(peer);
+      keep_bounds(peer, open->announced);
     }
     credit(peer, h, datagram_size, is_whole || is_last, reply);
     return refusal;
@@ -550,9 +550,15 @@ class Receiver {
     memory_bytes_ += announced - before;
   }
 
-  void keep_bounds(Peer& peer) {
+  /// Let the oldest of a sender go where its newest, which announced so much, is too much; who
+  /// holds nothing else to give takes from the one who holds the most.
+  void keep_bounds(Peer& peer, std::size_t announced) {
     while (peer.memory_bytes > limits_.memory_bytes / 4) give_up_oldest(peer);
     while (memory_bytes_ > limits_.memory_bytes) {
+      if (peer.memory_bytes > announced) {
+        give_up_oldest(peer);
+        continue;
+      }
       const auto most = std::max_element(
           peers_.begin(), peers_.end(),
           [](const auto& a, const auto& b) { return a.second.memory_bytes < b.second.memory_bytes; });

@@ -10,6 +10,7 @@ import shutil
 import struct
 import subprocess
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import pytest
 
 from tests.udp_bridge.vectors import FOLDER, IN_ORDER, NAMES, VECTORS, Vector, load
 from udp_bridge import Header, Message, Reassembler, fragments
+from udp_bridge.receiving import Inbox
 
 HERE = Path(__file__).parent
 HEADER = HERE.parents[2] / "udp-bridge/cpp"
@@ -53,11 +55,19 @@ def send(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def received(
-    program: Path, datagrams: list[bytes], folder: Path, apart_nanos: int = 1
+    program: Path,
+    datagrams: Sequence[bytes],
+    folder: Path,
+    apart_nanos: int = 1,
+    senders: Sequence[int] = (),
 ) -> tuple[list[Any], list[str]]:
-    """Return what the C++ receiver makes of datagrams: messages with their bodies, refusals."""
+    """Return what the C++ receiver makes of datagrams: messages with their bodies, refusals.
+
+    The last of the messages is how many were incomplete, and how many Credits it gave.
+    """
     file, bodies = folder / "datagrams.bin", folder / "bodies.bin"
-    file.write_bytes(b"".join(LENGTH.pack(len(datagram)) + datagram for datagram in datagrams))
+    rows = zip(datagrams, senders or [1] * len(datagrams), strict=True)
+    file.write_bytes(b"".join(LENGTH.pack(len(d)) + bytes([sender]) + d for d, sender in rows))
     command = [str(program), str(file), str(bodies), str(apart_nanos)]
     lines = subprocess.run(command, capture_output=True, check=True).stdout.split(b"\n")
     body, at = bodies.read_bytes(), 0
@@ -73,16 +83,16 @@ def received(
             messages.append((*fields, topic, link, body[at : at + size]))
             at += size
         else:
-            messages_counted, incomplete, memory = map(int, rest.split())
+            messages_counted, incomplete, memory, credits_given = map(int, rest.split())
             assert messages_counted == len(messages)
             assert memory == 0
-            messages.append(incomplete)
+            messages.append((incomplete, credits_given))
     return messages, refused
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=NAMES)
 def test_a_vector_decodes_to_its_meaning(vector: Vector, receive: Path, tmp_path: Path) -> None:
-    (*messages, incomplete), refused = received(receive, list(vector.datagrams), tmp_path)
+    (*messages, (incomplete, _)), refused = received(receive, vector.datagrams, tmp_path)
     meant = vector.meaning
     assert refused == meant.get("refused", [])
     assert incomplete == meant.get("incomplete", 0)
@@ -131,20 +141,46 @@ def test_what_arrives_late_twice_or_never_means_the_same_to_both(
         spoilt = bytearray(datagrams[j])
         spoilt[generator.randrange(min(30, len(spoilt)))] ^= 1 << generator.randrange(8)
         datagrams.insert(generator.randrange(len(datagrams)), bytes(spoilt))
-    reassembler = Reassembler()
+    means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
+
+
+def test_who_goes_beyond_the_memory_gives_his_own(receive: Path, tmp_path: Path) -> None:
+    """Of all memory, where others hold more than he does: his first is given up, none of theirs."""
+
+    def part(number: int, parts: int, size: int, topic: str = "/a") -> bytes:
+        return Header(1, 1, number, parts, 1, 0, topic).pack() + bytes(size)
+
+    rows = [(part(0, 255, 65_000), sender) for sender in (1, 2, 3)]
+    rows += [(part(0, 240, 65_000), 4), (part(0, 40, 32_000, "/first"), 5)]
+    rows += [(part(0, 60, 32_000, "/second"), 5)]
+    rows += [(part(number, 40, 32_000, "/first"), 5) for number in range(1, 40)]
+    datagrams, senders = zip(*rows, strict=True)
+    assert means_the_same(receive, tmp_path, datagrams, senders) == 6
+
+
+def means_the_same(
+    receive: Path, folder: Path, datagrams: Sequence[bytes], senders: Sequence[int]
+) -> int:
+    """Assert that C++ makes of datagrams what Python does; return how many were incomplete."""
+    inbox = Inbox(receive_buffer=1 << 30, on_credit=lambda *_: None)
     wanted: list[Any] = []
-    for now, datagram in enumerate(datagrams):
-        if (message := reassembler.receive(datagram, "", now)) is None or message.msg_type >= 64:
+    credits_given = 0
+    for now, (datagram, sender) in enumerate(zip(datagrams, senders, strict=True)):
+        message, answer = inbox.receive(memoryview(datagram), ("127.0.0.1", sender), now, 0)
+        credits_given += answer is not None
+        if message is None or message.msg_type >= 64:
             continue
         sec, nsec = divmod(message.stamp_nanos, 10**9)
         names = (message.topic, message.link, bytes(message.body))
         fields = (message.msg_type, message.seq_number, sec, nsec, message.parts)
         wanted.append((*fields, *names))
-    reassembler.give_up_all()
-    (*messages, incomplete), refused = received(receive, datagrams, tmp_path)
+    inbox.reassembler.give_up_all()
+    counters = inbox.reassembler.counters
+    (*messages, counts), refused = received(receive, datagrams, folder, senders=senders)
     assert messages == wanted
-    assert incomplete == reassembler.counters.incomplete
-    assert {why: refused.count(why) for why in refused} == dict(reassembler.counters.refused)
+    assert counts == (counters.incomplete, credits_given)
+    assert {why: refused.count(why) for why in refused} == dict(counters.refused)
+    return counters.incomplete
 
 
 def test_a_restart_amid_a_message_begins_it_anew(receive: Path, tmp_path: Path) -> None:
@@ -154,7 +190,7 @@ def test_a_restart_amid_a_message_begins_it_anew(receive: Path, tmp_path: Path) 
         return Header(1, seq_number, number, parts, sec, 0, "/a").pack() + bytes(5_000)
 
     datagrams = [part(10, 0, 1, 100), part(5, 0, 2, 200), part(5, 200, 255, 200)]
-    (*messages, incomplete), refused = received(receive, datagrams, tmp_path, 6 * 10**8)
+    (*messages, (incomplete, _)), refused = received(receive, datagrams, tmp_path, 6 * 10**8)
     assert len(messages) == 1
     assert (incomplete, refused) == (2, [])
 

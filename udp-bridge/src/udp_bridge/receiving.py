@@ -95,6 +95,7 @@ class Inbox:
         self.datagrams += 1
         size = len(datagram)
         self.bytes_received += size
+        late = self.reassembler.counters.late
         try:
             header, offset = parse(datagram)
             if header.msg_type == CONTROL:
@@ -115,7 +116,8 @@ class Inbox:
         if message is None and header.msg_type != REPAIR:
             self._follow(header, datagram[:offset], sender, now_nanos)
         peer.uncredited_bytes += size
-        return message, self._credit_if_due(header, message, sender, peer)
+        is_whole = message is not None or self.reassembler.counters.late != late
+        return message, self._credit_if_due(header, is_whole, sender, peer)
 
     def expected(self) -> Tuple[Place, Credits]:
         """Return where to put what comes next, and how to acknowledge it; for `receive_run`."""
@@ -162,6 +164,7 @@ class Inbox:
         size = count * (len(run.head) + place.part_size) - (place.part_size - run.last_size)
         self.datagrams += count
         self.bytes_received += size
+        late = self.reassembler.counters.late
         message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
         if message is None:
             known = self.reassembler.open_message(header, sender, now_nanos)
@@ -184,7 +187,8 @@ class Inbox:
         if not run.uncredited_bytes:
             return message, None, sender
         last = header._replace(part_number=first + in_row - 1)
-        return message, self._credit_if_due(last, message, sender, peer), sender
+        is_whole = message is not None or self.reassembler.counters.late != late
+        return message, self._credit_if_due(last, is_whole, sender, peer), sender
 
     def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:
         known = self.reassembler.open_message(header, sender, now_nanos)
@@ -192,9 +196,9 @@ class Inbox:
         self._guess.follow(header, bytes(head), sender, known, asking)
 
     def _credit_if_due(
-        self, header: Header, message: Optional[Message], sender: Address, peer: Peer
+        self, header: Header, is_whole: bool, sender: Address, peer: Peer
     ) -> Optional[Answer]:
-        is_end = message is not None or header.part_number == header.parts_max - 1
+        is_end = is_whole or header.part_number == header.parts_max - 1
         if not is_end and peer.uncredited_bytes <= self.receive_buffer // CREDIT_SHARE:
             return None
         return self._credit(header, sender, peer)
