@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A subscriber of its own process: prints each message as a JSON line [topic, stamp, content].
 
-Arguments: one JSON list of [ros_type, topic, reliability, durability, depth, sleep_s].
+Arguments: one JSON list of [ros_type, topic, reliability, durability, depth, sleep_s]. Who sleeps
+does so at the first message with a stamp, and prints on "TOPIC numbers" those of its publisher.
 """
 
 from __future__ import annotations
@@ -64,10 +65,15 @@ def subscribe(
 ) -> None:
     package, _, name = ros_type.split("/")
 
-    def take(message: Any) -> None:
+    naps = [sleep_s] if sleep_s else []
+
+    def take(message: Any, info: Any) -> None:
         content = CONTENT.get(name, as_cdr)(message)
         print(json.dumps([topic, stamp_nanos(message), content]), flush=True)
-        time.sleep(sleep_s)
+        if sleep_s:
+            print(json.dumps([f"{topic} numbers", info["publication_sequence_number"], None]))
+        if stamp_nanos(message) and naps:
+            time.sleep(naps.pop())
 
     qos = QoSProfile(
         depth=depth,

@@ -95,9 +95,15 @@ def test_moving_transforms_are_all_sent(ros: Ros, bridge: FarEnd) -> None:
     assert stamps == [*((number + 1) // 2 for number in range(1, 51)), 26]
 
 
-def test_a_stalled_subscriber_costs_others_nothing(ros: Ros, bridge: FarEnd) -> None:
-    stalled = ros.listen((CLOUD, "/points", ("RELIABLE", "VOLATILE", 5, 60.0)))
-    listener = ros.listen((IMU, "/imu", SENSOR_DATA), (CLOUD, "/points", SENSOR_DATA))
+def test_a_subscriber_that_sleeps_loses_its_own_and_can_count_it(ros: Ros, bridge: FarEnd) -> None:
+    """Others get all. DDS tells no publisher what a reader's queue pushed out, but numbers them."""
+    stalled = ros.listen(
+        (CLOUD, "/points", ("RELIABLE", "VOLATILE", 5, 5.0)), (IMU, "/imu", RELIABLE)
+    )
+    listener = ros.listen(
+        *((IMU, "/imu", SENSOR_DATA), (CLOUD, "/points", SENSOR_DATA)),
+        ("diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", RELIABLE),
+    )
     bridge.reach(stalled, 1, "/points", bodies.cloud(0, b""))
     bridge.reach(listener, 1, "/points", bodies.cloud(0, b""))
     bridge.reach(listener, 2, "/imu", bodies.imu(0))
@@ -111,7 +117,20 @@ def test_a_stalled_subscriber_costs_others_nothing(ros: Ros, bridge: FarEnd) -> 
     listener.wait_for_stamp("/points", stamps[-1])
     assert [stamp for stamp, _ in since_start(listener, "/imu")] == list(stamps)
     assert [stamp for stamp, _ in since_start(listener, "/points")] == list(stamps[::10])
-    assert len(stalled.messages("/points")) == 1
+    stalled.wait_for_stamp("/points", stamps[-1])
+    stalled.wait_for_stamp("/imu", stamps[-1])
+    assert [stamp for stamp, _ in since_start(stalled, "/imu")] == list(stamps)
+    numbers = [number for number, _ in stalled.messages("/points numbers")]
+    lost = numbers[-1] - numbers[0] + 1 - len(numbers)
+    assert len(since_start(stalled, "/points")) + lost == len(stamps[::10])
+    assert lost > 0
+
+    def told() -> dict[str, str]:
+        rows = listener.messages("/diagnostics")
+        return dict(dict(rows[-1][1])["udp_bridge: /points"][2]) if rows else {}
+
+    listener.wait_until(lambda: told().get("delivered") == str(numbers[-1]), "that all went out")
+    assert (told()["dropped"], told()["missing"]) == ("0", "0")
 
 
 def test_what_ros_can_not_take_is_refused_and_the_rest_goes_on(ros: Ros) -> None:

@@ -48,6 +48,22 @@ def test_a_loss_is_warned_of_once_and_named() -> None:
     assert arriving(verdicts, numbers=11, published=7, incomplete=1, late=1, dropped=1).level == OK
 
 
+def test_a_subscriber_that_does_not_take_its_messages_is_named() -> None:
+    verdicts = Verdicts()
+    report = TopicReport(**(dict.fromkeys(TopicReport._fields, 0) | {"msg_type": 2, "numbers": 9}))
+
+    def said(lost: dict[str, int]) -> Verdict:
+        verdicts.begin()
+        return verdicts.arriving("/imu", report._replace(published=9), "a:1", 0, lost)
+
+    assert said({}).level == OK
+    warned = said({"/slow": 3})
+    assert (warned.level, warned.message) == (WARN, "3 lost; in all 3 not taken by /slow")
+    assert (warned.values["not taken by /slow"], warned.values["delivered"]) == ("3", "9")
+    assert said({"/slow": 3}).level == OK
+    assert said({}).level == OK, "it has gone"
+
+
 def test_a_silent_topic_is_stale() -> None:
     verdicts = Verdicts()
     arriving(verdicts, 7, numbers=5, published=5)

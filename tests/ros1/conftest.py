@@ -61,8 +61,10 @@ class Ros1:
         node.wait_for("receiving at")
         return node
 
-    def listen(self, *rows: tuple[str, str]) -> Process:
-        return self.start(str(HERE / "listener.py"), json.dumps(rows))
+    def listen(self, *rows: tuple[str, str], nap_s: float = 0.0) -> Process:
+        """Start a subscriber, whose callbacks sleep once."""
+        flat = [[*row, nap_s] for row in rows]
+        return self.start(str(HERE / "listener.py"), json.dumps(flat))
 
     def end(self) -> None:
         with ExitStack() as all_of_them:  # the last one that began ends first

@@ -5,15 +5,17 @@ Rule: counts come in, plain rows go out; ROS is not known here. The levels are t
 diagnostic_msgs/DiagnosticStatus, and these are their rules:
 
 - STALE: nothing was published, or acknowledged by the peer, for `STALE_NANOS`;
-- WARN: since the last word messages were lost or dropped, or datagrams refused or dropped by the
-  kernel; or the receive buffer is smaller than `GOOD_BUFFER_BYTES`;
+- WARN: since the last word messages were lost or dropped, or a subscriber did not take them, or
+  datagrams were refused or dropped by the kernel; or the receive buffer is smaller than
+  `GOOD_BUFFER_BYTES`;
 - OK: none of that.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, TopicReport
@@ -57,23 +59,41 @@ class Verdicts:
         """Begin a round; what nothing was said about in the last one is forgotten."""
         self._before, self._older = {}, self._before
 
-    def all_of(self, link: Link, now_nanos: int) -> List[Verdict]:
-        """Return what is so of a link and of all its topics, since this was asked last."""
+    def all_of(
+        self,
+        link: Link,
+        now_nanos: int,
+        *,
+        lost: Callable[[str], Mapping[str, int]] = lambda _: {},
+    ) -> List[Verdict]:
+        """Return what is so of a link and of all its topics, since this was asked last.
+
+        `lost` returns by subscriber how many messages of a topic it did not take in time.
+        """
         self.begin()
         judged = [self.link(link.counters(), link.receive_buffer)]
         arrivals = link.arrivals()
         for (host, port), topic, _, report in arrivals:
             if MSG_TYPES[report.msg_type].ros_type is not None:
-                judged.append(self.arriving(topic, report, f"{host}:{port}", now_nanos))
+                of = lost(topic or MSG_TYPES[report.msg_type].default_topic)
+                judged.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
         for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
             for account in link.accounts((host, port)):
                 if MSG_TYPES[account.msg_type].ros_type is not None:
                     judged.append(self.leaving(account, f"{host}:{port}", now_nanos))
         return judged
 
-    def arriving(self, topic: str, report: TopicReport, sender: str, now_nanos: int) -> Verdict:
-        """Return what is so of a topic that comes from a peer."""
+    def arriving(
+        self,
+        topic: str,
+        report: TopicReport,
+        sender: str,
+        now_nanos: int,
+        lost: Mapping[str, int] = MappingProxyType({}),
+    ) -> Verdict:
+        """Return what is so of a topic that comes from a peer; `lost` is by its subscribers."""
         causes = {name: getattr(report, name) for name in _CAUSES}
+        causes.update((f"not taken by {name}", count) for name, count in sorted(lost.items()))
         values = {
             "type": MSG_TYPES[report.msg_type].name,
             "peer": sender,

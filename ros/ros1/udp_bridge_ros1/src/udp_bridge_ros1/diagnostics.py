@@ -7,7 +7,7 @@ Rule: one status for each topic and peer and one for the link; what they say is 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Callable, Mapping
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -22,10 +22,18 @@ PERIOD_NANOS = 1_000_000_000
 
 
 class Diagnostics:
-    """Publishes what a link counts; `turn` is to be called several times a second."""
+    """Publishes what a link counts; `turn` is to be called several times a second.
 
-    def __init__(self, link: Link, now_nanos: int) -> None:
-        self._link = link
+    Parameters
+    ----------
+    lost
+        Returns by subscriber how many messages of a topic it did not take.
+    """
+
+    def __init__(
+        self, link: Link, lost: Callable[[str], Mapping[str, int]], now_nanos: int
+    ) -> None:
+        self._link, self._lost = link, lost
         self._verdicts = Verdicts()
         self._due_nanos = now_nanos + PERIOD_NANOS
         self._publisher = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
@@ -40,7 +48,7 @@ class Diagnostics:
         message.header.stamp = rospy.get_rostime()
         message.status = [
             _status(verdict, f"{host}:{port}")
-            for verdict in self._verdicts.all_of(self._link, now_nanos)
+            for verdict in self._verdicts.all_of(self._link, now_nanos, lost=self._lost)
         ]
         self._publisher.publish(message)
 

@@ -50,7 +50,7 @@ class BridgeNode:
             *(Settings(**told), publishers, self._subscriptions, Graph()),
             wake=self._subscriptions.wake,
         )
-        self._diagnostics = Diagnostics(self._end.link, time.monotonic_ns())
+        self._diagnostics = Diagnostics(self._end.link, publishers.lost, time.monotonic_ns())
         self._end.tell_begin()
         self._services = Services(self._end.asking, publishers.get_logger())
 

@@ -2,7 +2,8 @@
 """Publishers for the outlet: CDR goes in, ROS 1's bytes go out.
 
 Rule: every subscriber has a queue and a thread of its own in rospy, so one that stalls loses its
-own messages and holds up nobody. `seq` counts what was published on a topic, as with any node.
+own messages, which are counted, and holds up nobody. `seq` counts what was published on a topic, as
+with any node.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import itertools
 import logging
 from importlib import import_module
 from struct import Struct
-from typing import TYPE_CHECKING, Sequence
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence
 
 import rospy
 
@@ -29,11 +30,53 @@ if TYPE_CHECKING:
 _SEQ = Struct("<I")
 
 
+class Queues:
+    """What waits in rospy for the subscribers of a topic; each publishes by one thread at a time.
+
+    rospy drops the oldest of a queue that is full and tells nobody, so it is looked at before and
+    after: a full list whose end is another one has lost its begin.
+    """
+
+    def __init__(self, publisher: Any, depth: int) -> None:
+        self._publisher = publisher
+        self._depth = depth
+        self._lost: Dict[int, int] = {}
+
+    def publish(self, message: Any) -> None:
+        """Publish a message, and count what gave way to it."""
+        full = [
+            (connection.id, queue, queue[-1])
+            for connection in self._connections()
+            if len(queue := getattr(connection, "_queue", ())) >= self._depth
+        ]
+        self._publisher.publish(message)
+        for number, queue, last in full:
+            if queue[-1] is not last:
+                self._lost[number] = self._lost.get(number, 0) + 1
+
+    def lost(self) -> Dict[str, int]:
+        """Return how many messages gave way to newer ones, by subscribers that are there."""
+        names = {connection.id: connection.endpoint_id for connection in self._connections()}
+        for number in self._lost.keys() - names.keys():
+            del self._lost[number]
+        return {names[number]: count for number, count in list(self._lost.items())}
+
+    def _connections(self) -> List[Any]:
+        impl = self._publisher.impl
+        return list(impl.connections) if impl is not None else []  # None at its end
+
+
 class Publishers:
     """What an outlet needs of ROS; with a prefix for frames, messages are taken apart for it."""
 
     def __init__(self, frame_prefix: str = "") -> None:
         self._frame_prefix = frame_prefix
+        self._queues: Dict[str, Queues] = {}
+
+    def lost(self, topic: str) -> Mapping[str, int]:
+        """Return how many messages of a topic gave way to newer ones, by subscriber."""
+        queues = self._queues.get(topic)
+        return queues.lost() if queues is not None else {}
 
     def get_logger(self) -> logging.Logger:
         """Return rospy's, which the terminal and /rosout hear."""
@@ -45,6 +88,7 @@ class Publishers:
         publisher = rospy.Publisher(
             topic, raw, queue_size=delivery.depth, latch=delivery.is_latched
         )
+        queues = self._queues[topic] = Queues(publisher, delivery.depth)
         counter = itertools.count(1)
         is_description = row.name == "String"
 
@@ -57,7 +101,7 @@ class Publishers:
             if is_description:  # which ROS 1 looks for among the parameters
                 text = b"".join(chunks)[_SEQ.size :].decode("utf-8", "replace")
                 rospy.set_param(topic, text)
-            publisher.publish(raw(*chunks))
+            queues.publish(raw(*chunks))
 
         return publish
 
