@@ -47,7 +47,7 @@ class Queues:
         full = [
             (connection.id, queue, queue[-1])
             for connection in self._connections()
-            if len(queue := getattr(connection, "_queue", ())) >= self._depth
+            if len(queue := getattr(connection, "_queue", [])) >= self._depth
         ]
         self._publisher.publish(message)
         for number, queue, last in full:
