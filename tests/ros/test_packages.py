@@ -9,9 +9,12 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
+
+from udp_bridge.ros_end.end import Settings
 
 ROS = Path(__file__).resolve().parents[2] / "ros"
 ROS2 = ROS / "ros2/udp_bridge_ros2"
@@ -81,15 +84,15 @@ def test_the_launch_files_name_what_is_there() -> None:
 
 
 def test_the_file_of_parameters_has_the_defaults_of_the_node() -> None:
-    declared = {}
+    declared: dict[str, Any] = dict(Settings()._asdict())
     for file in (ROS2 / "udp_bridge_ros2").glob("*.py"):
         for call in ast.walk(ast.parse(file.read_text())):
             if isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "declare_parameter":
                 name, default = call.args[0], call.args[1]
-                assert isinstance(name, ast.Constant)
-                declared[name.value] = getattr(default, "value", None)
+                if isinstance(name, ast.Constant):  # the others are those of Settings
+                    declared[name.value] = getattr(default, "value", None)
     (written,) = yaml.safe_load((ROS2 / "config/bridge.yaml").read_text()).values()
-    assert written["ros__parameters"]
+    assert written["ros__parameters"].keys() == declared.keys() - {"bind"}
     for name, value in written["ros__parameters"].items():
         assert declared[name] == value, name
 
@@ -102,5 +105,8 @@ def test_rviz_shows_the_topics_of_the_scenarios(file: Path) -> None:
         for row in displays
         if (topic := row.get("Topic", row.get("Image Topic")))
     }
+    (robot,) = (row for row in displays if row["Class"].endswith("/RobotModel"))
+    described = robot.get("Robot Description") or robot["Description Topic"]["Value"]
+    assert described.strip("/") == "robot_description"
     (camera,) = (topic for topic in topics if topic.startswith("/camera/image_raw"))
     assert topics == {"/points", "/scan", camera, "/odom", "/map"}
