@@ -2,8 +2,8 @@
 """What a run looks like from ROS: its topics, each with its place on the bus, and its fixed frames.
 
 Rule: derived from the scenario and the table of topics alone; gateway, recorder, viewer and replay
-share it. How a message becomes a ROS message is in `ros_messages`; who receives it is nobody's
-business here.
+share it, and physics, which knows no ROS types: how a message becomes a ROS message is in
+`ros_messages`, which nothing here imports. Who receives it is nobody's business here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from .ground_truth import WORLD_FRAME
-from .message_sizes import body_bytes
 from .messages import Clock, Message, State, floats
 from .navigation import Odometry, Transform, Transforms
 from .scenario import Scenario
@@ -30,7 +29,6 @@ from .topics import (
     GROUND_TRUTH,
     RELAYED,
     STREAM_TOPICS,
-    TRUE_POINTS,
     TRUE_WHEELS,
     VITALS,
     sensor_outputs,
@@ -65,8 +63,8 @@ class Outgoing(RosStream):
     """Sent to the gateway's peer unasked."""
 
     repair: Repair = "none"
-    whole_bytes: int = 0
-    """Of a stream of blocks, the bodies that make up a whole, such as a LiDAR's revolution."""
+    in_blocks: tuple[Vehicle, Lidar | Lidar2d] | None = None
+    """Whose revolutions come in blocks."""
 
 
 def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
@@ -180,7 +178,7 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
             declared_hz=rate_hz,
             push=spec.push,
             repair=spec.repair,
-            whole_bytes=_revolution_bytes(vehicle, spec, truth=row is TRUE_POINTS),
+            in_blocks=_in_blocks(vehicle, spec),
         )
     truths = (
         (GROUND_TRUTH, scenario.ground_truth_topic(vehicle)),
@@ -196,10 +194,10 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
         )
 
 
-def _revolution_bytes(vehicle: Vehicle, spec: object, *, truth: bool = False) -> int:
+def _in_blocks(vehicle: Vehicle, spec: object) -> tuple[Vehicle, Lidar | Lidar2d] | None:
     if not isinstance(spec, Lidar | Lidar2d) or spec.blocks_per_revolution == 1:
-        return 0
-    return spec.blocks_per_revolution * body_bytes(vehicle, spec, truth=truth)
+        return None
+    return vehicle, spec
 
 
 def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:

@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from groundlink.errors import UserError
+from groundlink.ground_truth import TruePoints
+from groundlink.message_sizes import body_bytes
 from groundlink.messages import Message
 from groundlink.ros_messages import ROS_FORMS
 from groundlink.ros_streams import Outgoing, answers_mistake
@@ -38,7 +40,14 @@ def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
 
     A block may be held up as long as a whole revolution would be: no data get older by it.
     """
-    return {(wire_type(s.message), s.topic): s.whole_bytes for s in streams if s.whole_bytes}
+    table = {}
+    for stream in streams:
+        if stream.in_blocks is not None:
+            vehicle, lidar = stream.in_blocks
+            block_bytes = body_bytes(vehicle, lidar, truth=stream.message is TruePoints)
+            whole = lidar.blocks_per_revolution * block_bytes
+            table[wire_type(stream.message), stream.topic] = whole
+    return table
 
 
 def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:
