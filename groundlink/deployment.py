@@ -8,6 +8,7 @@ the words that a process is started with. How an image is built stands in its Do
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +30,7 @@ BRIDGE_KEY = "bridge.key"
 
 HEAD = """\
 # Between these walls stands every container: nothing of it may be written, no rights, no root (the
-# images' user), a restart after a crash, and unhealthy when it is not well for 5 s.
+# images' user), a restart after a crash, and unhealthy when it was not well for 5 s at two looks.
 x-process: &process
   restart: unless-stopped
   init: true
@@ -43,12 +44,21 @@ x-process: &process
     GROUNDLINK_ROUTER: $ROUTER
   healthcheck:
     test: ["CMD-SHELL", "find /tmp/alive -newermt '5 seconds ago' | grep -q ."]
-    interval: 2s
+    interval: $INTERVAL
     timeout: 5s
-    retries: 3
+    retries: 2
     start_period: 60s
   logging: {driver: json-file, options: {max-size: 10m, max-file: "3"}}
 """
+
+LOOKS_HZ = 3
+"""How often the engine looks whether a container is well, at one after the other: it starts a
+process for each look, which takes a tenth of a second of a core."""
+
+SOON = "2s"
+"""How often it looks at those that others wait for."""
+
+_WELL = yaml.safe_load(HEAD)["x-process"]["healthcheck"]
 
 _CAMERAS = ("camera", "depth_camera", "stereo_camera")
 
@@ -122,6 +132,7 @@ class Deployment:
         if host == MAIN:
             rest["volumes"] = {"recordings": {}}
         head = HEAD.replace("$ROUTER", ROUTER if host == MAIN else self._router)
+        head = head.replace("$INTERVAL", f"{max(2, math.ceil(len(services) / LOOKS_HZ))}s")
         blocks = [f"name: groundlink\n\n{head}", "services:"]
         blocks += [_indented(name, service) for name, service in services.items()]
         return "\n".join([*blocks, yaml.safe_dump(rest, sort_keys=False)])
@@ -176,6 +187,7 @@ class Deployment:
         service = self._of(image, words)
         if process == "physics":
             service["volumes"] = [f"{self._file.parent}:/scenario:ro"]
+            service["healthcheck"] = _WELL | {"interval": SOON}
         if host == MAIN:
             needed = "router" if process == "physics" else "physics"
             service["depends_on"] = {needed: {"condition": "service_healthy"}}
@@ -198,7 +210,7 @@ class Deployment:
         listens = "import socket; socket.create_connection(('127.0.0.1', 7447), 1)"
         return self._of("router", ["services.router", "--listen", "tcp/0.0.0.0:7447"]) | {
             "ports": ["${GROUNDLINK_PUBLISH:-127.0.0.1}:7447:7447"],
-            "healthcheck": {"test": ["CMD", "python", "-SEc", listens], "interval": "2s"},
+            "healthcheck": {"test": ["CMD", "python", "-SEc", listens], "interval": SOON},
         }
 
     def _around(self) -> Iterator[tuple[str, Service]]:

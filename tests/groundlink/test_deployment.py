@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from groundlink.access import grants
-from groundlink.deployment import MAIN, Deployment
+from groundlink.deployment import LOOKS_HZ, MAIN, Deployment
 from groundlink.errors import UserError
 from groundlink.scenario import load
 from groundlink.topics import process_names
@@ -66,6 +66,16 @@ def test_every_process_of_a_run_has_a_container_and_its_walls() -> None:
         assert service["mem_limit"], name
         assert service["user"].endswith("65532:65532}"), name
         assert (ROOT / service["build"]["dockerfile"]).is_file(), name
+
+
+@pytest.mark.parametrize("name", ["indoor_lab", "two_rovers"])
+def test_the_engine_looks_at_three_containers_a_second_and_at_two_that_others_wait_for(
+    name: str,
+) -> None:
+    found = services(deployment(ROOT / f"scenarios/{name}.yaml").compose())
+    intervals_s = {n: int(s["healthcheck"]["interval"][:-1]) for n, s in found.items()}
+    assert sum(1 / seconds for seconds in intervals_s.values()) <= LOOKS_HZ + 1
+    assert intervals_s["router"] == intervals_s["physics"] == 2
 
 
 def test_what_is_published_is_published_to_this_machine_alone() -> None:
