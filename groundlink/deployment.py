@@ -179,7 +179,7 @@ class Deployment:
         image = _image_of(process, module)
         words = {
             "physics": [
-                f"/scenario/{self._file.name}",
+                f"/scenario/${{GROUNDLINK_SCENARIO:-{self._file.name}}}",
                 *("--overload", f"${{GROUNDLINK_OVERLOAD:-{self._overload}}}"),
             ],
             "gateway": ["--bind", "0.0.0.0:7510", "--peer", "${GROUNDLINK_ROS:-ros2:7511}"],

@@ -53,6 +53,12 @@ def test_what_gives_way_is_as_told_or_as_the_scenario_says(told: str | None, exp
     assert command[-2:] == ["--overload", f"${{GROUNDLINK_OVERLOAD:-{expected}}}"]
 
 
+def test_one_variable_names_another_scenario_of_the_same_processes() -> None:
+    physics = services(deployment().compose())["physics"]
+    assert physics["command"][0] == "/scenario/${GROUNDLINK_SCENARIO:-indoor_lab.yaml}"
+    assert physics["volumes"] == [f"{DEFAULT.parent}:/scenario:ro"]
+
+
 def test_every_process_of_a_run_has_a_container_and_its_walls() -> None:
     found = services(deployment().compose())
     for process in process_names(load(DEFAULT)):
