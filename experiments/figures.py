@@ -7,7 +7,7 @@ Rule: draws and computes nothing but where things lie.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -26,6 +26,7 @@ from groundlink.report.plan import outlines
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids
 
+from .checkpoints import Passed
 from .experiment import Way
 
 COLOURS = ("#c0392b", "#2471a3", "#d68910", "#7d3c98", "#1e8449")
@@ -66,6 +67,28 @@ def trajectories(file: Path, scenario: Scenario, ways: Sequence[Way]) -> None:
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.legend(loc="upper right", fontsize=8)
+    figure.savefig(file, dpi=130)
+    plt.close(figure)
+
+
+def accumulated(file: Path, curves: Mapping[str, Sequence[Passed]]) -> None:
+    """Draw sums of squared distances over the way, as the paper's Figure 10 does."""
+    figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
+    for index, (name, passed) in enumerate(curves.items()):
+        axes.plot(
+            [one.travelled_m for one in passed],
+            [one.sum_mm2 for one in passed],
+            color=COLOURS[index // 2 % len(COLOURS)],
+            linestyle="-" if index % 2 else "--",
+            marker="o",
+            markersize=3,
+            label=name,
+        )
+    axes.set_yscale("symlog", linthresh=10.0)
+    axes.set_xlabel("way, m")
+    axes.set_ylabel("sum of squared distances at checkpoints, mm$^2$")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
     figure.savefig(file, dpi=130)
     plt.close(figure)
 

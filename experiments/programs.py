@@ -74,6 +74,27 @@ ORB_SLAM3 = Program(
     licence="GPL-3.0",
     libraries=tuple(_OPENGL),
 )
+GENZ_LIO = Program(
+    name="genz-lio",
+    what="LiDAR-inertial odometry; reads bags by its own loader",
+    requirements=("genz-lio==0.1.1", *BAG_READER),
+    driver="genz_lio_odometry.py",
+    licence="GPL-2.0-only",
+)
+KISS_ICP = Program(
+    name="kiss-icp",
+    what="odometry by a LiDAR alone; reads bags by its own loader",
+    requirements=("kiss-icp==1.3.0", *BAG_READER),
+    driver="kiss_icp_odometry.py",
+    licence="MIT",
+)
+SMALL_GICP = Program(
+    name="small-gicp",
+    what="odometry by a LiDAR alone, with the library's voxel map (VGICP)",
+    requirements=("small-gicp==1.0.1", *BAG_READER),
+    driver="small_gicp_odometry.py",
+    licence="MIT",
+)
 EVO = Program(
     name="evo",
     what="errors of trajectories",
@@ -90,4 +111,6 @@ YAG_SLAM_LIVE = Program(
     licence="LGPL-3.0",
 )
 
-PROGRAMS = {program.name: program for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, EVO)}
+PROGRAMS = {
+    program.name: program for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, GENZ_LIO, KISS_ICP, SMALL_GICP, EVO)
+}

@@ -6,7 +6,7 @@ Rule: one row each; an experiment is a function of its own module.
 
 from __future__ import annotations
 
-from . import indoors, live
+from . import guard, indoors, live, loss, outdoors, track
 from .experiment import Experiment
 
 EXPERIMENTS: dict[str, Experiment] = {
@@ -28,6 +28,36 @@ EXPERIMENTS: dict[str, Experiment] = {
     "indoor_rgbd": Experiment(
         what="6.3: ORB-SLAM3 on a depth camera",
         run=indoors.rgbd,
+        minutes=12,
+    ),
+    "outdoor_lidar": Experiment(
+        what="6.4: LiDAR and IMU, and LiDAR alone, over 170 m of the road",
+        run=outdoors.lidar,
+        minutes=12,
+    ),
+    "outdoor_lap": Experiment(
+        what="6.4: the same over a closed lap of 370 m, once",
+        run=outdoors.lap,
+        minutes=12,
+    ),
+    "track": Experiment(
+        what="6.2: sums of squared distances at checkpoints, for two LiDARs",
+        run=track.checkpoints,
+        minutes=12,
+    ),
+    "shutter": Experiment(
+        what="6.2: sweeps and instantaneous pictures of a fast drive",
+        run=track.shutter,
+        minutes=8,
+    ),
+    "loss": Experiment(
+        what="the whole chain over links that lose datagrams",
+        run=loss.loss,
+        minutes=12,
+    ),
+    "guard": Experiment(
+        what="faults that are put into data on purpose have to be found",
+        run=guard.guard,
         minutes=12,
     ),
 }

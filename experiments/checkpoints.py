@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's accumulated error: the sum of squared distances at the checkpoints passed so far.
+
+Rule: pure. The estimate begins at the true pose and is fitted no further, so that errors can
+accumulate; a fit over the whole way would spread them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundlink.frames import conjugate, matrix_from_quaternion, multiply
+from groundlink.report.checkpoints import passages
+
+from .trajectories import Trajectory
+
+MM2_PER_M2 = 1e6
+
+
+@dataclass(frozen=True)
+class Passed:
+    """A checkpoint that the vehicle came by."""
+
+    checkpoint: str
+    seconds: float
+    travelled_m: float
+    error_m: float
+    """Between the estimated and the true position."""
+
+    sum_mm2: float
+    """Of the squares of all errors up to here."""
+
+
+def begun_at(estimate: Trajectory, truth: Trajectory) -> Trajectory:
+    """Return an estimate moved and turned as a whole so that it begins at the true pose.
+
+    Times of the estimate that the truth does not cover are left out.
+    """
+    true = truth.at(estimate.seconds)
+    kept = estimate.between(true.seconds[0], true.seconds[-1])
+    turn = multiply(true.orientations[0], conjugate(kept.orientations[0]))
+    offsets = kept.positions_m - kept.positions_m[0]
+    positions = true.positions_m[0] + offsets @ matrix_from_quaternion(turn).T
+    return Trajectory(kept.seconds, positions, multiply(turn, kept.orientations))
+
+
+def accumulated(
+    estimate: Trajectory,
+    truth: Trajectory,
+    base: Trajectory,
+    checkpoints_m: Mapping[str, tuple[float, float]],
+) -> list[Passed]:
+    """Return each passage of a checkpoint, with the error there and the sum so far.
+
+    Parameters
+    ----------
+    estimate
+        of a sensor's frame, in a world of its own.
+    truth
+        of the same frame.
+    base
+        the truth of the vehicle's base, which is what comes by checkpoints.
+    checkpoints_m
+        x and y by name, in the world.
+    """
+    fitted = begun_at(estimate, truth)
+    track = np.column_stack([base.seconds, base.positions_m])
+    ways = np.concatenate([[0.0], np.linalg.norm(np.diff(base.positions_m, axis=0), axis=1)])
+    travelled = np.cumsum(ways)
+    found: list[Passed] = []
+    total = 0.0
+    for passage in passages(track, checkpoints_m):
+        # The first and the last are at the ends of the way, where there may be no pose yet.
+        instant = np.clip(passage.seconds, fitted.seconds[0], fitted.seconds[-1])
+        error = (
+            fitted.at(np.array([instant])).positions_m - truth.at(np.array([instant])).positions_m
+        )
+        error_m = float(np.linalg.norm(error))
+        total += error_m**2 * MM2_PER_M2
+        way_m = float(np.interp(passage.seconds, base.seconds, travelled))
+        found.append(Passed(passage.checkpoint, passage.seconds, way_m, error_m, total))
+    return found

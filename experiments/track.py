@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Section 6.2 of the paper: the error that accumulates on a track of 15 m, there and back.
+
+Rule: two LiDARs on one rover measure one and the same drive: one without any error, and one as its
+data sheet has it. The paper's real track is not to be had. A second drive, outdoors and fast, shows
+what it does to an error that a sweep takes a tenth of a second.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, fields
+from typing import Any
+
+import yaml
+
+from . import figures
+from .checkpoints import Passed, accumulated
+from .evaluation import Result
+from .experiment import Options
+from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
+from .outdoors import recorded
+from .setups import SCENARIOS, Setup
+
+SECONDS = 60.0
+SHORT_SECONDS = 14.0
+
+IDEAL: Mapping[str, Any] = {
+    "range_stddev_m": 0.0,
+    "laser_bias_m": 0.0,
+    "range_resolution_m": 0.0,
+}
+"""What makes a LiDAR of its data sheet one without error."""
+
+LIDARS = {"ideal": ("/points/ideal", "ideal_link"), "data sheet": ("/points", "lidar_link")}
+"""Topic and frame."""
+
+FAST_MPS = 4.0
+FAST_SECONDS = 40.0
+
+
+def checkpoints(options: Options) -> Sequence[Result]:
+    """Sum squared distances at checkpoints, for two LiDARs."""
+    results = []
+    curves: dict[str, list[Passed]] = {}
+    for seed in options.seeds:
+        setup = Setup(
+            name="track",
+            scenario="track",
+            seconds=SHORT_SECONDS if options.short else SECONDS,
+            seed=seed,
+            sensors={
+                "scanner": None,
+                "odometry": None,
+                "encoders": None,
+                "lidar": {"datasheet": "sensors/vlp16.yaml"},
+                "ideal": {
+                    "kind": "lidar",
+                    "datasheet": "sensors/vlp16.yaml",
+                    "topic": LIDARS["ideal"][0],
+                    "frame": LIDARS["ideal"][1],
+                    "mount": "mast",
+                    **IDEAL,
+                },
+            },
+        )
+        recording = recorded(options, setup)
+        checkpoints_m = recording.scenario.world.checkpoints
+        for odometry in (LIDAR_INERTIAL, KISS, GICP):
+            for case, (topic, frame) in LIDARS.items():
+                estimated = odometry.frame if odometry is LIDAR_INERTIAL else frame
+                more = ["--lidar-topic", topic]
+                if odometry is LIDAR_INERTIAL:
+                    more += ["--lidar-frame", frame]
+                result, way = ran(
+                    options,
+                    odometry,
+                    recording,
+                    experiment="track",
+                    seed=seed,
+                    case=case,
+                    more=more,
+                    frame=estimated,
+                )
+                results.append(result)
+                passed = accumulated(
+                    way.raw, recording.truth(estimated), recording.truth(), checkpoints_m
+                )
+                curves[f"{result.program}, {case}, seed {seed}"] = passed
+                last = passed[-1]
+                options.say(
+                    f"track, {result.program}, {case}, seed {seed}: {last.sum_mm2:.0f} mm2 after "
+                    f"{last.travelled_m:.1f} m"
+                )
+    _write(options, curves)
+    return results
+
+
+def _write(options: Options, curves: Mapping[str, Sequence[Passed]]) -> None:
+    file = options.folder("tables") / "track_checkpoints.csv"
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["run", *(field.name for field in fields(Passed))])
+        for name, passed in curves.items():
+            for one in passed:
+                row = (f"{v:.5g}" if isinstance(v, float) else v for v in astuple(one))
+                writer.writerow([name, *row])
+    figures.accumulated(options.folder("figures") / "track.png", curves)
+
+
+def _faster(scenario: str) -> dict[str, Any]:
+    """Return the route of a shipped scenario, to be driven fast."""
+    document = yaml.safe_load((SCENARIOS / f"{scenario}.yaml").read_text(encoding="utf-8"))
+    route: dict[str, Any] = document["vehicles"][0]["route"]
+    return route | {"speed_mps": FAST_MPS}
+
+
+SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "swept, as it is": ("/points/ideal", ("--sweeps", "as-they-are")),
+    "swept, corrected by the last motion": ("/points/ideal", ()),
+    "instantaneous": ("/points/ideal/truth", ("--sweeps", "instantaneous")),
+}
+"""By case: the topic, and options of the driver."""
+
+
+def shutter(options: Options) -> Sequence[Result]:
+    """Compare sweeps of a fast drive with instantaneous pictures, all without errors of ranges."""
+    setup_sensors: Mapping[str, Any] = {
+        "camera": None,
+        "gnss": None,
+        "lidar": None,
+        "imu": None,
+        "ideal": {
+            "kind": "lidar",
+            "datasheet": "sensors/vlp16.yaml",
+            "topic": LIDARS["ideal"][0],
+            "frame": "lidar_link",
+            "mount": "mast",
+            "truth": True,
+            **IDEAL,
+        },
+    }
+    results = []
+    for seed in options.seeds[:1]:
+        setup = Setup(
+            name="shutter",
+            scenario="outdoor_paper",
+            seconds=SHORT_SECONDS if options.short else FAST_SECONDS,
+            seed=seed,
+            sensors=setup_sensors,
+            vehicle={"route": _faster("outdoor_paper")},
+        )
+        recording = recorded(options, setup)
+        for odometry in (GICP, KISS):
+            for case, (topic, more) in SHUTTERS.items():
+                result, _ = ran(
+                    options,
+                    odometry,
+                    recording,
+                    experiment="shutter",
+                    seed=seed,
+                    case=case,
+                    more=("--lidar-topic", topic, *more),
+                )
+                results.append(result)
+    return results
