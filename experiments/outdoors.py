@@ -7,16 +7,20 @@ changes of it stands in its setup.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 from groundlink.errors import UserError
 
-from . import figures
+from . import environments
 from .evaluation import Result
-from .experiment import Options, lost
+from .experiment import Options, judged, lost
+from .figures import trajectories
 from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
+from .programs import ORB_SLAM3
 from .recordings import Recording, record
 from .setups import Setup
+from .vocabulary import INDOORS, vocabulary
 
 SECONDS = 75.0
 """170 m."""
@@ -27,6 +31,11 @@ LAP_SECONDS = 156.0
 SHORT_SECONDS = 12.0
 
 LIMIT_M = 0.4
+CAMERA_LIMIT_SHARE = 0.01
+"""Of the way."""
+
+FIRST_FRAME_S = 2.0
+"""When the tank has begun to move."""
 
 
 def recorded(options: Options, setup: Setup) -> Recording:
@@ -64,7 +73,7 @@ def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) ->
             ways.append(way)
         if seed == seeds[0]:
             figure = options.folder("figures") / f"{name}.png"
-            figures.trajectories(figure, recording.scenario, ways)
+            trajectories(figure, recording.scenario, ways)
     return results
 
 
@@ -76,3 +85,47 @@ def lidar(options: Options) -> Sequence[Result]:
 def lap(options: Options) -> Sequence[Result]:
     """Run them over a whole lap, once: how far the end is from the start."""
     return _lidar(options, "outdoor_lap", LAP_SECONDS, options.seeds[:1])
+
+
+def mono(options: Options) -> Sequence[Result]:
+    """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m."""
+    trained = vocabulary(options, INDOORS)
+    results = []
+    for seed in options.seeds:
+        setup = Setup(
+            name="outdoor_mono",
+            scenario="outdoor_paper",
+            seconds=SHORT_SECONDS if options.short else SECONDS,
+            seed=seed,
+            sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 30.0}},
+        )
+        recording = recorded(options, setup)
+        tum = options.folder("runs", recording.folder.name) / "orb_slam3.tum"
+        began_s = time.monotonic()
+        printed = environments.run(
+            ORB_SLAM3,
+            [recording.bag, tum, "--vocabulary", trained, "--from-s", str(FIRST_FRAME_S)],
+            options.out,
+            options.say,
+            label=f"outdoor_mono, seed {seed}",
+            log=tum.with_suffix(".log"),
+        )
+        options.say(f"outdoor_mono, seed {seed}: {printed.strip().splitlines()[-1]}")
+        result, way = judged(
+            options,
+            recording,
+            tum,
+            frame="camera_optical_frame",
+            seed=seed,
+            experiment="outdoor_mono",
+            program=ORB_SLAM3.name,
+            case="mono",
+            took_s=time.monotonic() - began_s,
+            limit_m=CAMERA_LIMIT_SHARE * recording.truth().length_m,
+            scale=True,
+        )
+        results.append(result)
+        if seed == options.seeds[0]:
+            figure = options.folder("figures") / "outdoor_mono.png"
+            trajectories(figure, recording.scenario, [way])
+    return results

@@ -112,5 +112,6 @@ YAG_SLAM_LIVE = Program(
 )
 
 PROGRAMS = {
-    program.name: program for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, GENZ_LIO, KISS_ICP, SMALL_GICP, EVO)
+    program.name: program
+    for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, GENZ_LIO, KISS_ICP, SMALL_GICP, EVO)
 }

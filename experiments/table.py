@@ -40,6 +40,11 @@ EXPERIMENTS: dict[str, Experiment] = {
         run=outdoors.lap,
         minutes=12,
     ),
+    "outdoor_mono": Experiment(
+        what="6.4: ORB-SLAM3 on one camera at 30 Hz, over 170 m",
+        run=outdoors.mono,
+        minutes=14,
+    ),
     "track": Experiment(
         what="6.2: sums of squared distances at checkpoints, for two LiDARs",
         run=track.checkpoints,
