@@ -85,7 +85,7 @@ class Attendance:
 
     def counters(self) -> dict[str, int]:
         """Return how many did not come, by topic."""
-        return {COUNTER_PREFIX + topic: count for topic, count in self._not_come.items()}
+        return {COUNTER_PREFIX + topic: count for topic, count in self._not_come.items() if count}
 
     def memory(self) -> tuple[dict[str, int], dict[str, int]]:
         """Return what a successor has to know: the next reading of each stream, and the counts."""
