@@ -146,3 +146,15 @@ def test_what_is_no_endpoint_is_named(text: str) -> None:
 def test_a_port_in_use_is_named(endpoint: str) -> None:
     with pytest.raises(BusError, match=f"{endpoint} is in use"):
         Bus(listen=endpoint)
+
+
+def test_links_that_had_to_be_made_again_are_counted(endpoint: str) -> None:
+    again = endpoint.replace("127.0.0.1", "127.0.0.2")
+    router = Bus(listen=again)
+    with Bus(connect=again) as bus:
+        assert bus.links_made() == 0
+        router.close()
+        wait_for(lambda: not bus.is_linked())
+        with Bus(listen=again) as router:
+            wait_for(lambda: bus.is_linked() and bus.links_made() == 1)
+            assert router.links_made() == 0

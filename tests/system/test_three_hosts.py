@@ -27,8 +27,9 @@ NEAR = "rover/encoders"
 """The sensor that is with physics, and not on the hosts that are cut off."""
 
 PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}
-CUT_SECONDS = {"sensors": 13.0, "ros": 5.0}
-"""Longer and shorter than the 10 s after which Zenoh takes who is silent for gone."""
+CUT_SECONDS = {"sensors": 10.5, "ros": 5.0}
+"""Longer and shorter than the 10 s after which Zenoh takes who is silent for gone; just longer, so
+that who comes back meets a router that still ends the old link."""
 
 TOLD_SECONDS = 3.0
 """Within so long a process has told its counters, once a second, and they are recorded."""
