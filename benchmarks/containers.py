@@ -18,10 +18,10 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -42,6 +42,14 @@ SAMPLES = 4
 """Of the engine's figures, each of which takes it about two seconds."""
 
 SETTLE_SECONDS = 5.0
+
+UP_SECONDS = 60, 15
+"""How long all may take until they are well: this, and so much more for each container."""
+
+WORDS_SECONDS = 60.0
+"""How long is waited for a word of every process, which each says once a second."""
+
+KINDS = ("router", "physics", "scanner", "imu", "encoders", "odometry", "gateway", "ros2")
 
 
 def write_scenario(vehicles: int, folder: Path) -> Path:
@@ -78,14 +86,17 @@ def docker(*words: str) -> str:
 
 
 @contextmanager
-def up(compose_file: Path) -> Iterator[None]:
-    """Have the containers of a file for a while."""
+def up(compose_file: Path) -> Iterator[float]:
+    """Have the containers of a file for a while; yield after how many seconds they were well."""
     compose = ("compose", "-p", PROJECT, "-f", str(compose_file))
     docker(*compose, "down", "-v", "-t", "3")
     docker(*compose, "build", "-q")
+    containers = len(docker(*compose, "config", "--services").split())
+    patience = UP_SECONDS[0] + UP_SECONDS[1] * containers
     try:
-        docker(*compose, "up", "-d", "--wait", "--wait-timeout", "120")
-        yield
+        begun = time.monotonic()
+        docker(*compose, "up", "-d", "--wait", "--wait-timeout", str(patience))
+        yield time.monotonic() - begun
     finally:
         docker(*compose, "down", "-v", "-t", "3")
 
@@ -102,14 +113,24 @@ def samples() -> Iterator[tuple[str, float, float]]:
         yield service, float(row["CPUPerc"].rstrip("%")) / 100, mebibytes
 
 
-def beats(bus: Bus, processes: Sequence[str]) -> dict[str, Health]:
-    """Return a new word of every process."""
+class Word(NamedTuple):
+    """What a process said of itself, and when."""
+
+    seconds: float
+    health: Health
+
+
+def words(bus: Bus, processes: Sequence[str]) -> dict[str, Word]:
+    """Return a new word of every process; end where one says nothing."""
     inbox: Inbox[Health] = Inbox(depth=1024)
     bus.subscribe(HEALTH.key_in("benchmark"), Health, inbox)
-    found: dict[str, Health] = {}
-    while len(found) < len(processes):
-        if arrived := inbox.get(seconds=10):
-            found[arrived[1].process] = arrived[1]
+    found: dict[str, Word] = {}
+    deadline = time.monotonic() + WORDS_SECONDS
+    while missing := set(processes) - set(found):
+        if arrived := inbox.get(seconds=1):
+            found[arrived[1].process] = Word(time.monotonic(), arrived[1])
+        if time.monotonic() > deadline:
+            sys.exit(f"within {WORDS_SECONDS:.0f} s no word came from {', '.join(sorted(missing))}")
     return found
 
 
@@ -126,45 +147,53 @@ def measure(vehicles: int) -> dict[str, Any]:
         compose_file.write_text(deployment.compose(), encoding="utf-8")
         cores: dict[str, list[float]] = defaultdict(list)
         memory: dict[str, list[float]] = defaultdict(list)
-        with up(compose_file), Bus(connect=f"tcp/{HOST}:7447") as bus:
+        with up(compose_file) as up_s, Bus(connect=f"tcp/{HOST}:7447") as bus:
             time.sleep(SETTLE_SECONDS)
-            before, begun = beats(bus, processes), time.monotonic()
+            before = words(bus, processes)
             for _ in range(SAMPLES):
                 for service, of_cores, mebibytes in samples():
                     cores[service].append(of_cores)
                     memory[service].append(mebibytes)
-            after, seconds = beats(bus, processes), time.monotonic() - begun
+            after = words(bus, processes)
     return {
         "containers": len(cores),
-        "messages_hz": _messages(before, after) / seconds,
-        "to_ros_hz": (_sent(after) - _sent(before)) / seconds,
+        "up_s": up_s,
+        "messages_hz": sum(_rate(name, _made, before, after) for name in processes),
+        "to_ros_hz": _rate(GATEWAY, _sent, before, after),
         "left_out": _left_out(before, after),
-        "factor": (after[PHYSICS].tick - before[PHYSICS].tick) * TICK_SECONDS / seconds,
-        "cores": {kind: _by_kind(cores, kind) for kind in _kinds(cores)},
-        "mebibytes": {kind: _by_kind(memory, kind) for kind in _kinds(memory)},
+        "factor": _rate(PHYSICS, _made, before, after) * TICK_SECONDS,
+        "cores": {kind: _by_kind(cores, kind) for kind in KINDS},
+        "mebibytes": {kind: _by_kind(memory, kind) for kind in KINDS},
         "all_cores": sum(map(statistics.mean, cores.values())),
         "all_mebibytes": sum(map(statistics.mean, memory.values())),
     }
 
 
-def _messages(before: dict[str, Health], after: dict[str, Health]) -> int:
-    """Return states of physics and readings of sensors."""
-    readings = sum(
-        after[name].counters.get("readings", 0) - word.counters.get("readings", 0)
-        for name, word in before.items()
-    )
-    return readings + after[PHYSICS].tick - before[PHYSICS].tick
+def _rate(
+    process: str,
+    count: Callable[[Health], int],
+    before: dict[str, Word],
+    after: dict[str, Word],
+) -> float:
+    """Return how many a second a process has counted between two words of its own."""
+    then, now = before[process], after[process]
+    return (count(now.health) - count(then.health)) / (now.seconds - then.seconds)
 
 
-def _sent(words: dict[str, Health]) -> int:
-    return sum(row.sent for row in words[GATEWAY].streams if row.direction == "to ROS")
+def _made(word: Health) -> int:
+    """Return states of physics, or readings of a sensor."""
+    return word.tick if word.process == PHYSICS else word.counters.get("readings", 0)
 
 
-def _left_out(before: dict[str, Health], after: dict[str, Health]) -> float:
+def _sent(word: Health) -> int:
+    return sum(row.sent for row in word.streams if row.direction == "to ROS")
+
+
+def _left_out(before: dict[str, Word], after: dict[str, Word]) -> float:
     """Return which part of the readings that were due is missing."""
     missing, made = 0, 0
     for name, word in after.items():
-        now, then = word.counters, before[name].counters
+        now, then = word.health.counters, before[name].health.counters
         missing += sum(parted(now)[0].values()) - sum(parted(then)[0].values())
         made += now.get("readings", 0) - then.get("readings", 0)
     return missing / max(1, missing + made)
@@ -174,36 +203,35 @@ def _kind(service: str) -> str:
     return service.rpartition("-")[2]
 
 
-def _kinds(of: dict[str, list[float]]) -> list[str]:
-    return sorted({_kind(service) for service in of})
-
-
 def _by_kind(of: dict[str, list[float]], kind: str) -> float:
     """Return the mean over the containers of a kind, each of them over its samples."""
     return statistics.mean(statistics.mean(of[s]) for s in of if _kind(s) == kind)
 
 
+_COLUMNS = (
+    ("containers", "{containers}"),
+    ("well after", "{up_s:.0f} s"),
+    ("states and readings a second", "{messages_hz:,.0f}"),
+    ("messages to ROS a second", "{to_ros_hz:,.0f}"),
+    ("readings left out", "{left_out:.1%}"),
+    ("real-time factor", "{factor:.2f}"),
+    ("cores and memory of all", "{all_cores:.2f}, {all_mebibytes:,.0f} MiB"),
+)
+
+
 def main() -> int:
-    """Measure, and print it as a table of Markdown."""
+    """Measure, and print it as a table of Markdown, row by row."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.containers", description=__doc__)
     parser.add_argument("--vehicles", type=int, nargs="+", default=[1, 4, 8])
     sizes: list[int] = parser.parse_args().vehicles
-    found = [measure(size) for size in sizes]
-    rows = [
-        ("containers", [f"{it['containers']}" for it in found]),
-        ("states and readings a second", [f"{it['messages_hz']:,.0f}" for it in found]),
-        ("messages to ROS a second", [f"{it['to_ros_hz']:,.0f}" for it in found]),
-        ("readings left out", [f"{it['left_out']:.1%}" for it in found]),
-        ("real-time factor", [f"{it['factor']:.2f}" for it in found]),
-        ("all", [f"{it['all_cores']:.2f}, {it['all_mebibytes']:,.0f} MiB" for it in found]),
-    ]
-    for kind in found[0]["cores"]:
-        cells = [f"{it['cores'][kind]:.2f}, {it['mebibytes'][kind]:.0f} MiB" for it in found]
-        rows.append((f"each `{kind}`", cells))
-    print(f"| vehicles | {' | '.join(map(str, sizes))} |")
-    print("|---" * (len(sizes) + 1) + "|")
-    for name, cells in rows:
-        print(f"| {name} | {' | '.join(cells)} |")
+    columns = ("vehicles", *(name for name, _ in _COLUMNS), *(f"each `{kind}`" for kind in KINDS))
+    print(f"| {' | '.join(columns)} |")
+    print("|---" * len(columns) + "|", flush=True)
+    for size in sizes:
+        it = measure(size)
+        cells = [str(size), *(form.format(**it) for _, form in _COLUMNS)]
+        cells += [f"{it['cores'][kind]:.2f}, {it['mebibytes'][kind]:.0f} MiB" for kind in KINDS]
+        print(f"| {' | '.join(cells)} |", flush=True)
     return 0
 
 
