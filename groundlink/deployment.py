@@ -207,10 +207,10 @@ class Deployment:
         }
 
     def _router_service(self) -> Service:
-        listens = "import socket; socket.create_connection(('127.0.0.1', 7447), 1)"
+        listens = ["CMD", "bash", "-c", "</dev/tcp/127.0.0.1/7447"]
         return self._of("router", ["services.router", "--listen", "tcp/0.0.0.0:7447"]) | {
             "ports": ["${GROUNDLINK_PUBLISH:-127.0.0.1}:7447:7447"],
-            "healthcheck": {"test": ["CMD", "python", "-SEc", listens], "interval": SOON},
+            "healthcheck": _WELL | {"test": listens, "interval": SOON},
         }
 
     def _around(self) -> Iterator[tuple[str, Service]]:

@@ -69,6 +69,7 @@ def test_every_process_of_a_run_has_a_container_and_its_walls() -> None:
         assert service["cap_drop"] == ["ALL"], name
         assert service["security_opt"] == ["no-new-privileges:true"], name
         assert service["healthcheck"]["test"], name
+        assert service["healthcheck"]["start_period"] == "60s", f"{name}: cores may be busy"
         assert service["mem_limit"], name
         assert service["user"].endswith("65532:65532}"), name
         assert (ROOT / service["build"]["dockerfile"]).is_file(), name
