@@ -6,17 +6,23 @@ COPY pyproject.toml .
 RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 print(*p["dependencies"] + p["optional-dependencies"]["view"], sep="\n")' > /requirements.txt
 
-FROM python:3.11-slim-bookworm AS build
+# The same in every image, and so made once for all of them.
+FROM python:3.11-slim-bookworm AS wheels
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends gcc libc6-dev \
  && rm -rf /var/lib/apt/lists/*
-RUN python -m venv --without-pip /opt/groundlink
 WORKDIR /source
-COPY --from=requirements /requirements.txt .
-RUN --mount=type=cache,target=/root/.cache/pip \
-    pip --python /opt/groundlink/bin/python install -q -r requirements.txt
 COPY . .
-RUN pip --python /opt/groundlink/bin/python install -q --no-deps . \
+RUN --mount=type=cache,target=/root/.cache/pip \
+    pip wheel -q --no-deps -w /wheels . ./udp-bridge
+
+FROM python:3.11-slim-bookworm AS build
+RUN python -m venv --without-pip /opt/groundlink
+COPY --from=requirements /requirements.txt /
+RUN --mount=type=cache,target=/root/.cache/pip \
+    pip --python /opt/groundlink/bin/python install -q -r /requirements.txt
+RUN --mount=from=wheels,source=/wheels,target=/wheels \
+    pip --python /opt/groundlink/bin/python install -q --no-deps /wheels/groundlink-*.whl \
  && find /opt/groundlink -name tests -type d -prune -exec rm -r {} +
 
 FROM python:3.11-slim-bookworm
