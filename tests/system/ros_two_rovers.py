@@ -19,6 +19,7 @@ from geometry_msgs.msg import Twist  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
+from sensor_msgs.msg import Imu, LaserScan  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
 NAMESPACES = ("first", "second")
@@ -38,17 +39,23 @@ def main(file: str) -> None:
             frames = [message.header.frame_id, message.child_frame_id]
             note(f"/{namespace}/odom", frames=frames, at=[at.x, at.y])
 
-        def frames(message: TFMessage) -> None:
-            note(
-                "/tf_static",
-                frames={t.child_frame_id: t.header.frame_id for t in message.transforms},
-            )
+        def frames(topic: str, message: TFMessage) -> None:
+            note(topic, frames={t.child_frame_id: t.header.frame_id for t in message.transforms})
+
+        def stamped(topic: str, message: Imu | LaserScan) -> None:
+            note(topic, frame=message.header.frame_id)
 
         for namespace in NAMESPACES:
             node.create_subscription(
                 Odometry, f"/{namespace}/odom", lambda m, n=namespace: odometry(n, m), 100
             )
-        node.create_subscription(TFMessage, "/tf_static", frames, LATCHED)
+            for kind, name in ((Imu, "imu"), (LaserScan, "scan")):
+                topic = f"/{namespace}/{name}"
+                node.create_subscription(kind, topic, lambda m, t=topic: stamped(t, m), 10)
+        node.create_subscription(TFMessage, "/tf", lambda m: frames("/tf", m), 100)
+        node.create_subscription(
+            TFMessage, "/tf_static", lambda m: frames("/tf_static", m), LATCHED
+        )
         publisher = node.create_publisher(Twist, "/second/cmd_vel", 10)
         ahead = Twist()
         ahead.linear.x = 0.5

@@ -12,6 +12,8 @@ from .rig import REPOSITORY, Observer, rig, wait_for
 
 pytestmark = pytest.mark.system
 
+TREE = {"base_link": "odom", "imu_link": "base_link", "scan_link": "base_link"}
+"""Parent of each frame of a rover, without its prefix."""
 SCENARIO = REPOSITORY / "scenarios" / "two_rovers.yaml"
 
 
@@ -34,6 +36,16 @@ def test_each_drives_by_its_own_commands_and_has_its_own_frames(tmp_path: Path) 
         # Straight on as commanded; the other is on its circle.
         x, y = observer.messages["/second/odom"][-1]["at"]
         assert abs(y) < 0.1 * x
-        static = observer.messages["/tf_static"][-1]["frames"]
-        assert static["first/scan_link"] == "first/base_link"
-        assert static["second/scan_link"] == "second/base_link"
+        parents: dict[str, str] = {}
+        for topic in ("/tf", "/tf_static"):
+            for message in observer.messages[topic]:
+                parents |= message["frames"]
+        assert parents == {
+            f"{name}/{child}": f"{name}/{parent}"
+            for name in ("first", "second")
+            for child, parent in TREE.items()
+        }
+        for name in ("first", "second"):
+            for topic in ("imu", "scan"):
+                frames = {message["frame"] for message in observer.messages[f"/{name}/{topic}"]}
+                assert frames == {f"{name}/{topic}_link"}
