@@ -339,7 +339,7 @@ class Receiver {
     Key key{};
     std::int64_t since_nanos = 0;
     std::size_t part_size = 0;             // 0: not known
-    std::vector<std::uint8_t> body;        // part_size * parts_max bytes, once that is known
+    std::vector<std::uint8_t> body;        // up to the last part that is in, once part_size is known
     std::vector<std::uint8_t> last;        // the last part, where it came before all others
     std::array<std::uint64_t, 4> has{};
     std::size_t parts = 0, last_size = 0, announced = 0;
@@ -489,23 +489,28 @@ class Receiver {
         return Refusal::none;
       }
       open.part_size = size;
-      open.body.resize(size * parts_max);
+      open.body.reserve(size * parts_max);
       const std::vector<std::uint8_t> last = std::move(open.last);
       open.last.clear();
       if (last.size() > size) {  // a right one may still come
         open.has[(parts_max - 1) / 64] &= ~(std::uint64_t{1} << (parts_max - 1) % 64);
         --open.parts;
-        std::copy(part, part + size, open.body.begin() + offset(number, size));
+        put(open.body, number * size, part, size);
         return Refusal::part_size;
       }
-      std::copy(last.begin(), last.end(), open.body.begin() + offset(parts_max - 1, size));
+      if (!last.empty()) put(open.body, (parts_max - 1) * size, last.data(), last.size());
     }
-    std::copy(part, part + size, open.body.begin() + offset(number, open.part_size));
+    put(open.body, number * open.part_size, part, size);
     return Refusal::none;
   }
 
-  static std::ptrdiff_t offset(std::size_t number, std::size_t part_size) {
-    return static_cast<std::ptrdiff_t>(number * part_size);
+  /// Write a part into a body, which grows to hold it: what comes in order is written once.
+  static void put(std::vector<std::uint8_t>& body, std::size_t at, const std::uint8_t* part,
+                  std::size_t size) {
+    if (body.size() < at) body.resize(at);
+    const std::size_t within = std::min(size, body.size() - at);
+    std::copy(part, part + within, body.data() + at);
+    body.insert(body.end(), part + within, part + size);
   }
 
   template <class HandOver>
