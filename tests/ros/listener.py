@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A subscriber of its own process: prints each message as a JSON line [topic, stamp, content].
+"""A subscriber of its own process: prints each message as JSON: [topic, stamp, content, frame].
 
 Arguments: one JSON list of [ros_type, topic, reliability, durability, depth, sleep_s]. Who sleeps
 does so at the first message with a stamp, and prints on "TOPIC numbers" those of its publisher.
@@ -69,7 +69,8 @@ def subscribe(
 
     def take(message: Any, info: Any) -> None:
         content = CONTENT.get(name, as_cdr)(message)
-        print(json.dumps([topic, stamp_nanos(message), content]), flush=True)
+        frame = message.header.frame_id if hasattr(message, "header") else None
+        print(json.dumps([topic, stamp_nanos(message), content, frame]), flush=True)
         if sleep_s:
             print(json.dumps([f"{topic} numbers", info["publication_sequence_number"], None]))
         if stamp_nanos(message) and naps:

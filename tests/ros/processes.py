@@ -66,8 +66,11 @@ class Process:
 
     def messages(self, topic: str) -> list[tuple[int, Any]]:
         """Return stamp and content of what a listener or talker told of a topic."""
-        rows = [json.loads(line) for line in list(self.lines) if line.startswith('["')]
-        return [(stamp, content) for name, stamp, content in rows if name == topic]
+        return [(stamp, content) for name, stamp, content, *_ in self._rows() if name == topic]
+
+    def frames(self, topic: str) -> set[Any]:
+        """Return the frames of all messages of a topic that a listener told of."""
+        return {row[3] for row in self._rows() if row[0] == topic}
 
     def wait_for_stamp(self, topic: str, stamp_nanos: int) -> None:
         """Wait for a message of this very stamp."""
@@ -95,6 +98,9 @@ class Process:
             assert self._process.stdout
             self._process.stdout.close()
         return code
+
+    def _rows(self) -> list[Any]:
+        return [json.loads(line) for line in list(self.lines) if line.startswith('["')]
 
     def _read(self) -> None:
         assert self._process.stdout

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 1 user's node: prints each message as a JSON line [topic, stamp, content].
+"""A ROS 1 user's node: prints each message as a JSON line [topic, stamp, content, frame].
 
 Arguments: one JSON list of [type, topic, seconds that the callback sleeps at the first message with
 a stamp]. Run by the Python that ROS 1 is installed for.
@@ -45,7 +45,8 @@ def main() -> None:
     naps: dict[str, float] = {}
 
     def take(message: Any, topic: str) -> None:
-        line = json.dumps([topic, stamp_nanos(message), content(message)])
+        frame = message.header.frame_id if hasattr(message, "header") else None
+        line = json.dumps([topic, stamp_nanos(message), content(message), frame])
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
         if stamp_nanos(message):

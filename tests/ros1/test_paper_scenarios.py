@@ -23,6 +23,7 @@ from groundlink.ros_streams import outgoing
 from groundlink.ros_types import STORE
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.ros_side import TfTree
+from groundlink.topics import sensor_outputs
 from tests.ros import cloud_digest as digest
 from tests.ros.conftest import LATCHED, RELIABLE, Ros
 from tests.ros.processes import Process
@@ -34,7 +35,11 @@ pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 
 NANOS = 1_000_000_000
 SIM_SECONDS = 2
-FRAMELESS = (Clock, Text, Transforms)
+TF_SECONDS = 5
+ASKER = Path(__file__).with_name("tf_asker.py")
+FRAMELESS = {ROS_FORMS[message].ros_type for message in (Clock, Text, Transforms)}
+MANY_OF_ONE_INSTANT = {"/tf", "/tf_static", "/robot_description"}
+"""Topics of several streams, or of what has no stamp."""
 Expected = dict[str, tuple[str, float | None]]
 """By topic: ROS type and, of what has a steady rate, the rate."""
 
@@ -68,23 +73,36 @@ def text_of(name: str, bind: str, peer: str) -> str:
     )
 
 
-def check(listener: Process, rows: Expected, frames: set[str], *, frame_at: int) -> dict[int, Any]:
-    """Check what a listener has got; return digests of clouds by stamp."""
+def check(listener: Process, rows: Expected, frames: dict[str, str]) -> dict[int, Any]:
+    """Check frames, stamps and rates of what a listener has got; return digests of clouds by stamp.
+
+    That the types are right is why there is anything: it was subscribed to by them.
+    """
     digests = {}
     for topic, (ros_type, rate_hz) in rows.items():
         got = listener.messages(topic)
         assert got, f"{topic} is silent"
         stamps = [stamp for stamp, _ in got]
+        frame = frames.get(topic, "")
+        assert listener.frames(topic) == {None if ros_type in FRAMELESS else frame}, topic
+        if topic not in MANY_OF_ONE_INSTANT:
+            assert all(a < b for a, b in pairwise(stamps)), (topic, stamps)
         if rate_hz is not None:
             period = NANOS / rate_hz
             steps = [b - a for a, b in pairwise(stamps)]
             assert all(abs(step - period) < 2_500_000 for step in steps[2:]), (topic, steps)
-        content = got[-1][1]
-        if isinstance(content, list) and isinstance(content[frame_at], str):
-            assert content[frame_at] in frames, (topic, content)
         if ros_type.endswith("PointCloud2"):
             digests = {stamp: content[-1] for stamp, content in got}
     return digests
+
+
+def one_tree(looks: Process, *, base_of: str) -> None:
+    """Check what tf2 says: the camera is in the map at each of 100 stamps of 5 s, in one tree."""
+    looks.wait_until(lambda: looks.messages("tf"), "what tf2 says", patience_s=120)
+    found, complaint, parents = looks.messages("tf")[0][1]
+    assert (found, complaint) == (100, "")
+    assert {*parents.values()} - parents.keys() == {"world"}, parents
+    assert (parents["map"], parents["base_link"]) == ("world", base_of)
 
 
 def enough(listener: Process, rows: Expected) -> bool:
@@ -106,7 +124,12 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
     shipped = load(REPOSITORY / "scenarios" / f"{name}.yaml")
     vehicle = replace(shipped.vehicles[0], tf=TfTree(map="truth"))
     rows = expected(replace(shipped, vehicles=(vehicle,)))
-    frames = {sensor.frame for sensor in vehicle.sensors} | {"", "base_link"}
+    frames = {
+        output.ros_topic: sensor.frame
+        for sensor in vehicle.sensors
+        for output in sensor_outputs(sensor)
+    }
+    assert rows.keys() > frames.keys()
     recording = tmp_path / "run.mcap"
     clouds = {}
     with rig(tmp_path) as it:
@@ -116,9 +139,12 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
             *((kind.replace("/msg", ""), topic) for topic, (kind, _) in rows.items())
         )
         ears.wait_for("ready")
+        looks = ros1.start(str(ASKER), "map", "camera_optical_frame", str(TF_SECONDS))
+        looks.wait_for("ready")
         it.up("--no-ros", "--record", str(recording))
         ears.wait_until(lambda: enough(ears, rows), "two seconds of all", patience_s=100)
-        clouds["ROS 1"] = check(ears, rows, frames, frame_at=0)
+        clouds["ROS 1"] = check(ears, rows, frames)
+        one_tree(looks, base_of="odom" if "/odom" in rows else "map")
         it.stop()
         assert node.end() == 0
         assert "lost on the way 0," in node.output
@@ -132,10 +158,11 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
         )
         it.up("--no-ros")
         ears.wait_until(lambda: enough(ears, rows), "two seconds of all", patience_s=100)
-        clouds["ROS 2"] = check(ears, rows, frames, frame_at=1)
+        clouds["ROS 2"] = check(ears, rows, frames)
         it.stop()
         assert node.end() == 0
         assert "lost on the way 0," in node.output
+        assert "refused 0" in node.output
     if name == "outdoor_paper":
         clouds["MCAP"] = of_recording(recording)
         common = set.intersection(*map(set, clouds.values()))
