@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from . import crowded, latency, resending, throughput
+from . import cpp, crowded, latency, resending, throughput
 from .claims import Claim, Part
 from .figure import draw
 from .processes import stand_apart
@@ -25,6 +25,7 @@ from .processes import stand_apart
 PARTS: dict[str, Callable[[bool, Path], Part]] = {
     "latency": latency.run,
     "throughput": throughput.run,
+    "cpp": cpp.run,
     "processes": crowded.processes,
     "thread": crowded.thread,
     "resending": resending.run,

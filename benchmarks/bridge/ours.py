@@ -27,7 +27,7 @@ from udp_bridge.repair import Mode
 from udp_bridge.types import CONTROL
 
 from .lossy import lossy_socket
-from .processes import PATIENCE_S, Late, Silent, python
+from .processes import PATIENCE_S, Late, Program, Silent, python
 from .receivers import IMAGE, TOPIC
 from .ways import HERE, IMAGE_HEAD_BYTES, LOCALHOST, RECEIVE_BUFFER, RECEIVERS, image_cdr
 
@@ -60,7 +60,7 @@ class UdpBridge:
     Parameters
     ----------
     receiver
-        `node`, the ROS 2 node, or `library`.
+        `node`, the ROS 2 node, or `library`; or a program that does as they do.
     options
         More words for the receiver.
     environment
@@ -75,17 +75,19 @@ class UdpBridge:
 
     def __init__(
         self,
-        receiver: str = "node",
+        receiver: str | Program = "node",
         *options: str,
         environment: Mapping[str, str] | None = None,
         lost: float = 0.0,
         repair: Mode | None = None,
     ) -> None:
-        words = [*options, f"--lost={lost}"]
-        self._receiver = python(RECEIVERS, receiver, *words, environment=environment)
+        if isinstance(receiver, str):
+            words = [*options, f"--lost={lost}"]
+            receiver = python(RECEIVERS, receiver, *words, environment=environment)
+        self.receiver = receiver
         self._link = Link(
             (LOCALHOST, 0),
-            (LOCALHOST, self._receiver.number()),
+            (LOCALHOST, self.receiver.number()),
             on_message=self._on_message,
             repair={(IMAGE, TOPIC): repair} if repair is not None else None,
             socket=lossy_socket(lost, receive_buffer=RECEIVE_BUFFER) if lost else None,
@@ -109,7 +111,7 @@ class UdpBridge:
                 self._link.flush(PATIENCE_S)
             self._link.send(IMAGE, TOPIC, "camera", time.time_ns(), body)
         try:
-            times = [self._receiver.number(self._patience_s) for _ in range(count)]
+            times = [self.receiver.number(self._patience_s) for _ in range(count)]
         except Late:
             told = (self._link.accounts(), self._link.counters(), self._report)
             raise Late(f"a message has not arrived; {told}") from None
@@ -131,7 +133,7 @@ class UdpBridge:
     def close(self) -> None:
         """See `Way`."""
         self._link.close()
-        self._receiver.close()
+        self.receiver.close()
 
     def _on_message(self, message: Message, _: object) -> None:
         if message.msg_type == CONTROL and isinstance(report := parse(message.body), LinkReport):

@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 PATIENCE_S = 30.0
 """How long a line may take: far more than it does, unless a datagram was lost for good."""
@@ -93,6 +94,11 @@ class Program:
             self._read += more
         line, _, self._read = self._read.partition(b"\n")
         return int(line)
+
+    def spent_nanos(self) -> int:
+        """Return the processor time that all threads of the process have taken so far."""
+        tasks = Path(f"/proc/{self._process.pid}/task").iterdir()
+        return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks)
 
     def close(self) -> None:
         """Ask the process to end, and end it if it does not."""

@@ -25,6 +25,7 @@ pytest.importorskip("websockets", reason="the extra `benchmarks` is not installe
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image
 
+from benchmarks.bridge import cpp
 from benchmarks.bridge.claims import Claim
 from benchmarks.bridge.latency import QUICK_SIZES
 from benchmarks.bridge.lossy import lossy_socket
@@ -53,6 +54,13 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any]
     assert done.returncode == 0, done.stderr
     rows = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
     return done.stdout, rows, (folder / "figure.png").read_bytes()
+
+
+def test_both_receivers_take_every_size(quick: tuple[str, dict[str, Any], bytes]) -> None:
+    rows = quick[1]["cpp"]
+    assert [row["bytes"] for row in rows] == list(cpp.SIZES)
+    assert all(min(*row["us"], *row["per_s"]) > 0 for row in rows)
+    assert quick[0].count("what C++ sustains in times of Python") == len(rows)
 
 
 def test_every_size_goes_by_every_way(quick: tuple[str, dict[str, Any], bytes]) -> None:
@@ -101,7 +109,7 @@ def test_every_claim_is_judged_and_the_figure_drawn(
 ) -> None:
     printed, _, figure = quick
     verdicts = [line for line in printed.splitlines() if "claimed at" in line]
-    assert len(verdicts) == len(QUICK_SIZES) + 2 + 3 + 3
+    assert len(verdicts) == len(QUICK_SIZES) + 2 + 3 + 3 + 3
     assert figure.startswith(b"\x89PNG")
 
 
