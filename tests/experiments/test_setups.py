@@ -65,7 +65,7 @@ def test_what_a_recording_depends_on_names_it(tmp_path: Path, change: dict[str, 
     [
         *(
             replace(PLAIN, sensors=sensors)
-            for sensors in (indoors.SENSORS, indoors.WITHOUT_CAMERAS)
+            for sensors in (indoors.SCANS, indoors.MONO, indoors.RGBD)
         ),
         vocabulary.OUTDOORS,
         vocabulary.INDOORS,
