@@ -22,7 +22,8 @@ from groundlink.ros_streams import outgoing
 from groundlink.scenario import Scenario
 
 UNDER_WAY_NANOS = NANOS // 4
-"""Before the bag's end: what was measured then may not have been sent."""
+"""At the end, what was measured so late may not have been sent; at the begin, DDS may not have
+brought the bag and the bridge's node together."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,7 @@ def compare(bus: Path, bag: Path, scenario: Scenario) -> list[Account]:
     """
     topics = [stream.topic for stream in outgoing(scenario, "") if stream.push]
     first, last = zip(*(_clocks(file) for file in (bus, bag)), strict=True)
-    # In real time nobody waits until the bag is heard; in lockstep the first clock is there.
-    begin_nanos = max(first) + UNDER_WAY_NANOS if max(first) else 0
-    span = range(begin_nanos, min(last) - UNDER_WAY_NANOS)
+    span = range(max(first) + UNDER_WAY_NANOS, min(last) - UNDER_WAY_NANOS)
     sent, got = (_digests(file, topics, span) for file in (bus, bag))
     return [
         Account(

@@ -60,6 +60,8 @@ class Bag(Node):
         self._answer = self.create_publisher(Empty, "/recorded", 10)
         self.clock_nanos = -1
         self.messages = 0
+        self._hears_all = False
+        self._owes = False
         self.create_timer(LOOK_S, self._look)
 
     @property
@@ -68,14 +70,17 @@ class Bag(Node):
         return self.clock_nanos >= self._end_nanos
 
     def _look(self) -> None:
-        """Subscribe to what the bridge has begun to publish."""
+        """Subscribe to what the bridge has begun to publish; answer when all of it is heard."""
         try:
             found = self.get_publisher_names_and_types_by_node(BRIDGE, "/")
         except rclpy.node.NodeNameNonExistentError:
             return
-        for name, (ros_type, *_) in found:
-            if name in self._topics or name in ITS_OWN:
-                continue
+        new = [(name, types[0]) for name, types in found if name not in {*self._topics, *ITS_OWN}]
+        self._hears_all = self._hears_all or (
+            not new and all(topic.get_publisher_count() for topic in self._topics.values())
+        )
+        self._give_answer()
+        for name, ros_type in new:
             ends = self.get_publishers_info_by_topic(name)
             latched = any(
                 end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for end in ends
@@ -108,7 +113,13 @@ class Bag(Node):
     def _tick(self, nanos: int) -> None:
         self.clock_nanos = nanos
         # The first clock of a life needs no answer, and the last one shall get none: time stands.
-        if nanos and not self.is_over:
+        self._owes = nanos > 0 and not self.is_over
+        self._give_answer()
+
+    def _give_answer(self) -> None:
+        """Let time go on, once all ends are brought together: what nobody hears is gone."""
+        if self._owes and self._hears_all:
+            self._owes = False
             self._answer.publish(Empty())
 
 
