@@ -88,9 +88,13 @@ def _digests(file: Path, topics: Iterable[str], span: range) -> dict[str, Counte
         reader = make_reader(stream)
         for _, channel, message in reader.iter_messages(list(found), log_time_order=False):
             if message.log_time in span:
-                digest = hashlib.blake2b(message.data, digest_size=12).digest()
-                found[channel.topic][digest] += 1
+                found[channel.topic][_digest(message.data)] += 1
     return found
+
+
+def _digest(cdr: bytes) -> bytes:
+    """Return a digest of a message, filled up to four bytes as DDS does it on its way."""
+    return hashlib.blake2b(cdr + bytes(-len(cdr) % 4), digest_size=12).digest()
 
 
 def write_accounts(file: Path, accounts: Iterable[Account]) -> None:
