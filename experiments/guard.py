@@ -30,6 +30,7 @@ from .odometries import GICP, KISS, LIDAR_INERTIAL, Odometry, ran
 from .outdoors import recorded
 from .recordings import Recording
 from .setups import Setup
+from .track import there_and_back
 from .truth import frames_of
 
 SECONDS = 40.0
@@ -53,7 +54,7 @@ SETUP = Setup(
     },
     vehicle={
         "placement": {"x_m": -4.0, "y_m": 0.0, "yaw_deg": 0.0},
-        "route": {"kind": "there_and_back", "length_m": 8.0, "speed_mps": 1.0, "laps": 2},
+        "route": there_and_back(4.0, 1.0, laps=2),
     },
 )
 """The hall of the track, of which all surfaces are boxes and cylinders, with turns on the spot."""

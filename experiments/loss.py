@@ -23,6 +23,7 @@ from .odometries import GICP, LIDAR_INERTIAL, ran
 from .programs import YAG_SLAM
 from .recordings import Recording, record
 from .setups import IN_REAL_TIME, Setup
+from .track import there_and_back
 
 SECONDS = 40.0
 SHORT_SECONDS = 12.0
@@ -57,7 +58,7 @@ def loss(options: Options) -> Sequence[Result]:
             sensors={"lidar": {"datasheet": "sensors/vlp16.yaml"}},
             vehicle={
                 "placement": {"x_m": -4.0, "y_m": 0.0, "yaw_deg": 0.0},
-                "route": {"kind": "there_and_back", "length_m": 8.0, "speed_mps": 0.6},
+                "route": there_and_back(4.0, 0.6),
             },
             link={"seed": 7, "to_ros": {"loss": share}},
             repair=repair,

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import Any
+
+import yaml
 
 from groundlink.errors import UserError
 
@@ -19,7 +22,7 @@ from .figures import trajectories
 from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
 from .programs import ORB_SLAM3
 from .recordings import Recording, record
-from .setups import Setup
+from .setups import SCENARIOS, Setup, waypoints
 from .vocabulary import INDOORS, vocabulary
 
 SECONDS = 75.0
@@ -34,8 +37,16 @@ LIMIT_M = 0.4
 CAMERA_LIMIT_SHARE = 0.01
 """Of the way."""
 
-FIRST_FRAME_S = 2.0
+FIRST_FRAME_S = 3.0
 """When the tank has begun to move."""
+
+
+def road(speed_mps: float | None = None) -> dict[str, Any]:
+    """Return the way of the shipped scenario, begun at a crawl, at its own speed or another."""
+    document = yaml.safe_load((SCENARIOS / "outdoor_paper.yaml").read_text(encoding="utf-8"))
+    vehicle = document["vehicles"][0]
+    route = vehicle["route"]
+    return waypoints(vehicle["placement"], route["points"], speed_mps or route["speed_mps"])
 
 
 def recorded(options: Options, setup: Setup) -> Recording:
@@ -61,6 +72,7 @@ def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) ->
             seconds=SHORT_SECONDS if options.short else seconds,
             seed=seed,
             sensors={"camera": None, "gnss": None},
+            vehicle={"route": road()},
         )
         recording = recorded(options, setup)
         ways = []
@@ -98,6 +110,7 @@ def mono(options: Options) -> Sequence[Result]:
             seconds=SHORT_SECONDS if options.short else SECONDS,
             seed=seed,
             sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 30.0}},
+            vehicle={"route": road()},
         )
         recording = recorded(options, setup)
         tum = options.folder("runs", recording.folder.name) / "orb_slam3.tum"

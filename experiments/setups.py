@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import copy
 import hashlib
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,9 @@ IN_LOCKSTEP: dict[str, Any] = {
 
 IN_REAL_TIME: dict[str, Any] = {"mode": "realtime", "epoch": "zero", "clock_rate_hz": CLOCK_HZ}
 """As the paper ran it. What the link loses is lost, but for what `repair` gets back."""
+
+CRAWL_MPS, CRAWL_S = 0.05, 2.0
+"""The slowest that a driver drives."""
 
 Changes = Mapping[str, Any]
 
@@ -137,6 +141,24 @@ class Setup:
         scenario = load(self.write(folder))
         told = msgspec.json.encode([scenario, self.seconds, sources_digest()], order="sorted")
         return hashlib.blake2b(told, digest_size=6).hexdigest()
+
+
+def waypoints(
+    placement: Mapping[str, float], points: Sequence[Mapping[str, float]], speed_mps: float
+) -> dict[str, Any]:
+    """Return a route that begins with two seconds at a crawl, in which the vehicle comes to rest.
+
+    A run begins with the vehicle above its springs. A program that takes its first readings for
+    those of rest would take the fall for a part of gravity.
+    """
+    yaw = math.radians(placement["yaw_deg"])
+    crawl = {
+        "x_m": placement["x_m"] + CRAWL_S * CRAWL_MPS * math.cos(yaw),
+        "y_m": placement["y_m"] + CRAWL_S * CRAWL_MPS * math.sin(yaw),
+        "speed_mps": CRAWL_MPS,
+    }
+    points = [crawl, *map(dict, points)]
+    return {"kind": "waypoints", "speed_mps": speed_mps, "points": points}
 
 
 def sources_digest() -> str:

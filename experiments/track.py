@@ -13,15 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, fields
 from typing import Any
 
-import yaml
-
 from . import figures
 from .checkpoints import Passed, accumulated
 from .evaluation import Result
 from .experiment import Options
 from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
-from .outdoors import recorded
-from .setups import SCENARIOS, Setup
+from .outdoors import recorded, road
+from .setups import Setup, waypoints
 
 SECONDS = 60.0
 SHORT_SECONDS = 14.0
@@ -40,6 +38,12 @@ FAST_MPS = 4.0
 FAST_SECONDS = 40.0
 
 
+def there_and_back(half_m: float, speed_mps: float, laps: int = 1) -> dict[str, Any]:
+    """Return the way from one end of a track along x to the other and back, begun at a crawl."""
+    ends = [{"x_m": half_m, "y_m": 0.0}, {"x_m": -half_m, "y_m": 0.0}]
+    return waypoints({"x_m": -half_m, "y_m": 0.0, "yaw_deg": 0.0}, ends * laps, speed_mps)
+
+
 def checkpoints(options: Options) -> Sequence[Result]:
     """Sum squared distances at checkpoints, for two LiDARs."""
     results = []
@@ -50,6 +54,7 @@ def checkpoints(options: Options) -> Sequence[Result]:
             scenario="track",
             seconds=SHORT_SECONDS if options.short else SECONDS,
             seed=seed,
+            vehicle={"route": there_and_back(7.5, 0.6)},
             sensors={
                 "scanner": None,
                 "odometry": None,
@@ -109,13 +114,6 @@ def _write(options: Options, curves: Mapping[str, Sequence[Passed]]) -> None:
     figures.accumulated(options.folder("figures") / "track.png", curves)
 
 
-def _faster(scenario: str) -> dict[str, Any]:
-    """Return the route of a shipped scenario, to be driven fast."""
-    document = yaml.safe_load((SCENARIOS / f"{scenario}.yaml").read_text(encoding="utf-8"))
-    route: dict[str, Any] = document["vehicles"][0]["route"]
-    return route | {"speed_mps": FAST_MPS}
-
-
 SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {
     "swept, as it is": ("/points/ideal", ("--sweeps", "as-they-are")),
     "swept, corrected by the last motion": ("/points/ideal", ()),
@@ -149,7 +147,7 @@ def shutter(options: Options) -> Sequence[Result]:
             seconds=SHORT_SECONDS if options.short else FAST_SECONDS,
             seed=seed,
             sensors=setup_sensors,
-            vehicle={"route": _faster("outdoor_paper")},
+            vehicle={"route": road(FAST_MPS)},
         )
         recording = recorded(options, setup)
         for odometry in (GICP, KISS):

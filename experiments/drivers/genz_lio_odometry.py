@@ -2,21 +2,36 @@
 """GenZ-LIO (LiDAR and IMU): a bag into a trajectory of the IMU's frame, by its own loader.
 
 Rule: settings are the program's own for a Velodyne, but for what every user has to state: topics,
-where the LiDAR is on the IMU (from /tf_static), and the noise of the devices. A pose holds at the
-end of a sweep.
+where the LiDAR is on the IMU (from /tf_static), and the noise of the IMU. The program takes the
+first sweep that it gets for one at rest. A pose holds at the end of a sweep.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from genz_lio.config import load_config
+from genz_lio.datasets import Frame
 from genz_lio.datasets.rosbag import RosbagDataset
 from genz_lio.packaged_configs import export_config
 from genz_lio.pipeline import Pipeline
 from ros_reading import mount, write_tum
+
+
+class Later:
+    """A dataset without what was before a time."""
+
+    def __init__(self, dataset: RosbagDataset, from_s: float) -> None:
+        self._dataset = dataset
+        self._from_s = from_s
+        self.sequence_id = dataset.sequence_id
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield each sweep with what the IMU measured meanwhile."""
+        return (frame for frame in self._dataset if frame.begin_time >= self._from_s)
 
 
 def main() -> None:
@@ -29,6 +44,7 @@ def main() -> None:
     parser.add_argument("--lidar-frame", default="lidar_link")
     parser.add_argument("--imu-frame", default="imu_link")
     parser.add_argument("--set", action="append", default=[], metavar="SECTION.FIELD=NUMBER")
+    parser.add_argument("--from-s", type=float, default=0.0, help="stamp of the first sweep")
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -49,7 +65,7 @@ def main() -> None:
         imu_topic=options.imu_topic,
         preprocess=config.preprocess,
     )
-    pipeline = Pipeline(dataset, config)
+    pipeline = Pipeline(Later(dataset, options.from_s), config)
     summary = pipeline.run()
     write_tum(options.out, pipeline.timestamps, pipeline.poses)
     print(
