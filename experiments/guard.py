@@ -77,6 +77,7 @@ def guard(options: Options) -> Sequence[Result]:
         result, _ = ran(options, odometry, recording, experiment="guard", seed=1, case="no fault")
         clean[result.program] = result
         results.append(result)
+    finders: list[tuple[str, str]] = []
     wrong = [q.words for _, q in rows if not q.holds]
     missed = [f"without a fault: {words}" for words in wrong]
     for name, fault in FAULTS.items():
@@ -86,12 +87,19 @@ def guard(options: Options) -> Sequence[Result]:
         found = _by_programs(options, recording, bag, name, fault, clean, results)
         quantities = direct(recording, bag)
         rows += [(name, quantity) for quantity in quantities]
-        found += [quantity.words for quantity in quantities if not quantity.holds]
+        found += [f"{q.words}: {q.value:.3g}" for q in quantities if not q.holds]
         options.say(f"guard: {fault.words}: found by {'; '.join(found) or 'nobody'}")
+        finders.append((fault.words, "; ".join(found) or "nobody"))
         if not found:
             missed.append(fault.words)
         bag.unlink()
-    _write(options.folder("tables") / "guard_direct.csv", rows)
+    tables = options.folder("tables")
+    _write(tables / "guard_found.csv", ("fault", "found by"), finders)
+    _write(
+        tables / "guard_direct.csv",
+        ("fault", "quantity", "value", "expected", "tolerance", "holds"),
+        [_row(name, quantity) for name, quantity in rows],
+    )
     if missed:
         raise UserError("guard: not as it has to be: " + "; ".join(missed))
     return results
@@ -120,9 +128,14 @@ def _by_programs(
             continue
         results.append(result)
         usual_m = clean[program].ate_m
-        if result.ate_m > WORSE * usual_m and result.ate_m > usual_m + WORSE_M:
+        if is_worse(result.ate_m, usual_m):
             found.append(f"{program} ({100 * usual_m:.1f} -> {100 * result.ate_m:.1f} cm)")
     return found
+
+
+def is_worse(error_m: float, usual_m: float) -> bool:
+    """Return whether an error is clearly larger than it is without a fault."""
+    return error_m > WORSE * usual_m and error_m > usual_m + WORSE_M
 
 
 def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
@@ -152,9 +165,13 @@ def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
     ]
 
 
-def _write(file: Path, rows: Sequence[tuple[str, Measured]]) -> None:
+def _row(name: str, q: Measured) -> tuple[str, ...]:
+    numbers = (f"{q.value:.4g}", f"{q.expected:.5g}", f"{q.tolerance:g}")
+    return (name or "none", q.words, *numbers, "yes" if q.holds else "no")
+
+
+def _write(file: Path, head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
     with file.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream)
-        writer.writerow(["fault", "quantity", "value", "expected", "tolerance", "holds"])
-        for name, q in rows:
-            writer.writerow([name, q.words, f"{q.value:.4g}", q.expected, q.tolerance, q.holds])
+        writer.writerow(head)
+        writer.writerows(rows)

@@ -9,10 +9,12 @@ stands between two marks, `<!-- NAME -->` and `<!-- end of NAME -->`, with its c
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 import shutil
 import sys
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from .evaluation import Result, median, read_csv
@@ -48,6 +50,23 @@ def table_of(results: Sequence[Result]) -> list[str]:
     return lines
 
 
+def listing(file: Path) -> str:
+    """Return a table of another kind as it stands in its file."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        head, *rows = csv.reader(stream)
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def text_of(file: Path) -> str:
+    """Return what the page shows of a table."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        head = next(csv.reader(stream))
+    if head == [field.name for field in fields(Result)]:
+        return table(file.stem, read_csv(file))
+    return listing(file)
+
+
 def _length(metres: float) -> str:
     """Return a length as people read it."""
     return f"{metres:.2f} m" if metres >= 1 else f"{100 * metres:.2f} cm"
@@ -80,7 +99,7 @@ def main(arguments: Sequence[str]) -> int:
     page = PAGE.read_text(encoding="utf-8")
     for file in sorted(KEPT.glob("*.csv")):
         try:
-            page = with_table(page, file.stem, table(file.stem, read_csv(file)))
+            page = with_table(page, file.stem, text_of(file))
         except ValueError as error:
             print(error, file=sys.stderr)
             return 2
