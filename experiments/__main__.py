@@ -55,9 +55,9 @@ def main(arguments: Sequence[str]) -> int:
         except UserError as error:
             print(error, file=sys.stderr)
             return error.exit_code
-        table = given.folder("tables") / f"{name}.csv"
-        write_csv(table, results)
-        say(f"{name}: wrote {table}")
+        if results:
+            write_csv(given.folder("tables") / f"{name}.csv", results)
+        say(f"{name}: done; see {given.out}")
         failed += missed(results)
     for line in failed:
         say(f"not kept: {line}")

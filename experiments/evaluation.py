@@ -93,6 +93,14 @@ def write_csv(file: Path, results: Iterable[Result]) -> None:
             writer.writerow({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()})
 
 
+def write_rows(file: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table of another kind."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(head)
+        writer.writerows(rows)
+
+
 def read_csv(file: Path) -> list[Result]:
     """Return results as they were written."""
     types = {"str": str, "int": int, "float": float}

@@ -10,11 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from groundlink.errors import UserError
+
 from .accounts import Account
 from .evaluation import Result, evaluate
-from .recordings import Recording
+from .recordings import Recording, record
 from .say import Say
-from .setups import Changes
+from .setups import Changes, Setup
 from .trajectories import Trajectory, read_tum
 
 
@@ -73,6 +75,20 @@ def lost(accounts: Sequence[Account]) -> str:
         for account in accounts
         if account.lost or account.other
     )
+
+
+def recorded(options: Options, setup: Setup) -> Recording:
+    """Return a recording of a setup, varied as asked, in which nothing is missing.
+
+    Raises
+    ------
+    UserError
+        when something is.
+    """
+    recording = record(setup.varied(options.vary), options.out, options.say)
+    if words := lost(recording.accounts):
+        raise UserError(f"{setup.name}, seed {setup.seed}: not all came to the bag: {words}")
+    return recording
 
 
 def judged(

@@ -8,7 +8,6 @@ fault that nobody finds, or an alarm without a fault, fails the experiment.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,11 +22,10 @@ from groundlink.ros_types import STORE, nanos, xyz
 from groundlink.world.build import solids
 
 from .direct import Measured, Sweep, imu_quantities, scan_quantities
-from .evaluation import Result
-from .experiment import Options
+from .evaluation import Result, write_rows
+from .experiment import Options, recorded
 from .faults import CLOUD, FAULTS, IMU, Fault, with_fault
 from .odometries import GICP, KISS, LIDAR_INERTIAL, Odometry, ran
-from .outdoors import recorded
 from .recordings import Recording
 from .setups import Setup
 from .track import there_and_back
@@ -94,8 +92,8 @@ def guard(options: Options) -> Sequence[Result]:
             missed.append(fault.words)
         bag.unlink()
     tables = options.folder("tables")
-    _write(tables / "guard_found.csv", ("fault", "found by"), finders)
-    _write(
+    write_rows(tables / "guard_found.csv", ("fault", "found by"), finders)
+    write_rows(
         tables / "guard_direct.csv",
         ("fault", "quantity", "value", "expected", "tolerance", "holds"),
         [_row(name, quantity) for name, quantity in rows],
@@ -168,10 +166,3 @@ def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
 def _row(name: str, q: Measured) -> tuple[str, ...]:
     numbers = (f"{q.value:.4g}", f"{q.expected:.5g}", f"{q.tolerance:g}")
     return (name or "none", q.words, *numbers, "yes" if q.holds else "no")
-
-
-def _write(file: Path, head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(head)
-        writer.writerows(rows)

@@ -12,13 +12,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from groundlink.errors import UserError
-
 from . import environments, figures
 from .evaluation import Result
-from .experiment import Options, judged, lost
+from .experiment import Options, judged, recorded
 from .programs import ORB_SLAM3, YAG_SLAM
-from .recordings import Recording, record
+from .recordings import Recording
 from .setups import Setup
 from .vocabulary import OUTDOORS, vocabulary
 
@@ -156,10 +154,7 @@ def _record(
         seed=seed,
         sensors=sensors,
     )
-    recording = record(setup.varied(options.vary), options.out, options.say)
-    if words := lost(recording.accounts):
-        raise UserError(f"{setup.name}, seed {seed}: not all came to the bag: {words}")
-    return recording
+    return recorded(options, setup)
 
 
 def _figure(options: Options, name: str) -> Path:

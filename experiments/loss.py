@@ -8,16 +8,14 @@ data.
 
 from __future__ import annotations
 
-import csv
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from groundlink.errors import UserError
 
 from . import environments
-from .evaluation import Result
+from .evaluation import Result, write_rows
 from .experiment import Options, judged
 from .odometries import GICP, LIDAR_INERTIAL, ran
 from .programs import YAG_SLAM
@@ -64,13 +62,14 @@ def loss(options: Options) -> Sequence[Result]:
             repair=repair,
             time=IN_REAL_TIME,
         )
-        recording = record(setup, options.out, options.say)
+        recording = record(setup.varied(options.vary), options.out, options.say)
         arrived = {account.topic: account for account in recording.accounts}
         told = [f"{arrived[topic].arrived} of {arrived[topic].sent}" for topic in TOPICS]
         options.say(f"loss, {case}: " + ", ".join(map(" ".join, zip(TOPICS, told, strict=True))))
         errors = [_error(options, recording, case, which, results) for which in _RUNS]
         rows.append((case, *told, *errors))
-    _write(options.folder("tables") / "loss_arrived.csv", rows)
+    head = ("link", *TOPICS, *(f"{which}, ATE (m)" for which in _RUNS))
+    write_rows(options.folder("tables") / "loss_arrived.csv", head, rows)
     return results
 
 
@@ -120,10 +119,3 @@ def _scans(options: Options, recording: Recording, case: str) -> Result:
 
 
 _RUNS = {"LiDAR and IMU": _inertial, "LiDAR alone": _lidar, "scans": _scans}
-
-
-def _write(file: Path, rows: Sequence[Row]) -> None:
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(["link", *TOPICS, *(f"{which}, ATE (m)" for which in _RUNS)])
-        writer.writerows(rows)

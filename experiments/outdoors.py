@@ -13,15 +13,12 @@ from typing import Any
 
 import yaml
 
-from groundlink.errors import UserError
-
 from . import environments
 from .evaluation import Result
-from .experiment import Options, judged, lost
+from .experiment import Options, judged, recorded
 from .figures import trajectories
 from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
 from .programs import ORB_SLAM3
-from .recordings import Recording, record
 from .setups import SCENARIOS, Setup, waypoints
 from .vocabulary import INDOORS, vocabulary
 
@@ -49,20 +46,6 @@ def road(speed_mps: float | None = None) -> dict[str, Any]:
     return waypoints(vehicle["placement"], route["points"], speed_mps or route["speed_mps"])
 
 
-def recorded(options: Options, setup: Setup) -> Recording:
-    """Return a recording in which nothing is missing.
-
-    Raises
-    ------
-    UserError
-        when something is.
-    """
-    recording = record(setup, options.out, options.say)
-    if words := lost(recording.accounts):
-        raise UserError(f"{setup.name}, seed {setup.seed}: not all came to the bag: {words}")
-    return recording
-
-
 def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) -> list[Result]:
     results = []
     for seed in seeds:
@@ -84,7 +67,7 @@ def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) ->
             results.append(result)
             ways.append(way)
         if seed == seeds[0]:
-            figure = options.folder("figures") / f"{name}.png"
+            figure = options.folder(options.figures) / f"{name}.png"
             trajectories(figure, recording.scenario, ways)
     return results
 
@@ -139,6 +122,6 @@ def mono(options: Options) -> Sequence[Result]:
         )
         results.append(result)
         if seed == options.seeds[0]:
-            figure = options.folder("figures") / "outdoor_mono.png"
+            figure = options.folder(options.figures) / "outdoor_mono.png"
             trajectories(figure, recording.scenario, [way])
     return results

@@ -6,10 +6,15 @@ Rule: one row each; an experiment is a function of its own module.
 
 from __future__ import annotations
 
-from . import guard, indoors, live, loss, outdoors, track
+from . import guard, indoors, live, loss, outdoors, track, transfer
 from .experiment import Experiment
 
 EXPERIMENTS: dict[str, Experiment] = {
+    "transfer": Experiment(
+        what="6.1: what a message takes to ROS, by its size and the way",
+        run=transfer.transfer,
+        minutes=3,
+    ),
     "indoor_scans": Experiment(
         what="6.3: 2D graph SLAM with loop closure on scans and odometry",
         run=indoors.scans,

@@ -8,17 +8,16 @@ what it does to an error that a sweep takes a tenth of a second.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, fields
 from typing import Any
 
 from . import figures
 from .checkpoints import Passed, accumulated
-from .evaluation import Result
-from .experiment import Options
+from .evaluation import Result, write_rows
+from .experiment import Options, recorded
 from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
-from .outdoors import recorded, road
+from .outdoors import road
 from .setups import Setup, waypoints
 
 SECONDS = 60.0
@@ -103,15 +102,16 @@ def checkpoints(options: Options) -> Sequence[Result]:
 
 
 def _write(options: Options, curves: Mapping[str, Sequence[Passed]]) -> None:
-    file = options.folder("tables") / "track_checkpoints.csv"
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(["run", *(field.name for field in fields(Passed))])
-        for name, passed in curves.items():
-            for one in passed:
-                row = (f"{v:.5g}" if isinstance(v, float) else v for v in astuple(one))
-                writer.writerow([name, *row])
-    figures.accumulated(options.folder("figures") / "track.png", curves)
+    write_rows(
+        options.folder("tables") / "track_checkpoints.csv",
+        ["run", *(field.name for field in fields(Passed))],
+        [
+            [name, *(f"{v:.5g}" if isinstance(v, float) else v for v in astuple(one))]
+            for name, passed in curves.items()
+            for one in passed
+        ],
+    )
+    figures.accumulated(options.folder(options.figures) / "track.png", curves)
 
 
 SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Section 6.1 of the paper: what a message takes until ROS publishes it, by its size and the way.
+
+Rule: nothing is measured here; `benchmarks.bridge` does that, and draws the paper's Figure 9.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from groundlink.errors import UserError
+
+from .evaluation import Result, write_rows
+from .experiment import Options
+from .setups import ROOT
+
+ROSBRIDGE = "ROSBRIDGE"
+"""Environment: the program `rosbridge_websocket` of a rosbridge that is installed, to go along."""
+
+
+def transfer(options: Options) -> Sequence[Result]:
+    """Measure; there is no trajectory to be judged.
+
+    Raises
+    ------
+    UserError
+        when what is claimed of the ratios does not hold, or it cannot be measured.
+    """
+    tables, figures = options.folder("tables"), options.folder(options.figures)
+    file = options.folder("runs", "transfer") / "times.json"
+    command = ["-m", "benchmarks.bridge", "--only", "latency", "--json", str(file)]
+    command += ["--figure", str(figures / "transfer.png")]
+    if options.short:
+        command.append("--quick")
+    if rosbridge := os.environ.get(ROSBRIDGE):
+        command += ["--rosbridge", rosbridge]
+    else:
+        options.say(f"transfer: no rosbridge goes along; {ROSBRIDGE} would name its program")
+    if subprocess.run([sys.executable, *command], cwd=ROOT, check=False).returncode:
+        raise UserError("transfer: it could not be measured; what is said above says why")
+    rows = json.loads(file.read_text(encoding="utf-8"))["latency"]
+    ways = list(rows[0]["ms"])
+    write_rows(
+        tables / "transfer_ms.csv",
+        ("bytes", *ways),
+        [(f"{row['bytes']:,}", *(f"{row['ms'][way]:.3f}" for way in ways)) for row in rows],
+    )
+    return []
