@@ -41,7 +41,7 @@ class Cpp(UdpBridge):
 
 def run(quick: bool, folder: Path) -> Part:
     """Measure and print."""
-    rounds = 5 if quick else 25
+    rounds = 3 if quick else 25
     rows, claims = [], []
     with closing(UdpBridge("library")) as ours, closing(Cpp(folder)) as theirs:
         print("\nReceivers of one message after the other, each in turn, medians a message:")
