@@ -7,10 +7,9 @@ while it fails the last address holds.
 
 from __future__ import annotations
 
-import math
 import threading
-import time
 from collections.abc import Callable
+from math import ceil
 
 from groundlink.errors import UserError
 from groundlink.process import NoSuchHost
@@ -57,12 +56,12 @@ class Whereabouts:
         UserError
             when the text is no address.
         """
-        told_at = time.monotonic() + self._period_seconds
+        waits, patience = 0, ceil(self._period_seconds / WAIT_SECONDS)
         while self.address is None and not stop.wait(WAIT_SECONDS):
             if self._mistake is not None and not isinstance(self._mistake, NoSuchHost):
                 raise self._mistake
-            if time.monotonic() > told_at:
-                told_at = math.inf
+            waits += 1
+            if waits == patience:
                 tell(
                     f"no address is known of `{self._text}`, which is looked up again and again; "
                     "ROS gets nothing until there is one"
