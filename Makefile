@@ -8,7 +8,7 @@ READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
-.PHONY: help setup run test test-stack check benchmarks experiments clean
+.PHONY: help setup run test test-units test-system test-stack check benchmarks experiments clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -22,9 +22,15 @@ run: setup ## start SCENARIO and show what arrives in ROS (DURATION=20 ends by i
 	@$(BIN)/groundlink up $(SCENARIO) \
 		$(if $(DURATION),--duration $(DURATION)) $(if $(REPORT),--report $(REPORT))
 
-test: setup ## run every test: units, architecture, style, types, and the real system
+test: test-units test-system ## run every test that needs no Docker engine
+
+test-units: setup ## run what starts no whole run: units, architecture, style, types
 	@$(BIN)/python -m pytest -m "not system and not stack" --numprocesses=auto --dist=loadfile
-	@$(BIN)/python -m pytest -m "system and not stack" --durations=30
+
+test-system: setup ## run the tests of the real system
+	@$(BIN)/python -m pytest -m "system and not alone and not stack" --durations=20 \
+		--numprocesses=2 --dist=loadfile
+	@$(BIN)/python -m pytest -m "alone" --durations=20
 
 test-stack: setup ## bring the containers up on a Docker engine, break them, look
 	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import time
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.ros_domains import next_domain
 from udp_bridge import Link, Message
 
 from .processes import Process
@@ -28,8 +28,6 @@ LATCHED = ("RELIABLE", "TRANSIENT_LOCAL", DEPTH, 0.0)
 LISTENED = tuple[str, str, tuple[str, str, int, float]]
 """A ROS type, a topic, and how it is subscribed to."""
 
-_domains = itertools.count(os.getpid())
-
 
 class Ros:
     """One ROS domain that nobody else uses, and the processes in it."""
@@ -44,8 +42,7 @@ class Ros:
             if not name.startswith(("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_"))
         }
         self.environment = kept | {
-            # The ports of the domains below 101 lie below those that the kernel hands out.
-            "ROS_DOMAIN_ID": str(1 + next(_domains) % 100),
+            "ROS_DOMAIN_ID": next_domain(),
             "PYTHONPATH": os.pathsep.join(map(str, paths)),
             "PYTHONUNBUFFERED": "1",
         }

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from groundlink.supervisor import end_with_parent
+from tests.ros_domains import next_domain
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 LAB = REPOSITORY / "scenarios" / "indoor_lab.yaml"
@@ -66,7 +67,7 @@ class Rig:
         self.endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
         self.run = f"test_{os.getpid()}_{random.randrange(10**6)}"
         self.environment = os.environ | {
-            "ROS_DOMAIN_ID": str(random.randrange(1, 100)),
+            "ROS_DOMAIN_ID": next_domain(),
             "PYTHONUNBUFFERED": "1",
         }
         self.scenario = folder / "scenario.yaml"

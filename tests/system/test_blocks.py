@@ -18,7 +18,7 @@ from groundlink.topics import HEALTH
 
 from .rig import Observer, Rig, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 BLOCKS_PER_S = 240  # 24 a revolution, 10 revolutions
 SECONDS = 10

@@ -13,7 +13,7 @@ import pytest
 
 from .rig import Observer, Rig, children_of, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 BACK_WITHIN_SECONDS = 3.0
 

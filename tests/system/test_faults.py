@@ -18,7 +18,7 @@ from groundlink.ros_types import STORE
 
 from .rig import REPOSITORY, Observer, Rig, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 
 def fault(it: Rig, *words: str, code: int = 0) -> str:

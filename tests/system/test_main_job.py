@@ -26,7 +26,7 @@ from groundlink.topics import HEALTH, STATE, TOPICS
 
 from .rig import Observer, Rig, children_of, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 PICTURES, CAMERA_INFO = "/camera/image_raw/compressed", "/camera/camera_info"
 SENSOR_PERIODS_NANOS = {"/points": 100_000_000, "/imu": 2_500_000, "/wheel_encoders": 20_000_000}

@@ -23,7 +23,7 @@ from groundlink.topics import CLOCK
 
 from .rig import Rig, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 HEAVY = ("heavy_1", "heavy_2")
 SECONDS = {"skip": 6.0, "slow": 3.0}

@@ -41,6 +41,16 @@ def run(it: Rig, *command: str, seconds: float = 30) -> str:
     return lines[0]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def in_vain(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[Rig, subprocess.Popen[str]]]:
+    """A sensor at a router without a run, which looks for one while the other tests go on."""
+    with rig(tmp_path_factory.mktemp("in_vain")) as there, Bus(listen=there.endpoint):
+        words = ("--name", "rover/imu", "--connect", there.endpoint)
+        yield there, there.start("-m", "services.sensors.imu", *words, log="imu.log")
+
+
 @pytest.fixture
 def it(tmp_path: Path) -> Iterator[Rig]:
     with rig(tmp_path) as ready:
@@ -94,14 +104,6 @@ def test_a_listening_port_in_use(it: Rig) -> None:
         ):
             line = run(it, *command, "--listen", it.endpoint)
             assert f"{it.endpoint} is in use" in line
-
-
-def test_nobody_runs_there(it: Rig) -> None:
-    with Bus(listen=it.endpoint):
-        join = ("--connect", it.endpoint)
-        line = run(it, "-m", "services.sensors.imu", "--name", "rover/imu", *join)
-    assert "no run was found" in line
-    assert "within 20 s" in line
 
 
 class Counterfeit:
@@ -164,3 +166,11 @@ def test_the_ros_nodes_port_in_use(it: Rig) -> None:
         taken.bind(it.peer)
         line = run(it, "-m", "udp_bridge_ros2", "--bind", it.address(it.peer))
         assert "in use" in line.lower()
+
+
+def test_nobody_runs_there(in_vain: tuple[Rig, subprocess.Popen[str]]) -> None:
+    there, sensor = in_vain
+    assert sensor.wait(30) == 2
+    assert there.log("imu.log").count("\n") == 1
+    assert "no run was found" in there.log("imu.log")
+    assert "within 20 s" in there.log("imu.log")

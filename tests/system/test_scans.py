@@ -12,7 +12,7 @@ import pytest
 
 from .rig import REPOSITORY, Observer, Rig, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 INDOOR_2D = REPOSITORY / "scenarios" / "indoor_2d.yaml"
 

@@ -21,7 +21,7 @@ from groundlink.topics import process_names
 from .hosts import Hosts, hosts
 from .rig import Observer, Rig, rig, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 NEAR = "rover/encoders"
 """The sensor that is with physics, and not on the hosts that are cut off."""

@@ -26,7 +26,7 @@ from groundlink.topics import GROUND_TRUTH
 from .rig import REPOSITORY, Rig, rig, wait_for
 from .test_alone import start_sensor
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ from tests.services.view.foxglove_client import joined
 from .rerun_eyes import Eyes, eyes, need_vulkan, share_of
 from .rig import Rig, children_of, free_port, rig, wait_for
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(240)]
 
 TRUTH = (90, 220, 255)
 """Colour of the true trajectory, as services/view/picture.py draws it."""
