@@ -2,13 +2,14 @@
 """ORB-SLAM3 on a bag: `python orb_slam3.py BAG OUT.tum --vocabulary FILE [--depth TOPIC] ...`.
 
 Rule: runs in ORB-SLAM3's environment and knows ROS messages alone. Frames are given at the pace at
-which they were taken, as its threads for the map need their time, and none is left out. The
+which they were taken, or slower, as its threads for the map need their time; none is left out. The
 trajectory is that of the key frames of the last map, in the camera's optical frame.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -44,8 +45,8 @@ RGBD.DepthMapFactor: 1.0
 ORBextractor.nFeatures: {features}
 ORBextractor.scaleFactor: 1.2
 ORBextractor.nLevels: 8
-ORBextractor.iniThFAST: 20
-ORBextractor.minThFAST: 7
+ORBextractor.iniThFAST: {contrast}
+ORBextractor.minThFAST: {least}
 Viewer.KeyFrameSize: 0.05
 Viewer.KeyFrameLineWidth: 1.0
 Viewer.GraphLineWidth: 0.9
@@ -58,6 +59,10 @@ Viewer.ViewpointZ: -1.8
 Viewer.ViewpointF: 500.0
 """
 """As in ORB-SLAM3's own examples. The viewer is not started, but its settings have to be there."""
+
+SHARE = 2.0
+"""A frame takes at least so many times what tracking it took, for the map's threads need as much:
+on a machine that is too slow for real time, time is stretched."""
 
 SETTLE_S = 2.0
 """For the map's threads, behind the last frame."""
@@ -74,7 +79,7 @@ def main() -> None:
     parser.add_argument("--depth", default="", help="16UC1, in millimetres, of the same pixels")
     parser.add_argument("--features", type=int, default=1200)
     parser.add_argument("--from-s", type=float, default=0.0, help="stamp of the first frame")
-    parser.add_argument("--pace", type=float, default=1.0, help="times as fast as it was taken")
+    parser.add_argument("--contrast", type=int, default=20, help="of corners at first (FAST)")
     options = parser.parse_args()
     camera, stamps = look(options)
     settings = options.out.with_suffix(".settings.yaml")
@@ -88,17 +93,19 @@ def main() -> None:
             height=camera.height,
             fps=round((len(stamps) - 1) / (stamps[-1] - stamps[0])),
             features=options.features,
+            contrast=options.contrast,
+            least=min(options.contrast, 7),
         ),
         encoding="utf-8",
     )
     sensor = pyorbslam3.Sensor.RGBD if options.depth else pyorbslam3.Sensor.MONOCULAR
     slam = pyorbslam3.Slam(str(options.vocabulary), str(settings), sensor)
-    tracked, late_s = feed(options, slam, len(stamps))
+    tracked, stretched = feed(options, slam, len(stamps))
     time.sleep(SETTLE_S)
     slam.shutdown()
     slam.save_keyframe_trajectory_tum(str(options.out))
     in_seconds(options.out)
-    print(f"tracked {tracked} of {len(stamps)} frames; at most {late_s:.2f} s behind")
+    print(f"tracked {tracked} of {len(stamps)} frames, at {1 / stretched:.2f} times their pace")
 
 
 def seconds_of(header: Any) -> float:
@@ -152,22 +159,27 @@ def picture(message: Any) -> Any:
 
 
 def feed(options: argparse.Namespace, slam: Any, count: int) -> tuple[int, float]:
-    """Give all frames; return how many were tracked, and how late the latest was."""
-    tracked, late_s, begun_s, first_s = 0, 0.0, 0.0, 0.0
+    """Give all frames; return how many were tracked, and by what factor time was stretched."""
+    tracked, began_s = 0, time.monotonic()
+    due_s = rested_s = began_s
+    first = last = math.nan
     for number, (stamp, grey, depth) in enumerate(frames(options)):
-        if not number:
-            begun_s, first_s = time.monotonic(), stamp
-        due_s = begun_s + (stamp - first_s) / options.pace
-        late_s = max(late_s, time.monotonic() - due_s)
+        if number:
+            due_s = max(due_s + stamp - last, rested_s)
+        else:
+            first = stamp
+        last = stamp
         time.sleep(max(due_s - time.monotonic(), 0.0))
+        given_s = time.monotonic()
         if depth is None:
             result = slam.track_monocular(grey, stamp)
         else:
             result = slam.track_rgbd(grey, depth, stamp)
+        rested_s = given_s + SHARE * (time.monotonic() - given_s)
         tracked += bool(result.pose_valid)
         if number % 30 == 0:
             print(f"progress {number} of {count} frames, {tracked} tracked", flush=True)
-    return tracked, late_s
+    return tracked, (time.monotonic() - began_s) / (last - first)
 
 
 def in_seconds(tum: Path) -> None:
