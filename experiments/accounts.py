@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import hashlib
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -95,6 +95,15 @@ def _digests(file: Path, topics: Iterable[str], span: range) -> dict[str, Counte
 def _digest(cdr: bytes) -> bytes:
     """Return a digest of a message, filled up to four bytes as DDS does it on its way."""
     return hashlib.blake2b(cdr + bytes(-len(cdr) % 4), digest_size=12).digest()
+
+
+def lost(accounts: Sequence[Account]) -> str:
+    """Return in words what did not arrive in ROS; empty for nothing."""
+    return ", ".join(
+        f"{account.topic}: {account.lost} of {account.sent} lost, {account.other} of other bytes"
+        for account in accounts
+        if account.lost or account.other
+    )
 
 
 def write_accounts(file: Path, accounts: Iterable[Account]) -> None:

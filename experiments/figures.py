@@ -56,7 +56,7 @@ def plan(axes: Axes, scenario: Scenario) -> None:
 
 def trajectories(file: Path, scenario: Scenario, ways: Sequence[Way]) -> None:
     """Draw the true way and what programs made of it over the world."""
-    figure, axes = plt.subplots(figsize=(8, 6), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8, 5.6), layout="constrained")
     plan(axes, scenario)
     truth = max((way.truth for way in ways), key=lambda truth: truth.length_m).positions_m
     axes.plot(truth[:, 0], truth[:, 1], color=TRUTH, linewidth=2.4, label="true")
@@ -66,7 +66,7 @@ def trajectories(file: Path, scenario: Scenario, ways: Sequence[Way]) -> None:
     low, high = truth[:, :2].min(axis=0) - AROUND_M, truth[:, :2].max(axis=0) + AROUND_M
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    axes.legend(loc="upper right", fontsize=8)
+    figure.legend(loc="outside upper center", ncols=5, frameon=False)
     figure.savefig(file, dpi=130)
     plt.close(figure)
 

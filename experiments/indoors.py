@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +110,7 @@ def scans(options: Options) -> Sequence[Result]:
                 limit_m=0.0 if more else 0.02,
             )
             results.append(result)
-            ways.append(way)
+            ways.append(replace(way, label=case) if case else way)
         if seed == options.seeds[0]:
             figures.trajectories(_figure(options, "indoor_scans"), recording.scenario, ways)
             figures.map_beside_plan(
@@ -180,7 +181,7 @@ def _record(
     sensors: dict[str, Any],
     vehicle: dict[str, Any],
 ) -> Recording:
-    """Return a recording of the robot's drive; nothing may be missing in it."""
+    """Return a recording of the robot's drive."""
     setup = Setup(
         name=f"{name}_short" if options.short else name,
         scenario="indoor_paper",

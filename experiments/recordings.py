@@ -28,7 +28,7 @@ from groundlink.errors import UserError
 from groundlink.scenario import Scenario
 from groundlink.supervisor import end_with_parent
 
-from .accounts import Account, compare, read_accounts, write_accounts
+from .accounts import Account, compare, lost, read_accounts, write_accounts
 from .say import Say
 from .setups import ROOT, Setup, loaded
 from .trajectories import Trajectory, read_tum, write_tum
@@ -79,7 +79,7 @@ def record(setup: Setup, out: Path, say: Say) -> Recording:
     Raises
     ------
     UserError
-        when the run fails.
+        when the run fails, or one in lockstep has not brought all into the bag.
     """
     folder = out / "recordings"
     folder.mkdir(parents=True, exist_ok=True)
@@ -92,9 +92,12 @@ def record(setup: Setup, out: Path, say: Say) -> Recording:
     _run(setup, part, say)
     say(f"{setup.name}, seed {setup.seed}: comparing the bag with the bus")
     bus, bag = part / "bus.mcap", part / "run.mcap"
-    write_accounts(part / "accounts.csv", compare(bus, bag, loaded(part)))
+    accounts = compare(bus, bag, loaded(part))
+    if setup.is_lossless and (words := lost(accounts)):
+        raise UserError(f"{setup.name}, seed {setup.seed}: not all came to {bag}: {words}")
     write_tum(part / "truth.tum", truth_of(bus, loaded(part)))
     (part / "frames.json").write_text(json.dumps(frames_of(bus)), encoding="utf-8")
+    write_accounts(part / "accounts.csv", accounts)
     bus.unlink()
     part.rename(made)
     return Recording(made)

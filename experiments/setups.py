@@ -83,6 +83,11 @@ class Setup:
 
     time: Changes = field(default_factory=lambda: IN_LOCKSTEP)
 
+    @property
+    def is_lossless(self) -> bool:
+        """Whether ROS is waited for, so that all has to be in the bag."""
+        return self.time.get("lockstep") == "ros"
+
     def varied(self, vary: Mapping[str, Changes]) -> Setup:
         """Return the same with other fields of some sensors.
 
