@@ -35,10 +35,10 @@ OPEN_COUNTRY = (
     "adaptive_voxelization.enable=0",
     "mapping.planar_threshold=0.01",
 )
-"""What genz-lio is told beside its settings for a Velodyne. Most of what a LiDAR sees from a road is
-ground, in rings that go with the vehicle: points matched to points of the map say that it stands,
-and thinning for a room leaves too little of houses and trees. The threshold is that of the
-program's own settings for a VLP-16 in the field."""
+"""What genz-lio is told beside its settings for a Velodyne. From a road a LiDAR sees mostly ground,
+in rings that go with the vehicle: points matched to points of the map say that it stands, and
+thinning for a room leaves too little of houses and trees. The threshold is that of the program's
+own settings for a VLP-16 in the field."""
 
 LIMIT_M = 0.4
 CAMERA_LIMIT_SHARE = 0.01
