@@ -45,7 +45,7 @@ class Odometry:
 
 
 AT_REST_S = 1.0
-"""By then a vehicle has come to rest on its springs; until 2 s it crawls."""
+"""By then a vehicle has come to rest on its springs, and still crawls."""
 
 LIDAR_INERTIAL = Odometry(GENZ_LIO, "imu_link", ("--from-s", str(AT_REST_S)))
 KISS = Odometry(KISS_ICP, "lidar_link")

@@ -44,7 +44,10 @@ LIMIT_M = 0.4
 CAMERA_LIMIT_SHARE = 0.01
 """Of the way."""
 
-FIRST_FRAME_S = 3.0
+CRAWL_M = 0.3
+"""On which the tank is for 3 to 4 s; it slides a hand's breadth while it comes to rest."""
+
+FIRST_FRAME_S = 6.0
 """When the tank has begun to move."""
 
 
@@ -53,7 +56,8 @@ def road(speed_mps: float | None = None) -> dict[str, Any]:
     document = yaml.safe_load((SCENARIOS / "outdoor_paper.yaml").read_text(encoding="utf-8"))
     vehicle = document["vehicles"][0]
     route = vehicle["route"]
-    return waypoints(vehicle["placement"], route["points"], speed_mps or route["speed_mps"])
+    speed_mps = speed_mps or route["speed_mps"]
+    return waypoints(vehicle["placement"], route["points"], speed_mps, CRAWL_M)
 
 
 def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) -> list[Result]:

@@ -45,7 +45,7 @@ IN_LOCKSTEP: dict[str, Any] = {
 IN_REAL_TIME: dict[str, Any] = {"mode": "realtime", "epoch": "zero", "clock_rate_hz": CLOCK_HZ}
 """As the paper ran it. What the link loses is lost, but for what `repair` gets back."""
 
-CRAWL_MPS, CRAWL_S = 0.05, 2.0
+CRAWL_MPS = 0.05
 """The slowest that a driver drives."""
 
 Changes = Mapping[str, Any]
@@ -149,17 +149,20 @@ class Setup:
 
 
 def waypoints(
-    placement: Mapping[str, float], points: Sequence[Mapping[str, float]], speed_mps: float
+    placement: Mapping[str, float],
+    points: Sequence[Mapping[str, float]],
+    speed_mps: float,
+    crawl_m: float,
 ) -> dict[str, Any]:
-    """Return a route that begins with two seconds at a crawl, in which the vehicle comes to rest.
+    """Return a route that begins at a crawl, in which the vehicle comes to rest on its springs.
 
-    A run begins with the vehicle above its springs. A program that takes its first readings for
-    those of rest would take the fall for a part of gravity.
+    On a slope a run begins with the vehicle just above the ground. A program that takes its first
+    readings for those of rest would take the fall for a part of gravity.
     """
     yaw = math.radians(placement["yaw_deg"])
     crawl = {
-        "x_m": placement["x_m"] + CRAWL_S * CRAWL_MPS * math.cos(yaw),
-        "y_m": placement["y_m"] + CRAWL_S * CRAWL_MPS * math.sin(yaw),
+        "x_m": placement["x_m"] + crawl_m * math.cos(yaw),
+        "y_m": placement["y_m"] + crawl_m * math.sin(yaw),
         "speed_mps": CRAWL_MPS,
     }
     points = [crawl, *map(dict, points)]

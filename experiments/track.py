@@ -33,6 +33,9 @@ IDEAL: Mapping[str, Any] = {
 LIDARS = {"ideal": ("/points/ideal", "ideal_link"), "data sheet": ("/points", "lidar_link")}
 """Topic and frame."""
 
+CRAWL_M = 0.1
+"""2 s."""
+
 FAST_MPS = 4.0
 FAST_SECONDS = 40.0
 
@@ -40,7 +43,7 @@ FAST_SECONDS = 40.0
 def there_and_back(half_m: float, speed_mps: float, laps: int = 1) -> dict[str, Any]:
     """Return the way from one end of a track along x to the other and back, begun at a crawl."""
     ends = [{"x_m": half_m, "y_m": 0.0}, {"x_m": -half_m, "y_m": 0.0}]
-    return waypoints({"x_m": -half_m, "y_m": 0.0, "yaw_deg": 0.0}, ends * laps, speed_mps)
+    return waypoints({"x_m": -half_m, "y_m": 0.0, "yaw_deg": 0.0}, ends * laps, speed_mps, CRAWL_M)
 
 
 def checkpoints(options: Options) -> Sequence[Result]:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from experiments import indoors, vocabulary
-from experiments.setups import CRAWL_MPS, CRAWL_S, Setup, waypoints
+from experiments.setups import CRAWL_MPS, Setup, waypoints
 from groundlink.scenario import load
 
 PLAIN = Setup(name="plain", scenario="indoor_paper", seconds=10.0)
@@ -80,8 +80,8 @@ def test_every_setup_is_a_scenario_with_its_truth(tmp_path: Path, setup: Setup) 
 
 def test_a_way_begins_at_a_crawl_straight_ahead() -> None:
     placement = {"x_m": 1.0, "y_m": 2.0, "yaw_deg": 90.0}
-    route = waypoints(placement, [{"x_m": 1.0, "y_m": 9.0}], 2.0)
+    route = waypoints(placement, [{"x_m": 1.0, "y_m": 9.0}], 2.0, 0.3)
     crawl, goal = route["points"]
-    assert (crawl["x_m"], crawl["y_m"]) == pytest.approx((1.0, 2.0 + CRAWL_S * CRAWL_MPS))
+    assert (crawl["x_m"], crawl["y_m"]) == pytest.approx((1.0, 2.3))
     assert crawl["speed_mps"] == CRAWL_MPS
     assert (route["speed_mps"], goal) == (2.0, {"x_m": 1.0, "y_m": 9.0})
