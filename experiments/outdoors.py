@@ -17,7 +17,7 @@ from . import environments
 from .evaluation import Result
 from .experiment import Options, judged, recorded
 from .figures import trajectories
-from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
+from .odometries import GICP, LIDAR_INERTIAL, ran
 from .programs import ORB_SLAM3
 from .setups import SCENARIOS, Setup, waypoints
 from .vocabulary import INDOORS, vocabulary
@@ -73,7 +73,7 @@ def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) ->
         )
         recording = recorded(options, setup)
         ways = []
-        for odometry in (LIDAR_INERTIAL, KISS, GICP):
+        for odometry in (LIDAR_INERTIAL, GICP):
             inertial = odometry is LIDAR_INERTIAL
             result, way = ran(
                 options,
