@@ -40,7 +40,7 @@ DEPTH = 4000
 LOOK_S = 0.05
 """How often it is looked what the bridge publishes; it waits 1 s before its first message."""
 
-QUIET_S, LAST_S = 0.5, 2.0
+QUIET_S, LAST_S = 2.0, 10.0
 """At the end: what is under way is waited for until nothing more comes, and never longer."""
 
 STAMPED_AT = 4
