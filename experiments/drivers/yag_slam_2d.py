@@ -169,6 +169,19 @@ def straightened(scan: Any, odometry: Odometry, scan_in_base: Pose, limit_m: flo
     return ranges_found
 
 
+def anticlockwise(
+    ranges: list[float], first: float, step: float
+) -> tuple[list[float], float, float, float]:
+    """Return ranges with their first angle, last angle and step as yag-slam wants them: growing.
+
+    A scanner that turns clockwise has a negative step.
+    """
+    last = float(first + step * (len(ranges) - 1))
+    if step > 0:
+        return ranges, float(first), last, float(step)
+    return ranges[::-1], last, float(first), -float(step)
+
+
 class Mapper:
     """A graph of scans that grows; poses are of the scanner in the frame of the map."""
 
@@ -192,10 +205,7 @@ class Mapper:
         pose = compose(odometry.at(middle_s(scan)), self._scan_in_base)
         ranges = straightened(scan, odometry, self._scan_in_base, self._range_m)
         found = LocalizedRangeScan(
-            ranges,
-            float(scan.angle_min),
-            float(scan.angle_max),
-            float(scan.angle_increment),
+            *anticlockwise(ranges, scan.angle_min, scan.angle_increment),
             float(scan.range_min),
             float(scan.range_max),
             self._range_m,

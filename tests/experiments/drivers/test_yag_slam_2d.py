@@ -12,6 +12,7 @@ import pytest
 
 from experiments.drivers.yag_slam_2d import (
     Odometry,
+    anticlockwise,
     choose,
     compose,
     invert,
@@ -72,6 +73,12 @@ def test_a_swept_scan_becomes_one_of_a_scanner_that_stands() -> None:
     off = np.abs(found - still.ranges)[hit]
     assert np.median(off) < 0.005
     assert np.quantile(off, 0.95) < 0.02
+
+
+def test_a_scan_that_turns_clockwise_is_turned_round() -> None:
+    angles = (-1.0, 0.5, 0.5)
+    assert anticlockwise([1.0, 2.0, 3.0, 4.0], -1.0, 0.5) == ([1.0, 2.0, 3.0, 4.0], *angles)
+    assert anticlockwise([4.0, 3.0, 2.0, 1.0], 0.5, -0.5) == ([1.0, 2.0, 3.0, 4.0], *angles)
 
 
 def test_odometry_is_interpolated_and_stands_at_its_ends() -> None:
