@@ -47,6 +47,7 @@ ORBextractor.scaleFactor: 1.2
 ORBextractor.nLevels: 8
 ORBextractor.iniThFAST: {contrast}
 ORBextractor.minThFAST: {least}
+loopClosing: {loops}
 Viewer.KeyFrameSize: 0.05
 Viewer.KeyFrameLineWidth: 1.0
 Viewer.GraphLineWidth: 0.9
@@ -80,6 +81,7 @@ def main() -> None:
     parser.add_argument("--features", type=int, default=1200)
     parser.add_argument("--from-s", type=float, default=0.0, help="stamp of the first frame")
     parser.add_argument("--contrast", type=int, default=20, help="of corners at first (FAST)")
+    parser.add_argument("--no-loops", action="store_true", help="do not close loops")
     options = parser.parse_args()
     camera, stamps = look(options)
     settings = options.out.with_suffix(".settings.yaml")
@@ -94,6 +96,7 @@ def main() -> None:
             fps=round((len(stamps) - 1) / (stamps[-1] - stamps[0])),
             features=options.features,
             contrast=options.contrast,
+            loops=0 if options.no_loops else 1,
             least=min(options.contrast, 7),
         ),
         encoding="utf-8",
