@@ -138,7 +138,8 @@ def rgbd(options: Options) -> Sequence[Result]:
         "--depth": "/camera/depth/image_rect_raw",
     }
     words = [word for pair in topics.items() for word in pair]
-    return _orb_slam3(options, "indoor_rgbd", RGBD, *FEATURES, *words)
+    # Patterns of surfaces repeat to the pixel, so that it closes loops that are none.
+    return _orb_slam3(options, "indoor_rgbd", RGBD, *FEATURES, *words, "--no-loops")
 
 
 def _orb_slam3(
