@@ -113,8 +113,9 @@ class Claim:
         for key, since in self._higher.copy().items():
             if now_seconds - since <= YIELD_SECONDS:
                 continue
-            self._higher.clear()
+            # Where nobody answers in time it is looked again: it goes when its token goes.
             if self._bus.present(key, seconds=LOOK_SECONDS):
+                self._higher.clear()
                 raise UserError(
                     f"another `{self._process}` of run `{self._run}` was started while this one "
                     "was cut off, and goes on; this one ends"

@@ -120,6 +120,17 @@ def test_who_was_cut_off_ends_when_a_later_one_has_taken_its_place() -> None:
     own.check(time.monotonic() + 2 * YIELD_SECONDS)
 
 
+def test_a_look_that_nobody_answers_in_time_is_repeated() -> None:
+    bus = Cut()
+    own = claim(bus)
+    bus.comes(7)
+    there, bus.there = bus.there, set()
+    own.check(time.monotonic() + 2 * YIELD_SECONDS)
+    bus.there = there
+    with pytest.raises(UserError, match="and goes on; this one ends"):
+        own.check(time.monotonic() + 2 * YIELD_SECONDS)
+
+
 def test_who_goes_on_is_not_stopped_by_one_that_comes_back_or_looks_or_has_gone() -> None:
     bus = Cut()
     own = claim(bus)
