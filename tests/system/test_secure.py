@@ -191,7 +191,7 @@ def test_who_comes_twice_says_who_is_there_and_ends(
     assert len(done.stderr.splitlines()) == 1, done.stderr
 
 
-FROM_ROS_KEYS = {f"rover/from_ros/{name}" for name in FROM_ROS}
+FROM_ROS_KEYS = {f"rover/from_ros/{name}" for name in (*FROM_ROS, "topics/**")}
 OWN: dict[str, set[str]] = {
     "rover/imu": {"rover/imu", "faults/rover/imu", "gaps/rover/imu"},
     "rover/driver": {"rover/command"},
