@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +26,12 @@ FILES = [
     for folder in (*SOURCES, "tests", "fuzz")
     for file in sorted((ROOT / folder).rglob("*.py"))
     if "build" not in file.relative_to(ROOT).parts
+]
+
+PAGES = [
+    page
+    for folder in ("", "docs", "deploy", "ros/ros1", "ros/ros2", "udp-bridge", "udp-bridge/csharp")
+    for page in sorted((ROOT / folder).glob("*.md"))
 ]
 
 
@@ -83,3 +90,10 @@ def test_models_read_no_clock() -> None:
                 for alias in node.names
             }
             assert not names & {"time", "datetime", "socket", "random"}, file
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_what_a_page_points_at_is_there(page: Path) -> None:
+    targets = re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))
+    near = [target for target in targets if "://" not in target and ":" not in target]
+    assert [target for target in near if not (page.parent / target).exists()] == []
