@@ -30,7 +30,7 @@ def draw(file: Path, rows: Sequence[Row]) -> None:
         axes.plot(megabytes, took, "o-", label=_LABELS.get(name, name))
     axes.set(xscale="log", yscale="log", xlabel="message, MB", ylabel="ms until ROS's publish call")
     axes.grid(True, which="major", alpha=0.4)
-    axes.legend()
+    axes.legend(fontsize=7)
     figure.tight_layout()
     figure.savefig(file, dpi=150)
     pyplot.close(figure)
