@@ -2,8 +2,8 @@
 """The tables of docs/experiments.md, from what was measured: `python -m experiments.page`.
 
 Rule: a table on the page is that of a CSV file beside it, to the letter; text between tables is
-written by people. Tables and figures of a run are copied into docs/experiments, and each table
-stands between two marks, `<!-- NAME -->` and `<!-- end of NAME -->`, with its command.
+written by people. Tables and figures that the page shows are copied into docs/experiments, and each
+table stands between two marks, `<!-- NAME -->` and `<!-- end of NAME -->`, with its command.
 """
 
 from __future__ import annotations
@@ -93,10 +93,11 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, default=Path("build/experiments"))
     options = parser.parse_args(arguments)
     KEPT.mkdir(exist_ok=True)
-    tables = sorted((options.out / "tables").glob("*.csv"))
-    for file in (*tables, *sorted((options.out / "figures").glob("*.png"))):
-        shutil.copy(file, KEPT)
     page = PAGE.read_text(encoding="utf-8")
+    tables, figures = options.out / "tables", options.out / "figures"
+    for file in (*sorted(tables.glob("*.csv")), *sorted(figures.glob("*.png"))):
+        if f"<!-- {file.stem} -->" in page or f"({KEPT.name}/{file.name})" in page:
+            shutil.copy(file, KEPT)
     for file in sorted(KEPT.glob("*.csv")):
         try:
             page = with_table(page, file.stem, text_of(file))
