@@ -16,11 +16,9 @@ from pathlib import Path
 from groundlink.errors import UserError
 
 from .evaluation import missed, write_csv
-from .experiment import Options
+from .experiment import OUT, Options
 from .say import Say
 from .table import EXPERIMENTS, SHORT
-
-OUT = Path("build/experiments")
 
 
 def main(arguments: Sequence[str]) -> int:

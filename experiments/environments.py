@@ -84,10 +84,9 @@ def run(
     label: str,
     log: Path,
     script: str = "",
-    command: Sequence[str] = (),
     limit_s: float = 900.0,
 ) -> str:
-    """Run a program's driver, or a command of its environment, to its end; return what it printed.
+    """Run a program's driver to its end; return what it printed.
 
     The last line of its log that begins with `progress ` is shown while it works.
 
@@ -95,8 +94,6 @@ def run(
     ----------
     script
         another script of `drivers` than the program's.
-    command
-        a command in the environment's `bin`, where the program has no driver.
 
     Raises
     ------
@@ -104,11 +101,7 @@ def run(
         when it fails, or takes longer than its limit.
     """
     python = python_of(program, out, say)
-    words = (
-        [python.parent / command[0], *command[1:]]
-        if command
-        else [python, DRIVERS / (script or program.driver)]
-    )
+    words = [python, DRIVERS / (script or program.driver)]
     began_s = time.monotonic()
     with log.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(

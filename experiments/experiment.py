@@ -16,6 +16,9 @@ from .say import Say
 from .setups import Changes, Setup
 from .trajectories import Trajectory, read_tum
 
+OUT = Path("build/experiments")
+"""Where all goes, unless somebody says otherwise."""
+
 
 @dataclass(frozen=True)
 class Options:

@@ -17,10 +17,10 @@ from typing import Any
 from . import environments, figures
 from .evaluation import Result
 from .experiment import Options, judged, recorded
-from .programs import ORB_SLAM3, YAG_SLAM
-from .recordings import Recording
+from .pictures import Pictures, orb_slam3
+from .programs import YAG_SLAM
 from .setups import Setup
-from .vocabulary import OUTDOORS, vocabulary
+from .vocabulary import OUTDOORS
 
 SCANS_S, PICTURES_S = 75.0, 60.0
 """A lap takes 55 s."""
@@ -81,14 +81,16 @@ FEATURES = ("--features", "2000", "--contrast", "12")
 """Walls of plaster have little contrast; with 1200 features and 20 tracking ends before them."""
 
 FIRST_FRAME_S = 2.0
-"""ORB-SLAM3 is started when the robot moves: from one camera that stands nothing can be learned."""
+"""When the robot moves."""
+
+PICTURES_LIMIT_M = 0.05
 
 
 def scans(options: Options) -> Sequence[Result]:
     """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
     results = []
     for seed in options.seeds:
-        recording = _record(options, seed, "indoor_scans", SCANS_S, SCANS, {})
+        recording = recorded(options, _drive(options, "indoor_scans", SCANS_S, SCANS, {}, seed))
         folder = options.folder("runs", recording.folder.name)
         ways = []
         for case, more in {"": [], "odometry alone": ["--odometry-alone"]}.items():
@@ -127,7 +129,8 @@ def scans(options: Options) -> Sequence[Result]:
 
 def mono(options: Options) -> Sequence[Result]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time."""
-    return _orb_slam3(options, "indoor_mono", MONO, *FEATURES, scale=True)
+    setup = _drive(options, "indoor_mono", PICTURES_S, MONO, ROUNDED)
+    return orb_slam3(options, "indoor_mono", _pictures(setup, *FEATURES))
 
 
 def rgbd(options: Options) -> Sequence[Result]:
@@ -138,55 +141,32 @@ def rgbd(options: Options) -> Sequence[Result]:
         "--depth": "/camera/depth/image_rect_raw",
     }
     words = [word for pair in topics.items() for word in pair]
+    setup = _drive(options, "indoor_rgbd", PICTURES_S, RGBD, ROUNDED)
     # Patterns of surfaces repeat to the pixel, so that it closes loops that are none.
-    return _orb_slam3(options, "indoor_rgbd", RGBD, *FEATURES, *words, "--no-loops")
+    pictures = _pictures(setup, *FEATURES, *words, "--no-loops")
+    return orb_slam3(options, "indoor_rgbd", replace(pictures, has_depth=True))
 
 
-def _orb_slam3(
-    options: Options, name: str, sensors: dict[str, Any], *words: str, scale: bool = False
-) -> Sequence[Result]:
-    trained = vocabulary(options, OUTDOORS)
-    results = []
-    for seed in options.seeds:
-        recording = _record(options, seed, name, PICTURES_S, sensors, ROUNDED)
-        tum = options.folder("runs", recording.folder.name) / "orb_slam3.tum"
-        began_s = time.monotonic()
-        printed = environments.run(
-            ORB_SLAM3,
-            [recording.bag, tum, "--vocabulary", trained, "--from-s", str(FIRST_FRAME_S), *words],
-            options.out,
-            options.say,
-            label=f"{name}, seed {seed}",
-            log=tum.with_suffix(".log"),
-        )
-        options.say(f"{name}, seed {seed}: {printed.strip().splitlines()[-1]}")
-        result, way = judged(
-            *(options, recording, tum),
-            frame="camera_optical_frame",
-            seed=seed,
-            experiment=name,
-            program=ORB_SLAM3.name,
-            case="mono" if scale else "RGB-D",
-            took_s=time.monotonic() - began_s,
-            limit_m=0.05,
-            scale=scale,
-        )
-        results.append(result)
-        if seed == options.seeds[0]:
-            figures.trajectories(_figure(options, name), recording.scenario, [way])
-    return results
+def _pictures(setup: Setup, *words: str) -> Pictures:
+    return Pictures(
+        setup=setup,
+        scenes=OUTDOORS,
+        from_s=FIRST_FRAME_S,
+        limit_m=lambda _: PICTURES_LIMIT_M,
+        words=words,
+    )
 
 
-def _record(
+def _drive(
     options: Options,
-    seed: int,
     name: str,
     seconds: float,
     sensors: dict[str, Any],
     vehicle: dict[str, Any],
-) -> Recording:
-    """Return a recording of the robot's drive."""
-    setup = Setup(
+    seed: int = 1,
+) -> Setup:
+    """Return the robot's drive."""
+    return Setup(
         name=f"{name}_short" if options.short else name,
         scenario="indoor_paper",
         seconds=SHORT_S if options.short else seconds,
@@ -194,7 +174,6 @@ def _record(
         sensors=sensors,
         vehicle=vehicle,
     )
-    return recorded(options, setup)
 
 
 def _figure(options: Options, name: str) -> Path:

@@ -7,20 +7,18 @@ changes of it stands in its setup.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any
 
 import yaml
 
-from . import environments
 from .evaluation import Result
-from .experiment import Options, judged, recorded
+from .experiment import Options, recorded
 from .figures import trajectories
 from .odometries import GICP, LIDAR_INERTIAL, ran
-from .programs import ORB_SLAM3
+from .pictures import Pictures, orb_slam3
 from .setups import SCENARIOS, Setup, waypoints
-from .vocabulary import INDOORS, vocabulary
+from .vocabulary import INDOORS
 
 SECONDS = 75.0
 """170 m."""
@@ -104,44 +102,17 @@ def lap(options: Options) -> Sequence[Result]:
 
 def mono(options: Options) -> Sequence[Result]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m."""
-    trained = vocabulary(options, INDOORS)
-    results = []
-    for seed in options.seeds:
-        setup = Setup(
-            name="outdoor_mono",
-            scenario="outdoor_paper",
-            seconds=SHORT_SECONDS if options.short else SECONDS,
-            seed=seed,
-            sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 30.0}},
-            vehicle={"route": road()},
-        )
-        recording = recorded(options, setup)
-        tum = options.folder("runs", recording.folder.name) / "orb_slam3.tum"
-        began_s = time.monotonic()
-        printed = environments.run(
-            ORB_SLAM3,
-            [recording.bag, tum, "--vocabulary", trained, "--from-s", str(FIRST_FRAME_S)],
-            options.out,
-            options.say,
-            label=f"outdoor_mono, seed {seed}",
-            log=tum.with_suffix(".log"),
-        )
-        options.say(f"outdoor_mono, seed {seed}: {printed.strip().splitlines()[-1]}")
-        result, way = judged(
-            options,
-            recording,
-            tum,
-            frame="camera_optical_frame",
-            seed=seed,
-            experiment="outdoor_mono",
-            program=ORB_SLAM3.name,
-            case="mono",
-            took_s=time.monotonic() - began_s,
-            limit_m=CAMERA_LIMIT_SHARE * recording.truth().length_m,
-            scale=True,
-        )
-        results.append(result)
-        if seed == options.seeds[0]:
-            figure = options.folder(options.figures) / "outdoor_mono.png"
-            trajectories(figure, recording.scenario, [way])
-    return results
+    setup = Setup(
+        name="outdoor_mono",
+        scenario="outdoor_paper",
+        seconds=SHORT_SECONDS if options.short else SECONDS,
+        sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 30.0}},
+        vehicle={"route": road()},
+    )
+    pictures = Pictures(
+        setup=setup,
+        scenes=INDOORS,
+        from_s=FIRST_FRAME_S,
+        limit_m=lambda recording: CAMERA_LIMIT_SHARE * recording.truth().length_m,
+    )
+    return orb_slam3(options, "outdoor_mono", pictures)

@@ -18,6 +18,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from .evaluation import Result, median, read_csv
+from .experiment import OUT
 from .setups import ROOT
 
 PAGE = ROOT / "docs" / "experiments.md"
@@ -90,7 +91,7 @@ def with_table(page: str, name: str, text: str) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Take over what was measured."""
     parser = argparse.ArgumentParser(prog="python -m experiments.page")
-    parser.add_argument("--out", type=Path, default=Path("build/experiments"))
+    parser.add_argument("--out", type=Path, default=OUT)
     options = parser.parse_args(arguments)
     KEPT.mkdir(exist_ok=True)
     page = PAGE.read_text(encoding="utf-8")

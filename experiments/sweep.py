@@ -26,12 +26,11 @@ import yaml
 from groundlink.errors import UserError
 
 from .evaluation import Result, write_csv
-from .experiment import Options
+from .experiment import OUT, Options
 from .page import table_of
 from .say import Say
 from .table import EXPERIMENTS
 
-OUT = Path("build/experiments")
 FORM = "SENSOR.FIELD=[A, B, ...], such as scanner.mount=[lidar, {xyz_m: [0.2, 0.0, 0.9]}]"
 
 

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How ORB-SLAM3 is run on the pictures of a drive, indoors and outdoors, for each seed.
+
+Rule: one place says what it gets and which frame it tells of; what differs is in the drive.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from . import environments, figures
+from .evaluation import Result
+from .experiment import Options, judged, recorded
+from .programs import ORB_SLAM3
+from .recordings import Recording
+from .setups import Setup
+from .vocabulary import vocabulary
+
+FRAME = "camera_optical_frame"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """A drive with a camera, and how ORB-SLAM3 takes it."""
+
+    setup: Setup
+    scenes: Setup
+    """What its vocabulary is trained from; see `vocabulary`."""
+
+    from_s: float
+    """Stamp of the first frame that is given: when the vehicle has begun to move, since from one
+    camera that stands nothing can be learned."""
+
+    limit_m: Callable[[Recording], float]
+    words: tuple[str, ...] = ()
+    """Options of the driver."""
+
+    has_depth: bool = False
+    """Without, an estimate cannot know its scale."""
+
+
+def orb_slam3(options: Options, name: str, pictures: Pictures) -> Sequence[Result]:
+    """Run it for each seed; draw the first."""
+    trained = vocabulary(options, pictures.scenes)
+    more = ["--vocabulary", str(trained), "--from-s", str(pictures.from_s), *pictures.words]
+    results = []
+    for seed in options.seeds:
+        recording = recorded(options, replace(pictures.setup, seed=seed))
+        tum = options.folder("runs", recording.folder.name) / "orb_slam3.tum"
+        began_s = time.monotonic()
+        printed = environments.run(
+            ORB_SLAM3,
+            [recording.bag, tum, *more],
+            options.out,
+            options.say,
+            label=f"{name}, seed {seed}",
+            log=tum.with_suffix(".log"),
+        )
+        options.say(f"{name}, seed {seed}: {printed.strip().splitlines()[-1]}")
+        result, way = judged(
+            *(options, recording, tum),
+            frame=FRAME,
+            seed=seed,
+            experiment=name,
+            program=ORB_SLAM3.name,
+            case="RGB-D" if pictures.has_depth else "mono",
+            took_s=time.monotonic() - began_s,
+            limit_m=pictures.limit_m(recording),
+            scale=not pictures.has_depth,
+        )
+        results.append(result)
+        if seed == options.seeds[0]:
+            figure = options.folder(options.figures) / f"{name}.png"
+            figures.trajectories(figure, recording.scenario, [way])
+    return results
