@@ -108,7 +108,8 @@ class Material(Spec, frozen=True):
     """The pattern that cameras see in the colour."""
 
     texture_size_m: Positive = 2.0
-    """Length after which the pattern repeats."""
+    """Length of the pattern. It comes again and again with other wear on it, each thing has it
+    stretched by some hundredths of its own, and no two places look quite alike."""
 
     @property
     def reflectance(self) -> float:

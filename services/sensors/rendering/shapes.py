@@ -19,10 +19,15 @@ from groundlink.world.triangles import merged
 
 from .mesh import VERTEX, Mesh, Skin
 from .painted import painted
-from .textures import texture
+from .textures import size_m, texture
 
 TINT = 0.12
 """Things of one material differ in brightness by up to so much: no two boxes are quite alike."""
+
+STRETCH = 0.15
+"""They have its texture longer or shorter by up to so much each way, and some have it mirrored: two
+things that show the same part of it can't be taken for each other by programs that know a place
+again, as no way of looking at the one makes it the other."""
 
 
 def meshes(
@@ -49,7 +54,9 @@ def meshes(
         if isinstance(solid.shape, world.Mesh):
             made += painted(solid, label, material, skins)
             continue
-        corners.setdefault(material.texture, []).append(_corners(solid, label, material))
+        beside = corners.setdefault(material.texture, [])
+        began = beside[-1]["uv"][:, 1].max() % 1 if beside else 0.0
+        beside.append(_corners(solid, label, material, began))
     for name, parts in corners.items():
         skin = skins.setdefault(name, Skin(texture(name)))
         vertices, faces = np.unique(np.concatenate(parts), return_inverse=True)
@@ -57,20 +64,27 @@ def meshes(
     return made
 
 
-def _corners(solid: Solid, label: int, material: Material) -> NDArray[np.void]:
-    """Return a solid's triangles as three vertices each, shape (3 F,)."""
+def _corners(solid: Solid, label: int, material: Material, began: float) -> NDArray[np.void]:
+    """Return a solid's triangles as three vertices each, shape (3 F,).
+
+    What they show of the texture begins at v = `began`, where that of the solid before them ends:
+    no two walls show the same until it is used up.
+    """
     triangles = merged([Solid("", solid.shape, "")])
     local = triangles.vertices[triangles.faces].astype(np.float64)
     normals, uv_m = _around(solid.shape, local)
     frame_from_solid = matrix_from_quaternion(solid.orientation)
     placed = merged([solid])
-    # Each solid has its own cut of the pattern, each thing its own brightness.
-    u, v, *_ = crc32(solid.name.encode()).to_bytes(4, "little")
+    *stretch, across, mirrored = crc32(solid.name.encode()).to_bytes(4, "little")
+    uv = (uv_m / size_m(material)).reshape(-1, 2)
+    uv *= 1 + STRETCH * (np.array(stretch) / 127.5 - 1)
+    uv[:, 0] *= 1 - 2 * (mirrored % 2)
+    uv += np.array([across / 256, began - uv[:, 1].min()])
     shade, *_ = crc32(str(label).encode()).to_bytes(4, "little")
     vertices = np.empty(3 * len(local), VERTEX)
     vertices["position"] = placed.vertices[placed.faces].reshape(-1, 3)
     vertices["normal"] = (normals @ frame_from_solid.T).reshape(-1, 3)
-    vertices["uv"] = (uv_m / material.texture_size_m).reshape(-1, 2) + np.array([u, v]) / 256
+    vertices["uv"] = uv
     vertices["tint"] = np.array(material.color) * (1 + TINT * (shade / 127.5 - 1))
     vertices["label"] = label
     return vertices
@@ -98,13 +112,19 @@ def _around(shape: Shape, corners: Floats) -> tuple[Floats, Floats]:
 
 
 def _unfolded(corners: Floats, flat: Floats, size_m: Sequence[float]) -> Floats:
-    """Return the two coordinates in a box's faces, the one along its longer edge first."""
+    """Return the two coordinates in a box's faces, the one along its longer edge first.
+
+    Faces lie side by side; opposite ones, of which nobody sees both, lie upon each other.
+    """
     uv = np.empty((*corners.shape[:2], 2))
     facing = np.abs(flat[:, 0]).argmax(axis=1)
+    began_m = 0.0
     for axis in range(3):
         along, across = sorted({0, 1, 2} - {axis}, key=lambda i: -size_m[i])
         here = facing == axis
         uv[here] = corners[here][..., [along, across]]
+        uv[here, :, 1] += began_m + size_m[across] / 2
+        began_m += size_m[across]
     return uv
 
 

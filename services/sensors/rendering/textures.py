@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The textures of materials, so that cameras have something to track.
 
-Rule: a texture is made, not stored; the same numpy gives the same bytes. What each looks like is in
-`patterns` and `patterns_outdoors`.
+Rule: a texture is made, not stored; the same numpy gives the same bytes. It shows a pattern
+`REPEATS` times to a side, and over it another one, or the same, at another scale: no two places of
+it look alike, as on real surfaces, so that programs which know a place again know the right one.
+What each pattern looks like is in `patterns` and `patterns_outdoors`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 from zlib import crc32
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.world.solids import Texture
+from groundlink.world.solids import Material, Texture
 
 from . import patterns, patterns_outdoors
 from .patterns import Factors
@@ -22,34 +26,61 @@ from .patterns import Factors
 BRIGHTEST = 2.0
 """The factor that a texel of 255 stands for."""
 
-_PATTERNS: dict[Texture, Callable[[np.random.Generator], Factors]] = {
-    "plain": patterns.plain,
-    "stained": patterns.stained,
-    "speckled": patterns.speckled,
-    "wood": patterns.wood,
-    "brushed": patterns.brushed,
-    "tiles": patterns.tiles,
-    "bricks": patterns.bricks,
-    "printed": patterns.printed,
-    "grass": patterns_outdoors.grass,
-    "soil": patterns_outdoors.soil,
-    "gravel": patterns_outdoors.gravel,
-    "rock": patterns_outdoors.rock,
-    "water": patterns_outdoors.water,
-    "leaves": patterns_outdoors.leaves,
-    "bark": patterns_outdoors.bark,
-    "roof_tiles": patterns_outdoors.roof_tiles,
-    "snow": patterns_outdoors.snow,
+REPEATS, REPEATS_OVER = 4, 3
+"""Of the pattern and of what lies over it, to a side: they meet again as they are at the edges."""
+
+Pattern = Callable[[np.random.Generator], Factors]
+
+
+class Look(NamedTuple):
+    """What a texture is made of."""
+
+    pattern: Pattern
+    over: Pattern | None = None
+    """What lies over it, where that is not the pattern itself: wear on what has edges."""
+
+
+_LOOKS: dict[Texture, Look] = {
+    "plain": Look(patterns.plain),
+    "stained": Look(patterns.stained),
+    "speckled": Look(patterns.speckled),
+    "wood": Look(patterns.wood),
+    "brushed": Look(patterns.brushed),
+    "tiles": Look(patterns.tiles, patterns.speckled),
+    "bricks": Look(patterns.bricks, patterns.speckled),
+    "printed": Look(patterns.printed, patterns.stained),
+    "grass": Look(patterns_outdoors.grass),
+    "soil": Look(patterns_outdoors.soil),
+    "gravel": Look(patterns_outdoors.gravel, patterns_outdoors.soil),
+    "rock": Look(patterns_outdoors.rock),
+    "water": Look(patterns_outdoors.water),
+    "leaves": Look(patterns_outdoors.leaves, patterns_outdoors.soil),
+    "bark": Look(patterns_outdoors.bark, patterns_outdoors.soil),
+    "roof_tiles": Look(patterns_outdoors.roof_tiles, patterns.stained),
+    "snow": Look(patterns_outdoors.snow),
 }
+
+
+def size_m(material: Material) -> float:
+    """Return the length after which a material's texture repeats."""
+    return REPEATS * material.texture_size_m
 
 
 @cache
 def texture(name: Texture) -> NDArray[np.uint8]:
-    """Return a pattern, shape (TEXELS, TEXELS): 255 sqrt(factor / BRIGHTEST).
+    """Return a texture, shape (REPEATS * TEXELS,) * 2: 255 sqrt(factor / BRIGHTEST).
 
     The root, as eyes and 8 bits like it; the shader squares it.
     """
+    look = _LOOKS[name]
     generator = np.random.default_rng(crc32(name.encode()))
-    factors = np.clip(_PATTERNS[name](generator), 0, BRIGHTEST)
-    texels: NDArray[np.uint8] = np.rint(255 * np.sqrt(factors / BRIGHTEST)).astype(np.uint8)
+    pattern = look.pattern(generator)
+    # Mirrored, as else the two would be alike where they meet.
+    over = (look.over(generator) if look.over else pattern)[:, ::-1]
+    factors = np.tile(pattern.astype(np.float32), (REPEATS, REPEATS))
+    factors *= cv2.resize(
+        np.tile(over.astype(np.float32), (REPEATS_OVER, REPEATS_OVER)), factors.shape
+    )
+    roots = np.sqrt(np.clip(factors, 0, BRIGHTEST) / BRIGHTEST)
+    texels: NDArray[np.uint8] = np.rint(255 * roots).astype(np.uint8)
     return texels

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -15,8 +16,8 @@ from services.sensors.rendering.culling import Boxes, from_near_to_far, seen
 from services.sensors.rendering.labels import Labels
 from services.sensors.rendering.mesh import Mesh
 from services.sensors.rendering.patterns import TEXELS
-from services.sensors.rendering.shapes import meshes
-from services.sensors.rendering.textures import BRIGHTEST, texture
+from services.sensors.rendering.shapes import STRETCH, meshes
+from services.sensors.rendering.textures import BRIGHTEST, REPEATS, size_m, texture
 
 TURNED = (0.0, 0.0, 0.3826834, 0.9238795)
 SHAPES: dict[str, Shape] = {
@@ -50,16 +51,17 @@ def test_a_mesh_has_the_triangles_that_rays_meet(shape: Shape) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_textures_keep_their_size(shape: Shape) -> None:
-    """An edge of a triangle is as long in the texture as on the surface, but at a ball's poles."""
+    """An edge of a triangle is about as long in the texture as on the surface, but at poles."""
     made = mesh(shape, texture_size_m=0.4)
     corners = made.vertices["position"][made.faces].astype(float)
-    uv_m = 0.4 * made.vertices["uv"][made.faces].astype(float)
+    uv_m = size_m(Material(texture_size_m=0.4)) * made.vertices["uv"][made.faces].astype(float)
     sides = [np.linalg.norm(a - np.roll(a, 1, axis=1), axis=-1) for a in (corners, uv_m)]
     ratio = sides[1] / sides[0]
     if isinstance(shape, Sphere):
         middle = np.abs(corners[..., 2].mean(axis=1) - 3.0) < 0.2
         ratio = ratio[middle]
-    assert ratio == pytest.approx(1.0, rel=0.06 if isinstance(shape, Sphere) else 0.01)
+    round_m = 0.06 if isinstance(shape, Sphere) else 0.01
+    assert ratio == pytest.approx(1.0, rel=STRETCH + round_m)
 
 
 def test_things_of_one_material_differ_a_little() -> None:
@@ -72,6 +74,45 @@ def test_things_of_one_material_differ_a_little() -> None:
     assert len(corners) > 4 * 15
 
 
+def test_walls_show_parts_of_a_texture_side_by_side() -> None:
+    """As long as there is room: what begins at 0.1 of it ends where the next begins."""
+    solids = [Solid(f"wall_{i}", Box(size_m=(9.0, 0.1, 2.4)), "stuff") for i in range(4)]
+    whole_m = size_m(Material(texture_size_m=3.0))
+    (made,) = meshes(solids, range(4), {"stuff": Material(texture_size_m=3.0)}, {})
+    v = [made.vertices["uv"][made.vertices["label"] == i, 1] for i in range(4)]
+    high_m = [whole_m * (part.max() - part.min()) for part in v]
+    assert high_m == pytest.approx([2.4 + 0.1 + 0.1] * 4, rel=STRETCH)
+    for below, above in pairwise(v):
+        assert above.min() == pytest.approx(below.max() % 1, abs=1e-6)
+
+
+def test_things_have_their_texture_each_in_its_own_measure() -> None:
+    """Two cuts of it that overlap fit nowhere, as they are stretched in other ways or mirrored."""
+    solids = [Solid(f"wall_{i}", Box(size_m=(9.0, 0.1, 2.4)), "stuff") for i in range(12)]
+    (made,) = meshes(solids, range(12), {"stuff": Material(texture_size_m=3.0)}, {})
+    ratios = set()
+    for number in range(12):
+        corners = made.vertices[made.faces][made.vertices["label"][made.faces[:, 0]] == number]
+        front = corners[(corners["normal"][:, 0, 1] > 0.5)][0]
+        one, other = (front["uv"][i] - front["uv"][0] for i in (1, 2))
+        places = [front["position"][i] - front["position"][0] for i in (1, 2)]
+        uv_from_place = np.linalg.solve(np.array(places)[:, [0, 2]], np.array([one, other]))
+        ratios.add(round(float(uv_from_place[0, 0] / uv_from_place[1, 1]), 3))
+    assert len(ratios) == 12
+    assert min(ratios) < -0.7 < 0.7 < max(ratios)
+
+
+@pytest.mark.parametrize("name", get_args(Texture))
+def test_no_two_places_of_a_texture_look_alike(name: Texture) -> None:
+    """What is a repetition of its pattern away differs by what lies over it."""
+    factors = (texture(name) / 255.0) ** 2 * BRIGHTEST
+    cells = factors.reshape(-1, 32, factors.shape[1] // 32, 32).mean(axis=(1, 3))
+    fine = factors - cells.repeat(32, axis=0).repeat(32, axis=1)
+    for away in range(TEXELS, REPEATS * TEXELS, TEXELS):
+        alike = np.corrcoef(fine.ravel(), np.roll(fine, away, axis=1).ravel())[0, 1]
+        assert alike < 0.9
+
+
 JOINTED = ("tiles", "printed", "bricks", "roof_tiles")
 """Textures with edges in them, one of which may be the picture's."""
 
@@ -79,12 +120,12 @@ JOINTED = ("tiles", "printed", "bricks", "roof_tiles")
 @pytest.mark.parametrize("name", get_args(Texture))
 def test_a_texture_repeats_without_a_seam(name: Texture) -> None:
     picture = texture(name)
-    assert picture.shape == (TEXELS, TEXELS)
+    assert picture.shape == (REPEATS * TEXELS, REPEATS * TEXELS)
     factors = (picture / 255.0) ** 2 * BRIGHTEST
     assert factors.mean() == pytest.approx(1.0, abs=0.15)
     assert factors.std() > 0.03, "nothing to track"
     # From afar 16 x 16 texels are one, and there is still something to see.
-    afar = factors.reshape(TEXELS // 16, 16, TEXELS // 16, 16).mean(axis=(1, 3))
+    afar = factors.reshape(-1, 16, factors.shape[1] // 16, 16).mean(axis=(1, 3))
     assert afar.std() > 0.01
     # From the last row to the first is no more of a step than from one row to the next.
     for axis in (0, 1):

@@ -123,4 +123,6 @@ def test_depth_and_labels_are_behind_the_lens() -> None:
     crate = labels.instances.index("crate")
     assert frame.labels[inside] == crate != frame.labels[outside]
     assert frame.depth_m[inside] == pytest.approx(3.9, abs=1e-3) != frame.depth_m[outside]
-    assert frame.colour[inside].mean() + 8 < frame.colour[outside].mean()
+    # Textures have dark and light spots: the edge is what several rows have in common.
+    rows = slice(round(row) - 3, round(row) + 4)
+    assert frame.colour[rows, inside[1]].mean() + 4 < frame.colour[rows, outside[1]].mean()
