@@ -16,6 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from groundlink.clock import NANOS
 from groundlink.frames import Floats, transform
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
@@ -29,6 +30,9 @@ WORLD = "world"
 
 MOST_POINTS = 2000
 """Of a trajectory; beyond it every second point goes, and the next ones come half as densely."""
+
+AHEAD_NANOS = 60 * NANOS
+"""Farther ahead of the newest state is no stamp of the run's clock."""
 
 LEAST_STEP_M = 0.03
 """Between two points of a trajectory, at first."""
@@ -105,6 +109,9 @@ class Canvas:
         self.epoch_nanos: int | None = None
         """None before the first state."""
 
+        self.now_nanos = 0
+        """Sim time of the newest state."""
+
         self.not_drawn = 0
         """Messages whose place is not known, or whose format cannot be drawn."""
 
@@ -120,9 +127,14 @@ class Canvas:
         self._framed: dict[str, str] = {}
 
     def sim_nanos(self, stamp_nanos: int) -> int:
-        """Return the sim time of a stamp."""
+        """Return the sim time of a stamp, or now where the stamp is of another clock.
+
+        ROS nodes without `use_sim_time` have their own, and some stamp nothing at all: drawn there,
+        one map would stretch the time line by decades.
+        """
         assert self.epoch_nanos is not None
-        return stamp_nanos - self.epoch_nanos
+        at_nanos = stamp_nanos - self.epoch_nanos
+        return at_nanos if 0 <= at_nanos <= self.now_nanos + AHEAD_NANOS else self.now_nanos
 
     def log(self, path: str, stamp_nanos: int, drawn: rr.AsComponents) -> None:
         """Log something at an instant."""

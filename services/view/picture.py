@@ -86,6 +86,7 @@ class Picture:
                     self.canvas = self._begin()
                 self._life = state.life
             self.canvas.epoch_nanos = state.epoch_nanos
+            self.canvas.now_nanos = state.sim_nanos
             for name, seen in self.canvas.vehicles.items():
                 if name in state.vehicles:
                     seen.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])

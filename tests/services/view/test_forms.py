@@ -14,6 +14,7 @@ import rerun as rr
 from msgspec.structs import replace
 
 from groundlink import imagery, navigation
+from groundlink.clock import NANOS, TICK_NANOS
 from groundlink.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages import (
     POINT,
@@ -378,6 +379,17 @@ def test_what_else_is_relayed_is_drawn_as_what_it_is_or_counted() -> None:
     show(it, "rover/y", relayed("std_msgs/msg/String", data="hello"))
     show(it, "rover/z", filtered("lidar_link", [(1, 2, 3)], axes="abc"))
     assert it.canvas.not_drawn == 2
+
+
+def test_what_is_stamped_by_another_clock_is_drawn_now() -> None:
+    """A node that does not use sim time, or stamps nothing, stretches no time line."""
+    it, _ = picture()
+    newest = it.canvas.now_nanos
+    assert newest == 400 * TICK_NANOS
+    assert it.canvas.sim_nanos(EPOCH + newest // 2) == newest // 2
+    assert it.canvas.sim_nanos(EPOCH + newest + NANOS) == newest + NANOS
+    for stamp in (0, EPOCH - 1, EPOCH + newest + 3600 * NANOS):
+        assert it.canvas.sim_nanos(stamp) == newest
 
 
 def test_a_new_life_of_physics_gets_a_recording_of_its_own() -> None:
