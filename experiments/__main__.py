@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python -m experiments [NAME ...] [--short] [--seeds N] [--out DIR] [--list]`.
 
-Runs experiments, writes a table (CSV) of each and its figures (PNG), and says which limits were not
-kept; the exit code is 1 then. What is recorded once is used again as long as neither the scenario
-nor the sources of the simulator change.
+Runs experiments, writes a table (CSV) of each, its figures (PNG), and a page of all, and says which
+limits were not kept; the exit code is 1 then. What is recorded once is used again as long as
+neither the scenario nor the sources of the simulator change.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from groundlink.errors import UserError
 
 from .evaluation import missed, write_csv
 from .experiment import OUT, Options
+from .report import write_report
 from .say import Say
 from .table import EXPERIMENTS, SHORT
 
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str]) -> int:
             return error.exit_code
         if results:
             write_csv(given.folder("tables") / f"{name}.csv", results)
-        say(f"{name}: done; see {given.out}")
+        say(f"{name}: done; see {write_report(given.out)}")
         failed += missed(results)
     for line in failed:
         say(f"not kept: {line}")

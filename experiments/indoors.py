@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Section 6.3 of the paper: a decontamination robot in a room, by laser scans and by cameras.
+"""Section 6.3 of the paper: a decontamination robot in a room, by laser scans and by clouds.
 
 Rule: `indoor_paper` as it is shipped, for a lap and some metres of the next. Each run has the
 sensors that its program takes; the drive is the same.
@@ -7,22 +7,22 @@ sensors that its program takes; the drive is the same.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from . import environments, figures
 from .evaluation import Result
 from .experiment import Options, judged, recorded
-from .pictures import Pictures, orb_slam3
+from .odometries import GICP, LIDAR_INERTIAL, ran
 from .programs import YAG_SLAM
-from .setups import Setup
-from .vocabulary import OUTDOORS
+from .setups import SCENARIOS, Setup, waypoints
 
-SCANS_S, PICTURES_S = 75.0, 60.0
+SECONDS = 75.0
 """A lap takes 55 s."""
 
 SHORT_S = 12.0
@@ -35,62 +35,28 @@ SCANS: dict[str, Any] = {
 """Odometry believes in wheels that are 1 % too large and 2 % too far apart, as when measured
 by hand does. The IMU goes along; yag-slam does not take it."""
 
-MONO: dict[str, Any] = {"scanner": None, "imu": None, "camera": {"rate_hz": 30.0}}
-RGBD: dict[str, Any] = {
+CLOUDS: dict[str, Any] = {
     "scanner": None,
-    "imu": None,
     "camera": None,
-    "depth": {
-        "kind": "depth_camera",
-        "datasheet": "sensors/realsense_d435i.yaml",
-        "topic": "/camera/depth/image_rect_raw",
-        "frame": "camera_optical_frame",
-        "mount": "camera",
-        "width": 640,
-        "height": 480,
-        "rate_hz": 15.0,
-        "color": {"topic": "/camera/color/image_raw"},
+    "lidar": {
+        "kind": "lidar",
+        "datasheet": "sensors/vlp16.yaml",
+        "topic": "/points",
+        "frame": "lidar_link",
+        "mount": {"xyz_m": [0.3, 0.0, 1.7]},
     },
 }
-"""The depth camera of many robots, with its errors; its colour has the same pixels."""
+"""A VLP-16 on top, ahead of the column."""
 
-
-def _oval() -> dict[str, Any]:
-    """Return a route along the lanes with half circles at its ends."""
-    east, west = ((3.8, 0.3, -90.0), (-3.8, 0.3, 90.0))
-    points = [
-        {
-            "x_m": round(x + BEND_M * math.cos(math.radians(start + turn)), 3),
-            "y_m": round(y + BEND_M * math.sin(math.radians(start + turn)), 3),
-        }
-        for x, y, start in (east, west)
-        for turn in range(0, 181, 15)
-    ]
-    return {"kind": "waypoints", "speed_mps": 0.5, "closed": True, "laps": 3, "points": points}
-
-
-BEND_M = 1.0
-ROUNDED: dict[str, Any] = {
-    "placement": {"x_m": -3.8, "y_m": -0.7, "yaw_deg": 0.0},
-    "route": _oval(),
-}
-"""The shipped route turns on the spot at its corners. One camera sees new things there and cannot
-know how far they are, so cameras drive along half circles instead."""
-
-FEATURES = ("--features", "2000", "--contrast", "12")
-"""Walls of plaster have little contrast; with 1200 features and 20 tracking ends before them."""
-
-FIRST_FRAME_S = 2.0
-"""When the robot moves."""
-
-PICTURES_LIMIT_M = 0.05
+CRAWL_M = 0.1
+"""2 s."""
 
 
 def scans(options: Options) -> Sequence[Result]:
     """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
     results = []
     for seed in options.seeds:
-        recording = recorded(options, _drive(options, "indoor_scans", SCANS_S, SCANS, {}, seed))
+        recording = recorded(options, drive(options, "indoor_scans", SECONDS, SCANS, {}, seed))
         folder = options.folder("runs", recording.folder.name)
         ways = []
         for case, more in {"": [], "odometry alone": ["--odometry-alone"]}.items():
@@ -119,7 +85,7 @@ def scans(options: Options) -> Sequence[Result]:
         if seed == options.seeds[0]:
             figures.trajectories(_figure(options, "indoor_scans"), recording.scenario, ways)
             figures.map_beside_plan(
-                _figure(options, "indoor_map"),
+                _figure(options, "indoor_scans_map"),
                 recording.scenario,
                 folder / "yag_slam.yaml",
                 ways[0],
@@ -127,37 +93,28 @@ def scans(options: Options) -> Sequence[Result]:
     return results
 
 
-def mono(options: Options) -> Sequence[Result]:
-    """Run ORB-SLAM3 on one camera at 30 Hz, given in real time."""
-    setup = _drive(options, "indoor_mono", PICTURES_S, MONO, ROUNDED)
-    return orb_slam3(options, "indoor_mono", _pictures(setup, *FEATURES))
+def clouds(options: Options) -> Sequence[Result]:
+    """Run LiDAR and IMU, and LiDAR alone, on a LiDAR of 16 rings; once round and a bit more."""
+    document = yaml.safe_load((SCENARIOS / "indoor_paper.yaml").read_text(encoding="utf-8"))
+    vehicle = document["vehicles"][0]
+    points, speed_mps = vehicle["route"]["points"], vehicle["route"]["speed_mps"]
+    lap = waypoints(vehicle["placement"], [*points, *points[:3]], speed_mps, CRAWL_M)
+    results = []
+    for seed in options.seeds:
+        setup = drive(options, "indoor_lidar", SECONDS, CLOUDS, {"route": lap}, seed)
+        recording = recorded(options, setup)
+        ran_by = [
+            ran(options, odometry, recording, experiment="indoor_lidar", seed=seed)
+            for odometry in (LIDAR_INERTIAL, GICP)
+        ]
+        results += [result for result, _ in ran_by]
+        if seed == options.seeds[0]:
+            ways = [way for _, way in ran_by]
+            figures.trajectories(_figure(options, "indoor_lidar"), recording.scenario, ways)
+    return results
 
 
-def rgbd(options: Options) -> Sequence[Result]:
-    """Run ORB-SLAM3 on a depth camera."""
-    topics = {
-        "--image": "/camera/color/image_raw/compressed",
-        "--info": "/camera/color/camera_info",
-        "--depth": "/camera/depth/image_rect_raw",
-    }
-    words = [word for pair in topics.items() for word in pair]
-    setup = _drive(options, "indoor_rgbd", PICTURES_S, RGBD, ROUNDED)
-    # Patterns of surfaces repeat to the pixel, so that it closes loops that are none.
-    pictures = _pictures(setup, *FEATURES, *words, "--no-loops")
-    return orb_slam3(options, "indoor_rgbd", replace(pictures, has_depth=True))
-
-
-def _pictures(setup: Setup, *words: str) -> Pictures:
-    return Pictures(
-        setup=setup,
-        scenes=OUTDOORS,
-        from_s=FIRST_FRAME_S,
-        limit_m=lambda _: PICTURES_LIMIT_M,
-        words=words,
-    )
-
-
-def _drive(
+def drive(
     options: Options,
     name: str,
     seconds: float,

@@ -12,7 +12,7 @@ import struct
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mcap.reader import make_reader
 
@@ -36,14 +36,33 @@ SHORT_SECONDS = 12.0
 RESENT: Any = {"resend": 0.5}
 """What is lost is asked for again, for half a second."""
 
-LINKS: tuple[tuple[float, Any], ...] = (
-    (0.0, "none"),
-    (0.01, "none"),
-    (0.01, RESENT),
-    (0.05, "none"),
-    (0.05, RESENT),
+
+class Link(NamedTuple):
+    """A way to ROS."""
+
+    lost: float
+    """Share of datagrams."""
+
+    repair: Any = "none"
+    datagram: str = "loopback"
+    """How large they are: as on one machine, or as over a network."""
+
+    @property
+    def words(self) -> str:
+        """What tables call it."""
+        small = ", datagrams of 1,472 bytes" if self.datagram == "mtu" else ""
+        return f"{100 * self.lost:g} % lost{small}{', repaired' if self.repair == RESENT else ''}"
+
+
+LINKS = (
+    Link(0.0),
+    Link(0.01),
+    Link(0.01, RESENT),
+    Link(0.05),
+    Link(0.05, RESENT),
+    Link(0.01, datagram="mtu"),
+    Link(0.01, RESENT, "mtu"),
 )
-"""Share of datagrams that is lost, and what is done about it."""
 
 TOPICS = ("/points", "/scan", "/imu", "/odom")
 
@@ -57,8 +76,8 @@ def loss(options: Options) -> Sequence[Result]:
     """Run SLAM by clouds, and by scans, on data that came over each of the links."""
     results: list[Result] = []
     rows: list[Row] = []
-    for share, repair in LINKS:
-        case = f"{100 * share:g} % lost" + (", repaired" if repair == RESENT else "")
+    for link in LINKS:
+        case = link.words
         setup = Setup(
             name="loss",
             scenario="track",
@@ -68,8 +87,9 @@ def loss(options: Options) -> Sequence[Result]:
                 "placement": {"x_m": -4.0, "y_m": 0.0, "yaw_deg": 0.0},
                 "route": there_and_back(4.0, 0.6),
             },
-            link={"seed": 7, "to_ros": {"loss": share}},
-            repair=repair,
+            top={"gateway": {"datagram": link.datagram}},
+            link={"seed": 7, "to_ros": {"loss": link.lost}},
+            repair=link.repair,
             time=IN_REAL_TIME,
         )
         recording = record(setup.varied(options.vary), options.out, options.say)

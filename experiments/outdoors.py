@@ -58,9 +58,9 @@ def road(speed_mps: float | None = None) -> dict[str, Any]:
     return waypoints(vehicle["placement"], route["points"], speed_mps, CRAWL_M)
 
 
-def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) -> list[Result]:
+def _lidar(options: Options, name: str, seconds: float) -> list[Result]:
     results = []
-    for seed in seeds:
+    for seed in options.seeds:
         setup = Setup(
             name=name,
             scenario="outdoor_paper",
@@ -84,7 +84,7 @@ def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) ->
             )
             results.append(result)
             ways.append(way)
-        if seed == seeds[0]:
+        if seed == options.seeds[0]:
             figure = options.folder(options.figures) / f"{name}.png"
             trajectories(figure, recording.scenario, ways)
     return results
@@ -92,12 +92,12 @@ def _lidar(options: Options, name: str, seconds: float, seeds: Sequence[int]) ->
 
 def lidar(options: Options) -> Sequence[Result]:
     """Run LiDAR and IMU, and LiDAR alone, over 170 m."""
-    return _lidar(options, "outdoor_lidar", SECONDS, options.seeds)
+    return _lidar(options, "outdoor_lidar", SECONDS)
 
 
 def lap(options: Options) -> Sequence[Result]:
-    """Run them over a whole lap, once: how far the end is from the start."""
-    return _lidar(options, "outdoor_lap", LAP_SECONDS, options.seeds[:1])
+    """Run them over a whole lap: how far the end is from the start."""
+    return _lidar(options, "outdoor_lap", LAP_SECONDS)
 
 
 def mono(options: Options) -> Sequence[Result]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import re
 import shutil
 import sys
@@ -70,6 +71,8 @@ def text_of(file: Path) -> str:
 
 def _length(metres: float) -> str:
     """Return a length as people read it."""
+    if math.isinf(metres):
+        return "lost"
     return f"{metres:.2f} m" if metres >= 1 else f"{100 * metres:.2f} cm"
 
 

@@ -6,6 +6,8 @@ Rule: one place says what it gets and which frame it tells of; what differs is i
 
 from __future__ import annotations
 
+import json
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +21,10 @@ from .setups import Setup
 from .vocabulary import vocabulary
 
 FRAME = "camera_optical_frame"
+
+LOST_S = 5.0
+"""Of a drive, after which who begins a new map has lost the old one: the error counts as infinite,
+however good the map of the rest is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +76,10 @@ def orb_slam3(options: Options, name: str, pictures: Pictures) -> Sequence[Resul
             limit_m=pictures.limit_m(recording),
             scale=not pictures.has_depth,
         )
+        told = json.loads(tum.with_suffix(".json").read_text(encoding="utf-8"))
+        if told["map_begun_s"] > LOST_S:
+            options.say(f"{name}, seed {seed}: lost; a new map after {told['map_begun_s']:.0f} s")
+            result = replace(result, ate_m=math.inf)
         results.append(result)
         if seed == options.seeds[0]:
             figure = options.folder(options.figures) / f"{name}.png"

@@ -3,12 +3,14 @@
 
 Rule: runs in ORB-SLAM3's environment and knows ROS messages alone. Frames are given at the pace at
 which they were taken, or slower, as its threads for the map need their time; none is left out. The
-trajectory is that of the key frames of the last map, in the camera's optical frame.
+trajectory is that of the key frames of the last map, in the camera's optical frame. What was
+tracked is told in OUT.json.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import sys
 import time
@@ -47,7 +49,7 @@ ORBextractor.scaleFactor: 1.2
 ORBextractor.nLevels: 8
 ORBextractor.iniThFAST: {contrast}
 ORBextractor.minThFAST: {least}
-loopClosing: {loops}
+loopClosing: 1
 Viewer.KeyFrameSize: 0.05
 Viewer.KeyFrameLineWidth: 1.0
 Viewer.GraphLineWidth: 0.9
@@ -65,6 +67,12 @@ SHARE = 2.0
 """A frame takes at least so many times what tracking it took, for the map's threads need as much:
 on a machine that is too slow for real time, time is stretched."""
 
+NO_MAP = {
+    pyorbslam3.TrackingState.SYSTEM_NOT_READY,
+    pyorbslam3.TrackingState.NO_IMAGES_YET,
+    pyorbslam3.TrackingState.NOT_INITIALIZED,
+}
+
 SETTLE_S = 2.0
 """For the map's threads, behind the last frame."""
 
@@ -81,7 +89,6 @@ def main() -> None:
     parser.add_argument("--features", type=int, default=1200)
     parser.add_argument("--from-s", type=float, default=0.0, help="stamp of the first frame")
     parser.add_argument("--contrast", type=int, default=20, help="of corners at first (FAST)")
-    parser.add_argument("--no-loops", action="store_true", help="do not close loops")
     options = parser.parse_args()
     camera, stamps = look(options)
     settings = options.out.with_suffix(".settings.yaml")
@@ -96,19 +103,19 @@ def main() -> None:
             fps=round((len(stamps) - 1) / (stamps[-1] - stamps[0])),
             features=options.features,
             contrast=options.contrast,
-            loops=0 if options.no_loops else 1,
             least=min(options.contrast, 7),
         ),
         encoding="utf-8",
     )
     sensor = pyorbslam3.Sensor.RGBD if options.depth else pyorbslam3.Sensor.MONOCULAR
     slam = pyorbslam3.Slam(str(options.vocabulary), str(settings), sensor)
-    tracked, stretched = feed(options, slam, len(stamps))
+    told = feed(options, slam, len(stamps))
     time.sleep(SETTLE_S)
     slam.shutdown()
     slam.save_keyframe_trajectory_tum(str(options.out))
     in_seconds(options.out)
-    print(f"tracked {tracked} of {len(stamps)} frames, at {1 / stretched:.2f} times their pace")
+    options.out.with_suffix(".json").write_text(json.dumps(told), encoding="utf-8")
+    print(", ".join(f"{name} {number:.5g}" for name, number in told.items()))
 
 
 def seconds_of(header: Any) -> float:
@@ -161,11 +168,16 @@ def picture(message: Any) -> Any:
     return cv2.cvtColor(data.reshape(*shape, 3), cv2.COLOR_RGB2GRAY)
 
 
-def feed(options: argparse.Namespace, slam: Any, count: int) -> tuple[int, float]:
-    """Give all frames; return how many were tracked, and by what factor time was stretched."""
+def feed(options: argparse.Namespace, slam: Any, count: int) -> dict[str, float]:
+    """Give all frames; return what became of them.
+
+    Who is lost for good begins a new map: `map_begun_s` is when that was, after the first frame.
+    `pace` is how fast frames were given, 1 for as fast as they were taken.
+    """
     tracked, began_s = 0, time.monotonic()
     due_s = rested_s = began_s
     first = last = math.nan
+    has_map, map_begun_s = False, math.inf
     for number, (stamp, grey, depth) in enumerate(frames(options)):
         if number:
             due_s = max(due_s + stamp - last, rested_s)
@@ -179,10 +191,14 @@ def feed(options: argparse.Namespace, slam: Any, count: int) -> tuple[int, float
         else:
             result = slam.track_rgbd(grey, depth, stamp)
         rested_s = given_s + SHARE * (time.monotonic() - given_s)
-        tracked += bool(result.pose_valid)
+        tracked += bool(result.ok)
+        if result.ok and not has_map:
+            map_begun_s = stamp - first
+        has_map = result.state not in NO_MAP
         if number % 30 == 0:
             print(f"progress {number} of {count} frames, {tracked} tracked", flush=True)
-    return tracked, (time.monotonic() - began_s) / (last - first)
+    pace = (last - first) / (time.monotonic() - began_s)
+    return {"frames": count, "tracked": tracked, "map_begun_s": map_begun_s, "pace": pace}
 
 
 def in_seconds(tum: Path) -> None:

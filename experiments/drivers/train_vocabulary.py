@@ -28,6 +28,11 @@ ROUNDS = 10
 L1_NORM, TF_IDF = 0, 0
 """DBoW2's numbers of how words are compared and weighted, which ORB-SLAM3 expects."""
 
+ABOVE, GROUPING = 4, 2
+"""ORB-SLAM3 compares features of two key frames where they share a node so many levels above the
+deepest one. It is told of a tree in which that is the second level, however deep this one is: with
+one of 4 levels it would compare all with all, and fall minutes behind in looking for loops."""
+
 
 @dataclass
 class Node:
@@ -53,7 +58,7 @@ def main() -> None:
     if len(descriptors) < options.words**2:
         sys.exit(f"{options.bag}: {len(descriptors)} features on {options.image}; expected many")
     nodes = train(descriptors, pictures, options.words, options.levels)
-    options.out.write_text(as_text(nodes, options.words, options.levels), encoding="ascii")
+    options.out.write_text(as_text(nodes, options.words), encoding="ascii")
     words = sum(node.is_word for node in nodes)
     print(f"{words} words of {len(descriptors)} features in {pictures.max() + 1} pictures")
 
@@ -152,9 +157,9 @@ def distances(descriptors: Any, middles: Any) -> Any:
     return np.stack([np.bitwise_count(a ^ row).sum(axis=1) for row in b], axis=1)
 
 
-def as_text(nodes: list[Node], words: int, levels: int) -> str:
+def as_text(nodes: list[Node], words: int) -> str:
     """Return the text of a vocabulary."""
-    lines = [f"{words} {levels} {L1_NORM} {TF_IDF}"]
+    lines = [f"{words} {GROUPING + ABOVE} {L1_NORM} {TF_IDF}"]
     lines += [
         f"{node.parent} {int(node.is_word)} {' '.join(map(str, node.middle))} {node.weight:.6g}"
         for node in nodes

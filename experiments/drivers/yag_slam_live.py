@@ -72,6 +72,8 @@ class Slam(Node):
         self._told_s = self._mapped_s = time.monotonic()
         self.counts = {"scans": 0, "taken": 0, "maps": 0, "late": 0, "waiting": 0}
         self._ages_ms: list[float] = []
+        self._in_vain = 0
+        self._stamp: Any = None  # of the last scan in the map
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._pose = self.create_publisher(PoseStamped, "/pose", 10)
         self._map = self.create_publisher(OccupancyGrid, "/map", latched)
@@ -102,8 +104,12 @@ class Slam(Node):
             ways = self._ways_around(scan)
             if ways is None:
                 continue
+            # When a run ends, odometry does before the last scans; it was late where it goes on.
+            self.counts["late"] += self._in_vain
+            self._in_vain = 0
             if self._is_wanted(ways.at(middle_s(scan))):
                 self._publish_pose(scan, self.mapper.add(scan, ways))
+                self._stamp = scan.header.stamp
                 self.counts["taken"] += 1
                 self._ages_ms.append(1000 * (time.monotonic() - came_s))
             self._now_and_then()
@@ -120,8 +126,10 @@ class Slam(Node):
             rows = list(self._rows)
         if not rows or rows[0][0] > start_s:
             return None
-        self.counts["late"] += rows[-1][0] < end_s
-        return Ways(rows) if rows[-1][0] >= end_s else None
+        if rows[-1][0] < end_s:
+            self._in_vain += 1
+            return None
+        return Ways(rows)
 
     def _is_wanted(self, pose: Pose) -> bool:
         last = self._last
@@ -162,7 +170,7 @@ class Slam(Node):
             cells[seen == theirs] = ours
         message = OccupancyGrid()
         message.header.frame_id = FRAME
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.stamp = self._stamp
         message.info.resolution = MAP_CELL_M
         message.info.height, message.info.width = map(int, seen.shape)
         message.info.origin.position.x = grid.offset.x

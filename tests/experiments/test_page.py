@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,11 @@ def test_a_table_has_a_line_for_each_program_and_case() -> None:
         "| slam | 1.50 cm | 1.00 cm, 50.00 cm, 1.50 cm | 2.00 cm | 30.2 m | 2.00 cm | 12 s |",
         "| slam, odometry alone | 2.50 m | 2.50 m, 2.50 m, 2.50 m | 2.00 cm | 30.2 m | - | 12 s |",
     ]
+
+
+def test_who_has_lost_the_way_is_said_to() -> None:
+    *_, line = table("indoor", [replace(ONE, ate_m=math.inf)]).splitlines()
+    assert line.startswith("| slam | lost | lost | 2.00 cm |")
 
 
 def test_only_what_is_between_the_marks_is_replaced() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from experiments import indoors, vocabulary
+from experiments import indoor_cameras, indoors, vocabulary
 from experiments.setups import CRAWL_MPS, Setup, waypoints
 from groundlink.scenario import load
 
@@ -65,7 +65,12 @@ def test_what_a_recording_depends_on_names_it(tmp_path: Path, change: dict[str, 
     [
         *(
             replace(PLAIN, sensors=sensors)
-            for sensors in (indoors.SCANS, indoors.MONO, indoors.RGBD)
+            for sensors in (
+                indoors.SCANS,
+                indoors.CLOUDS,
+                indoor_cameras.MONO,
+                indoor_cameras.RGBD,
+            )
         ),
         vocabulary.OUTDOORS,
         vocabulary.INDOORS,

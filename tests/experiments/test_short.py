@@ -38,5 +38,6 @@ def test_a_short_drive_is_mapped(tmp_path: Path) -> None:
     assert slam.poses > 30
     assert slam.ate_m < 0.03
     assert odometry.ate_m < 0.2
-    for name in ("indoor_scans", "indoor_map"):
+    for name in ("indoor_scans", "indoor_scans_map"):
         assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
+    assert "(figures/indoor_scans.png)" in (tmp_path / "experiments.md").read_text("utf-8")

@@ -54,8 +54,8 @@ def test_what_is_in_few_pictures_weighs_more() -> None:
 def test_the_text_has_a_line_for_each_node_and_no_newline_at_its_end() -> None:
     features = np.stack([noisy(kind) for kind in range(9)] * 5)
     nodes = train(features, np.arange(45), words=3, levels=2)
-    head, *lines = as_text(nodes, 3, 2).split("\n")
-    assert head == "3 2 0 0"
+    head, *lines = as_text(nodes, 3).split("\n")
+    assert head == "3 6 0 0"
     assert len(lines) == len(nodes)
     for line, node in zip(lines, nodes, strict=True):
         parent, is_word, *middle, weight = line.split(" ")
