@@ -175,7 +175,7 @@ def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) ->
             ask(bus, it.run, Restore(), content=content)
             wait_for(lambda: ask(bus, it.run).restoring_to < 0, 60, "it is restored")
             assert ask(bus, it.run).warning == ""
-            again = heard_again(samples, saved.tick * TICK_NANOS, end_nanos)
+            again = heard_again(samples, max(before), saved.tick * TICK_NANOS, end_nanos)
             nobody = Commanded(saved.tick, "nobody", Command(0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
             foreign = dumped(replace(saved, entries=(encode_entry(nobody),)))
             ask(bus, it.run, Restore(), content=foreign)
@@ -197,9 +197,13 @@ def heard(samples: Inbox[Imu], until_nanos: int) -> dict[int, bytes]:
     return found
 
 
-def heard_again(samples: Inbox[Imu], from_nanos: int, until_nanos: int) -> dict[int, bytes]:
-    """Return samples from where time has jumped back, up to an instant."""
-    last = -1
+def heard_again(
+    samples: Inbox[Imu], last: int, from_nanos: int, until_nanos: int
+) -> dict[int, bytes]:
+    """Return samples from where time has jumped back, up to an instant.
+
+    It may have jumped before another sample came behind the last one that was heard.
+    """
     while arrived := samples.get(seconds=60):
         stamp = arrived[1].stamp_nanos
         if stamp < last:
