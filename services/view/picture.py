@@ -68,7 +68,6 @@ class Picture:
         self._monitor = RunMonitor()
         self._next_frame_nanos = 0
         self._next_plot_nanos = 0
-        self._sim_nanos = 0
         self._life: int | None = None
         self.canvas = self._begin()
 
@@ -90,16 +89,14 @@ class Picture:
             for name, seen in self.canvas.vehicles.items():
                 if name in state.vehicles:
                     seen.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
-        if states:
-            self._sim_nanos = states[-1].sim_nanos
-            if self._sim_nanos >= self._next_frame_nanos:
-                self._next_frame_nanos = self._sim_nanos + FRAME_NANOS * 3 // 4
-                for name, seen in self.canvas.vehicles.items():
-                    if name in states[-1].vehicles:
-                        self._draw(states[-1], seen)
-                poses = floats(states[-1].actors).reshape(-1, 7).tolist()
-                for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
-                    self.canvas.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
+        if states and self.canvas.now_nanos >= self._next_frame_nanos:
+            self._next_frame_nanos = self.canvas.now_nanos + FRAME_NANOS * 3 // 4
+            for name, seen in self.canvas.vehicles.items():
+                if name in states[-1].vehicles:
+                    self._draw(states[-1], seen)
+            poses = floats(states[-1].actors).reshape(-1, 7).tolist()
+            for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
+                self.canvas.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
 
     def take(self, path: str, stream: RosStream, message: Message) -> None:
         """Draw a message of a vehicle; without a state before it there is no sim time for it."""
@@ -113,18 +110,18 @@ class Picture:
         if self.canvas.epoch_nanos is None:
             return
         if health.streams:
-            link_panel.plot(self.canvas.plots, self._sim_nanos, health)
+            link_panel.plot(self.canvas.plots, self.canvas.now_nanos, health)
         if health.process == "physics":
             colour = {"intensity": "intensity", "ring": "laser"}[self._colouring]
             title = f"{self._scenario.name} · run {self._run}"
             said = link_panel.text(title, self._monitor, shown=f"points coloured by {colour}")
-            stamp = self.canvas.epoch_nanos + self._sim_nanos
+            stamp = self.canvas.epoch_nanos + self.canvas.now_nanos
             self.canvas.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
 
     def flush(self) -> None:
         """Hand the plots over, some times a second of sim time."""
-        if self._sim_nanos >= self._next_plot_nanos:
-            self._next_plot_nanos = self._sim_nanos + NANOS // 5
+        if self.canvas.now_nanos >= self._next_plot_nanos:
+            self._next_plot_nanos = self.canvas.now_nanos + NANOS // 5
             self.canvas.plots.flush()
 
     def alive(self) -> bool:
