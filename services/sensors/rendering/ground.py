@@ -23,7 +23,7 @@ from .ground_levels import HALF_PIXEL, SIDE, Levels
 from .ground_paint import colours, sunlit
 from .lights import Lighting
 from .programs import CELLS, HEIGHTS, KINDS, PATTERNS
-from .textures import size_m, texture
+from .textures import period_m, texture
 from .uniforms import put, put_integers
 
 MOST_PATCHES = 1024
@@ -83,7 +83,7 @@ class DrawnGround:
         layers = context.texture_array((*pictures.shape[:0:-1], len(names)), 1, pictures)
         self._textures[PATTERNS] = filtered(context, layers)
         self._layers = [names.index(material.texture) for material in made_of]
-        self._repeats_m = np.array([size_m(material) for material in made_of])
+        self._repeats_m = np.array([period_m(material) for material in made_of])
 
         knots, faces = _patch()
         vertices = context.buffer(knots.tobytes())

@@ -23,7 +23,7 @@ from groundlink.world.solids import Material, Solid
 from groundlink.world.triangles import merged
 
 from .mesh import VERTEX, Mesh, Skin
-from .textures import BRIGHTEST, size_m, texture
+from .textures import BRIGHTEST, period_m, texture
 
 CREASE = math.cos(math.radians(40.0))
 """Faces that meet at a sharper angle have an edge between them."""
@@ -69,7 +69,7 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
         else:
             kept = _across(mesh.vertices[faces])
             corners["uv"] = np.take_along_axis(mesh.vertices[faces], kept[:, None], axis=2)
-            corners["uv"] /= size_m(material)
+            corners["uv"] /= period_m(material)
             numbers = 4 * numbers + kept[:, :1] + kept[:, 1:]  # no vertex has two places in it
             corners["tint"] = part.color or material.color
             name = material.texture

@@ -19,7 +19,7 @@ from groundlink.world.triangles import merged
 
 from .mesh import VERTEX, Mesh, Skin
 from .painted import painted
-from .textures import size_m, texture
+from .textures import period_m, texture
 
 TINT = 0.12
 """Things of one material differ in brightness by up to so much: no two boxes are quite alike."""
@@ -76,7 +76,7 @@ def _corners(solid: Solid, label: int, material: Material, began: float) -> NDAr
     frame_from_solid = matrix_from_quaternion(solid.orientation)
     placed = merged([solid])
     *stretch, across, mirrored = crc32(solid.name.encode()).to_bytes(4, "little")
-    uv = (uv_m / size_m(material)).reshape(-1, 2)
+    uv = (uv_m / period_m(material)).reshape(-1, 2)
     uv *= 1 + STRETCH * (np.array(stretch) / 127.5 - 1)
     uv[:, 0] *= 1 - 2 * (mirrored % 2)
     uv += np.array([across / 256, began - uv[:, 1].min()])

@@ -61,7 +61,7 @@ _LOOKS: dict[Texture, Look] = {
 }
 
 
-def size_m(material: Material) -> float:
+def period_m(material: Material) -> float:
     """Return the length after which a material's texture repeats."""
     return REPEATS * material.texture_size_m
 

@@ -17,7 +17,7 @@ from services.sensors.rendering.labels import Labels
 from services.sensors.rendering.mesh import Mesh
 from services.sensors.rendering.patterns import TEXELS
 from services.sensors.rendering.shapes import STRETCH, meshes
-from services.sensors.rendering.textures import BRIGHTEST, REPEATS, size_m, texture
+from services.sensors.rendering.textures import BRIGHTEST, REPEATS, period_m, texture
 
 TURNED = (0.0, 0.0, 0.3826834, 0.9238795)
 SHAPES: dict[str, Shape] = {
@@ -54,7 +54,7 @@ def test_textures_keep_their_size(shape: Shape) -> None:
     """An edge of a triangle is about as long in the texture as on the surface, but at poles."""
     made = mesh(shape, texture_size_m=0.4)
     corners = made.vertices["position"][made.faces].astype(float)
-    uv_m = size_m(Material(texture_size_m=0.4)) * made.vertices["uv"][made.faces].astype(float)
+    uv_m = period_m(Material(texture_size_m=0.4)) * made.vertices["uv"][made.faces].astype(float)
     sides = [np.linalg.norm(a - np.roll(a, 1, axis=1), axis=-1) for a in (corners, uv_m)]
     ratio = sides[1] / sides[0]
     if isinstance(shape, Sphere):
@@ -77,7 +77,7 @@ def test_things_of_one_material_differ_a_little() -> None:
 def test_walls_show_parts_of_a_texture_side_by_side() -> None:
     """As long as there is room: what begins at 0.1 of it ends where the next begins."""
     solids = [Solid(f"wall_{i}", Box(size_m=(9.0, 0.1, 2.4)), "stuff") for i in range(4)]
-    whole_m = size_m(Material(texture_size_m=3.0))
+    whole_m = period_m(Material(texture_size_m=3.0))
     (made,) = meshes(solids, range(4), {"stuff": Material(texture_size_m=3.0)}, {})
     v = [made.vertices["uv"][made.vertices["label"] == i, 1] for i in range(4)]
     high_m = [whole_m * (part.max() - part.min()) for part in v]
