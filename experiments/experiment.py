@@ -44,6 +44,10 @@ class Options:
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
+    def figure(self, name: str) -> Path:
+        """Return the file of a figure."""
+        return self.folder(self.figures) / f"{name}.png"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
@@ -79,7 +83,6 @@ def judged(
     tum: Path,
     *,
     frame: str,
-    seed: int,
     experiment: str,
     program: str,
     case: str = "",
@@ -102,7 +105,7 @@ def judged(
         experiment=experiment,
         program=program,
         case=case,
-        seed=seed,
+        seed=recording.seed,
         ate_m=errors["ate_m"],
         largest_m=errors["largest_m"],
         start_to_end_m=errors["start_to_end_m"],
@@ -113,7 +116,8 @@ def judged(
         limit_m=0.0 if options.short else limit_m,
     )
     options.say(
-        f"{experiment}, {program} {case}, seed {seed}: ATE {100 * result.ate_m:.2f} cm, start to "
-        f"end {100 * result.start_to_end_m:.2f} cm over {result.way_m:.1f} m, {result.poses} poses"
+        f"{experiment}, {program} {case}, seed {result.seed}: ATE {100 * result.ate_m:.2f} cm, "
+        f"start to end {100 * result.start_to_end_m:.2f} cm over {result.way_m:.1f} m, "
+        f"{result.poses} poses"
     )
     return result, Way(f"{program} {case}".strip(), matched, aligned, read_tum(tum))

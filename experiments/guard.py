@@ -22,10 +22,10 @@ from groundlink.ros_types import STORE, nanos, xyz
 from groundlink.world.build import solids
 
 from .direct import Measured, Sweep, imu_quantities, scan_quantities
+from .estimators import GICP, KISS, LIDAR_INERTIAL, Estimator, ran
 from .evaluation import Result, write_rows
 from .experiment import Options, recorded
 from .faults import CLOUD, FAULTS, IMU, Fault, with_fault
-from .odometries import GICP, KISS, LIDAR_INERTIAL, Odometry, ran
 from .recordings import Recording
 from .setups import Setup
 from .track import there_and_back
@@ -57,7 +57,7 @@ SETUP = Setup(
 )
 """The hall of the track, of which all surfaces are boxes and cylinders, with turns on the spot."""
 
-LISTENERS: dict[str, tuple[Odometry, ...]] = {
+LISTENERS: dict[str, tuple[Estimator, ...]] = {
     IMU: (LIDAR_INERTIAL,),
     CLOUD: (LIDAR_INERTIAL, KISS, GICP),
 }
@@ -71,8 +71,8 @@ def guard(options: Options) -> Sequence[Result]:
     results: list[Result] = []
     rows: list[tuple[str, Measured]] = [("", quantity) for quantity in direct(recording)]
     clean: dict[str, Result] = {}
-    for odometry in (LIDAR_INERTIAL, KISS, GICP):
-        result, _ = ran(options, odometry, recording, experiment="guard", seed=1, case="no fault")
+    for estimator in (LIDAR_INERTIAL, KISS, GICP):
+        result, _ = ran(options, estimator, recording, experiment="guard", case="no fault")
         clean[result.program] = result
         results.append(result)
     finders: list[tuple[str, str]] = []
@@ -114,12 +114,10 @@ def _by_programs(
 ) -> list[str]:
     """Return who does clearly worse, or not at all, and add what each did to the results."""
     found = []
-    for odometry in LISTENERS.get(fault.ros_type, (LIDAR_INERTIAL,)):
-        program = odometry.program.name
+    for estimator in LISTENERS.get(fault.ros_type, (LIDAR_INERTIAL,)):
+        program = estimator.program.name
         try:
-            result, _ = ran(
-                options, odometry, recording, experiment="guard", seed=1, case=name, bag=bag
-            )
+            result, _ = ran(options, estimator, recording, experiment="guard", case=name, bag=bag)
         except UserError as error:
             options.say(str(error))
             found.append(f"{program} (it fails)")

@@ -79,8 +79,8 @@ LIMIT_M = 0.05
 
 def mono(options: Options) -> Sequence[Result]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time."""
-    setup = drive(options, "indoor_mono", SECONDS, MONO, ROUNDED)
-    return orb_slam3(options, "indoor_mono", _pictures(setup, *FEATURES))
+    setup = drive(options, "indoor_mono", MONO, ROUNDED, SECONDS)
+    return orb_slam3(options, _pictures(setup, *FEATURES))
 
 
 def rgbd(options: Options) -> Sequence[Result]:
@@ -91,9 +91,8 @@ def rgbd(options: Options) -> Sequence[Result]:
         "--depth": "/camera/depth/image_rect_raw",
     }
     words = [word for pair in topics.items() for word in pair]
-    setup = drive(options, "indoor_rgbd", SECONDS, RGBD, ROUNDED)
-    pictures = replace(_pictures(setup, *FEATURES, *words), has_depth=True)
-    return orb_slam3(options, "indoor_rgbd", pictures)
+    setup = drive(options, "indoor_rgbd", RGBD, ROUNDED, SECONDS)
+    return orb_slam3(options, replace(_pictures(setup, *FEATURES, *words), has_depth=True))
 
 
 def _pictures(setup: Setup, *words: str) -> Pictures:

@@ -7,21 +7,17 @@ sensors that its program takes; the drive is the same.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import yaml
-
-from . import environments, figures
+from . import figures
+from .estimators import GICP, LIDAR_INERTIAL, SLAM_2D, compared, ran, tum_of
 from .evaluation import Result
-from .experiment import Options, judged, recorded
-from .odometries import GICP, LIDAR_INERTIAL, ran
-from .programs import YAG_SLAM
-from .setups import SCENARIOS, Setup, waypoints
+from .experiment import Options, recorded
+from .setups import Changes, Setup, shipped, waypoints
 
+SCENARIO = "indoor_paper"
 SECONDS = 75.0
 """A lap takes 55 s."""
 
@@ -51,87 +47,58 @@ CLOUDS: dict[str, Any] = {
 CRAWL_M = 0.1
 """2 s."""
 
+SCANS_LIMIT_M = 0.02
+
 
 def scans(options: Options) -> Sequence[Result]:
     """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
     results = []
     for seed in options.seeds:
-        recording = recorded(options, drive(options, "indoor_scans", SECONDS, SCANS, {}, seed))
-        folder = options.folder("runs", recording.folder.name)
-        ways = []
-        for case, more in {"": [], "odometry alone": ["--odometry-alone"]}.items():
-            tum = folder / ("odometry.tum" if more else "yag_slam.tum")
-            began_s = time.monotonic()
-            environments.run(
-                YAG_SLAM,
-                [recording.bag, tum, *more],
-                options.out,
-                options.say,
-                label=f"indoor_scans, seed {seed}",
-                log=tum.with_suffix(".log"),
-            )
-            result, way = judged(
-                *(options, recording, tum),
-                frame="scan_link",
-                seed=seed,
-                experiment="indoor_scans",
-                program=YAG_SLAM.name,
-                case=case,
-                took_s=time.monotonic() - began_s,
-                limit_m=0.0 if more else 0.02,
-            )
-            results.append(result)
-            ways.append(replace(way, label=case) if case else way)
+        setup = drive(options, "indoor_scans", SCANS)
+        recording = recorded(options, replace(setup, seed=seed))
+        slam, slam_way = ran(
+            options, SLAM_2D, recording, experiment=setup.name, limit_m=SCANS_LIMIT_M
+        )
+        alone, alone_way = ran(
+            *(options, SLAM_2D, recording),
+            experiment=setup.name,
+            case="odometry alone",
+            more=["--odometry-alone"],
+        )
+        results += [slam, alone]
         if seed == options.seeds[0]:
-            figures.trajectories(_figure(options, "indoor_scans"), recording.scenario, ways)
+            ways = [slam_way, replace(alone_way, label=alone.case)]
+            figures.trajectories(options.figure(setup.name), recording.scenario, ways)
             figures.map_beside_plan(
-                _figure(options, "indoor_scans_map"),
+                options.figure(f"{setup.name}_map"),
                 recording.scenario,
-                folder / "yag_slam.yaml",
-                ways[0],
+                tum_of(options, SLAM_2D, recording, setup.name).with_suffix(".yaml"),
+                slam_way,
             )
     return results
 
 
 def clouds(options: Options) -> Sequence[Result]:
     """Run LiDAR and IMU, and LiDAR alone, on a LiDAR of 16 rings; once round and a bit more."""
-    document = yaml.safe_load((SCENARIOS / "indoor_paper.yaml").read_text(encoding="utf-8"))
-    vehicle = document["vehicles"][0]
+    vehicle = shipped(SCENARIO)["vehicles"][0]
     points, speed_mps = vehicle["route"]["points"], vehicle["route"]["speed_mps"]
     lap = waypoints(vehicle["placement"], [*points, *points[:3]], speed_mps, CRAWL_M)
-    results = []
-    for seed in options.seeds:
-        setup = drive(options, "indoor_lidar", SECONDS, CLOUDS, {"route": lap}, seed)
-        recording = recorded(options, setup)
-        ran_by = [
-            ran(options, odometry, recording, experiment="indoor_lidar", seed=seed)
-            for odometry in (LIDAR_INERTIAL, GICP)
-        ]
-        results += [result for result, _ in ran_by]
-        if seed == options.seeds[0]:
-            ways = [way for _, way in ran_by]
-            figures.trajectories(_figure(options, "indoor_lidar"), recording.scenario, ways)
-    return results
+    setup = drive(options, "indoor_lidar", CLOUDS, {"route": lap})
+    return compared(options, setup, {LIDAR_INERTIAL: 0.0, GICP: 0.0})
 
 
 def drive(
     options: Options,
     name: str,
-    seconds: float,
-    sensors: dict[str, Any],
-    vehicle: dict[str, Any],
-    seed: int = 1,
+    sensors: Changes,
+    vehicle: Changes | None = None,
+    seconds: float = SECONDS,
 ) -> Setup:
     """Return the robot's drive."""
     return Setup(
-        name=f"{name}_short" if options.short else name,
-        scenario="indoor_paper",
+        name=name,
+        scenario=SCENARIO,
         seconds=SHORT_S if options.short else seconds,
-        seed=seed,
         sensors=sensors,
-        vehicle=vehicle,
+        vehicle=vehicle or {},
     )
-
-
-def _figure(options: Options, name: str) -> Path:
-    return options.folder(options.figures) / f"{name}.png"

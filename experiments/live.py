@@ -66,7 +66,6 @@ def slam(options: Options) -> Sequence[Result]:
         result, way = judged(
             *(options, recording, tum),
             frame="",
-            seed=seed,
             experiment="live",
             program=YAG_SLAM_LIVE.name,
             case="poses as they came back",
@@ -75,9 +74,9 @@ def slam(options: Options) -> Sequence[Result]:
         )
         results.append(result)
         if seed == options.seeds[0]:
-            drawn = options.folder(options.figures)
-            figures.trajectories(drawn / "live.png", recording.scenario, [way])
-            figures.map_beside_plan(drawn / "live_map.png", recording.scenario, map_yaml, way)
+            scenario = recording.scenario
+            figures.trajectories(options.figure("live"), scenario, [way])
+            figures.map_beside_plan(options.figure("live_map"), scenario, map_yaml, way)
     return results
 
 

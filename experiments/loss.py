@@ -9,7 +9,6 @@ data.
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,12 +20,10 @@ from groundlink.errors import UserError
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros_streams import TF_STATIC_TOPIC
 
-from . import environments
+from .estimators import GICP, LIDAR_INERTIAL, SLAM_2D, ran
 from .evaluation import Result, write_rows
-from .experiment import Options, judged
-from .odometries import GICP, LIDAR_INERTIAL, ran
-from .programs import YAG_SLAM
-from .recordings import Recording, record
+from .experiment import Options, recorded
+from .recordings import Recording
 from .setups import IN_REAL_TIME, Setup
 from .track import there_and_back
 
@@ -92,7 +89,7 @@ def loss(options: Options) -> Sequence[Result]:
             repair=link.repair,
             time=IN_REAL_TIME,
         )
-        recording = record(setup.varied(options.vary), options.out, options.say)
+        recording = recorded(options, setup)
         arrived = {account.topic: account for account in recording.accounts}
         told = [f"{arrived[topic].arrived} of {arrived[topic].sent}" for topic in TOPICS]
         options.say(f"loss, {case}: " + ", ".join(map(" ".join, zip(TOPICS, told, strict=True))))
@@ -120,7 +117,7 @@ def _inertial(options: Options, recording: Recording, case: str) -> Result:
     bag = options.folder("runs", recording.folder.name) / "in_order.mcap"
     bag.unlink(missing_ok=True)
     in_order(recording.bag, bag)
-    return ran(options, LIDAR_INERTIAL, recording, experiment="loss", seed=1, case=case, bag=bag)[0]
+    return ran(options, LIDAR_INERTIAL, recording, experiment="loss", case=case, bag=bag)[0]
 
 
 def in_order(bag: Path, out: Path) -> None:
@@ -146,31 +143,11 @@ def in_order(bag: Path, out: Path) -> None:
 
 
 def _lidar(options: Options, recording: Recording, case: str) -> Result:
-    return ran(options, GICP, recording, experiment="loss", seed=1, case=case)[0]
+    return ran(options, GICP, recording, experiment="loss", case=case)[0]
 
 
 def _scans(options: Options, recording: Recording, case: str) -> Result:
-    tum = options.folder("runs", recording.folder.name) / "yag_slam.tum"
-    began_s = time.monotonic()
-    environments.run(
-        YAG_SLAM,
-        [recording.bag, tum],
-        options.out,
-        options.say,
-        label=f"loss, {case}",
-        log=tum.with_suffix(".log"),
-    )
-    return judged(
-        options,
-        recording,
-        tum,
-        frame="scan_link",
-        seed=1,
-        experiment="loss",
-        program=YAG_SLAM.name,
-        case=case,
-        took_s=time.monotonic() - began_s,
-    )[0]
+    return ran(options, SLAM_2D, recording, experiment="loss", case=case)[0]
 
 
 _RUNS = {"LiDAR and IMU": _inertial, "LiDAR alone": _lidar, "scans": _scans}

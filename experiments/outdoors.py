@@ -8,17 +8,19 @@ changes of it stands in its setup.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-import yaml
-
+from .estimators import GICP, LIDAR_INERTIAL, compared
 from .evaluation import Result
-from .experiment import Options, recorded
-from .figures import trajectories
-from .odometries import GICP, LIDAR_INERTIAL, ran
+from .experiment import Options
 from .pictures import Pictures, orb_slam3
-from .setups import SCENARIOS, Setup, waypoints
+from .setups import Changes, Setup, shipped, waypoints
 from .vocabulary import INDOORS
+
+SCENARIO = "outdoor_paper"
+CLOUDS: Changes = {"camera": None, "gnss": None}
+CAMERA: Changes = {"lidar": None, "gnss": None, "camera": {"rate_hz": 30.0}}
 
 SECONDS = 75.0
 """170 m."""
@@ -29,14 +31,16 @@ LAP_SECONDS = 156.0
 SHORT_SECONDS = 12.0
 
 OPEN_COUNTRY = (
-    "hybrid_metric.enable=0",
-    "adaptive_voxelization.enable=0",
-    "mapping.planar_threshold=0.01",
+    "--set=hybrid_metric.enable=0",
+    "--set=adaptive_voxelization.enable=0",
+    "--set=mapping.planar_threshold=0.01",
 )
 """What genz-lio is told beside its settings for a Velodyne. From a road a LiDAR sees mostly ground,
 in rings that go with the vehicle: points matched to points of the map say that it stands, and
 thinning for a room leaves too little of houses and trees. The threshold is that of the program's
 own settings for a VLP-16 in the field."""
+
+IN_OPEN_COUNTRY = replace(LIDAR_INERTIAL, settings=(*LIDAR_INERTIAL.settings, *OPEN_COUNTRY))
 
 LIMIT_M = 0.4
 CAMERA_LIMIT_SHARE = 0.01
@@ -51,68 +55,40 @@ FIRST_FRAME_S = 6.0
 
 def road(speed_mps: float | None = None) -> dict[str, Any]:
     """Return the way of the shipped scenario, begun at a crawl, at its own speed or another."""
-    document = yaml.safe_load((SCENARIOS / "outdoor_paper.yaml").read_text(encoding="utf-8"))
-    vehicle = document["vehicles"][0]
+    vehicle = shipped(SCENARIO)["vehicles"][0]
     route = vehicle["route"]
     speed_mps = speed_mps or route["speed_mps"]
     return waypoints(vehicle["placement"], route["points"], speed_mps, CRAWL_M)
 
 
-def _lidar(options: Options, name: str, seconds: float) -> list[Result]:
-    results = []
-    for seed in options.seeds:
-        setup = Setup(
-            name=name,
-            scenario="outdoor_paper",
-            seconds=SHORT_SECONDS if options.short else seconds,
-            seed=seed,
-            sensors={"camera": None, "gnss": None},
-            vehicle={"route": road()},
-        )
-        recording = recorded(options, setup)
-        ways = []
-        for odometry in (LIDAR_INERTIAL, GICP):
-            inertial = odometry is LIDAR_INERTIAL
-            result, way = ran(
-                options,
-                odometry,
-                recording,
-                experiment=name,
-                seed=seed,
-                more=[f"--set={change}" for change in OPEN_COUNTRY] if inertial else (),
-                limit_m=LIMIT_M if inertial else 0.0,
-            )
-            results.append(result)
-            ways.append(way)
-        if seed == options.seeds[0]:
-            figure = options.folder(options.figures) / f"{name}.png"
-            trajectories(figure, recording.scenario, ways)
-    return results
-
-
 def lidar(options: Options) -> Sequence[Result]:
     """Run LiDAR and IMU, and LiDAR alone, over 170 m."""
-    return _lidar(options, "outdoor_lidar", SECONDS)
+    setup = _drive(options, "outdoor_lidar", SECONDS, CLOUDS)
+    return compared(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
 def lap(options: Options) -> Sequence[Result]:
     """Run them over a whole lap: how far the end is from the start."""
-    return _lidar(options, "outdoor_lap", LAP_SECONDS)
+    setup = _drive(options, "outdoor_lap", LAP_SECONDS, CLOUDS)
+    return compared(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
 def mono(options: Options) -> Sequence[Result]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m."""
-    setup = Setup(
-        name="outdoor_mono",
-        scenario="outdoor_paper",
-        seconds=SHORT_SECONDS if options.short else SECONDS,
-        sensors={"lidar": None, "gnss": None, "camera": {"rate_hz": 30.0}},
-        vehicle={"route": road()},
-    )
     pictures = Pictures(
-        setup=setup,
+        setup=_drive(options, "outdoor_mono", SECONDS, CAMERA),
         scenes=INDOORS,
         from_s=FIRST_FRAME_S,
         limit_m=lambda recording: CAMERA_LIMIT_SHARE * recording.truth().length_m,
     )
-    return orb_slam3(options, "outdoor_mono", pictures)
+    return orb_slam3(options, pictures)
+
+
+def _drive(options: Options, name: str, seconds: float, sensors: Changes) -> Setup:
+    return Setup(
+        name=name,
+        scenario=SCENARIO,
+        seconds=SHORT_SECONDS if options.short else seconds,
+        sensors=sensors,
+        vehicle={"route": road()},
+    )

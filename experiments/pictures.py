@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from . import environments, figures
+from . import figures
+from .estimators import Estimator, ran, tum_of
 from .evaluation import Result
-from .experiment import Options, judged, recorded
+from .experiment import Options, recorded
 from .programs import ORB_SLAM3
 from .recordings import Recording
 from .setups import Setup
@@ -47,41 +47,25 @@ class Pictures:
     """Without, an estimate cannot know its scale."""
 
 
-def orb_slam3(options: Options, name: str, pictures: Pictures) -> Sequence[Result]:
+def orb_slam3(options: Options, pictures: Pictures) -> Sequence[Result]:
     """Run it for each seed; draw the first."""
+    name, case = pictures.setup.name, "RGB-D" if pictures.has_depth else "mono"
     trained = vocabulary(options, pictures.scenes)
-    more = ["--vocabulary", str(trained), "--from-s", str(pictures.from_s), *pictures.words]
+    settings = ("--vocabulary", str(trained), "--from-s", str(pictures.from_s), *pictures.words)
+    slam = Estimator(ORB_SLAM3, FRAME, settings, knows_scale=pictures.has_depth)
     results = []
     for seed in options.seeds:
         recording = recorded(options, replace(pictures.setup, seed=seed))
-        tum = options.folder("runs", recording.folder.name) / "orb_slam3.tum"
-        began_s = time.monotonic()
-        printed = environments.run(
-            ORB_SLAM3,
-            [recording.bag, tum, *more],
-            options.out,
-            options.say,
-            label=f"{name}, seed {seed}",
-            log=tum.with_suffix(".log"),
-        )
-        options.say(f"{name}, seed {seed}: {printed.strip().splitlines()[-1]}")
-        result, way = judged(
-            *(options, recording, tum),
-            frame=FRAME,
-            seed=seed,
-            experiment=name,
-            program=ORB_SLAM3.name,
-            case="RGB-D" if pictures.has_depth else "mono",
-            took_s=time.monotonic() - began_s,
-            limit_m=pictures.limit_m(recording),
-            scale=not pictures.has_depth,
-        )
+        limit_m = pictures.limit_m(recording)
+        result, way = ran(options, slam, recording, experiment=name, case=case, limit_m=limit_m)
+        tum = tum_of(options, slam, recording, name, case)
         told = json.loads(tum.with_suffix(".json").read_text(encoding="utf-8"))
+        words = ", ".join(f"{what} {number:.5g}" for what, number in told.items())
+        options.say(f"{name}, seed {seed}: {words}")
         if told["map_begun_s"] > LOST_S:
             options.say(f"{name}, seed {seed}: lost; a new map after {told['map_begun_s']:.0f} s")
             result = replace(result, ate_m=math.inf)
         results.append(result)
         if seed == options.seeds[0]:
-            figure = options.folder(options.figures) / f"{name}.png"
-            figures.trajectories(figure, recording.scenario, [way])
+            figures.trajectories(options.figure(name), recording.scenario, [way])
     return results

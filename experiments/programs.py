@@ -22,8 +22,8 @@ class Program:
     requirements: tuple[str, ...]
     """What pip installs; wheels alone, unless an option among them says more."""
 
-    driver: str = ""
-    """The script in `drivers` that feeds it; empty where its own command reads our bags."""
+    driver: str
+    """The script in `drivers` that feeds it."""
 
     licence: str
     libraries: tuple[str, ...] = ()

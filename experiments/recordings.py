@@ -58,6 +58,11 @@ class Recording:
         return loaded(self.folder)
 
     @property
+    def seed(self) -> int:
+        """The run's seed."""
+        return self.scenario.seed
+
+    @property
     def accounts(self) -> list[Account]:
         """What was sent and what arrived of each topic."""
         return read_accounts(self.folder / "accounts.csv")
@@ -68,8 +73,6 @@ class Recording:
         if not frame:
             return base
         frames = json.loads((self.folder / "frames.json").read_text(encoding="utf-8"))
-        if frame not in frames:
-            return base
         return base.seen_from(frames[frame])
 
 

@@ -106,8 +106,7 @@ class Setup:
 
     def document(self) -> dict[str, Any]:
         """Return the scenario as a file would have it, without addresses."""
-        text = (SCENARIOS / f"{self.scenario}.yaml").read_text(encoding="utf-8")
-        document: dict[str, Any] = yaml.safe_load(text)
+        document = shipped(self.scenario)
         document |= {"name": self.name, "seed": self.seed, "time": dict(self.time)}
         document |= copy.deepcopy(dict(self.top))
         if self.link is not None:
@@ -146,6 +145,13 @@ class Setup:
         scenario = load(self.write(folder))
         told = msgspec.json.encode([scenario, self.seconds, sources_digest()], order="sorted")
         return hashlib.blake2b(told, digest_size=6).hexdigest()
+
+
+def shipped(scenario: str) -> dict[str, Any]:
+    """Return a shipped scenario as its file has it."""
+    text = (SCENARIOS / f"{scenario}.yaml").read_text(encoding="utf-8")
+    document: dict[str, Any] = yaml.safe_load(text)
+    return document
 
 
 def waypoints(

@@ -9,14 +9,14 @@ what it does to an error that a sweep takes a tenth of a second.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, fields
+from dataclasses import astuple, fields, replace
 from typing import Any
 
 from . import figures
 from .checkpoints import Passed, accumulated
+from .estimators import GICP, KISS, LIDAR_INERTIAL, ran
 from .evaluation import Result, write_rows
 from .experiment import Options, recorded
-from .odometries import GICP, KISS, LIDAR_INERTIAL, ran
 from .outdoors import road
 from .setups import Setup, waypoints
 
@@ -74,25 +74,19 @@ def checkpoints(options: Options) -> Sequence[Result]:
         )
         recording = recorded(options, setup)
         checkpoints_m = recording.scenario.world.checkpoints
-        for odometry in (LIDAR_INERTIAL, KISS, GICP):
+        for program in (LIDAR_INERTIAL, KISS, GICP):
             for case, (topic, frame) in LIDARS.items():
-                estimated = odometry.frame if odometry is LIDAR_INERTIAL else frame
-                more = ["--lidar-topic", topic]
-                if odometry is LIDAR_INERTIAL:
-                    more += ["--lidar-frame", frame]
+                inertial = program is LIDAR_INERTIAL
+                estimator = program if inertial else replace(program, frame=frame)
                 result, way = ran(
-                    options,
-                    odometry,
-                    recording,
+                    *(options, estimator, recording),
                     experiment="track",
-                    seed=seed,
                     case=case,
-                    more=more,
-                    frame=estimated,
+                    more=("--lidar-topic", topic, *(("--lidar-frame", frame) if inertial else ())),
                 )
                 results.append(result)
                 passed = accumulated(
-                    way.raw, recording.truth(estimated), recording.truth(), checkpoints_m
+                    way.raw, recording.truth(estimator.frame), recording.truth(), checkpoints_m
                 )
                 curves[f"{result.program}, {case}, seed {seed}"] = passed
                 last = passed[-1]
@@ -114,7 +108,7 @@ def _write(options: Options, curves: Mapping[str, Sequence[Passed]]) -> None:
             for one in passed
         ],
     )
-    figures.accumulated(options.folder(options.figures) / "track.png", curves)
+    figures.accumulated(options.figure("track"), curves)
 
 
 SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -153,14 +147,11 @@ def shutter(options: Options) -> Sequence[Result]:
             vehicle={"route": road(FAST_MPS)},
         )
         recording = recorded(options, setup)
-        for odometry in (GICP, KISS):
+        for estimator in (GICP, KISS):
             for case, (topic, more) in SHUTTERS.items():
                 result, _ = ran(
-                    options,
-                    odometry,
-                    recording,
+                    *(options, estimator, recording),
                     experiment="shutter",
-                    seed=seed,
                     case=case,
                     more=("--lidar-topic", topic, *more),
                 )

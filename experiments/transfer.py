@@ -30,10 +30,9 @@ def transfer(options: Options) -> Sequence[Result]:
     UserError
         when what is claimed of the ratios does not hold, or it cannot be measured.
     """
-    tables, figures = options.folder("tables"), options.folder(options.figures)
     file = options.folder("runs", "transfer") / "times.json"
     command = ["-m", "benchmarks.bridge", "--only", "latency", "--json", str(file)]
-    command += ["--figure", str(figures / "transfer.png")]
+    command += ["--figure", str(options.figure("transfer"))]
     if options.short:
         command.append("--quick")
     if rosbridge := os.environ.get(ROSBRIDGE):
@@ -45,7 +44,7 @@ def transfer(options: Options) -> Sequence[Result]:
     rows = json.loads(file.read_text(encoding="utf-8"))["latency"]
     ways = list(rows[0]["ms"])
     write_rows(
-        tables / "transfer_ms.csv",
+        options.folder("tables") / "transfer_ms.csv",
         ("bytes", *ways),
         [(f"{row['bytes']:,}", *(f"{row['ms'][way]:.3f}" for way in ways)) for row in rows],
     )

@@ -115,7 +115,6 @@ def main() -> None:
     slam.save_keyframe_trajectory_tum(str(options.out))
     in_seconds(options.out)
     options.out.with_suffix(".json").write_text(json.dumps(told), encoding="utf-8")
-    print(", ".join(f"{name} {number:.5g}" for name, number in told.items()))
 
 
 def seconds_of(header: Any) -> float:

@@ -4,17 +4,15 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 from collections.abc import Iterator
 from enum import Enum, auto
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
-SCRIPT = Path(__file__).parents[3] / "experiments" / "drivers" / "orb_slam3.py"
+from .scripts import script
 
 
 class State(Enum):
@@ -30,12 +28,7 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> Any:
     program = ModuleType("pyorbslam3")
     program.TrackingState = State  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "pyorbslam3", program)
-    spec = importlib.util.spec_from_file_location("orb_slam3_under_test", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("orb_slam3")
 
 
 class Slam:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,8 @@ from groundlink.navigation import Transform, Transforms
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros_messages import RECORDED_FORMS, to_cdr
 
-SCRIPT = Path(__file__).parents[3] / "experiments" / "drivers" / "ros_reading.py"
+from .scripts import script
+
 POINTS = np.array([(1, 2, 3, 4, 5, 0.01), (6, 7, 8, 9, 10, 0.02)], POINT)
 CLOUD = PointCloud(1_500_000_000, "lidar_link", memoryview(POINTS.tobytes()))
 MOUNTS = Transforms(
@@ -32,12 +32,7 @@ MOUNTS = Transforms(
 
 @pytest.fixture(scope="module")
 def reading() -> Any:
-    spec = importlib.util.spec_from_file_location("ros_reading_under_test", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("ros_reading")
 
 
 @pytest.fixture
