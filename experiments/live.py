@@ -105,6 +105,7 @@ def _run(options: Options, setup: Setup, folder: Path, python: str) -> tuple[Rec
     with process(node, folder / "node.log", domain, python) as slam_node:
         with process(up, folder / "up.log", domain) as supervisor:
             with _joined(endpoint, supervisor, folder) as bus:
+                options.say(f"{label}: `groundlink view --connect {endpoint}` shows it")
                 vehicle = loaded(folder).vehicles[0].name
                 bus.subscribe(FROM_ROS["pose"].key_in(run, vehicle=vehicle), PoseStamped, poses)
                 bus.subscribe(FROM_ROS["map"].key_in(run, vehicle=vehicle), OccupancyGrid, maps)

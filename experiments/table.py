@@ -63,7 +63,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "shutter": Experiment(
         what="6.2: sweeps and instantaneous pictures of a fast drive",
         run=track.shutter,
-        minutes=4,
+        minutes=6,
     ),
     "loss": Experiment(
         what="the whole chain over links that lose datagrams",

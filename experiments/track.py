@@ -137,7 +137,7 @@ def shutter(options: Options) -> Sequence[Result]:
         },
     }
     results = []
-    for seed in options.seeds[:1]:
+    for seed in options.seeds:
         setup = Setup(
             name="shutter",
             scenario="outdoor_paper",
