@@ -2,8 +2,9 @@
 """`python -m experiments [NAME ...] [--short] [--seeds N] [--out DIR] [--list]`.
 
 Runs experiments, writes a table (CSV) of each, its figures (PNG), and a page of all, and says which
-limits were not kept; the exit code is 1 then. What is recorded once is used again as long as
-neither the scenario nor the sources of the simulator change.
+limits were not kept; the exit code is 1 then. One that cannot be run keeps none of the others from
+it; the exit code is 2 then. What is recorded once is used again as long as neither the scenario nor
+the sources of the simulator change.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .table import EXPERIMENTS, SHORT
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run experiments; 0 when all limits are kept."""
+    """Run experiments; 0 when all could be run and all limits are kept."""
     parser = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
     parser.add_argument("--short", action="store_true", help="one seed, 12 s of driving, no limits")
@@ -45,22 +46,25 @@ def main(arguments: Sequence[str]) -> int:
     seeds = tuple(range(1, 2 if options.short else options.seeds + 1))
     say = Say()
     given = Options(options.out.resolve(), say, seeds, options.short)
-    failed = []
+    failed: list[str] = []
+    code = 0
     for name in options.names or (SHORT if options.short else EXPERIMENTS):
         experiment = EXPERIMENTS[name]
         say(f"{name}: {experiment.what}; about {experiment.minutes:g} minutes")
         try:
             results = experiment.run(given)
         except UserError as error:
-            print(error, file=sys.stderr)
-            return error.exit_code
+            say(f"{name}: {error}")
+            failed.append(f"{name}, not run to its end")
+            code = error.exit_code
+            continue
         if results:
             write_csv(given.folder("tables") / f"{name}.csv", results)
         say(f"{name}: done; see {write_report(given.out)}")
         failed += missed(results)
     for line in failed:
-        say(f"not kept: {line}")
-    return 1 if failed else 0
+        print(f"not kept: {line}", file=sys.stderr)
+    return code or (1 if failed else 0)
 
 
 if __name__ == "__main__":
