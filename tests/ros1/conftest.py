@@ -22,7 +22,7 @@ from tests.system.rig import free_port, wait_for
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 PYTHON = "/usr/bin/python3"
-NEEDED = "import rospy, rosbag, roslaunch, genpy, tf2_msgs, nav_msgs, diagnostic_msgs"
+NEEDED = "import rospy, rosbag, roslaunch, genpy, tf2_ros, nav_msgs, std_srvs, diagnostic_msgs"
 
 
 class Ros1:

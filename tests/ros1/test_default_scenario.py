@@ -34,6 +34,7 @@ TOPICS = (
 )
 
 
+@pytest.mark.alone
 def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -> None:
     with rig(tmp_path, time_section="time: {mode: realtime}\n") as it:
         text = it.scenario.read_text(encoding="utf-8")
