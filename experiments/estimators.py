@@ -58,7 +58,7 @@ def ran(
     *,
     experiment: str,
     case: str = "",
-    more: Sequence[str | Path] = (),
+    more: Sequence[str] = (),
     bag: Path | None = None,
     limit_m: float = 0.0,
 ) -> tuple[Result, Way]:

@@ -52,9 +52,9 @@ SCANS_LIMIT_M = 0.02
 
 def scans(options: Options) -> Sequence[Result]:
     """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
+    setup = drive(options, "indoor_scans", SCANS)
     results = []
     for seed in options.seeds:
-        setup = drive(options, "indoor_scans", SCANS)
         recording = recorded(options, replace(setup, seed=seed))
         slam, slam_way = ran(
             options, SLAM_2D, recording, experiment=setup.name, limit_m=SCANS_LIMIT_M

@@ -20,6 +20,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import IO
 
@@ -52,9 +53,9 @@ class Recording:
         """The bag as the ROS side wrote it."""
         return self.folder / "run.mcap"
 
-    @property
+    @cached_property
     def scenario(self) -> Scenario:
-        """The scenario, resolved."""
+        """The scenario, resolved; an outdoor one takes half a second."""
         return loaded(self.folder)
 
     @property
