@@ -26,6 +26,9 @@ _FOR_EVER = float("inf")
 class _Subscription:
     until_seconds: float
     period_nanos: int = 0
+    is_pushed: bool = False
+    """By the scenario: no Subscribe ends or throttles it."""
+
     next_stamp_nanos: int = 0
 
     def admits(self, stamp_nanos: int) -> bool:
@@ -52,7 +55,7 @@ class Subscriptions:
 
     def push(self, topic: TopicKey, peer: Address) -> None:
         """Send a topic to the peer for ever, unasked."""
-        self._wanted.setdefault(topic, {})[peer] = _Subscription(_FOR_EVER)
+        self._wanted.setdefault(topic, {})[peer] = _Subscription(_FOR_EVER, is_pushed=True)
 
     def request(self, sender: Address, topic: str, request: Subscribe, now_seconds: float) -> bool:
         """Do what a Subscribe says; return False when it asks for what there is not."""
@@ -61,8 +64,8 @@ class Subscriptions:
             return False
         receivers = self._wanted.setdefault(key, {})
         known = receivers.get(sender)
-        if known is not None and known.until_seconds == _FOR_EVER and known.period_nanos == 0:
-            return True  # it gets all of it already, by the scenario's word or its own
+        if known is not None and known.is_pushed:
+            return True
         if request.action == 0:
             receivers.pop(sender, None)
             return True

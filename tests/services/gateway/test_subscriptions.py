@@ -44,6 +44,23 @@ def test_no_lease_holds_until_unsubscribed(subscriptions: Subscriptions) -> None
     assert subscriptions.receivers(IMU, 10**12, 1e6) == []
 
 
+def test_an_unlimited_subscription_ends_when_unsubscribed(subscriptions: Subscriptions) -> None:
+    subscriptions.request(OTHER, "/imu", Subscribe(2), 0.0)
+    assert subscriptions.receivers(IMU, 0, 1.0) == [OTHER]
+    assert subscriptions.request(OTHER, "/imu", Subscribe(2, action=0), 1.0)
+    assert subscriptions.receivers(IMU, 1, 1.0) == []
+
+
+def test_the_last_subscribe_of_an_unlimited_subscription_counts(
+    subscriptions: Subscriptions,
+) -> None:
+    subscriptions.request(OTHER, "/imu", Subscribe(2), 0.0)
+    subscriptions.request(OTHER, "/imu", Subscribe(2, max_rate_hz=5.0, lease_s=3), 0.0)
+    sent = [bool(subscriptions.receivers(IMU, i * 10**7, 0.0)) for i in range(100)]
+    assert sum(sent) == 5  # of 100 in a second
+    assert subscriptions.receivers(IMU, 10**10, 3.1) == []
+
+
 def test_the_peers_push_cannot_be_unsubscribed_or_throttled(subscriptions: Subscriptions) -> None:
     subscriptions.push(IMU, PEER)
     subscriptions.request(PEER, "/imu", Subscribe(2, action=0), 0.0)
