@@ -152,8 +152,8 @@ def hills(rounds: int, _: Path) -> list[Claim]:
     terrain = ground()
     mesh_of = of_ground(terrain, first_label=0)
     world = Hills(terrain, BODIES)
-    paper = lidar("vlp16_paper")
-    exact = lidar("vlp16_paper", range_stddev_m=0.0)
+    paper = lidar("vlp16_paper", block_deg=0.0)
+    exact = lidar("vlp16_paper", block_deg=0.0, range_stddev_m=0.0)
     ours, quiet = (Runs(world.lidar(s), world.states()) for s in (paper, exact))
     relief = Runs(world.lidar(exact, as_heights=True), world.states())
     field, mesh = Bullet(), Bullet()
@@ -197,7 +197,7 @@ def core(rounds: int, _: Path) -> list[Claim]:
     world = Hills(ground(), BODIES)
     claims = []
     for sheet, least in (("vlp16_paper", 8), ("vlp16", 14)):
-        runs = Runs(world.lidar(lidar(sheet)), world.states())
+        runs = Runs(world.lidar(lidar(sheet, block_deg=0.0)), world.states())
         times = by_turns({f"{sheet}, {runs.rays[2].size} rays": runs.revolution}, 3 * rounds)
         (rows,) = times.values()
         carried = MILLISECONDS_PER_REVOLUTION / float(np.median(rows[:, 1]))
@@ -212,7 +212,7 @@ def sizes(rounds: int, _: Path) -> list[Claim]:
     few = Hills(terrain, BODIES)
     by_rays = {
         f"{16 * firings} rays": Runs(
-            few.lidar(lidar("vlp16_paper", firings_per_revolution=firings)), few.states()
+            few.lidar(lidar("vlp16_paper", block_deg=0.0, firings_per_revolution=firings)), few.states()
         ).revolution
         for firings in (900 * size for size in SIZES)
     }
@@ -220,7 +220,7 @@ def sizes(rounds: int, _: Path) -> list[Claim]:
     by_bodies = {}
     for bodies in (50 * size for size in SIZES):
         world = Hills(terrain, bodies)
-        runs = Runs(world.lidar(lidar("vlp16_paper")), world.states())
+        runs = Runs(world.lidar(lidar("vlp16_paper", block_deg=0.0)), world.states())
         by_bodies[f"{bodies} bodies"] = runs.revolution
     bodies_times = by_turns(by_bodies, rounds)
     return [

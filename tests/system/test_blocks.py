@@ -40,7 +40,7 @@ def running(tmp_path: Path) -> Iterator[Running]:
         text = it.scenario.read_text(encoding="utf-8")
         for old, new in (
             ("gateway: {", "gateway: {datagram: mtu, "),
-            ("sensors/vlp16_paper.yaml,", "sensors/vlp16_paper.yaml, block_deg: 15,"),
+            ("block_deg: 0, ", ""),
         ):
             assert old in text
             text = text.replace(old, new)

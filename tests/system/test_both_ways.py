@@ -33,7 +33,7 @@ CLOUD = type_number("PointCloud2")
 SCAN = type_number("LaserScan")
 PATH = "nav_msgs/msg/Path"
 LAB_CHANGES = (
-    ("sensors/vlp16_paper.yaml,", "sensors/vlp16_paper.yaml, block_deg: 15,"),
+    ("block_deg: 0, ", ""),
     ("map: /map}", "map: /map, topics: {/plan: nav_msgs/Path}}"),
     (
         "    sensors:\n",

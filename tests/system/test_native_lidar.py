@@ -70,7 +70,7 @@ def decoded(packets: list[bytes]) -> np.ndarray:
 
 def test_others_decode_the_points_that_are_on_the_bus(it: Rig, host: str) -> None:
     text = it.scenario.read_text(encoding="utf-8")
-    sheet = "datasheet: sensors/vlp16_paper.yaml,"
+    sheet = "datasheet: sensors/vlp16_paper.yaml, block_deg: 0,"
     assert sheet in text
     own = f"datasheet: sensors/vlp16.yaml, block_deg: 15, native: {host}:{DATA_PORT},"
     it.scenario.write_text(text.replace(sheet, own), encoding="utf-8")

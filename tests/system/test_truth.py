@@ -16,7 +16,7 @@ from .rig import Observer, rig, wait_for
 pytestmark = pytest.mark.system
 
 CHANGES = (
-    ("sensors/vlp16_paper.yaml,", "sensors/vlp16_paper.yaml, truth: true, block_deg: 90,"),
+    ("block_deg: 0,", "truth: true, block_deg: 90,"),
     ("    sensors:\n", "    ground_truth: {push: true}\n    sensors:\n"),
 )
 

@@ -21,7 +21,7 @@ vehicles:
     model: vehicles/rover.yaml
     sensors:
       - kind: lidar
-        datasheet: sensors/vlp16_paper.yaml
+        datasheet: sensors/vlp16.yaml
         name: lidar
         topic: /points
         frame: lidar_link
@@ -79,7 +79,7 @@ MISTAKES = [
     ("rate_hz: 100", "rate_hz: 900", 14, ["rate_hz", "<= 400"]),
     ("worlds/lab.yaml", "worlds/lap.yaml", 3, ["worlds/lap.yaml", "`worlds/lab.yaml`?"]),
     ("vehicles/rover.yaml", "rovr", 6, ["vehicles/rovr.yaml", "`vehicles/rover.yaml`?"]),
-    ("sensors/vlp16_paper.yaml", "vlp61", 9, ["sensors/vlp61.yaml", "did you mean"]),
+    ("sensors/vlp16.yaml", "vlp61", 9, ["sensors/vlp61.yaml", "did you mean"]),
     ("kind: lidar", "kind: imu", 9, ["data", "lidar", "imu"]),
     ("{kind: imu,", "{kind: imus,", 14, ["unknown kind `imus`", "did you mean `imu`?"]),
     ("{kind: imu,", "{", 14, ["kind", "missing"]),
