@@ -180,7 +180,7 @@ class Holdings:
         """Count an open message as incomplete and let go of it."""
         topic.order.finish(topic.open[key].header)
         if topic.asking is not None:
-            topic.asking.finished(topic.open[key].header.seq_number)
+            topic.asking.finished(topic.open[key].header)
         topic.count("incomplete")
         topic.arrived.fates.settle(topic.open[key].header.seq_number, "incomplete")
         self.release(topic, key)

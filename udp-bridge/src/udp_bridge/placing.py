@@ -161,7 +161,7 @@ class Guess:
         if asking is not None:
             due_nanos, patience_nanos = asking.patience
             may_ask = not due_nanos and not (
-                is_open and self._header is not None and asking.is_asked(self._header.seq_number)
+                is_open and self._header is not None and asking.is_asked(self._header)
             )
         return Place(
             block,

@@ -28,6 +28,16 @@ _WHOLE = -1
 """Stands for all parts of a message of which nothing came."""
 
 
+class WantKey(NamedTuple):
+    """Identity of a missed message: two messages of a sender may share a seq_number."""
+
+    seq_number: int
+    time_sec: int = 0
+    time_nsec: int = 0
+    parts_max: int = 0
+    """0, with time 0, while no part of the message has arrived: only its number is known."""
+
+
 class Asked(NamedTuple):
     """A request and the header fields that go with it."""
 
@@ -45,16 +55,14 @@ class Asking:
         self._newest: Optional[int] = None
         self._newest_stamp_nanos = 0
         self._is_reborn = False
-        self._wants: OrderedDict[int, Want] = OrderedDict()  # by seq_number, oldest first
+        self._wants: OrderedDict[WantKey, Want] = OrderedDict()  # oldest first
         self._due_nanos: Optional[int] = None  # no part is due before
         self._round_trip = RoundTrip()
 
     def is_wanted(self, header: Header, now_nanos: int) -> bool:
         """Tell whether a message was missed, or came in part, and is not stale."""
-        want = self._wants.get(header.seq_number)
-        if want is None or now_nanos - want.since_nanos > self._limit_nanos:
-            return False
-        return not want.parts_max or want.time == (header.time_sec, header.time_nsec)
+        want = self._find(header, header.parts_max)
+        return want is not None and now_nanos - want.since_nanos <= self._limit_nanos
 
     def is_of_new_life(self, header: Header) -> bool:
         """Tell whether a message that is neither wanted nor known shows a restarted sender.
@@ -70,9 +78,9 @@ class Asking:
         """Tell whether a message may be sent again when this much time has passed."""
         return nanos <= self._limit_nanos
 
-    def is_asked(self, seq_number: int) -> bool:
+    def is_asked(self, header: Header) -> bool:
         """Tell whether something of a message was asked for."""
-        want = self._wants.get(seq_number)
+        want = self._find(header, header.parts_max)
         return want is not None and want.is_asked
 
     def is_next(self, header: Header) -> bool:
@@ -102,14 +110,14 @@ class Asking:
         newest = self._newest
         is_known = newest is not None and _ahead(header.seq_number, newest) <= 0
         self._advance(header, now_nanos)
-        want = self._wants.get(header.seq_number)
+        want = self._find(header, offer.parts_max)
         if want is None and not is_known and not is_finished:
-            want = self._want(header.seq_number, now_nanos)
+            want = self._want(WantKey(header.seq_number), now_nanos)
             want.due[_WHOLE] = (now_nanos, 0)
         if want is None:
             return
-        if want.parts_max:
-            self._is_sent_up_to(want, want.parts_max, now_nanos)
+        if _WHOLE not in want.due:
+            self._is_sent_up_to(want, offer.parts_max, now_nanos)
         want.offered(now_nanos, self._round_trip.usual_nanos)
         self._due_nanos = now_nanos
 
@@ -120,19 +128,16 @@ class Asking:
         """
         seq_number, first = header.seq_number, header.part_number
         self._advance(header, now_nanos)
-        want = self._wants.get(seq_number)
+        want = self._identified(header)
         if is_whole:
             if want is not None:
                 self._measure(want, first, now_nanos)
-                del self._wants[seq_number]
+                self.finished(header)
             if not self._wants:
                 self._due_nanos = None
             return
         if want is None:
-            want = self._want(seq_number, now_nanos)
-        if not want.parts_max:
-            want.parts_max = header.parts_max
-            want.time = (header.time_sec, header.time_nsec)
+            want = self._want(_key_of(header, header.parts_max), now_nanos)
         whole = want.due.pop(_WHOLE, None)
         if whole is not None or seq_number != self._newest:
             # It was sent long since, and what was asked for as a whole is on its way.
@@ -162,8 +167,8 @@ class Asking:
         It was due then, and the first of this message; the parts that came are told by `saw`.
         """
         self._advance(header, now_nanos)
-        want = self._wants.get(header.seq_number) or self._want(header.seq_number, now_nanos)
-        want.parts_max, want.time = header.parts_max, (header.time_sec, header.time_nsec)
+        key = _key_of(header, header.parts_max)
+        want = self._identified(header) or self._want(key, now_nanos)
         want.is_asked, want.asked_nanos = True, asked_nanos
         due = (asked_nanos + self._round_trip.wait_nanos(0), 1)
         parts = parts_of(bitmap)
@@ -171,9 +176,9 @@ class Asking:
         want.highest = max(want.highest, *parts)
         self._wake_at(due[0])
 
-    def finished(self, seq_number: int) -> None:
-        """Ask no more for a message that was given up."""
-        self._wants.pop(seq_number, None)
+    def finished(self, header: Header) -> None:
+        """Ask no more for a message that is whole or was given up."""
+        self._wants.pop(_key_of(header, header.parts_max), None)
 
     def forget(self) -> None:
         """Begin anew, as with a sender that was restarted."""
@@ -186,11 +191,11 @@ class Asking:
         """Return what to ask for now; the goodput is for the caller to fill in."""
         if self._due_nanos is None or now_nanos < self._due_nanos:
             return []
-        for seq_number, want in list(self._wants.items()):
+        for key, want in list(self._wants.items()):
             if now_nanos - want.since_nanos > self._limit_nanos:
-                del self._wants[seq_number]
+                del self._wants[key]
         asked = []
-        for seq_number, want in self._wants.items():
+        for (seq_number, sec, nsec, parts_max), want in self._wants.items():
             tries = 0
             taken = []
             for part, part_tries in self._take_due(want, now_nanos):
@@ -201,8 +206,8 @@ class Asking:
             parts = tuple(sorted(taken))
             copies = min(1 + (tries + 1) // 2, COPIES)
             if parts != (_WHOLE,):
-                request = Request(msg_type, want.parts_max, 1, 0, parts)
-                asked.append(Asked(seq_number, want.time, request, copies))
+                request = Request(msg_type, parts_max, 1, 0, parts)
+                asked.append(Asked(seq_number, (sec, nsec), request, copies))
             elif asked and _follows(asked[-1], seq_number):
                 last = asked[-1]
                 request = last.request._replace(messages=last.request.messages + 1)
@@ -238,20 +243,32 @@ class Asking:
         if ahead <= 0:
             return
         later_nanos = now_nanos + self._round_trip.debounce_nanos
-        last = self._wants.get(self._newest)
-        if last is not None and last.parts_max:
-            self._is_sent_up_to(last, last.parts_max, later_nanos)
+        for key, last in self._wants.items():
+            if key.seq_number == self._newest and key.parts_max:
+                self._is_sent_up_to(last, key.parts_max, later_nanos)
         for back in range(min(ahead - 1, WANTS), 0, -1):
-            want = self._want((seq_number - back) % SEQ_NUMBERS, now_nanos)
+            want = self._want(WantKey((seq_number - back) % SEQ_NUMBERS), now_nanos)
             want.due[_WHOLE] = (later_nanos, 0)
             self._wake_at(later_nanos)
         self._newest = seq_number
         self._newest_stamp_nanos = header.stamp_nanos
 
-    def _want(self, seq_number: int, now_nanos: int) -> Want:
+    def _find(self, header: Header, parts_max: int) -> Optional[Want]:
+        """Return what is missed of a message, if anything is."""
+        want = self._wants.get(_key_of(header, parts_max))
+        return want if want is not None else self._wants.get(WantKey(header.seq_number))
+
+    def _identified(self, header: Header) -> Optional[Want]:
+        """Return what `_find` does; a message known by its number alone gets its identity."""
+        key = _key_of(header, header.parts_max)
+        if key not in self._wants and WantKey(header.seq_number) in self._wants:
+            self._wants[key] = self._wants.pop(WantKey(header.seq_number))
+        return self._wants.get(key)
+
+    def _want(self, key: WantKey, now_nanos: int) -> Want:
         if len(self._wants) >= WANTS:
             self._wants.popitem(last=False)
-        want = self._wants[seq_number] = Want(now_nanos)
+        want = self._wants[key] = Want(now_nanos)
         return want
 
     def _is_sent_up_to(self, want: Want, end: int, due_nanos: int, tries: int = 0) -> None:
@@ -271,6 +288,10 @@ class Asking:
         tries = want.due.get(part, want.due.get(_WHOLE, (0, 0)))[1]
         if tries == 1:
             self._round_trip.measured(now_nanos - want.asked_nanos)
+
+
+def _key_of(header: Header, parts_max: int) -> WantKey:
+    return WantKey(header.seq_number, header.time_sec, header.time_nsec, parts_max)
 
 
 def _ahead(seq_number: int, other: int) -> int:

@@ -21,9 +21,7 @@ class Want:
         "due",
         "highest",
         "is_asked",
-        "parts_max",
         "since_nanos",
-        "time",
     )
 
     def __init__(self, since_nanos: int) -> None:
@@ -33,8 +31,6 @@ class Want:
         """By part, those that are missing."""
         self.highest = -1
         """All parts up to this one have been sent."""
-        self.parts_max = 0
-        self.time = (0, 0)
         self.asked_nanos = 0
         self.is_asked = False
         self.answered: Optional[Due] = None

@@ -60,7 +60,7 @@ class Verdicts:
         asking = topic.asking
         is_ahead = order.ahead_by(header.seq_number) > 0
         is_wanted = asking is not None and asking.is_wanted(header, now_nanos)
-        is_asked = asking is not None and asking.is_asked(header.seq_number)
+        is_asked = asking is not None and asking.is_asked(header)
         # What is sent again is at most that stale; newer by more, it is of a restarted sender.
         is_again = asking is not None and is_wanted and asking.spans(order.newer_by(header))
         if not is_ahead and not is_again and order.is_newer(header):
