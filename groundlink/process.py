@@ -165,9 +165,14 @@ class Heartbeat:
         return time.monotonic() >= self._next
 
     def beat(
-        self, tick: int, counters: dict[str, int], streams: Sequence[StreamReport] = ()
+        self,
+        tick: int,
+        counters: dict[str, int],
+        streams: Sequence[StreamReport] = (),
+        *,
+        is_well: bool = True,
     ) -> None:
-        """Publish the process's health.
+        """Publish the process's health; touch the liveness file only if `is_well`.
 
         Raises
         ------
@@ -179,5 +184,6 @@ class Heartbeat:
             self._process, os.getpid(), tick, counters, tuple(streams), socket.gethostname()
         )
         self._publish(health)
-        self._alive.show(time.monotonic())
+        if is_well:
+            self._alive.show(time.monotonic())
         self._claim.check(time.monotonic())

@@ -160,6 +160,8 @@ def _carry(
                     "wire_refused": sum(wire["refused"].values()),
                     **{f"wire_refused_{why}": n for why, n in wire["refused"].items()},
                     "wire_superseded": wire["superseded"],
+                    "wire_errors": wire["errors"],
+                    "wire_deaf": wire["deaf"],
                     "wire_stalls": wire["stalls"],
                     "wire_kernel_drops": wire["kernel_drops"],
                     "wire_resent": wire["resent"],
@@ -167,7 +169,8 @@ def _carry(
                 }
                 if emulated is not None:
                     counts |= emulated.counters()
-                heartbeat.beat(following.tick, counts | following.counts, streams)
+                counts |= following.counts
+                heartbeat.beat(following.tick, counts, streams, is_well=not wire["deaf"])
     return None
 
 

@@ -22,6 +22,7 @@ from groundlink.emulation.script import Changes, parse_changes
 from udp_bridge.around import Around
 from udp_bridge.header import Buffer, Refused
 from udp_bridge.udp_socket import DatagramSocket
+from udp_bridge.worker_thread import ErrorCounter, WorkerThread
 
 from .subscriptions import Address
 
@@ -55,9 +56,11 @@ class Emulated(Around):
         self._incoming = threading.Condition()  # guards from_ros and what was refused
         self._changing = threading.Lock()  # guards the script
         self._is_shut = False
+        self._errors = ErrorCounter()
+        self._buffer = bytearray(1 << 16)
         self._threads = [
-            threading.Thread(target=target, name=f"link emulation {name}", daemon=True)
-            for target, name in ((self._send_loop, "send"), (self._receive_loop, "receive"))
+            WorkerThread(f"link emulation {name}", turn, self._errors)
+            for turn, name in ((self._send_turn, "send"), (self._receive_turn, "receive"))
         ]
         for thread in self._threads:
             thread.start()
@@ -93,7 +96,7 @@ class Emulated(Around):
         """Return what the link did, by direction and name."""
         with self._outgoing, self._incoming:
             ways = {"to_ros": self._to_ros, "from_ros": self._from_ros}
-            return {
+            return {"link_errors": self._errors.count} | {
                 f"link_{direction}_{name}": count
                 for direction, way in ways.items()
                 for name, count in (*way.counts.items(), ("waiting", way.waiting))
@@ -163,30 +166,30 @@ class Emulated(Around):
         while taken := self._to_ros.take(time.monotonic_ns()):
             self._inner.send([taken[1]], taken[2])
 
-    def _send_loop(self) -> None:
+    def _send_turn(self) -> bool:
         with self._outgoing:
-            while not self._is_shut:
+            if not self._is_shut:
                 self._send_due()
                 due_nanos = self._to_ros.next_due()
                 if due_nanos is None:
                     self._outgoing.wait()
                 else:
                     self._outgoing.wait(max(0, due_nanos - time.monotonic_ns()) / NANOS)
+        return not self._is_shut
 
-    def _receive_loop(self) -> None:
-        buffer = bytearray(1 << 16)
-        while not self._is_shut:
-            try:
-                received = self._inner.receive_into(buffer)
-            except Refused as refused:
-                with self._incoming:
-                    self._refused.append(refused)
-                    self._incoming.notify_all()
-                    while len(self._refused) >= REFUSALS_KEPT and not self._is_shut:
-                        self._incoming.wait()
-                continue
+    def _receive_turn(self) -> bool:
+        try:
+            received = self._inner.receive_into(self._buffer)
+        except Refused as refused:
+            with self._incoming:
+                self._refused.append(refused)
+                self._incoming.notify_all()
+                while len(self._refused) >= REFUSALS_KEPT and not self._is_shut:
+                    self._incoming.wait()
+        else:
             if received is not None:
                 size, sender = received
                 with self._incoming:
-                    self._from_ros.put(bytes(buffer[:size]), sender, time.monotonic_ns())
+                    self._from_ros.put(bytes(self._buffer[:size]), sender, time.monotonic_ns())
                     self._incoming.notify_all()
+        return not self._is_shut

@@ -13,6 +13,7 @@ from udp_bridge.control import NO_AGE, TopicReport
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 from udp_bridge.ros_end.verdicts import (
     BUFFER_HINT,
+    ERROR,
     GOOD_BUFFER_BYTES,
     OK,
     STALE,
@@ -24,6 +25,8 @@ from udp_bridge.ros_end.verdicts import (
 
 COUNTS: dict[str, Any] = {
     "kernel_drops": 0,
+    "errors": 0,
+    "deaf": 0,
     "refused": {},
     "received_datagrams": 10,
     "received_bytes": 1000,
@@ -100,9 +103,14 @@ def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:
 
     assert link().level == OK
     bad = link(kernel_drops=3, refused={"short": 2})
-    assert (bad.level, bad.message) == (WARN, "5 datagrams refused or dropped by the kernel")
+    assert (bad.level, bad.message) == (
+        WARN,
+        "5 datagrams refused, dropped by the kernel, or failed",
+    )
     assert bad.values["refused: short"] == "2"
     assert link(kernel_drops=3, refused={"short": 2}).level == OK
+    assert link(kernel_drops=3, refused={"short": 2}, errors=1).level == WARN
+    assert link(deaf=1).level == ERROR
 
 
 def test_a_small_receive_buffer_is_warned_of_with_how_to_raise_it() -> None:

@@ -55,6 +55,7 @@ def test_only_the_shell_reads_clocks_or_opens_sockets(path: Path) -> None:
     shell = {
         "link.py": {"threading", "time"},
         "listening.py": {"time"},
+        "worker_thread.py": {"threading", "time"},
         "udp_socket.py": {"socket"},
         "runs.py": {"socket"},
         "departures.py": {"threading", "time"},

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import socket
 import threading
@@ -17,6 +16,7 @@ from udp_bridge import BadMessage, Link, Message, TooLarge, control, fragments
 from udp_bridge.control import LinkReport, TopicReport
 from udp_bridge.header import Buffer
 from udp_bridge.leaving import Address
+from udp_bridge.listening import DEAF_NANOS
 from udp_bridge.udp_socket import UdpSocket, buffer_hint
 
 LOCAL = ("127.0.0.1", 0)
@@ -334,15 +334,50 @@ def test_an_exception_in_on_message_is_logged_and_ends_nothing(
         received.append(message)
         raise RuntimeError("broken")
 
-    with caplog.at_level(logging.CRITICAL), Link(LOCAL, on_message=on_message) as link:
-        caplog.set_level(logging.ERROR, "udp_bridge.listening")
+    with Link(LOCAL, on_message=on_message) as link:
         sender = make(peer=link.address)
         for index in range(2):
             sender.link.send(8, "/clock", "", index, b"t")
-        wait_for(lambda: len(received) == 2)
-    assert [record.getMessage()[:26] for record in caplog.records] == [
-        "on_message failed for Cloc"
-    ] * 2
+        wait_for(lambda: link.counters()["errors"] == 2)
+        assert [message.stamp_nanos for message in received] == [0, 1]
+    (record,) = caplog.records  # one traceback in ten seconds
+    assert record.getMessage().startswith("on_message of Clock #0 '/clock'")
+
+
+def test_a_turn_that_raises_is_counted_and_the_next_one_receives(make: Make) -> None:
+    receiver = make()
+    accept = receiver.link._inbox.reassembler.accept
+    failures = [RuntimeError("broken"), RuntimeError("again")]
+
+    def failing(*arguments: Any) -> Message | None:
+        if failures:
+            raise failures.pop()
+        return accept(*arguments)
+
+    receiver.link._inbox.reassembler.accept = failing  # type: ignore[method-assign]
+    sender = make(peer=receiver.link.address)
+    for index in range(3):
+        sender.link.send(8, "/clock", "", index, b"t")
+    wait_for(lambda: len(receiver.received) == 1)
+    assert receiver.link.counters()["errors"] == 2
+    assert receiver.link.counters()["deaf"] == 0
+
+
+def test_a_receiving_thread_that_makes_no_turn_is_deaf(make: Make) -> None:
+    held, is_held = threading.Event(), threading.Event()
+
+    def hold(*_: object) -> None:
+        is_held.set()
+        held.wait(PATIENCE_S)
+
+    with Link(LOCAL, on_message=hold) as link:
+        make(peer=link.address).link.send(8, "/clock", "", 0, b"t")
+        assert is_held.wait(PATIENCE_S)
+        assert link.counters()["deaf"] == 0
+        link._listening._turned_nanos -= DEAF_NANOS
+        wait_for(lambda: link.counters()["deaf"] == 1)
+        held.set()
+        wait_for(lambda: link.counters()["deaf"] == 0)
 
 
 def test_a_silent_peer_gets_everything_at_the_rate_of_the_bucket(make: Make) -> None:

@@ -135,17 +135,17 @@ class Departures:
         with self._lock:
             self._count_sent(len(answer), int(is_sent), is_last=is_sent)
 
-    def _send_loop(self) -> None:
-        while True:
-            with self._wake:
-                while True:
-                    if self._is_closed:
-                        return
-                    datagram = self._take()
-                    if datagram is not None:
-                        break
-                    self._sleep()
-            self._send(datagram)
+    def _send_turn(self) -> bool:
+        """Send what waits, or wait until something may go; return False after `close`."""
+        with self._wake:
+            if self._is_closed:
+                return False
+            datagram = self._take()
+            if datagram is None:
+                self._sleep()
+                return True
+        self._send(datagram)
+        return True
 
     def _sleep(self) -> None:
         """Wait, in our thread, until something may go; the one who is sending sees to the rest."""

@@ -26,6 +26,7 @@ from .receiving import Inbox
 from .repair import Mode, RepairTable, check_table
 from .udp_socket import DatagramSocket, UdpSocket
 from .waiting import WaitingTable
+from .worker_thread import ErrorCounter, WorkerThread
 
 DEFAULT_RECEIVE_BUFFER = 8 << 20
 """The most that an unprivileged Linux process commonly gets, as the kernel accounts it."""
@@ -45,7 +46,7 @@ class Link(Departures):
     on_message
         Called in the receiving thread with each message and its sender, from the first one on,
         which may be before the constructor returns. While it runs, nothing is received. An
-        exception in it is logged and ends nothing.
+        exception in it is counted as one of `errors`, logged, and ends nothing.
     receive_buffer
         Bytes to ask the kernel for, as the kernel accounts them; see the attribute.
     datagram
@@ -115,12 +116,15 @@ class Link(Departures):
             on_order=self._order_is_over,
             limits=limits,
         )
+        self._errors = ErrorCounter()
         self._listening = Listening(
-            socket, self._inbox, on_message, self._answer, report=report, confirmed=confirmed
+            *(socket, self._inbox, on_message, self._answer, self._errors),
+            report=report,
+            confirmed=confirmed,
         )
         self._threads = [
-            threading.Thread(target=target, name=f"udp_bridge {name}", daemon=True)
-            for target, name in ((self._listening.run, "receive"), (self._send_loop, "send"))
+            WorkerThread("udp_bridge receive", self._listening.turn, self._errors),
+            WorkerThread("udp_bridge send", self._send_turn, self._errors),
         ]
         for thread in self._threads:
             thread.start()
@@ -226,7 +230,11 @@ class Link(Departures):
         return self._wait_idle(self._is_idle, timeout_s)
 
     def counters(self) -> Dict[str, Any]:
-        """Return what was sent, received and lost, by name; `refused` is a dict by reason."""
+        """Return what was sent, received and lost, by name; `refused` is a dict by reason.
+
+        `errors` counts exceptions that the link's threads survived: each is a bug, here or in
+        `on_message`. `deaf` is 1 while the receiving thread has made no turn for 5 s.
+        """
         with self._wake:
             outboxes = list(self._outboxes.values())
             counts: Dict[str, Any] = {
@@ -241,6 +249,8 @@ class Link(Departures):
         counts["sent_messages"] += self._inbox.answers_sent
         counts["sent_datagrams"] += self._inbox.answers_sent
         counts["sent_bytes"] += self._inbox.answer_bytes_sent
+        counts["errors"] = self._errors.count
+        counts["deaf"] = int(self._listening.is_deaf)
         counts["received_datagrams"] = self._inbox.datagrams
         counts["received_bytes"] = self._inbox.bytes_received
         counts["repaired"] = self.received.repaired

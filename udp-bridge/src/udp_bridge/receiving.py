@@ -220,6 +220,10 @@ class Inbox:
             self.requests_sent += 1
         return answers
 
+    def expect_nothing(self) -> None:
+        """Forget what is expected next; `expected` begins anew with what comes."""
+        self._guess = Guess(self.reassembler.pool)
+
     def refuse(self, reason: str) -> None:
         """Count a datagram that was refused before it came here."""
         self.datagrams += 1
@@ -243,7 +247,7 @@ class Inbox:
         """
         self._on_credit = self._on_report = self._on_request = self._on_order = _nobody
         self.reassembler.close()
-        self._guess = Guess(self.reassembler.pool)
+        self.expect_nothing()
 
     def _take_request(self, header: Header, message: Message, sender: Address) -> None:
         request = parse_resend(message.body)

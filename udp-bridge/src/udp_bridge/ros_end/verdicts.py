@@ -6,8 +6,9 @@ diagnostic_msgs/DiagnosticStatus, and these are their rules:
 
 - STALE: nothing was published, or acknowledged by the peer, for `STALE_NANOS`;
 - WARN: since the last word messages were lost or dropped, or a subscriber did not take them, or
-  datagrams were refused or dropped by the kernel; or the receive buffer is smaller than
-  `GOOD_BUFFER_BYTES`;
+  datagrams were refused or dropped by the kernel, or a thread of the link raised an exception; or
+  the receive buffer is smaller than `GOOD_BUFFER_BYTES`;
+- ERROR: the receiving thread has made no turn for 5 s;
 - OK: none of that.
 """
 
@@ -22,7 +23,7 @@ from udp_bridge.control import NO_AGE, TopicReport
 from udp_bridge.link import Link
 from udp_bridge.types import MSG_TYPES
 
-OK, WARN, STALE = 0, 1, 3
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
 STALE_NANOS = 5_000_000_000
 GOOD_BUFFER_BYTES = 4 << 20
 """As the kernel accounts it; half of it may be under way (PROTOCOL.md, section 8)."""
@@ -138,6 +139,7 @@ class Verdicts:
         trouble = {
             "kernel_drops": int(counts["kernel_drops"]),
             "refused": sum(refused.values()),
+            "errors": int(counts["errors"]),
         }
         before = self._last(("link",))
         more = sum(trouble.values()) - before.lost
@@ -148,6 +150,7 @@ class Verdicts:
             "datagrams": str(counts["received_datagrams"]),
             "bytes": str(counts["received_bytes"]),
             "unreachable": str(counts["unreachable"]),
+            "errors": str(trouble["errors"]),
             "refused": str(trouble["refused"]),
             **{f"refused: {reason}": str(count) for reason, count in sorted(refused.items())},
         }
@@ -156,10 +159,14 @@ class Verdicts:
         self._before["link",] = _Before(lost=sum(trouble.values()))
         said = []
         if more > 0:
-            said.append(f"{more} datagrams refused or dropped by the kernel")
+            said.append(f"{more} datagrams refused, dropped by the kernel, or failed")
         if is_small:
             said.append(f"the receive buffer has only {receive_buffer} bytes: {BUFFER_HINT}")
-        return Verdict(WARN if said else OK, "link", "; ".join(said) or "well", values)
+        level = WARN if said else OK
+        if counts["deaf"]:
+            level = ERROR
+            said.append("the receiving thread does not respond; restart the node")
+        return Verdict(level, "link", "; ".join(said) or "well", values)
 
     def _judge(
         self,
