@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,19 @@ def test_runs_of_parts_give_what_single_datagrams_give() -> None:
     assert pair.datagrams >= BATCH
     assert pair.in_runs > BATCH / 10
     assert pair.messages > BATCH / 100
+
+
+@pytest.mark.timeout(400)
+def test_the_sanitizers_find_nothing_in_the_extension_modules() -> None:
+    if shutil.which("gcc") is None:
+        missing("gcc is not installed")
+    command = [sys.executable, "-m", "fuzz.sanitized"]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=380, check=False
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[:5000]
+    modules = "services.sensors.rays._kernels udp_bridge._runs"
+    assert f"with sanitizers: {modules}" in done.stdout
 
 
 def test_guided_by_coverage() -> None:

@@ -436,3 +436,22 @@ def test_parts_that_are_none_are_an_error(pair: Pair, first: int, count: int) ->
         return
     with pytest.raises(ValueError, match="parts do not lie in the body"):
         runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False)
+
+
+@needs_many
+def test_an_empty_datagram_is_no_credit_before_one_was_sent_for() -> None:
+    """The sanitizers judge, see `fuzz/sanitized.py`.
+
+    A sender whose address is all zero is the one that memory for credits begins with. IPv4 has
+    it in broadcasts only, so here a name in another family stands for it, whose bytes are zero.
+    """
+    with (
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as two,
+    ):
+        one.bind(bytes(12))
+        two.bind("")  # any free name
+        one.sendto(b"", two.getsockname())
+        run, _ = runs.ManyAtOnce().receive(two, NOWHERE, CREDITS)
+    assert run is not None
+    assert (run.stray, run.sender, run.parked) == (b"", ("0.0.0.0", 0), 0)

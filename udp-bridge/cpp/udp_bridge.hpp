@@ -307,14 +307,14 @@ class Receiver {
   /// Give up the messages whose time is over; call it now and then while nothing comes.
   void expire(std::int64_t now_nanos) {
     while (!oldest_.empty() &&
-           oldest_.front().open->since_nanos <= now_nanos - limits_.time_limit_nanos) {
-      give_up(oldest_.front());
+           oldest_.front()->since_nanos <= now_nanos - limits_.time_limit_nanos) {
+      give_up(*oldest_.front());
     }
   }
 
   /// Count every open message as incomplete, as at an end.
   void give_up_all() {
-    while (!oldest_.empty()) give_up(oldest_.front());
+    while (!oldest_.empty()) give_up(*oldest_.front());
   }
 
   /// Announced size of all open messages.
@@ -343,13 +343,11 @@ class Receiver {
     std::vector<std::uint8_t> last;        // the last part, where it came before all others
     std::array<std::uint64_t, 4> has{};
     std::size_t parts = 0, last_size = 0, announced = 0;
+    Peer* peer = nullptr;
+    Topic* topic = nullptr;
+    std::list<Open*>::iterator by_age;  // its place in oldest_
 
     bool came(std::size_t part) const { return has[part / 64] >> part % 64 & 1; }
-  };
-  struct Place {  // where an open message is
-    Peer* peer;
-    Topic* topic;
-    std::list<Open>::iterator open;
   };
   struct Topic {
     bool has_handed = false;
@@ -402,7 +400,7 @@ class Receiver {
     }
     Peer& peer = peer_of(from);
     Topic& topic = topic_of(peer, name);
-    if (topic.is_restart_by_silence(h, now_nanos)) forget(peer, topic, kNever);
+    if (topic.is_restart_by_silence(h, now_nanos)) forget(topic, kNever);
     if (topic.is_finished(key)) {
       ++counters.duplicates;
       credit(peer, h, datagram_size, h.part_number + 1 == h.parts_max, reply);
@@ -411,7 +409,7 @@ class Receiver {
     auto open = find(topic, key);
     if (h.parts_max == 1 && open == topic.open.end()) {
       Message message{h, {part, part + size}};
-      finish(peer, topic, key, std::move(message), now_nanos, hand_over);
+      finish(topic, key, std::move(message), now_nanos, hand_over);
       return Refusal::none;
     }
     if (open == topic.open.end()) open = begin(peer, topic, key, h, now_nanos);
@@ -421,15 +419,15 @@ class Receiver {
       return Refusal::none;
     }
     const Refusal refusal = place(*open, h.part_number, part, size);
-    announce(peer, topic, open);
+    announce(*open);
     const bool is_whole = open->parts == h.parts_max;
     const bool is_last = h.part_number + 1 == h.parts_max;
     if (is_whole) {
       Message message{std::move(open->header), std::move(open->body)};
       message.body.resize(open->part_size * (h.parts_max - 1u) + open->last_size);
       message.header.part_number = 0;
-      release({&peer, &topic, open});
-      finish(peer, topic, key, std::move(message), now_nanos, hand_over);
+      release(*open);
+      finish(topic, key, std::move(message), now_nanos, hand_over);
     } else {
       keep_bounds(peer, open->announced);
     }
@@ -463,16 +461,16 @@ class Receiver {
   std::list<Open>::iterator begin(Peer& peer, Topic& topic, const Key& key, const Header& h,
                                   std::int64_t now_nanos) {
     while (topic.open.size() >= limits_.open_per_topic) {
-      give_up({&peer, &topic, topic.open.begin()});
+      give_up(topic.open.front());
     }
-    Open open;
+    Open& open = topic.open.emplace_back();
     open.header = h;
     open.key = key;
     open.since_nanos = now_nanos;
-    topic.open.push_back(std::move(open));
-    const auto at = std::prev(topic.open.end());
-    oldest_.push_back({&peer, &topic, at});
-    return at;
+    open.peer = &peer;
+    open.topic = &topic;
+    open.by_age = oldest_.insert(oldest_.end(), &open);
+    return std::prev(topic.open.end());
   }
 
   /// Put a part where it belongs; the first one that is not the last fixes the part size.
@@ -514,7 +512,7 @@ class Receiver {
   }
 
   template <class HandOver>
-  void finish(Peer& peer, Topic& topic, const Key& key, Message&& message, std::int64_t now_nanos,
+  void finish(Topic& topic, const Key& key, Message&& message, std::int64_t now_nanos,
               HandOver&& hand_over) {
     topic.finish(key);
     const std::int32_t ahead = topic.ahead_by(key.seq_number);
@@ -523,7 +521,7 @@ class Receiver {
         ++counters.late;
         return;
       }
-      forget(peer, topic, key.stamp_nanos);
+      forget(topic, key.stamp_nanos);
       topic.finish(key);
     } else {
       counters.missing += static_cast<std::uint64_t>(ahead - 1);
@@ -537,21 +535,21 @@ class Receiver {
   }
 
   /// Begin a topic anew, as for a sender never heard of; open messages older than a stamp go.
-  void forget(Peer& peer, Topic& topic, std::int64_t before_nanos) {
+  void forget(Topic& topic, std::int64_t before_nanos) {
     for (auto open = topic.open.begin(); open != topic.open.end();) {
       const auto next = std::next(open);
-      if (open->key.stamp_nanos < before_nanos) give_up({&peer, &topic, open});
+      if (open->key.stamp_nanos < before_nanos) give_up(*open);
       open = next;
     }
     topic.has_handed = false;
     topic.finished.clear();
   }
 
-  void announce(Peer& peer, Topic&, std::list<Open>::iterator open) {
-    const std::size_t size = open->part_size ? open->part_size : open->last_size;
-    const std::size_t announced = size * open->header.parts_max;
-    const std::size_t before = std::exchange(open->announced, announced);
-    peer.memory_bytes += announced - before;
+  void announce(Open& open) {
+    const std::size_t size = open.part_size ? open.part_size : open.last_size;
+    const std::size_t announced = size * open.header.parts_max;
+    const std::size_t before = std::exchange(open.announced, announced);
+    open.peer->memory_bytes += announced - before;
     memory_bytes_ += announced - before;
   }
 
@@ -572,21 +570,21 @@ class Receiver {
   }
 
   void give_up_oldest(Peer& peer) {
-    give_up(*std::find_if(oldest_.begin(), oldest_.end(),
-                          [&](const Place& place) { return place.peer == &peer; }));
+    give_up(**std::find_if(oldest_.begin(), oldest_.end(),
+                           [&](const Open* open) { return open->peer == &peer; }));
   }
 
-  void give_up(Place place) {
-    place.topic->finish(place.open->key);
+  void give_up(Open& open) {
+    open.topic->finish(open.key);
     ++counters.incomplete;
-    release(place);
+    release(open);
   }
 
-  void release(Place place) {
-    place.peer->memory_bytes -= place.open->announced;
-    memory_bytes_ -= place.open->announced;
-    oldest_.remove_if([&](const Place& other) { return other.open == place.open; });
-    place.topic->open.erase(place.open);
+  void release(Open& gone) {
+    gone.peer->memory_bytes -= gone.announced;
+    memory_bytes_ -= gone.announced;
+    oldest_.erase(gone.by_age);
+    gone.topic->open.remove_if([&](const Open& open) { return &open == &gone; });
   }
 
   Peer& peer_of(SenderId from) {
@@ -625,7 +623,7 @@ class Receiver {
         peer.topics.begin(), peer.topics.end(),
         [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
     while (!oldest->second.open.empty()) {
-      give_up({&peer, &oldest->second, oldest->second.open.begin()});
+      give_up(oldest->second.open.front());
     }
     peer.topics.erase(oldest);
     --topics_;
@@ -670,7 +668,7 @@ class Receiver {
 
   Limits limits_;
   std::map<SenderId, Peer> peers_;
-  std::list<Place> oldest_;  // open messages of all senders, oldest first
+  std::list<Open*> oldest_;  // open messages of all senders, oldest first
   std::size_t memory_bytes_ = 0, topics_ = 0;
   std::uint64_t heard_ = 0;
   Header scratch_;

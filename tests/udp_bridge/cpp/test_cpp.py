@@ -24,7 +24,10 @@ HERE = Path(__file__).parent
 HEADER = HERE.parents[2] / "udp-bridge/cpp"
 LENGTH = struct.Struct("<I")
 STRICT = ("-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", f"-I{HEADER}")
-SANITIZERS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITIZERS = (
+    *("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+    "-D_GLIBCXX_DEBUG",  # iterators know what they belong to
+)
 
 
 def compiler() -> str:

@@ -30,7 +30,7 @@ int keep_credit(struct run *run, const unsigned char *head, Py_ssize_t size)
     struct parking *parking = run->parking.buf;
     unsigned char credit[HEADER_ROOM + CREDIT_SIZE];
     int is_kept = 0, count = 0;
-    if (size > (Py_ssize_t)sizeof credit) return 0;
+    if (size < HEADER_MIN + CREDIT_SIZE || size > (Py_ssize_t)sizeof credit) return 0;
     gather(run, head, size, (char *)credit);
     const unsigned char *body = credit + size - CREDIT_SIZE;
     pthread_mutex_lock(&parking->lock);
