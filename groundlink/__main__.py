@@ -63,7 +63,7 @@ COMMANDS = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code: 2 for what the user can mend."""
+    """Run one command; return its exit code: that of the error where the user can mend it."""
     parser = argparse.ArgumentParser(
         prog="groundlink", description="A distributed real-time test rig for ground vehicles."
     )
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code: int = options.command(options)
     except UserError as error:
         print(f"groundlink: {error}", file=sys.stderr)
-        return 2
+        return error.exit_code
     except BrokenPipeError:
         return 0  # the reader of our output has seen enough
     return code

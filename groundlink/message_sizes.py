@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from .extras import needs
 from .ground_truth import TRUE_POINT, TruePoints
 from .imagery import CompressedImage, Image, LaserScan, Range
 from .messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
 from .navigation import NavSatFix, Odometry
-from .ros_messages import to_cdr
 from .scenario.ros_side import Gateway
 from .scenario.schema import Vehicle
 from .scenario.sensors import (
@@ -70,6 +70,8 @@ class NeverFits(ValueError):
 
 def body_bytes(vehicle: Vehicle, sensor: Sensor, *, truth: bool = False) -> int:
     """Return the bytes of a sensor's largest message in CDR, or of the truth behind it."""
+    with needs("gateway"):
+        from .ros_messages import to_cdr
     message = _largest(vehicle, sensor)
     if truth and isinstance(message, PointCloud):
         points = packed(np.empty(len(message.records()), TRUE_POINT))

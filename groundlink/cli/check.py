@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,11 +23,13 @@ from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz
 from groundlink.topics import SENSOR_TOPICS, driver_name
 from groundlink.world.build import solids, world_hash
 
+from .running import SCENARIO_HELP
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("check", help="check a scenario without starting anything")
-    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.add_argument("scenario", help=SCENARIO_HELP)
     parser.set_defaults(command=check)
 
 
@@ -42,18 +45,26 @@ def check(options: argparse.Namespace) -> int:
     scenario = load(options.scenario, tell=_doubt)
     if mistake := answers_mistake(scenario):
         raise UserError(f"{options.scenario}: {mistake}")
-    world = scenario.world
+    lines = list(_described(scenario))
     print(f"{options.scenario}: `{scenario.name}` is valid")
-    print(f"  world    {world.name}, {len(solids(scenario))} solids, {world_hash(scenario)[:12]}")
+    for line in lines:
+        print(f"  {line}")
+    return 0
+
+
+def _described(scenario: Scenario) -> Iterator[str]:
+    """Yield what a run of the scenario would start."""
+    world = scenario.world
+    yield f"world    {world.name}, {len(solids(scenario))} solids, {world_hash(scenario)[:12]}"
     if terrain := world.terrain:
         size = np.subtract(terrain.high_m, terrain.low_m)
-        print(
-            f"  terrain  {size[0]:g} x {size[1]:g} m, {terrain.low_m[2]:.1f} to "
+        yield (
+            f"terrain  {size[0]:g} x {size[1]:g} m, {terrain.low_m[2]:.1f} to "
             f"{terrain.high_m[2]:.1f} m high, cells of {terrain.cell_m:g} m"
         )
-    print(f"  time     {scenario.time.mode}, seed {scenario.seed}")
+    yield f"time     {scenario.time.mode}, seed {scenario.seed}"
     for vehicle in scenario.vehicles:
-        print(f"  vehicle  {vehicle.name} ({vehicle.model.name}) obeys {vehicle.command_topic}")
+        yield f"vehicle  {vehicle.name} ({vehicle.model.name}) obeys {vehicle.command_topic}"
         if vehicle.route is not None:
             place = vehicle.placement
             way = routes.line(
@@ -62,30 +73,29 @@ def check(options: argparse.Namespace) -> int:
                 heading_rad=math.radians(place.yaw_deg),
             )
             speed = f"{vehicle.route.speed_mps:g} m/s"
-            print(f"  route    {driver_name(vehicle)}: {way.length_m:.1f} m at {speed}")
+            yield f"route    {driver_name(vehicle)}: {way.length_m:.1f} m at {speed}"
         for sensor in vehicle.sensors:
             kind = SENSOR_TOPICS[type(sensor)].name
             rate = sensor_rate_hz(sensor)
             topics = ", ".join(sensor.ros_topics().values())
-            print(f"  sensor   {vehicle.name}/{sensor.name} ({kind}): {topics}, {rate:g} Hz")
+            yield f"sensor   {vehicle.name}/{sensor.name} ({kind}): {topics}, {rate:g} Hz"
             for line in _sent(scenario, vehicle, sensor):
-                print(f"           {line}")
+                yield f"         {line}"
             for fault in sensor.faults:
-                print(f"           fault {fault}")
+                yield f"         fault {fault}"
             if sensor.truth_topic is not None:
-                print("           the truth behind it:")
+                yield "         the truth behind it:"
                 for line in _sent(scenario, vehicle, sensor, truth=True):
-                    print(f"           {line}")
+                    yield f"         {line}"
         for stream in vehicle.streams:
             name = f"{vehicle.name}/{stream.name} ({stream.kind})"
-            print(f"  stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz")
+            yield f"stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz"
         truth = vehicle.ground_truth
         for topic in (scenario.ground_truth_topic(vehicle), scenario.true_wheels_topic(vehicle)):
-            print(f"  truth    {topic}, {truth.rate_hz:g} Hz, {_asked(truth.push)}")
+            yield f"truth    {topic}, {truth.rate_hz:g} Hz, {_asked(truth.push)}"
     bodies = scenario.bodies
-    print(f"  truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}")
-    print(f"  gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}")
-    return 0
+    yield f"truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}"
+    yield f"gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}"
 
 
 def _doubt(line: str) -> None:

@@ -5,16 +5,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from groundlink.deployment import MAIN, ROUTER, Deployment
 from groundlink.scenario import load
+from groundlink.scenario.load import scenario_file
+
+from .running import SCENARIO_HELP
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("compose", help="print the Compose file of a scenario")
-    parser.add_argument("scenario", type=Path, help="scenario file (YAML)")
+    parser.add_argument("scenario", help=SCENARIO_HELP)
     parser.add_argument(
         "--host",
         metavar="LABEL",
@@ -40,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def compose(options: argparse.Namespace) -> int:
     """Print it."""
-    file: Path = options.scenario
+    file = scenario_file(options.scenario)
     deployment = Deployment(
         load(file),
         file.absolute(),

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import track
 
 from groundlink.errors import UserError
+from groundlink.extras import needs
 
 from . import running
 
@@ -24,9 +25,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def convert(options: argparse.Namespace) -> int:
     """Write the bag; what was begun is deleted when it cannot be finished."""
-    # Other commands work where the extra `record` is not installed.
-    from groundlink.recording.reading import Recording
-    from groundlink.recording.ros1 import write_bag
+    with needs("record"):
+        from groundlink.recording.reading import Recording
+        from groundlink.recording.ros1 import write_bag
 
     out = Path(options.bag)
     if out.suffix != ".bag":

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from groundlink.errors import UserError
+from groundlink.extras import needs
 from groundlink.run_monitor import RATE_TOLERANCE, RunMonitor
 from groundlink.scenario import load
 
@@ -27,7 +28,7 @@ SECONDS = 30.0
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("record", help="run a scenario into a file, without ROS")
-    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.add_argument("scenario", help=running.SCENARIO_HELP)
     parser.add_argument("--out", required=True, metavar="RUN.mcap", help="file to write")
     parser.add_argument(
         "--duration",
@@ -91,8 +92,8 @@ def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
 
 def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
     """Show what the file holds; return 1 where that is less than was declared."""
-    # Other commands work where the extra `record` is not installed.
-    from groundlink.recording.reading import Recording
+    with needs("record"):
+        from groundlink.recording.reading import Recording
 
     if not out.exists():
         console.print("nothing was recorded: the run was ended before it began")

@@ -11,6 +11,7 @@ import argparse
 import time
 from pathlib import Path
 
+from groundlink.extras import needs
 from groundlink.scenario import load
 from groundlink.supervisor import Child
 
@@ -55,8 +56,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def replay(options: argparse.Namespace) -> int:
     """Replay a recording; 0 when everything that was declared arrived at its rate."""
-    # Other commands work where the extra `record` is not installed.
-    from groundlink.recording.reading import Recording
+    with needs("record"):
+        from groundlink.recording.reading import Recording
 
     with Recording(Path(options.recording)) as recording:
         recorded = recording.run

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 from pathlib import Path
 
@@ -12,8 +11,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from groundlink.errors import UserError
-
-NEEDED = ("matplotlib", "mcap", "rosbags")
+from groundlink.extras import needs
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -34,11 +32,10 @@ def report(options: argparse.Namespace) -> int:
     UserError
         when the file cannot be read, the page not written, or a package is missing.
     """
-    if missing := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
-        raise UserError(f"reports need {' and '.join(missing)}; pip install 'groundlink[report]'")
-    from groundlink.recording.reading import Recording
-    from groundlink.report.gather import gather
-    from groundlink.report.page import page
+    with needs("report"):
+        from groundlink.recording.reading import Recording
+        from groundlink.report.gather import gather
+        from groundlink.report.page import page
 
     out = options.out or options.recording.with_suffix(".html")
     with Recording(options.recording) as recording:

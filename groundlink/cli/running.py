@@ -14,7 +14,7 @@ from rich.console import Console
 
 from groundlink import topics
 from groundlink.bus import DEFAULT_ENDPOINT
-from groundlink.errors import UserError
+from groundlink.errors import LackingError, UserError
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway
 from groundlink.topics import process_names
@@ -26,6 +26,8 @@ ROS_SIDE = "ros"
 
 SENSORS = "sensors"
 """Name of the process of all sensors where they share one."""
+
+SCENARIO_HELP = "scenario file (YAML), or the name of a shipped scenario such as indoor_lab"
 
 LISTEN_HELP = "where the run's router listens for its processes and for others (%(default)s)"
 
@@ -84,5 +86,10 @@ def ros_side(gateway: Gateway, shown: Console) -> list[str]:
     bind += [word for name, value in key.items() if value is not None for word in (name, value)]
     if importlib.util.find_spec("rclpy") and importlib.util.find_spec("udp_bridge_ros2"):
         return ["-m", "udp_bridge_ros2", *bind]
+    if importlib.util.find_spec("udp_bridge") is None:
+        raise LackingError(
+            "the Python package `udp_bridge` is not installed. Fix: pip install "
+            "'groundlink[gateway]', or start without a ROS side: --no-ros"
+        )
     shown.print("no ROS 2 in this environment: a plain receiver stands in for the ROS node")
     return ["-m", "udp_bridge", "listen", *bind, "--report", "--quiet"]

@@ -13,11 +13,14 @@ import secrets
 from pathlib import Path
 
 from groundlink.access import OPERATOR, access_control, grants
-from groundlink.certificates import Authority
 from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
 from groundlink.deployment import BRIDGE_KEY, MAIN, ROUTER, Deployment
 from groundlink.errors import UserError
+from groundlink.extras import needs
 from groundlink.scenario import load
+from groundlink.scenario.load import scenario_file
+
+from .running import SCENARIO_HELP
 
 USER = 65532
 """Whose files they become where root makes them: the user of the images."""
@@ -30,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         "secure", help="make certificates, access rules and the bridge's key for a scenario"
     )
-    parser.add_argument("scenario", type=Path, help="scenario file (YAML)")
+    parser.add_argument("scenario", help=SCENARIO_HELP)
     parser.add_argument("folder", type=Path, help="where to write them; not there yet")
     parser.add_argument(
         "--name",
@@ -50,7 +53,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def secure(options: argparse.Namespace) -> int:
     """Write a folder for each process, the bridge's key, and what is laid over the Compose file."""
-    scenario, folder = load(options.scenario), options.folder
+    with needs("secure"):
+        from groundlink.certificates import Authority
+    file = scenario_file(options.scenario)
+    scenario, folder = load(file), options.folder
     if folder.exists():
         raise UserError(f"{folder}: it exists already; delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))
@@ -68,9 +74,7 @@ def secure(options: argparse.Namespace) -> int:
         _write(own / ABOUT, about_text(process, rules).encode())
         _give(own)
     _write(folder / BRIDGE_KEY, secrets.token_hex(32).encode() + b"\n")
-    deployment = Deployment(
-        scenario, options.scenario.absolute(), sources=".", router=options.router
-    )
+    deployment = Deployment(scenario, file.absolute(), sources=".", router=options.router)
     over = folder / "compose.yaml"
     over.write_text(deployment.secured(str(folder.absolute()), options.host), encoding="utf-8")
     print(

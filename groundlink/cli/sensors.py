@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 
-from groundlink.ros_messages import ROS_FORMS
+from groundlink.extras import needs
 from groundlink.scenario.datasheets import FOLDER, Datasheet, datasheet, shipped
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import SensorSpec
@@ -80,6 +80,8 @@ def show(options: argparse.Namespace) -> int:
 
 def _kind(spec: type[SensorSpec]) -> str:
     """Return what a kind of sensor is and what it sends to ROS."""
+    with needs("gateway"):
+        from groundlink.ros_messages import ROS_FORMS
     topic = SENSOR_TOPICS[spec]
     about = " ".join((spec.__doc__ or "").partition("\n\n")[0].split())
     return f"{topic.name}, {ROS_FORMS[topic.message].ros_type.rpartition('/')[2]}: {about}"

@@ -28,7 +28,7 @@ TEND_SECONDS = 0.02
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("snapshot", help="write what a camera sees at an instant")
-    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.add_argument("scenario", help=running.SCENARIO_HELP)
     parser.add_argument("camera", help="vehicle/sensor, as in rover/camera")
     parser.add_argument(
         "--at", type=float, default=1.0, metavar="S", help="sim time (default %(default)g s)"

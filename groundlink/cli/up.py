@@ -32,9 +32,7 @@ START_SECONDS = 20.0
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("up", help="start everything a scenario needs, here")
-    parser.add_argument(
-        "scenario", help="scenario file (YAML), or a saved run, to go on from where it was"
-    )
+    parser.add_argument("scenario", help=f"{running.SCENARIO_HELP}, or a saved run to continue")
     parser.add_argument(
         "--duration",
         type=float,

@@ -22,6 +22,7 @@ from rich.text import Text
 
 from groundlink import journal as journals
 from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.extras import needs
 from groundlink.run_monitor import RunMonitor
 from groundlink.scenario import Scenario, load
 from groundlink.topics import process_names
@@ -39,16 +40,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the command to the command line."""
     parser = subparsers.add_parser("verify", help="run a recording again, compare byte for byte")
     parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="file that was recorded")
-    parser.add_argument("scenario", help="scenario file (YAML)")
+    parser.add_argument("scenario", help=running.SCENARIO_HELP)
     parser.set_defaults(command=verify)
 
 
 def verify(options: argparse.Namespace) -> int:
     """Run again; 0 when every message that can be compared is equal, 1 when one is not."""
-    # Other commands work where the extra `record` is not installed.
-    from groundlink.recording import missing, verifying
-    from groundlink.recording.comparison import Verdict
-    from groundlink.recording.reading import Recording
+    with needs("record"):
+        from groundlink.recording import missing, verifying
+        from groundlink.recording.comparison import Verdict
+        from groundlink.recording.reading import Recording
 
     console = terminal.console()
 

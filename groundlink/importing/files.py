@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from groundlink.errors import UserError
+from groundlink.errors import LackingError, UserError
 
 Tell = Callable[[str], None]
 """Takes one line about a file that a person should know of."""
@@ -35,9 +35,9 @@ def reading(file: Path, kind: str) -> Iterator[None]:
     except (BadFile, KeyboardInterrupt):
         raise
     except ModuleNotFoundError as error:
-        if error.name not in ("PIL", "trimesh"):  # what trimesh itself does without
+        if error.name not in ("PIL", "trimesh"):  # an optional dependency of trimesh
             raise BadFile(f"{file}: not a valid {kind}") from None
-        raise BadFile(
+        raise LackingError(
             f"{file}: reading a {kind} needs `{error.name}`; pip install 'groundlink[physics]'"
         ) from None
     except FileNotFoundError:

@@ -23,7 +23,7 @@ S = TypeVar("S", bound=msgspec.Struct)
 def nearest(word: str, known: Iterable[str], missing: Collection[str] = ()) -> str:
     """Return a hint that names the known word closest to `word`, the only missing one, or all."""
     known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if close:
         return f"did you mean `{close[0]}`?"
     if len(missing) == 1:

@@ -47,6 +47,8 @@ class _RouteFile(msgspec.Struct):
 def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
     """Return the scenario that `file` and the files it names describe.
 
+    `file` may be the name of a shipped scenario; see `scenario_file`.
+
     `tell` takes what is doubtful about the heightmaps and meshes among them.
 
     Raises
@@ -54,10 +56,30 @@ def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
     ScenarioError
         with one line: file, line, field, what was expected and how to mend it.
     """
-    document = read(Path(file))
+    document = read(scenario_file(file))
     scenario = resolved(document, tell)
     _check(scenario, document)
     return scenario
+
+
+def scenario_file(given: str | Path) -> Path:
+    """Return the file of a scenario: the given one, or the shipped one with this name.
+
+    Raises
+    ------
+    ScenarioError
+        when there is neither.
+    """
+    file = Path(given)
+    if file.exists():
+        return file
+    if not file.suffix and (shipped := SHIPPED / f"{file}.yaml").is_file():
+        return shipped
+    names = [shipped.stem for shipped in SHIPPED.glob("*.yaml")]
+    raise ScenarioError(
+        f"{file}: no such file or directory; expected a file, or the name of a shipped scenario: "
+        f"{nearest(file.stem, names)}"
+    )
 
 
 def resolved(document: Document, tell: Tell = silent) -> Scenario:
@@ -149,9 +171,9 @@ def find(reference: str, folder: str, beside: Path) -> Path:
             return base / name
     if Path(name).is_absolute():
         raise ScenarioError(f"there is no file `{name}`")
-    shipped = [f"{folder}/{file.name}" for file in (SHIPPED / folder).glob("*.yaml")]
+    shipped = [file.stem for file in (SHIPPED / folder).glob("*.yaml")]
     raise ScenarioError(
-        f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {nearest(name, shipped)}"
+        f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {nearest(Path(name).stem, shipped)}"
     )
 
 

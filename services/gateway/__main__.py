@@ -17,29 +17,32 @@ from groundlink import process
 from groundlink.alone import alone
 from groundlink.bus import Bus, BusError
 from groundlink.errors import UserError
+from groundlink.extras import process_needs
 from groundlink.messages import Ack, Clock
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
-from udp_bridge.around import PeersOnly, Sealed
-from udp_bridge.header import BadMessage
-from udp_bridge.keys import BadKey, Misfits, read_key
-from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
-from udp_bridge.memory import keep_memory
-from udp_bridge.seal import TO_ROS
-from udp_bridge.types import CONTROL
-from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
 
-from .emulated import Emulated
-from .following import Following
-from .gateway import Gateway
-from .kept import NAME, Kept
-from .lockstep import REPAIR, Lockstep
-from .memory import known_of, memory_of, recall
-from .rmw_zenoh import Facade
-from .streams import repair_table, waiting_table
-from .subscriptions import Address
-from .whereabouts import Whereabouts
-from .words import Words
+with process_needs("gateway", "gateway"):
+    from udp_bridge.around import PeersOnly, Sealed
+    from udp_bridge.header import BadMessage
+    from udp_bridge.keys import BadKey, Misfits, read_key
+    from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
+    from udp_bridge.memory import keep_memory
+    from udp_bridge.seal import TO_ROS
+    from udp_bridge.types import CONTROL
+    from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
+
+    from .emulated import Emulated
+    from .following import Following
+    from .gateway import Gateway
+    from .kept import NAME, Kept
+    from .lockstep import REPAIR, Lockstep
+    from .memory import known_of, memory_of, recall
+    from .rmw_zenoh import Facade
+    from .streams import repair_table, waiting_table
+    from .subscriptions import Address
+    from .whereabouts import Whereabouts
+    from .words import Words
 
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""

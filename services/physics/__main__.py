@@ -14,10 +14,12 @@ from collections.abc import Callable, Sequence
 from groundlink import process
 from groundlink.alone import alone
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
+from groundlink.extras import process_needs
 from groundlink.topics import PHYSICS
 
-from .authority import Physics
-from .source import add_arguments, source
+with process_needs(PHYSICS, "physics"):
+    from .authority import Physics
+    from .source import add_arguments, source
 
 NAME = PHYSICS
 

@@ -33,7 +33,9 @@ class Source(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Let a user name the source."""
     parser.add_argument(
-        "scenario", nargs="?", help="scenario file (YAML), or a saved run, to go on from there"
+        "scenario",
+        nargs="?",
+        help="scenario file (YAML), the name of a shipped scenario, or a saved run to continue",
     )
     parser.add_argument(
         "--follow",

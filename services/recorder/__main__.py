@@ -11,10 +11,13 @@ from groundlink import process
 from groundlink.bus import Bus
 from groundlink.clock import NANOS
 from groundlink.errors import UserError
+from groundlink.extras import process_needs
 from groundlink.questions import journal_key
+from groundlink.topics import RECORDER as NAME
 
-from .files import Files
-from .shell import NAME, record
+with process_needs(NAME, "record"):
+    from .files import Files
+    from .shell import record
 
 JOURNAL_SECONDS = 0.5
 """How long physics may take to answer; who asks records nothing meanwhile."""

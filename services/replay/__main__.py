@@ -23,16 +23,19 @@ from groundlink import asset_exchange, process
 from groundlink.bus import DEFAULT_ENDPOINT, Bus
 from groundlink.clock import NANOS
 from groundlink.errors import UserError
+from groundlink.extras import process_needs
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Message
 from groundlink.questions import scenario_key
-from groundlink.recording.reading import Recording
 from groundlink.scenario import Scenario, load
 from groundlink.topics import ACK, HEALTH, TIME_KEEPERS, Delivery
 
-from .player import Player
-
 NAME = "replay"
+
+with process_needs(NAME, "record"):
+    from groundlink.recording.reading import Recording
+
+    from .player import Player
 
 JUMP_SECONDS = 0.1
 """Between a clock that jumps back and what comes after it: streams may outrun each other, and what

@@ -16,6 +16,7 @@ from groundlink import process
 from groundlink.bus import Bus
 from groundlink.cli.view import add_arguments
 from groundlink.errors import UserError
+from groundlink.extras import needs
 from groundlink.messages import Health, Message, State
 from groundlink.ros_streams import RosStream
 from groundlink.scenario import Scenario
@@ -104,7 +105,7 @@ def _outlet(
     options: argparse.Namespace, scenario: Scenario, run: str, streams: Mapping[str, RosStream]
 ) -> Outlet:
     """Return what the user wants to look at, and say where it is."""
-    try:
+    with needs("view"):
         if options.foxglove:
             from .foxglove_server import FoxgloveServer
 
@@ -113,10 +114,6 @@ def _outlet(
             print(f"view: open ws://{options.host}:{port} in Foxglove or Lichtblick", flush=True)
             return server
         from . import layout, picture, viewer
-    except ModuleNotFoundError as error:
-        raise UserError(
-            f"to view a run needs `{error.name}`; pip install 'groundlink[view]'"
-        ) from None
     blueprint = layout.layout(scenario, streams)
     destination: viewer.Destination
     has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

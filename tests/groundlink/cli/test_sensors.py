@@ -136,7 +136,7 @@ def test_an_unknown_sheet_is_answered_with_the_nearest(
 ) -> None:
     error = said(capsys, "show", wrong, code=2)
     assert error.count("\n") == 1
-    assert "did you mean `sensors/vlp16.yaml`?" in error
+    assert "did you mean `vlp16`?" in error
 
 
 def test_a_file_that_is_not_there_is_told_as_it_was_given(

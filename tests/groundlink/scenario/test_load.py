@@ -77,9 +77,9 @@ MISTAKES = [
     ("seed: 3", "seed: -1", 2, ["`seed`", ">= 0"]),
     ("rate_hz: 100", "rate_hz: fast", 14, ["`vehicles[0].sensors[1].rate_hz`", "float"]),
     ("rate_hz: 100", "rate_hz: 900", 14, ["rate_hz", "<= 400"]),
-    ("worlds/lab.yaml", "worlds/lap.yaml", 3, ["worlds/lap.yaml", "`worlds/lab.yaml`?"]),
-    ("vehicles/rover.yaml", "rovr", 6, ["vehicles/rovr.yaml", "`vehicles/rover.yaml`?"]),
     ("sensors/vlp16.yaml", "vlp61", 9, ["sensors/vlp61.yaml", "did you mean"]),
+    ("worlds/lab.yaml", "worlds/lap.yaml", 3, ["worlds/lap.yaml", "`lab`?"]),
+    ("vehicles/rover.yaml", "rovr", 6, ["vehicles/rovr.yaml", "`rover`?"]),
     ("kind: lidar", "kind: imu", 9, ["data", "lidar", "imu"]),
     ("{kind: imu,", "{kind: imus,", 14, ["unknown kind `imus`", "did you mean `imu`?"]),
     ("{kind: imu,", "{", 14, ["kind", "missing"]),
@@ -299,3 +299,15 @@ def test_a_mistake_in_a_route_of_its_own(tmp_path: Path, content: str, words: li
 def test_an_unknown_figure_is_answered_with_the_known_ones() -> None:
     with pytest.raises(ScenarioError, match="no figure `cirle`; did you mean `circle`"):
         load_route("cirle", load(SHIPPED / "indoor_lab.yaml").vehicles[0])
+
+
+def test_a_shipped_scenario_is_found_by_its_name_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load("indoor_lab").name == "indoor_lab"
+    with pytest.raises(ScenarioError, match="indor_lab: no such file .* `indoor_lab`?"):
+        load("indor_lab")
+    (tmp_path / "indoor_lab").write_text("seed: 1\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"^indoor_lab:1: "):  # A file comes first.
+        load("indoor_lab")
