@@ -212,7 +212,8 @@ def sizes(rounds: int, _: Path) -> list[Claim]:
     few = Hills(terrain, BODIES)
     by_rays = {
         f"{16 * firings} rays": Runs(
-            few.lidar(lidar("vlp16_paper", block_deg=0.0, firings_per_revolution=firings)), few.states()
+            few.lidar(lidar("vlp16_paper", block_deg=0.0, firings_per_revolution=firings)),
+            few.states(),
         ).revolution
         for firings in (900 * size for size in SIZES)
     }

@@ -6,10 +6,14 @@ since event i-1, in the sensor's own frame: what was felt is integrated, not pic
 faster than the rate does not fold into the readings. The window runs from stamp to stamp in whole
 nanoseconds; ticks that it cuts count by their share. Errors belong to ticks: axes, noise and
 biases, then the low pass and the limits of each axis, then the mean, which is what gets rounded.
-The orientation is that at the stamp, the end of the window, and passes no filter. Without errors,
-reading times the difference of stamps is therefore the change of velocity (rotated
-by the orientation at the last stamp) and of angle: exactly so at 400 Hz, at any rate while the
-sensor does not turn, and to the second order of the angle turned within a window otherwise.
+The orientation is that at the stamp, the end of the window, and passes no filter.
+
+Force and rate of tick k are both centered at state k-1 (`motion.py`), as the state after k, which a
+value in the middle of the tick would take, is not there yet. So both are centered at the same
+instant: half a tick (1.25 ms) before the middle of the window, at every rate. Without errors,
+reading times the difference of stamps is the change of the engine's velocity and of the orientation
+half a tick before the stamps: exactly so at 400 Hz, at any rate while the sensor does not turn, and
+to the second order of the angle turned within a window otherwise.
 
 A sample is published by the first tick at or after its stamp. Sample 0 has no window; the first one
 out is the first whose window began after two states were seen and the low pass was full.

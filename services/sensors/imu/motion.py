@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an ideal IMU feels during each tick, from the poses of its vehicle's base.
+"""Motion of an ideal IMU during each tick, from the poses of its vehicle's base.
 
 Rule: the paper's finite differences (3.3.3) at the sensor's own place, and no errors. Velocity is
-the difference of two positions of the sensor's origin, specific force that of two velocities with
-gravity added, angular rate the rotation from one tick to the next.
+the difference of two positions of the sensor's origin: v(k) = (x(k) - x(k-1)) / dt. Specific force
+is the difference of two velocities with gravity added: (v(k) - v(k-1)) / dt. Angular rate is the
+rotation between the orientations in the middle of two successive ticks, divided by dt.
 
-These differences invert the physics engine's semi-implicit Euler step, x(k) = x(k-1) + v(k) dt with
-v(k) = v(k-1) + a(k-1) dt, without an error of discretisation, and because they are taken where the
-sensor sits they hold the lever arm's centripetal and Euler terms. Both quantities are constant
-within a tick, as the engine's force is, and belong to the interval (k-1, k].
+Both differences span the states k-2, k-1 and k, so both are centered at the instant of state k-1:
+a central difference has no error of first order there. They invert the physics engine's
+semi-implicit Euler step, x(k) = x(k-1) + v(k) dt with v(k) = v(k-1) + a(k-1) dt, exactly. Their
+sums telescope: forces to the engine's velocities v(k), rates to the orientation in the middle of a
+tick. The differences are taken where the sensor sits, so they contain the lever arm's centripetal
+and Euler terms.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from groundlink.frames import quaternion_from_rpy
 from groundlink.messages import Quaternion, Vector3
 from groundlink.scenario.sensors import Mount
 
-from .quaternions import conjugate, from_rotation_vector, multiply, rotate, rotation_vector
+from .quaternions import conjugate, from_rotation_vector, half_of, multiply, rotate, rotation_vector
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 """Standard acceleration of gravity (ISO 80000-3), down along the world's z."""
@@ -41,15 +44,17 @@ class TickMotion(NamedTuple):
     and where the second difference of positions has its centre."""
 
     angular_rate_radps: Vector3
-    """In the sensor's frame; that of tick k-1 and of tick k alike."""
+    """In the sensor's frame of tick k-1, centered there as the force is."""
+
+    turn: Quaternion
+    """before_from_now: the rotation from tick k-1 to tick k."""
 
     def orientation_at(self, fraction: float) -> Quaternion:
         """Return world_from_sensor at a share of the interval, by constant angular rate."""
         if fraction == 1.0:
             return self.world_from_sensor
-        x, y, z = self.angular_rate_radps
-        scale = fraction / TICK_RATE_HZ
-        turned = from_rotation_vector((x * scale, y * scale, z * scale))
+        x, y, z = rotation_vector(self.turn)
+        turned = from_rotation_vector((x * fraction, y * fraction, z * fraction))
         return multiply(self.world_from_sensor_before, turned)
 
 
@@ -61,7 +66,8 @@ class SensorMotion:
         self._sensor_in_base = mount.xyz_m
         self._base_from_sensor = quaternion_from_rpy(roll, pitch, yaw)
         self._pose: tuple[Vector3, Quaternion] | None = None
-        self._velocity: Vector3 | None = None
+        self._last: tuple[Vector3, Quaternion] | None = None
+        """Velocity (m/s) and half the turn of the tick before."""
 
     def advance(self, world_from_base: list[float]) -> TickMotion | None:
         """Take the base's pose at the next tick; return the motion since the last.
@@ -88,20 +94,24 @@ class SensorMotion:
         rate = TICK_RATE_HZ
         vx, vy, vz = (x - last_x) * rate, (y - last_y) * rate, (z - last_z) * rate
 
-        last_velocity, self._velocity = self._velocity, (vx, vy, vz)
-        if last_velocity is None:
+        sensor_from_world = conjugate(before)
+        turn = multiply(sensor_from_world, orientation)
+        half = half_of(turn)
+
+        last, self._last = self._last, ((vx, vy, vz), half)
+        if last is None:
             return None
-        last_vx, last_vy, last_vz = last_velocity
+        (last_vx, last_vy, last_vz), last_half = last
         force_in_world = (
             (vx - last_vx) * rate,
             (vy - last_vy) * rate,
             (vz - last_vz) * rate + STANDARD_GRAVITY_MPS2,
         )
-        sensor_from_world = conjugate(before)
-        rx, ry, rz = rotation_vector(multiply(sensor_from_world, orientation))
+        rx, ry, rz = rotation_vector(multiply(last_half, half))
         return TickMotion(
             world_from_sensor_before=before,
             world_from_sensor=orientation,
             specific_force_mps2=rotate(sensor_from_world, force_in_world),
             angular_rate_radps=(rx * rate, ry * rate, rz * rate),
+            turn=turn,
         )

@@ -58,6 +58,16 @@ def rotation_vector(a_from_b: Quaternion) -> Vector3:
     return x * scale, y * scale, z * scale
 
 
+def half_of(a_from_b: Quaternion) -> Quaternion:
+    """Return the unit quaternion of half the turn, the short way around."""
+    x, y, z, w = a_from_b
+    if w < 0:
+        x, y, z, w = -x, -y, -z, -w
+    w += 1
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    return x / norm, y / norm, z / norm, w / norm
+
+
 def from_rotation_vector(vector: Vector3) -> Quaternion:
     """Return the unit quaternion of a turn about `vector` by its length in radians."""
     x, y, z = vector

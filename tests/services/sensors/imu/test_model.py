@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -156,26 +157,52 @@ def test_off_centre_in_a_growing_turn_it_reads_the_euler_term() -> None:
         imu(mount=Mount(xyz_m=(radius, 0, 0))),
         turning(200, rate_radps=1.0, growth_radps2=alpha),
     )
-    # The second difference of positions has its centre one tick before the stamp.
+    # Force and rate are both centered one tick before the stamp.
     omega = 1.0 + alpha * DT * np.arange(1, 199)
     expected = np.stack(
         [-(omega**2) * radius, np.full(198, alpha * radius), np.full(198, GRAVITY)], axis=1
     )
     np.testing.assert_allclose(forces(taken), expected, rtol=2e-5)
-    np.testing.assert_allclose(rates(taken)[:, 2], omega + alpha * DT / 2, rtol=1e-10)
+    np.testing.assert_allclose(rates(taken)[:, 2], omega, rtol=1e-10)
 
 
 def test_its_readings_add_up_to_the_bodys_motion() -> None:
     velocities, turned, run = tumbling(400)
     taken = samples(imu(), run)
     assert len(taken) == 398
-    velocity, turn = velocities[1], turned[1]
+    half_ticks = [
+        a * Rotation.from_rotvec((a.inv() * b).as_rotvec() / 2) for a, b in pairwise(turned)
+    ]
+    velocity, turn = velocities[1], half_ticks[0]
     for k, sample in enumerate(taken, start=2):
-        velocity = velocity + DT * (turn.apply(sample.linear_acceleration_mps2) - [0, 0, GRAVITY])
+        force = turned[k - 1].apply(sample.linear_acceleration_mps2)
+        velocity = velocity + DT * (force - [0, 0, GRAVITY])
         turn = turn * Rotation.from_rotvec(np.multiply(sample.angular_velocity_radps, DT))
         np.testing.assert_allclose(velocity, velocities[k], atol=1e-11)
-        assert (turn.inv() * turned[k]).magnitude() < 1e-12
+        assert (turn.inv() * half_ticks[k - 1]).magnitude() < 1e-12
         np.testing.assert_allclose(abs(sample.orientation @ turned[k].as_quat()), 1, atol=1e-15)
+
+
+@pytest.mark.parametrize("rate_hz", [400, 200, 100, 30])
+def test_force_and_rate_are_centered_at_the_same_instant(rate_hz: float) -> None:
+    """On an analytic motion both lag by half an interval and half a tick, and by nothing else."""
+    omega, heave_m, swing_rad = 2 * np.pi * 1.5, 0.05, 0.4
+    time = np.arange(4 * 400 + 1) * DT
+    heave = np.stack([0 * time, 0 * time, heave_m * np.sin(omega * time)], axis=1)
+    swing = Rotation.from_euler("z", swing_rad * np.sin(omega * time[:, None])).as_quat()
+    taken = samples(imu(rate_hz=rate_hz), states(heave, swing))
+    stamps = np.array([sample.stamp_nanos - EPOCH_NANOS for sample in taken]) * 1e-9
+    waves = np.stack([np.sin(omega * stamps), np.cos(omega * stamps)], axis=1)
+
+    def lag(readings: NDArray[np.float64], sine: float, cosine: float) -> float:
+        """Return by how much readings are late against sine and cosine of these amplitudes."""
+        (s, c), *_ = np.linalg.lstsq(waves, readings)
+        return float(np.arctan2(cosine, sine) - np.arctan2(c, s)) % (2 * np.pi) / omega
+
+    of_force = lag(forces(taken)[:, 2] - GRAVITY, -heave_m * omega**2, 0.0)
+    of_rate = lag(rates(taken)[:, 2], 0.0, swing_rad * omega)
+    assert of_force == pytest.approx(of_rate, abs=1e-6)
+    assert of_rate == pytest.approx(1 / rate_hz / 2 + DT / 2, abs=2e-5)
 
 
 # Rates below the engine's

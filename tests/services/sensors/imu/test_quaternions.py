@@ -32,6 +32,10 @@ def test_they_agree_with_the_vectorised_ones(first: Quaternion, second: Quaterni
     np.testing.assert_allclose(
         quaternions.rotation_vector(first), frames.rotation_vector(first), atol=1e-14
     )
+    half = np.array(frames.rotation_vector(first)) / 2
+    np.testing.assert_allclose(
+        quaternions.rotation_vector(quaternions.half_of(first)), half, atol=1e-14
+    )
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-160, 1e-12, 1e-5, 0.1, 3.0, math.pi])
