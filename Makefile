@@ -8,7 +8,7 @@ READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
-.PHONY: help setup run test test-units test-system test-stack check benchmarks experiments clean
+.PHONY: help setup run test test-units test-system test-alone test-stack environments benchmarks experiments clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -22,20 +22,24 @@ run: setup ## start SCENARIO and show what arrives in ROS (DURATION=20 ends by i
 	@$(BIN)/groundlink up $(SCENARIO) \
 		$(if $(DURATION),--duration $(DURATION)) $(if $(REPORT),--report $(REPORT))
 
-test: test-units test-system ## run every test that needs no Docker engine
+test: setup ## run every test that needs no Docker engine; a failed stage does not keep the next from running
+	@$(MAKE) --no-print-directory --keep-going test-units test-system test-alone
 
 test-units: setup ## run what starts no whole run: units, architecture, style, types
 	@$(BIN)/python -m pytest -m "not system and not stack" --numprocesses=auto --dist=loadfile
 
-test-system: setup ## run the tests of the real system
+environments: setup ## install the programs of others that a test of the experiments uses
+	@$(BIN)/python -m experiments --install yag-slam --install evo
+
+test-system: environments ## run the tests of the real system that may go on beside each other
 	@$(BIN)/python -m pytest -m "system and not alone and not stack" --durations=20 \
 		--numprocesses=2 --dist=loadfile
+
+test-alone: setup ## run the tests that look at rates in real time, one by one
 	@$(BIN)/python -m pytest -m "alone" --durations=20
 
 test-stack: setup ## bring the containers up on a Docker engine, break them, look
 	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy
-
-check: test ## what CI runs
 
 benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.lidar

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python -m experiments [NAME ...] [--short] [--seeds N] [--out DIR] [--list]`.
+"""`python -m experiments [NAME ...] [--short] [--seeds N] [--out DIR] [--list] [--install NAME]`.
 
 Runs experiments, writes a table (CSV) of each, its figures (PNG), and a page of all, and says which
 limits were not kept; the exit code is 1 then. One that cannot be run keeps none of the others from
 it; the exit code is 2 then. What is recorded once is used again as long as neither the scenario nor
-the sources of the simulator change.
+the sources of the simulator change. `--install` installs a program that experiments use, and runs
+none.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from pathlib import Path
 
 from groundlink.errors import UserError
 
+from .environments import python_of
 from .evaluation import missed, write_csv
 from .experiment import OUT, Options
+from .programs import PROGRAMS
 from .report import write_report
 from .say import Say
 from .table import EXPERIMENTS, SHORT
@@ -31,6 +34,13 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="runs each (3)")
     parser.add_argument("--out", type=Path, default=OUT, help="where all goes (%(default)s)")
     parser.add_argument("--list", action="store_true", help="say what there is")
+    parser.add_argument(
+        "--install",
+        action="append",
+        choices=sorted(PROGRAMS),
+        metavar="NAME",
+        help="install a program that experiments use, and run nothing; may be repeated",
+    )
     options = parser.parse_args(arguments)
     if options.list:
         for name, experiment in EXPERIMENTS.items():
@@ -45,6 +55,8 @@ def main(arguments: Sequence[str]) -> int:
         return UserError.exit_code
     seeds = tuple(range(1, 2 if options.short else options.seeds + 1))
     say = Say()
+    if options.install:
+        return _install(options.install, options.out, say)
     given = Options(options.out.resolve(), say, seeds, options.short)
     failed: list[str] = []
     code = 0
@@ -65,6 +77,17 @@ def main(arguments: Sequence[str]) -> int:
     for line in failed:
         print(f"not kept: {line}", file=sys.stderr)
     return code or (1 if failed else 0)
+
+
+def _install(names: Sequence[str], out: Path, say: Say) -> int:
+    """Install programs, each into its environment; 0 when all are there."""
+    for name in names:
+        try:
+            python_of(PROGRAMS[name], out, say)
+        except UserError as error:
+            print(error, file=sys.stderr)
+            return error.exit_code
+    return 0
 
 
 if __name__ == "__main__":

@@ -21,6 +21,9 @@ from groundlink.supervisor import end_with_parent
 from .programs import DEBIAN_PACKAGES, DRIVERS, Program
 from .say import Say
 
+STAMP = "installed.txt"
+"""The file in an environment that says what was installed."""
+
 
 def python_of(program: Program, out: Path, say: Say) -> Path:
     """Return the Python of a program's environment, which is made where there is none.
@@ -31,10 +34,9 @@ def python_of(program: Program, out: Path, say: Say) -> Path:
         when a library of the system is missing, or pip cannot install the program.
     """
     check_libraries(program)
-    folder = out.resolve() / "environments" / program.name
-    python, stamp = folder / "bin" / "python", folder / "installed.txt"
-    wanted = "\n".join(program.requirements) + "\n"
-    if stamp.exists() and stamp.read_text(encoding="utf-8") == wanted:
+    folder = _folder(program, out)
+    python = folder / "bin" / "python"
+    if is_installed(program, out):
         return python
     say(f"{program.name}: making its environment with {', '.join(program.requirements)}")
     shutil.rmtree(folder, ignore_errors=True)
@@ -48,8 +50,22 @@ def python_of(program: Program, out: Path, say: Say) -> Path:
         raise UserError(
             f"{program.name}: pip cannot install {', '.join(program.requirements)}: {last}"
         )
-    stamp.write_text(wanted, encoding="utf-8")
+    (folder / STAMP).write_text(_wanted(program), encoding="utf-8")
     return python
+
+
+def is_installed(program: Program, out: Path) -> bool:
+    """Return whether a program's environment exists and has what is wanted today."""
+    stamp = _folder(program, out) / STAMP
+    return stamp.exists() and stamp.read_text(encoding="utf-8") == _wanted(program)
+
+
+def _folder(program: Program, out: Path) -> Path:
+    return out.resolve() / "environments" / program.name
+
+
+def _wanted(program: Program) -> str:
+    return "\n".join(program.requirements) + "\n"
 
 
 def check_libraries(program: Program) -> None:

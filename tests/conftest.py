@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: a store of assets of their own, for them and the processes they start."""
+"""What all tests share: plugins, an asset store, and no deadline for generated examples."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import hypothesis
 import pytest
 
 from groundlink.assets import VARIABLE
+
+pytest_plugins = ["tests.strict_skips", "tests.machine_load"]
+
+# An example that takes long on a busy machine is not a wrong one.
+hypothesis.settings.register_profile("groundlink", deadline=None)
+hypothesis.settings.load_profile("groundlink")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from .kernel_loss import LOSS, MESSAGES, PARTS
-from .programs import missing, need
+from .programs import need
 
 ROOT = Path(__file__).parents[2]
 SIGMAS = 6.0
@@ -28,7 +28,7 @@ def test_repair_of_what_the_kernel_drops() -> None:
     need("iptables")
     need("unshare")
     if importlib.util.find_spec("raptorq") is None:
-        missing("raptorq is not installed: pip install udp-bridge[fec]")
+        pytest.skip("raptorq is not installed: pip install udp-bridge[fec]")
     unshare = _allowed()
     done = subprocess.run(
         [*unshare, sys.executable, "-m", "tests.bridge.kernel_loss"],
@@ -62,4 +62,4 @@ def _allowed() -> list[str]:
         if not probe.returncode:
             return way
         said.append(probe.stderr.strip())
-    missing(f"no network of its own with a lossy kernel here: {'; '.join(said)}")
+    pytest.skip(f"no network of its own with a lossy kernel here: {'; '.join(said)}")

@@ -31,8 +31,6 @@ from benchmarks.virtual_link import NANOS, VirtualLink
 from groundlink.emulation import Impairment
 from udp_bridge.fragments import DatagramSize
 
-from .programs import missing
-
 SEED = 1
 MESSAGES = {1: 200, 4: 60, 8: 60, 16: 60, 64: 25}
 """By the parts of each message."""
@@ -40,7 +38,7 @@ MESSAGES = {1: 200, 4: 60, 8: 60, 16: 60, 64: 25}
 
 def need_code(mode: str) -> None:
     if mode == "fec" and importlib.util.find_spec("raptorq") is None:
-        missing("raptorq is not installed: pip install udp-bridge[fec]")
+        pytest.skip("raptorq is not installed: pip install udp-bridge[fec]")
 
 
 @pytest.mark.parametrize("cell", list(matrix()), ids=lambda cell: "-".join(map(str, cell)))

@@ -176,7 +176,7 @@ def test_every_message_that_is_recorded_is_here() -> None:
 
 @pytest.mark.parametrize("message_type", ANY, ids=lambda kind: kind.__name__)
 def test_what_was_recorded_becomes_the_same_bytes(message_type: type[Message]) -> None:
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=60)
     @given(ANY[message_type])
     def holds(message: Message) -> None:
         cdr = to_cdr(message)

@@ -74,7 +74,7 @@ def one(kind: Nodetype, what: Any) -> st.SearchStrategy[Any]:
 
 
 @pytest.mark.parametrize("name", TYPES)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_both_ways_are_rosbags_to_the_byte(name: str, data: st.DataObject) -> None:
     cdr = bytes(STORE.serialize_cdr(data.draw(messages(name)), name))

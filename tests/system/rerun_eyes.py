@@ -16,12 +16,11 @@ from socket import SOCK_STREAM
 from typing import Any
 
 import numpy as np
+import pytest
 import rerun_cli
 from numpy.typing import NDArray
 from PIL import Image
 from rerun.experimental import ViewerClient
-
-from tests.bridge.programs import missing
 
 from .rig import free_port, wait_for
 
@@ -31,7 +30,7 @@ VULKAN = Path("/usr/share/vulkan/icd.d")
 def need_vulkan() -> None:
     """Go on only where a viewer can draw."""
     if not any(VULKAN.glob("*lvp*.json")):
-        missing("no Vulkan in software: apt-get install mesa-vulkan-drivers; .ci/run does")
+        pytest.skip("no Vulkan in software: apt-get install mesa-vulkan-drivers; .ci/run does")
 
 
 class Eyes:

@@ -123,8 +123,9 @@ def test_slow_lets_time_stretch_and_no_reading_out(tmp_path: Path) -> None:
         report = begun.end()
     # Of the time it stood still, a window of 400 ticks has passed for the others.
     stretched = report["held_up"]["stretched_seconds"]
-    assert sum(stretched.values()) > 0.8 * (STOPPED_SECONDS - 1.0)
-    assert max(stretched, key=stretched.__getitem__) == LIDAR
+    assert stretched[LIDAR] > 0.8 * (STOPPED_SECONDS - 1.0)
+    # On a busy machine others stretch time as well, but not as much as what stood still.
+    assert stretched[LIDAR] > 0.5 * sum(stretched.values())
     assert report["real_time_factor"] < 0.97
     assert "time stretched by" in it.log("up.log")
     assert report["held_up"]["silent_seconds"] == {}

@@ -48,7 +48,7 @@ def received(reassembler: Reassembler, some: list[bytes]) -> list[Message]:
     return [message for message in messages if message is not None]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(1, 255), st.integers(1, 30), st.integers(0, 7), st.integers(0, 999))
 def test_as_many_symbols_as_parts_give_the_body_back(
     parts: int, units: int, short: int, seed: int
@@ -242,7 +242,7 @@ def test_symbols_of_which_none_fits_cost_few_attempts(monkeypatch: pytest.Monkey
     assert len(tries) == 8
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(65, 66), st.binary(max_size=300), st.integers(1, 4), st.integers(0, 3))
 def test_whatever_the_body_is_nothing_is_raised(
     msg_type: int, body: bytes, parts_max: int, number: int

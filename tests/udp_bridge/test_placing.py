@@ -120,7 +120,7 @@ def disorder(seed: int, chaos: float) -> list[Datagram]:
     return [(raw, sender) for _, raw, sender in sorted(keyed, key=lambda row: row[0])]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 0.4, 1.0]))
 def test_runs_give_what_single_datagrams_give(seed: int, chaos: float) -> None:
     datagrams = disorder(seed, chaos)

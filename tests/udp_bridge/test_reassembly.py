@@ -535,7 +535,7 @@ def test_control_of_several_parts_or_with_a_bad_body_is_refused() -> None:
     assert receiver.counts == {"refused": {"parts_max": 1, "body_value": 1, "body_size": 1}}
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.data())
 def test_whatever_arrives_the_limits_hold(data: st.DataObject) -> None:
     receiver = Receiver(memory_bytes=8000, senders=3, topics=5, time_limit_nanos=10**9)

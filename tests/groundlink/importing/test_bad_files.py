@@ -274,7 +274,6 @@ VALID = HEIGHTMAPS | MESHES
 
 @settings(
     max_examples=60,
-    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(data=st.data())

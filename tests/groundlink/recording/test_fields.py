@@ -203,7 +203,7 @@ def leaves(message: Any, path: str = "") -> Iterator[tuple[str, Any, str]]:
             yield inner, message, field.name
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_whatever_single_field_is_changed_is_found(data: Any) -> None:
     """In every kind of message that a recording holds."""

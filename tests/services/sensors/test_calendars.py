@@ -226,9 +226,7 @@ class Fed:
 STRATEGIES = [pytest.param(KINDS[kind][0], id=kind.__name__) for kind in KINDS]
 SKIPPING = [pytest.param(KINDS[k][0], id=k.__name__) for k in (Lidar, Lidar2d, Camera, DepthCamera)]
 
-FEW = settings(
-    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+FEW = settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)

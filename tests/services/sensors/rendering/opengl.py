@@ -9,7 +9,6 @@ import pytest
 
 from groundlink.errors import UserError
 from services.sensors.rendering.context import open_context
-from tests.bridge.programs import missing
 
 
 @cache
@@ -24,4 +23,4 @@ def _lacking() -> str:
 @pytest.fixture(autouse=True)
 def _opengl() -> None:
     if _lacking():
-        missing(_lacking())
+        pytest.skip(_lacking())
