@@ -306,7 +306,7 @@ def test_a_shipped_scenario_is_found_by_its_name_anywhere(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert load("indoor_lab").name == "indoor_lab"
-    with pytest.raises(ScenarioError, match="indor_lab: no such file .* `indoor_lab`?"):
+    with pytest.raises(ScenarioError, match=r"indor_lab: no such file .* `indoor_lab`\?"):
         load("indor_lab")
     (tmp_path / "indoor_lab").write_text("seed: 1\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"^indoor_lab:1: "):  # A file comes first.
