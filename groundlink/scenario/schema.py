@@ -169,6 +169,10 @@ class Time(Spec, frozen=True):
     """For so long on the wall clock a process may hold up the run before it is named, and before
     `overload` acts."""
 
+    catch_up: Annotated[float, Meta(ge=0, le=0.05)] = 0.05
+    """In realtime mode: how much faster than `factor` time goes after a hold-up, as a fraction,
+    until stamps are back at the wall clock; with 0 they stay behind."""
+
     epoch: Literal["wall", "zero"] = "wall"
     """Stamp of sim time zero: the wall clock's at the start, or zero."""
 

@@ -8,6 +8,7 @@ wait itself. What it means that somebody lets a run wait is the business of `pat
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from groundlink.messages import Ack
 from groundlink.scenario import Scenario
@@ -17,13 +18,14 @@ from groundlink.topics import GATEWAY, PHYSICS, RECORDER, driver_names
 from .parties import Parties, barriers, window
 from .wall import NoWall, Wall
 
-SLOW_CATCH_UP_SECONDS = 0.2
-"""What is made up for where time may stretch: as much as nobody notices in the age of data."""
+SLOW_AT_ONCE_SECONDS = 0.2
+"""Lateness that is made up for at once where time may stretch: nobody notices it in the age of
+data."""
 
-SKIP_CATCH_UP_SECONDS = 3.0
-"""What is made up for where it may not. More than a busy machine keeps one process from running.
-The 1,200 states that then come at once are below the 4,096 that a sensor's process keeps. A whole
-machine that slept for longer, as a laptop with its lid closed, had no run to keep up with."""
+SKIP_AT_ONCE_SECONDS = 3.0
+"""Lateness that is made up for at once where time may not stretch: more than a busy machine keeps
+one process from running. The 1,200 states that then come at once are below the 4,096 that a
+sensor's process keeps."""
 
 ASK_AGAIN_SECONDS = 0.001
 
@@ -47,7 +49,7 @@ class Pace:
 
         self._held_from = 0.0
         self.stretched_seconds: dict[str, float] = {}
-        """Wall time by which the run has fallen behind for good, by the process that did it."""
+        """Wall time that the run has lost, caught up with or not, by the process that did it."""
 
     def wait_seconds(self, tick: int, now_seconds: float) -> float:
         """Return how long to wait at `now_seconds` before stepping to `tick`; 0 for not at all."""
@@ -56,9 +58,18 @@ class Pace:
         self._blame(missing, now_seconds)
         if late <= 0:
             self._held.clear()
-        elif stretched := self._wall.stretched_seconds(tick, now_seconds):
-            self._charge(stretched)
+        if lost := self._wall.lost_seconds(tick, now_seconds):
+            self._charge(lost)
         return max(-late, ASK_AGAIN_SECONDS if missing else 0.0)
+
+    def behind_seconds(self, tick: int) -> float:
+        """Return the wall time that the run has still to catch up with at a tick."""
+        return self._wall.debt_seconds(tick)
+
+    @property
+    def written_off_seconds(self) -> float:
+        """Wall time that the run has lost and does not catch up with."""
+        return self._wall.written_off_seconds
 
     def hold(self) -> None:
         """Let the next tick be due at once when it is asked for again: time stood still."""
@@ -96,8 +107,13 @@ def pace_of(scenario: Scenario, life: int, others: Sequence[str]) -> Pace:
     ahead = window(time.window_ticks)
     if time.mode == "realtime":
         present = (*scenario.sensor_names(), RECORDER) if time.waits else ()
-        limit = SLOW_CATCH_UP_SECONDS if time.waits else SKIP_CATCH_UP_SECONDS
-        return Pace(Wall(time.factor, limit), Parties(dict.fromkeys(present, ahead), life=life))
+        at_once, most = (
+            (SLOW_AT_ONCE_SECONDS, time.deadline_s) if time.waits else (SKIP_AT_ONCE_SECONDS, inf)
+        )
+        if not time.catch_up:
+            most = 0.0
+        wall = Wall(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
+        return Pace(wall, Parties(dict.fromkeys(present, ahead), life=life))
     demands = dict.fromkeys((*scenario.sensor_names(), *others), ahead)
     demands |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
     if time.lockstep == "ros":
@@ -106,5 +122,5 @@ def pace_of(scenario: Scenario, life: int, others: Sequence[str]) -> Pace:
     if time.lockstep == "ros":
         # It has no word to give before it hears of the first state.
         parties.acknowledged(GATEWAY, Ack(life, -1, -1))
-    wall = NoWall() if time.mode == "fast" else Wall(time.factor, SLOW_CATCH_UP_SECONDS)
+    wall = NoWall() if time.mode == "fast" else Wall(time.factor, SLOW_AT_ONCE_SECONDS)
     return Pace(wall, parties)

@@ -42,6 +42,8 @@ class Patience:
         self._named: dict[str, float] = {}
         self._past_seconds: dict[str, float] = {}
         self._now = 0.0
+        self._tick = 0
+        self._has_told_of_loss = False
 
     def look(
         self,
@@ -68,13 +70,13 @@ class Patience:
         RunFailed
             when the policy is to end the run now.
         """
-        self._now = now_seconds
+        self._now, self._tick = now_seconds, tick
         lines = []
         if holding or awaited or self._named:
             lines = self._named_now(pace, tick, {*holding, *awaited}, awaited)
         else:
             self._since.clear()
-        self._bear(pace)
+        lines += self._bear(pace, tick)
         return lines
 
     def _named_now(
@@ -124,6 +126,7 @@ class Patience:
     def begin_anew(self) -> None:
         """Forget who is silent: the run begins again."""
         self.rest()
+        self._has_told_of_loss = False
         for name in list(self._named):
             self._end(name)
 
@@ -132,7 +135,8 @@ class Patience:
         silent = {name: self._now - since for name, since in self._named.items()}
         for name, seconds in self._past_seconds.items():
             silent[name] = silent.get(name, 0.0) + seconds
-        return HoldUps(tuple(sorted(self._named)), silent, pace.stretched_seconds)
+        behind = pace.behind_seconds(self._tick)
+        return HoldUps(tuple(sorted(self._named)), silent, pace.stretched_seconds, behind)
 
     @property
     def _goes_on(self) -> bool:
@@ -145,16 +149,32 @@ class Patience:
     def _is_due(self, pace: Pace, name: str) -> bool:
         return pace.parties.has_followed(name) or self._held(name) >= START_SECONDS
 
-    def _bear(self, pace: Pace) -> None:
-        """End a run whose time must not stretch when it has."""
-        if self._time.mode != "realtime" or self._time.overload != "fail":
-            return
-        stretched = pace.stretched_seconds
-        if (total := sum(stretched.values())) > self._time.deadline_s:
-            raise RunFailed(
-                f"time has stretched by {total:.1f} s ({by_name(stretched)}), and `overload: fail` "
-                "ends the run"
-            )
+    def _bear(self, pace: Pace, tick: int) -> list[str]:
+        """Return a line when lost time is written off for the first time; end a run that may not.
+
+        Raises
+        ------
+        RunFailed
+            when time has stretched by more than the deadline and must not.
+        """
+        if self._time.mode != "realtime":
+            return []
+        gone = pace.written_off_seconds
+        if self._time.overload == "fail":
+            if gone + pace.behind_seconds(tick) > self._time.deadline_s:
+                stretched = pace.stretched_seconds
+                total = sum(stretched.values())
+                raise RunFailed(
+                    f"time has stretched by {total:.1f} s ({by_name(stretched)}), and "
+                    "`overload: fail` ends the run"
+                )
+        elif gone and not self._has_told_of_loss and self._time.catch_up:
+            self._has_told_of_loss = True
+            return [
+                f"the run is {gone:.1f} s behind, more than `deadline_s`, and does not catch up "
+                "with that: stamps stay behind the wall clock; `groundlink reset` begins anew"
+            ]
+        return []
 
     def _end(self, name: str) -> float:
         """Note down that a silence is over; return how long it was."""

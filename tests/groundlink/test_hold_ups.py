@@ -13,6 +13,10 @@ CASES = [
         HoldUps((), {}, {"physics": 0.25, "rover/lidar": 2.0, "rover/imu": 0.03}),
         "time stretched by 2.3 s (rover/lidar 2.0 s, physics 0.2 s)",
     ),
+    (
+        HoldUps((), {}, {"physics": 0.6}, 0.25),
+        "time stretched by 0.6 s (physics 0.6 s), 0.2 s still to catch up",
+    ),
 ]
 
 

@@ -99,10 +99,11 @@ def test_once_is_when_everybody_spoke_twice(run: Overview) -> None:
 
 def test_who_holds_up_the_run_is_told(run: Overview) -> None:
     assert run.snapshot(0.0)["held_up"]["stretched_seconds"] == {}
-    told = HoldUps(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0})
+    told = HoldUps(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0}, 0.4)
     run.heard(Health("physics", 1, 400, told.counters()), 1.0)
     assert run.snapshot(1.0)["held_up"] == {
         "silent_now": ("rover/imu",),
         "silent_seconds": {"rover/imu": 6.0},
         "stretched_seconds": {"rover/imu": 5.0},
+        "behind_seconds": 0.4,
     }

@@ -23,9 +23,9 @@ from groundlink.bus import Bus
 from groundlink.clock import TICK_NANOS
 from groundlink.gaps import Gap, Gaps
 from groundlink.inbox import Inbox
-from groundlink.messages import Imu, Message, PointCloud, WheelEncoders
+from groundlink.messages import Clock, Imu, Message, PointCloud, WheelEncoders
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.topics import ENCODERS, GAPS, IMU, POINTS, Topic
+from groundlink.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, Topic
 
 from .rig import Rig, children_of, rig, wait_for
 
@@ -199,3 +199,34 @@ def test_fail_ends_a_run_whose_readings_get_lost(tmp_path: Path) -> None:
         assert supervisor.wait(60) == 1
         assert "rover/imu lacks readings: " in it.log("up.log")
         assert " restarted; `overload: fail` ends the run" in it.log("up.log")
+
+
+def test_stamps_are_back_at_the_wall_clock_after_a_hold_up(tmp_path: Path) -> None:
+    """Of many clocks the youngest counts: a machine with other work delivers some of them late."""
+    with rig(tmp_path) as it:
+        physics = it.start(
+            *("-m", "services.physics", str(it.scenario)),
+            *("--run", it.run, "--listen", it.endpoint),
+            log="physics.log",
+        )
+        wait_for(it.is_answered, 20, "the bus opens")
+        with Bus(connect=it.endpoint) as bus:
+            inbox: Inbox[Clock] = Inbox(depth=10_000)
+            bus.subscribe(CLOCK.key_in(it.run), Clock, inbox)
+
+            def age_seconds() -> float:
+                """Return the age of the youngest of the next 20 clocks."""
+                while len(inbox):
+                    inbox.get(seconds=0)
+                ages = []
+                while len(ages) < 20:
+                    if arrived := inbox.get(seconds=20):
+                        ages.append((time.time_ns() - arrived[1].stamp_nanos) * 1e-9)
+                return min(ages)
+
+            before = age_seconds()
+            os.kill(physics.pid, signal.SIGSTOP)
+            time.sleep(0.8)
+            os.kill(physics.pid, signal.SIGCONT)
+            assert age_seconds() > before + 0.4
+            wait_for(lambda: age_seconds() < before + 0.05, 60, "stamps are back")

@@ -7,10 +7,11 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.clock import TICK_RATE_HZ
+from groundlink.errors import RunFailed
 from groundlink.messages import Ack
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS, Square
 from groundlink.scenario.schema import Time
-from services.physics.pace import SKIP_CATCH_UP_SECONDS, SLOW_CATCH_UP_SECONDS, pace_of
+from services.physics.pace import SKIP_AT_ONCE_SECONDS, SLOW_AT_ONCE_SECONDS, pace_of
 
 from .paced import LAB, LIDAR, LIFE, SENSORS, Paced
 
@@ -36,9 +37,10 @@ def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it
     assert run.sim_seconds == pytest.approx(10.0 + window_seconds, abs=0.2)
     assert run.lag_ticks(LIDAR) <= run.time.window_ticks
     lost = 20.0 - run.sim_seconds
-    assert sum(run.stretched.values()) == pytest.approx(lost, abs=SLOW_CATCH_UP_SECONDS)
+    assert sum(run.stretched.values()) == pytest.approx(lost, abs=SLOW_AT_ONCE_SECONDS)
     assert run.stretched[LIDAR] > 0.95 * sum(run.stretched.values())
-    assert run.lines == [], "it is slow, not silent"
+    [line] = run.lines
+    assert line.startswith("the run is 5.0 s behind"), "the sensor is slow, not silent"
 
 
 def test_skip_waits_for_nobody() -> None:
@@ -52,21 +54,74 @@ def test_skip_waits_for_nobody() -> None:
 @pytest.mark.parametrize(
     ("overload", "pause", "stretched"),
     [
-        ("skip", 0.9 * SKIP_CATCH_UP_SECONDS, 0.0),
-        ("skip", 1.1 * SKIP_CATCH_UP_SECONDS, 1.1 * SKIP_CATCH_UP_SECONDS),
-        ("slow", 0.9 * SLOW_CATCH_UP_SECONDS, 0.0),
-        ("slow", 1.1 * SLOW_CATCH_UP_SECONDS, 1.1 * SLOW_CATCH_UP_SECONDS),
+        ("skip", 0.9 * SKIP_AT_ONCE_SECONDS, 0.0),
+        ("skip", SKIP_AT_ONCE_SECONDS + 0.3, 0.3),
+        ("slow", 0.9 * SLOW_AT_ONCE_SECONDS, 0.0),
+        ("slow", SLOW_AT_ONCE_SECONDS + 0.3, 0.3),
     ],
 )
-def test_what_physics_makes_up_for_when_it_was_not_let_run(
+def test_what_physics_makes_up_for_at_once_when_it_was_not_let_run(
     overload: str, pause: float, stretched: float
 ) -> None:
-    run = Paced(Time(overload=overload))  # type: ignore[arg-type]
+    run = Paced(Time(overload=overload, catch_up=0.0))  # type: ignore[arg-type]
     run.join()
     run.run(1.0)
     run.run(9.0, pause=pause)
     assert run.sim_seconds == pytest.approx(10.0 - stretched, abs=0.02)
     assert run.stretched == ({"physics": pytest.approx(stretched, abs=0.01)} if stretched else {})
+
+
+@pytest.mark.parametrize(("overload", "at_once"), [("slow", 0.2), ("skip", 3.0), ("fail", 0.2)])
+@pytest.mark.parametrize("factor", [0.5, 1.0])
+def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_hold_up(
+    overload: str, at_once: float, factor: float
+) -> None:
+    run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
+    run.join()
+    run.run(1.0)
+    run.run(at_once + 0.7, pause=at_once + 0.4)  # with time to step what is made up for at once
+    behind = run.pace.behind_seconds(run.tick)
+    assert 0.1 < behind < 0.4
+    assert f"{behind:.1f} s still to catch up" in str(run.patience.hold_ups(run.pace))
+    begin = run.sim_seconds
+    run.run(2.0)
+    assert (run.sim_seconds - begin) / factor == pytest.approx(2.0 * 1.05, abs=0.01)
+    run.run(7.3)
+    assert run.sim_seconds == pytest.approx((11.0 + at_once) * factor, abs=0.01)
+    assert run.pace.behind_seconds(run.tick) == 0.0
+    assert "catch up" not in str(run.patience.hold_ups(run.pace))
+    assert run.lines == []
+
+
+def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
+    run = Paced(Time(deadline_s=5.0))
+    run.join()
+    run.run(10.0, pause=6.0)
+    run.run(10.0, pause=6.0)
+    assert run.sim_seconds == pytest.approx(20.0 - 2 * 5.8, abs=0.02)
+    assert run.lines == [
+        "the run is 5.8 s behind, more than `deadline_s`, and does not catch up with that: "
+        "stamps stay behind the wall clock; `groundlink reset` begins anew"
+    ]
+
+
+def test_skip_catches_up_however_long_it_takes() -> None:
+    run = Paced(Time(overload="skip", deadline_s=5.0))
+    run.join()
+    run.run(13.0, pause=13.0)
+    run.run(220.0)
+    assert run.sim_seconds == pytest.approx(233.0, abs=0.01)
+    assert run.lines == []
+
+
+def test_fail_bears_what_is_caught_up_with() -> None:
+    run = Paced(Time(overload="fail", deadline_s=0.5))
+    run.join()
+    for _ in range(10):
+        run.run(10.0, pause=0.5)
+    assert sum(run.stretched.values()) == pytest.approx(3.0, abs=0.1)
+    with pytest.raises(RunFailed, match=r"time has stretched by 3\.6 s"):
+        run.run(1.0, pause=0.8)
 
 
 def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() -> None:

