@@ -23,6 +23,10 @@ class RouteSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
     laps: Annotated[int, Meta(ge=1, le=1000)] = 1
     """How often it is driven; waypoints have to be `closed` for more than once."""
 
+    wait_s: Annotated[float, Meta(ge=0, le=3600)] = 0.0
+    """Sim time for which the vehicle stands still first, as programs expect that estimate gravity
+    and biases at their start."""
+
 
 class Waypoint(Spec, frozen=True):
     """A point on the floor, in the world, to be reached in a straight line from the one before."""

@@ -16,6 +16,7 @@ from groundlink.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.load import load_route
+from groundlink.scenario.route import Route
 from groundlink.scenario.schema import Vehicle
 from groundlink.topics import ACK, COMMAND, HEALTH, driver_name
 
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     with Bus(connect=process.endpoint(options), name=options.name) as bus:
         run, scenario = process.join(bus, options.run, stop)
         vehicle = _find(scenario, options.name)
-        make_follower = _follower_maker(scenario, vehicle, options.route)
+        route, make_follower = _route(scenario, vehicle, options.route)
         if options.route and bus.present(HEALTH.key_in(run, process=options.name), seconds=1.0):
             raise UserError(f"`{vehicle.name}` has a driver already; end it first")
         finished = threading.Event()
@@ -52,6 +53,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             publish=bus.publisher(COMMAND.key_in(run, vehicle=vehicle.name), COMMAND.delivery),
             acknowledge=bus.publisher(ACK.key_in(run, process=options.name), ACK.delivery),
             say=say,
+            wait_seconds=route.wait_s,
         )
 
         def counters() -> dict[str, int]:
@@ -79,8 +81,8 @@ def _find(scenario: Scenario, name: str) -> Vehicle:
     raise UserError(f"scenario `{scenario.name}` has no `{name}`; {nearest(name, known)}")
 
 
-def _follower_maker(scenario: Scenario, vehicle: Vehicle, given: str | None) -> MakeFollower:
-    """Return what makes the follower of the route that was given, or of the scenario's.
+def _route(scenario: Scenario, vehicle: Vehicle, given: str | None) -> tuple[Route, MakeFollower]:
+    """Return the route that was given, or the scenario's, and what makes its follower.
 
     The scenario's route begins at the placement, so that a restarted driver finds the same line.
     """
@@ -96,14 +98,14 @@ def _follower_maker(scenario: Scenario, vehicle: Vehicle, given: str | None) -> 
                 "that comes later; write `route:` into the scenario's vehicle"
             )
         route = load_route(given, vehicle)
-        return lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))
+        return route, lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))
     if vehicle.route is None:
         raise UserError(
             f"`{vehicle.name}` has no `route` in scenario `{scenario.name}`; give one by --route"
         )
     own, place = vehicle.route, vehicle.placement
     along = line(own, start_m=(place.x_m, place.y_m), heading_rad=radians(place.yaw_deg))
-    return lambda x, y, yaw: follower(along)
+    return own, lambda x, y, yaw: follower(along)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,12 @@ but the states, so that a run that drives itself gives the same bytes each time;
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2
+from math import atan2, ceil
 
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, exact
 from groundlink.messages import Ack, BadMessage, Command, State
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 
@@ -32,6 +32,8 @@ class _Memory(msgspec.Struct, array_like=True):
 
     progress: Progress
     commanded_tick: int
+    start_tick: int = 0
+    """The state at which the drive began, with the standstill before the route."""
 
 
 class DriverProcess:
@@ -43,6 +45,8 @@ class DriverProcess:
         called with the vehicle's pose at the first state of each life of physics.
     say
         called with a line for the user.
+    wait_seconds
+        sim time for which the vehicle stands still before it drives the route.
     """
 
     def __init__(
@@ -53,12 +57,14 @@ class DriverProcess:
         publish: Callable[[Command], object],
         acknowledge: Callable[[Ack], object],
         say: Callable[[str], object],
+        wait_seconds: float = 0.0,
     ) -> None:
         self._vehicle = vehicle
         self._make_follower = make_follower
         self._publish = publish
         self._acknowledge = acknowledge
         self._say = say
+        self._wait_ticks = ceil(exact(wait_seconds) * TICK_RATE_HZ)
         self._begin(None)
         self.commands = 0
         self.missed_ticks = 0
@@ -67,6 +73,7 @@ class DriverProcess:
     def _begin(self, life: int | None) -> None:
         self._life = life
         self._start = (0.0, 0.0, 0.0)
+        self._start_tick = 0
         self._follower: Follower | None = None
         self._commanded_tick = -1
         self._due = 0
@@ -81,7 +88,8 @@ class DriverProcess:
         self._begin(ack.life)
         if ack.memory:
             known = msgspec.msgpack.decode(ack.memory, type=_Memory)
-            self._start, self._commanded_tick = known.start, known.commanded_tick
+            self._start, self._start_tick = known.start, known.start_tick
+            self._commanded_tick = known.commanded_tick
             self._follower = self._make_follower(*known.start)
             self._follower.progress = known.progress
             self.tick = self.acknowledged_tick = ack.tick
@@ -107,7 +115,7 @@ class DriverProcess:
         except BadMessage:
             self.refused += 1
             return
-        memory = _Memory(self._start, follower.progress, self._commanded_tick)
+        memory = _Memory(self._start, follower.progress, self._commanded_tick, self._start_tick)
         commanded = {self._vehicle: self._commanded_tick}
         self.acknowledged_tick = state.tick
         self._acknowledge(
@@ -124,9 +132,10 @@ class DriverProcess:
         x, y, _, qx, qy, qz, qw = vehicle.poses()[0].tolist()
         yaw = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         if self._follower is None:
-            self._start = (x, y, yaw)
+            self._start, self._start_tick = (x, y, yaw), state.tick
             self._follower = self._make_follower(x, y, yaw)
-        linear, angular = self._follower.twist(x, y, yaw)
+        waits = state.tick < self._start_tick + self._wait_ticks
+        linear, angular = (0.0, 0.0) if waits else self._follower.twist(x, y, yaw)
         self._commanded_tick = state.tick + COMMAND_AHEAD_TICKS
         stamp_nanos = state.epoch_nanos + self._commanded_tick * TICK_NANOS
         self._publish(Command(stamp_nanos, (linear, 0.0, 0.0), (0.0, 0.0, angular)))

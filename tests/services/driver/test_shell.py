@@ -25,7 +25,7 @@ def state(tick: int, x_m: float = 0.0, *, epoch: int = EPOCH, name: str = "rover
 class Rover:
     """A driver and all that it said, in order."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, wait_seconds: float = 0.0) -> None:
         self.said: list[object] = []
         self.made = 0
         self.driver = DriverProcess(
@@ -34,6 +34,7 @@ class Rover:
             publish=self.said.append,
             acknowledge=self.said.append,
             say=self.said.append,
+            wait_seconds=wait_seconds,
         )
 
     def _make(self, x_m: float, y_m: float, yaw_rad: float) -> Follower:
@@ -68,6 +69,25 @@ def test_at_the_end_it_stops_says_so_once_and_leaves_the_vehicle_to_others() -> 
         "the route is driven; stopped at 0.1 s"
     ]
     assert rover.acks()[-1] == 72, "physics still waits for it"
+
+
+def test_it_stands_still_at_first_for_as_long_as_the_route_says() -> None:
+    rover = Rover(wait_seconds=0.1)
+    for tick in range(400, 480):
+        rover.driver.take(state(tick))
+    speeds = [command.linear_mps[0] for command in rover.commands()]
+    assert speeds == [0.0] * 5 + [0.5] * 5, "0.1 s of 50 commands a second"
+
+
+def test_a_successor_stands_still_for_the_rest_of_the_wait_only() -> None:
+    first, second = Rover(wait_seconds=0.1), Rover(wait_seconds=0.1)
+    for tick in range(400, 420):
+        first.driver.take(state(tick))
+    [*_, ack] = [said for said in first.said if isinstance(said, Ack)]
+    second.driver.resume(ack)
+    for tick in range(420, 480):
+        second.driver.take(state(tick))
+    assert [c.linear_mps[0] for c in second.commands()] == [0.0] * 2 + [0.5] * 5
 
 
 def test_a_lost_state_is_made_up_for_by_the_next() -> None:
