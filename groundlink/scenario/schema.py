@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, field
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_RATE_HZ, exact
+from groundlink.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.outdoors import Outdoor
@@ -148,6 +148,12 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """Where a driver of its own drives it; none: it waits for commands."""
 
 
+FIXED_EPOCH_NANOS = 1_000_000_000 * NANOS
+"""2001-09-09 01:46:40 UTC, where runs begin that do not follow the wall clock. Sim time can be read
+from the digits of a stamp. tf takes a stamp of 0 for "the newest", so it is no good beginning; a
+date long past is not mistaken for that of the recording."""
+
+
 class Time(Spec, frozen=True):
     """How sim time runs, who is waited for, and what stamps mean."""
 
@@ -173,8 +179,9 @@ class Time(Spec, frozen=True):
     """In realtime mode: how much faster than `factor` time goes after a hold-up, as a fraction,
     until stamps are back at the wall clock; with 0 they stay behind."""
 
-    epoch: Literal["wall", "zero"] = "wall"
-    """Stamp of sim time zero: the wall clock's at the start, or zero."""
+    epoch: Literal["wall", "fixed", "zero"] | None = None
+    """Stamp of sim time zero: the wall clock's at the start, 1,000,000,000 s, or zero. Default:
+    `wall` in realtime mode, otherwise `fixed`."""
 
     clock_rate_hz: Annotated[float, Meta(gt=0, le=400)] = 100.0
     window_ticks: Annotated[int, Meta(ge=8)] = 400
@@ -204,6 +211,17 @@ class Time(Spec, frozen=True):
                     "`lockstep: ros` steps from one message of the clock to the next, which takes "
                     f"a `clock_rate_hz` that divides {TICK_RATE_HZ}, such as 50, 100 or 200"
                 )
+
+    @property
+    def epoch_nanos(self) -> int | None:
+        """Return the stamp of sim time zero; None for the wall clock's at the start."""
+        match self.epoch or ("wall" if self.mode == "realtime" else "fixed"):
+            case "wall":
+                return None
+            case "fixed":
+                return FIXED_EPOCH_NANOS
+            case _:
+                return 0
 
     @property
     def waits(self) -> bool:

@@ -93,7 +93,7 @@ class Gateway:
         self._reports = PeerReports(
             rates,
             stamps_follow_wall=scenario.time.mode == "realtime"
-            and scenario.time.epoch == "wall"
+            and scenario.time.epoch_nanos is None
             and scenario.time.factor == 1.0,
         )
         self.latched = frozenset(

@@ -65,7 +65,6 @@ class Life:
         epoch_nanos: int | None = None,
     ) -> None:
         self._run, self.publish, self._others = run, publish, others
-        self._follows_wall = scenario.time.epoch == "wall" and epoch_nanos is None
         self._at_start = self.scenario = scenario
         self.world_hash = world_hash(scenario)
         self.worlds = {self.world_hash: scenario}
@@ -84,9 +83,10 @@ class Life:
         self._bodies = BodyTruth(scenario, static)
         self._promises = Promises()
         self.number = wall_nanos
-        self.epoch_nanos = (
-            (self.number if self._follows_wall else 0) if epoch_nanos is None else epoch_nanos
-        )
+        if epoch_nanos is None:
+            epoch_nanos = scenario.time.epoch_nanos
+        self._follows_wall = epoch_nanos is None
+        self.epoch_nanos = self.number if epoch_nanos is None else epoch_nanos
         self.pace = pace_of(scenario, self.number, others)
 
     @property

@@ -114,6 +114,33 @@ def test_every_declared_topic_has_its_rate_and_times_increase(run: Path) -> None
         assert topics[name].messages == len(nanos)
 
 
+def test_a_second_recording_holds_the_same_bytes(run: Path, tmp_path: Path) -> None:
+    """Apart from what processes say of themselves, when, and the order between topics."""
+    again = tmp_path / "run.mcap"
+    done = groundlink(
+        *("record", str(TOUR), "--out", str(again), "--duration", str(SECONDS)),
+        *("--listen", f"tcp/127.0.0.1:{free_port()}"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    one, other = content(run), content(again)
+    assert one[0].keys() == other[0].keys()
+    for topic, messages in one[0].items():
+        if topic != "/diagnostics" and not topic.startswith("/gaps/"):
+            assert messages == other[0][topic], topic
+    assert one[1] == other[1]
+
+
+def content(path: Path) -> tuple[dict[str, list[tuple[int, bytes]]], dict[str, str]]:
+    """Return log times and bodies by topic, and what is said of the run."""
+    messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        for _, channel, message in reader.iter_messages():
+            messages[channel.topic].append((message.log_time, message.data))
+        [facts] = [m.metadata for m in reader.iter_metadata() if m.name == "groundlink.run"]
+    return messages, facts
+
+
 def test_the_run_is_in_the_metadata(run: Path) -> None:
     with Recording(run) as recording:
         facts = recording.run

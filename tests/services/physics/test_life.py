@@ -52,3 +52,24 @@ def test_others_than_sensors_and_drivers_have_nothing_to_repeat(life: Life) -> N
     life.left("gateway")
     says(life, "gateway", 7)
     assert life.journal().acks["gateway"].tick == 7
+
+
+@pytest.mark.parametrize(
+    ("time", "begins_nanos"),
+    [
+        (Time(), 7),
+        (Time("fast"), 10**18),
+        (Time("lockstep"), 10**18),
+        (Time("fast", epoch="wall"), LIFE),
+        (Time(epoch="fixed"), 10**18),
+        (Time(epoch="zero"), 0),
+        (Time("fast", epoch="zero"), 0),
+    ],
+)
+def test_a_run_that_does_not_follow_the_wall_clock_begins_at_the_same_stamp(
+    time: Time, begins_nanos: int
+) -> None:
+    life = Life(replace(LAB, time=time), "run", unheard(), others=(), wall_nanos=LIFE)
+    life.begin(7, 0.0)
+    assert life.epoch_nanos == begins_nanos
+    life.end()

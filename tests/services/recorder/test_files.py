@@ -99,7 +99,7 @@ def test_the_journal_is_added_part_after_part(lab: Scenario, tmp_path: Path) -> 
     files.finish(recorder)
     with Recording(files.path) as recording:
         journal = recording.journal
-    assert journal == replace(physics.journal(), acks={})
+    assert journal == replace(physics.journal(), acks={}, life=0)
     assert len(physics.questions) == pytest.approx(5000 / ticks + 1, abs=1)
     assert physics.questions[-1] == f"77/{len(journal.entries) - (5000 - 4900) // 10}"
 
