@@ -15,6 +15,7 @@ import os
 import struct
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import atheris
@@ -65,9 +66,26 @@ def seeds(folder: Path) -> None:
         (folder / path.stem).write_bytes(b"".join(rows)[:LARGEST_INPUT])
 
 
-def main() -> int:
-    """Fuzz until the time is over, in a child, because libFuzzer ends its process at once."""
-    parser = argparse.ArgumentParser(prog="python -m fuzz.guided")
+def fuzz(
+    program: str,
+    test_one: Callable[[bytes], None],
+    largest_input: int,
+    seeds: Callable[[Path], None] = lambda _: None,
+) -> int:
+    """Fuzz until the time is over, in a child, because libFuzzer ends its process at once.
+
+    Parameters
+    ----------
+    program
+        Name of the module.
+    test_one
+        Takes one input.
+    largest_input
+        In bytes.
+    seeds
+        Writes the first inputs to a folder.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m {program}")
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--runs", type=int, default=-1, help="end after so many inputs")
     parser.add_argument("--corpus", type=Path, help="folder that keeps what was found")
@@ -80,14 +98,15 @@ def main() -> int:
         begin.mkdir()
         seeds(begin)
         options = [f"-max_total_time={arguments.seconds}", f"-runs={arguments.runs}", "-timeout=20"]
-        options += [f"-max_len={LARGEST_INPUT}", "-rss_limit_mb=512", "-print_final_stats=1"]
+        options += [f"-max_len={largest_input}", "-len_control=0", "-rss_limit_mb=512"]
+        options += ["-print_final_stats=1"]
         inputs = arguments.crash or [str(corpus), str(begin)]
         child = os.fork()
         if not child:
-            atheris.Setup([sys.argv[0], *options, *inputs], arrive)
+            atheris.Setup([sys.argv[0], *options, *inputs], test_one)
             atheris.Fuzz()
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(fuzz("fuzz.guided", arrive, LARGEST_INPUT, seeds))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
@@ -46,12 +47,15 @@ def test_the_sanitizers_find_nothing_in_the_extension_modules() -> None:
     assert f"with sanitizers: {modules}" in done.stdout
 
 
-def test_guided_by_coverage() -> None:
+@pytest.mark.parametrize(("program", "runs"), [("guided", 2000), ("sequences", 200)])
+def test_guided_by_coverage(program: str, runs: int) -> None:
     if importlib.util.find_spec("atheris") is None:
         pytest.skip("atheris is not installed; it has wheels for Linux on x86-64 alone")
-    command = [sys.executable, "-m", "fuzz.guided", "--runs", "2000", "--seconds", "30"]
+    command = [sys.executable, "-m", f"fuzz.{program}", "--runs", str(runs), "--seconds", "30"]
     done = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, timeout=100, check=False
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert "stat::number_of_executed_units: 2" in done.stderr
+    executed = re.search(r"stat::number_of_executed_units: (\d+)", done.stderr)
+    assert executed is not None
+    assert int(executed[1]) >= runs / 10  # a busy machine may not do all of them in time
