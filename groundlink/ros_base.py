@@ -10,28 +10,21 @@ the first counts, for a frame has one parent and a joint one angle.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from .clock import NANOS
-from .frames import (
-    IDENTITY_QUATERNION,
-    Floats,
-    conjugate,
-    matrix_from_quaternion,
-    multiply,
-    nlerp,
-)
+from .frames import IDENTITY_QUATERNION, Floats
 from .ground_truth import WORLD_FRAME
 from .messages import Message, WheelEncoders, measured_nanos, packed
-from .navigation import JointState, Odometry, Transform, Transforms
+from .navigation import JointState, Odometry, Text, Transform, Transforms
 from .robot_description import urdf
-from .ros_streams import TF_TOPIC, mounts, static_transforms
+from .ros_streams import TF_STATIC_TOPIC, TF_TOPIC, TRUE_TF_TOPIC, mounts, static_transforms
 from .scenario.schema import Scenario, Vehicle
 from .scenario.sensors import Encoders, WheelOdometry
+from .tf_tree import TopFromTruth, stamped
 from .topics import ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
 
 S = TypeVar("S")
@@ -39,8 +32,8 @@ S = TypeVar("S")
 MAP_FRAME, ODOM_FRAME = "map", "odom"
 """REP 105's."""
 
-WAITING = 64
-"""Odometry that may wait for the truth of its instant, which physics tells at its own rate."""
+JOINT_STATES, DESCRIPTION = "joint_states", "robot_description"
+"""Topics in a vehicle's namespace."""
 
 POSSIBLE = 2.0
 """Times what a wheel can turn at most; a faster step is a counter that was reset."""
@@ -51,6 +44,8 @@ class Told(NamedTuple):
 
     topic: str
     message: Message
+    nanos: int
+    """The instant that it is of, on the run's time line."""
 
 
 class Place(NamedTuple):
@@ -68,7 +63,7 @@ class Base:
         self._vehicle = vehicle
         self._encoders = _first(vehicle, Encoders)
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
-        self._joints_topic = f"{vehicle.namespace}/joint_states"
+        self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
         self.places: list[Place] = []
         """What is told when messages of the bus come; the description is not among them."""
 
@@ -84,14 +79,14 @@ class Base:
             key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
             self.keys["odometry"] = key
             tf_hz += odometry.rate_hz
-        self._from_truth = _MapFromTruth(vehicle, alone=odometry is None)
+        self._from_truth = TopFromTruth(MAP_FRAME, _top(vehicle, odometry), alone=odometry is None)
         if vehicle.tf.map == "truth":
             self.keys["truth"] = GROUND_TRUTH.key_in(run, vehicle=vehicle.name)
             tf_hz += odometry.rate_hz if odometry else vehicle.ground_truth.rate_hz
         if tf_hz:
             self.places.append(Place(TF_TOPIC, Transforms, tf_hz))
         self._roles = {key: role for role, key in self.keys.items()}
-        self.description_topic = f"{vehicle.namespace}/robot_description"
+        self.description_topic = f"{vehicle.namespace}/{DESCRIPTION}"
         self.description = urdf(
             vehicle.model, mounts(vehicle, 0), self._turning(), scenario.world.materials
         )
@@ -110,17 +105,17 @@ class Base:
         if role == "encoders" and isinstance(message, WheelEncoders):
             if len(message.ticks) != len(self._vehicle.model.counted):
                 return  # of a replayed run, or a stranger's
-            yield Told(self._joints_topic, self._joint_state(message))
+            yield Told(self._joints_topic, self._joint_state(message), measured_nanos(message))
         elif role is not None and isinstance(message, Odometry):
             if role == "odometry":
-                moved = _transform(
+                moved = stamped(
                     *(message.stamp_nanos, message.frame, message.child_frame),
                     *(message.position_m, message.orientation),
                 )
-                yield Told(TF_TOPIC, Transforms((moved,)))
+                yield Told(TF_TOPIC, Transforms((moved,)), measured_nanos(message))
             if "truth" in self.keys:
-                for transform in self._from_truth.hear(role, message):
-                    yield Told(TF_TOPIC, Transforms((transform,)))
+                for nanos, transform in self._from_truth.hear(role, message):
+                    yield Told(TF_TOPIC, Transforms((transform,)), nanos)
 
     def fixed(self, stamp_nanos: int) -> tuple[Transform, ...]:
         """Return the transforms above `odom` that never change."""
@@ -129,12 +124,12 @@ class Base:
         if self._vehicle.tf.map == "truth":
             still = (stamp_nanos, WORLD_FRAME, MAP_FRAME)
         elif self._vehicle.tf.map == "identity":
-            # Who has no wheel odometry may have another, such as that of a LiDAR.
+            # A vehicle without wheel odometry may have another, such as that of a LiDAR.
             frame = odometry.frame if odometry else ODOM_FRAME
             still = (stamp_nanos, prefix + MAP_FRAME, prefix + frame)
         else:
             return ()
-        return (_transform(*still, (0.0, 0.0, 0.0), IDENTITY_QUATERNION),)
+        return (stamped(*still, (0.0, 0.0, 0.0), IDENTITY_QUATERNION),)
 
     def _turning(self) -> list[str]:
         """Return the wheels whose angles the encoders tell."""
@@ -179,58 +174,83 @@ class Base:
         )
 
 
-class _MapFromTruth:
-    """Where `odom` is in the map, if the map is the world: what an ideal localisation says.
+class TrueTree:
+    """Where a vehicle's tree truly is: `world` to its topmost frame, on a topic of its own.
 
-    A vehicle without odometry has no `odom`: its base is told instead.
+    Only a recording and a viewer have it. Its frames chain with those of `/tf`, and none of them
+    gets a second parent: base_link has the parent that ROS was told.
     """
 
-    def __init__(self, vehicle: Vehicle, *, alone: bool) -> None:
-        self._alone = alone
-        self._odometry: deque[Odometry] = deque(maxlen=WAITING)
-        self._truths: deque[Odometry] = deque(maxlen=WAITING)
+    def __init__(self, vehicle: Vehicle, run: str) -> None:
+        odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
+        self._roles: dict[str, str] = {}
+        self.places: list[Place] = []
+        """What is told; nothing where `/tf` has `world` already."""
+
+        if vehicle.tf.map != "truth":
+            self._roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
+            rate_hz = vehicle.ground_truth.rate_hz
+            if odometry is not None:
+                key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
+                self._roles[key] = "odometry"
+                rate_hz = odometry.rate_hz
+            self.places.append(Place(TRUE_TF_TOPIC, Transforms, rate_hz))
+        self._from_truth = TopFromTruth(
+            WORLD_FRAME, _top(vehicle, odometry), alone=odometry is None
+        )
 
     def restart(self) -> None:
-        """Forget all."""
-        self._odometry.clear()
-        self._truths.clear()
+        """Forget what was heard."""
+        self._from_truth.restart()
 
-    def hear(self, role: str, message: Odometry) -> Iterator[Transform]:
-        """Yield a transform of each odometry's instant, as soon as the truth of it is known."""
-        if role == "truth" and self._alone:
-            yield _transform(
-                *(message.stamp_nanos, MAP_FRAME, message.child_frame),
-                *(message.position_m, message.orientation),
-            )
-            return
-        (self._truths if role == "truth" else self._odometry).append(message)
-        while self._odometry and self._truths:
-            odometry = self._odometry[0]
-            if self._truths[-1].stamp_nanos < measured_nanos(odometry):
-                return
-            self._odometry.popleft()
-            if self._truths[0].stamp_nanos <= measured_nanos(odometry):
-                yield self._between(odometry)
+    def hear(self, key: str, message: Message) -> Iterator[Told]:
+        """Yield what follows from a message of the bus."""
+        role = self._roles.get(key)
+        if role is not None and isinstance(message, Odometry):
+            for nanos, transform in self._from_truth.hear(role, message):
+                yield Told(TRUE_TF_TOPIC, Transforms((transform,)), nanos)
 
-    def _between(self, odometry: Odometry) -> Transform:
-        """Return map_from_odom = map_from_base @ base_from_odom at an odometry's instant."""
-        at = measured_nanos(odometry)
-        before = [truth for truth in self._truths if truth.stamp_nanos <= at][-1]
-        after = next(truth for truth in self._truths if truth.stamp_nanos >= at)
-        span = after.stamp_nanos - before.stamp_nanos
-        fraction = np.float64((at - before.stamp_nanos) / span if span else 0.0)
-        first, second = np.array(before.position_m), np.array(after.position_m)
-        position = first + fraction * (second - first)
-        turned = nlerp(
-            np.array(before.orientation), np.array(after.orientation), np.array(fraction)
-        )
-        rotation = multiply(turned, conjugate(odometry.orientation))
-        moved = position - matrix_from_quaternion(rotation) @ np.array(odometry.position_m)
-        x, y, z = moved.tolist()
-        qx, qy, qz, qw = rotation.tolist()
-        return _transform(
-            *(odometry.stamp_nanos, MAP_FRAME, odometry.frame, (x, y, z), (qx, qy, qz, qw))
-        )
+
+class Bases:
+    """The bases of a run: all that ROS gets beside the run's streams.
+
+    Parameters
+    ----------
+    truth
+        whether to tell on `TRUE_TF_TOPIC` where they are, too, which no gateway does.
+    """
+
+    def __init__(self, scenario: Scenario, run: str, *, truth: bool = False) -> None:
+        self._scenario = scenario
+        self._bases = [Base(scenario, vehicle, run) for vehicle in scenario.vehicles]
+        trees = [TrueTree(vehicle, run) for vehicle in scenario.vehicles if truth]
+        self._tellers: list[Base | TrueTree] = [*self._bases, *trees]
+        self.places = [place for teller in self._tellers for place in teller.places]
+        """What is told when messages of the bus come."""
+
+        self.latched: dict[str, type[Message]] = {
+            TF_STATIC_TOPIC: Transforms,
+            **{base.description_topic: Text for base in self._bases},
+        }
+        """By topic: what `still` tells, at most."""
+
+    def hear(self, key: str, message: Message) -> Iterator[Told]:
+        """Yield what follows from a message of the bus."""
+        for teller in self._tellers:
+            yield from teller.hear(key, message)
+
+    def restart(self) -> None:
+        """Forget what was heard: a life of the run has begun."""
+        for teller in self._tellers:
+            teller.restart()
+
+    def still(self, stamp_nanos: int) -> Iterator[Told]:
+        """Yield what never changes."""
+        if transforms := still_transforms(self._scenario, self._bases, stamp_nanos):
+            yield Told(TF_STATIC_TOPIC, transforms, stamp_nanos)
+        for base in self._bases:
+            text = Text(stamp_nanos, base.description)
+            yield Told(base.description_topic, text, stamp_nanos)
 
 
 def still_transforms(scenario: Scenario, bases: list[Base], stamp_nanos: int) -> Transforms | None:
@@ -241,20 +261,27 @@ def still_transforms(scenario: Scenario, bases: list[Base], stamp_nanos: int) ->
     return Transforms(tuple(rows)) if rows else None
 
 
-def _transform(
-    stamp_nanos: int,
-    parent: str,
-    child: str,
-    translation_m: tuple[float, float, float],
-    rotation: tuple[float, float, float, float],
-) -> Transform:
-    return Transform(
-        stamp_nanos=stamp_nanos,
-        parent=parent,
-        child=child,
-        translation_m=translation_m,
-        rotation=rotation,
+def made_topics(scenario: Scenario) -> set[str]:
+    """Return the topics of all that is made here, whether a scenario has it or not."""
+    of_vehicles = (
+        f"{vehicle.namespace}/{name}"
+        for vehicle in scenario.vehicles
+        for name in (JOINT_STATES, DESCRIPTION)
     )
+    return {TF_TOPIC, TF_STATIC_TOPIC, TRUE_TF_TOPIC, *of_vehicles}
+
+
+def is_latched(topic: str) -> bool:
+    """Return whether a topic is told once, and kept for subscribers that come late."""
+    return topic == TF_STATIC_TOPIC or topic.endswith(f"/{DESCRIPTION}")
+
+
+def _top(vehicle: Vehicle, odometry: WheelOdometry | None) -> str:
+    """Return the topmost frame of what a vehicle tells of its tree, where nobody tells its map."""
+    if odometry is None:
+        return vehicle.frame_prefix + vehicle.model.base_frame
+    frame = MAP_FRAME if vehicle.tf.map == "identity" else odometry.frame
+    return vehicle.frame_prefix + frame
 
 
 def _first(vehicle: Vehicle, kind: type[S]) -> S | None:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from .ground_truth import WORLD_FRAME
 from .messages import Clock, Message, State, floats
-from .navigation import Odometry, Transform, Transforms
+from .navigation import Transform, Transforms
 from .scenario import Scenario
 from .scenario.schema import Vehicle
 from .scenario.sensors import Lidar, Lidar2d, Repair, sensor_rate_hz
@@ -38,6 +38,7 @@ from .vitals import VITALS_HZ
 CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"
 TF_STATIC_TOPIC = "/tf_static"
+TRUE_TF_TOPIC = "/ground_truth/tf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,20 +248,5 @@ def actor_transforms(scenario: Scenario, state: State) -> Transforms:
                 rotation=(qx, qy, qz, qw),
             )
             for actor, (x, y, z, qx, qy, qz, qw) in zip(scenario.world.actors, poses, strict=False)
-        )
-    )
-
-
-def true_transform(truth: Odometry) -> Transforms:
-    """Return world_from_base as a vehicle's ground truth says, for the tf tree of a recording."""
-    return Transforms(
-        (
-            Transform(
-                stamp_nanos=truth.stamp_nanos,
-                parent=truth.frame,
-                child=truth.child_frame,
-                translation_m=truth.position_m,
-                rotation=truth.orientation,
-            ),
         )
     )

@@ -11,24 +11,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from msgspec import Struct
-from rosbags.serde import SerdeError
 
 from groundlink.clock import NANOS
-from groundlink.ros_streams import TF_STATIC_TOPIC, TF_TOPIC
-from groundlink.ros_types import STORE
-from groundlink.ros_types import nanos as nanos_of
 
 from .fields import message_difference
 from .reading import Recorded
 
 WAIT_NANOS = 10 * NANOS
 """How far the run may be ahead of a message that was recorded and has not come again."""
-
-TRANSFORMS_NANOS = NANOS
-"""How much later than its stamp a transform may have been logged, behind another vehicle's."""
 
 
 class Found(Struct, frozen=True):
@@ -116,20 +109,16 @@ class Comparison:
 
     def take(self, topic: str, ros_type: str, nanos: int, cdr: memoryview) -> None:
         """Compare a message."""
-        if topic == TF_STATIC_TOPIC:  # said once, whenever that was
-            nanos = max(nanos, self._extent.first_nanos)
-        body = bytes(cdr)
-        name, nanos = _placed(topic, nanos, body)
         if not self._extent.first_nanos <= nanos < self._extent.end_nanos:
             return
-        self._read_to(nanos + (TRANSFORMS_NANOS if name != topic else 0))
-        found = self._topic(name, ros_type)
-        if not found.take(nanos, body):
+        self._read_to(nanos)
+        found = self._topic(topic, ros_type)
+        if not found.take(nanos, bytes(cdr)):
             self._judge_new(found, topic, nanos)
 
     def verdicts(self) -> list[Verdict]:
         """Return what became of every topic, when nothing more will come."""
-        self._read_to(self._extent.end_nanos + TRANSFORMS_NANOS)
+        self._read_to(self._extent.end_nanos)
         for topic in self._topics.values():
             topic.give_up(self._extent.end_nanos)
         return [topic.verdict for _, topic in sorted(self._topics.items())]
@@ -140,7 +129,7 @@ class Comparison:
             verdict.left_out[cause] = verdict.left_out.get(cause, 0) + 1
             return
         if nanos >= self._extent.whole_to_nanos:
-            self._read_to(self._extent.end_nanos + TRANSFORMS_NANOS)
+            self._read_to(self._extent.end_nanos)
         before = nanos < self._extent.whole_from_nanos and found.number == 0
         if before or (nanos >= self._extent.whole_to_nanos and found.has_ended):
             verdict.ragged += 1
@@ -152,9 +141,8 @@ class Comparison:
         """Read what was recorded up to an instant."""
         while (recorded := self._next) is not None and recorded.nanos <= nanos:
             self._next = next(self._recorded, None)
-            name, placed = _placed(recorded.topic, recorded.nanos, recorded.cdr)
-            if placed < self._extent.end_nanos:
-                self._topic(name, recorded.ros_type).expect(placed, recorded.cdr)
+            if recorded.nanos < self._extent.end_nanos:
+                self._topic(recorded.topic, recorded.ros_type).expect(recorded.nanos, recorded.cdr)
 
     def _topic(self, name: str, ros_type: str) -> _Topic:
         found = self._topics.get(name)
@@ -211,18 +199,3 @@ class _Topic:
         """Remember the first difference."""
         if self.verdict.first is None:
             self.verdict.first = Found(nanos, number, words)
-
-
-def _placed(topic: str, nanos: int, cdr: bytes) -> tuple[str, int]:
-    """Return the stream and the instant of a message.
-
-    Several vehicles are in one topic of transforms, in whichever order they came.
-    """
-    if topic != TF_TOPIC:
-        return topic, nanos
-    try:
-        message: Any = STORE.deserialize_cdr(cdr, "tf2_msgs/msg/TFMessage")
-        first = message.transforms[0]
-        return f"{topic} of {first.child_frame_id}", nanos_of(first.header.stamp)
-    except (SerdeError, ValueError, IndexError):
-        return topic, nanos

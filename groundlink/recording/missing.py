@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from groundlink.gaps import Cause, Gaps
 from groundlink.messages import M
 from groundlink.ros_readings import Moment, from_cdr
-from groundlink.ros_streams import CLOCK_TOPIC, TF_TOPIC, gaps_topic
+from groundlink.ros_streams import CLOCK_TOPIC, gaps_topic
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 
 from .reading import Recording
@@ -35,7 +35,6 @@ def left_out(recording: Recording) -> LeftOut:
     """
     scenario = recording.run.scenario
     behind = Counter(recording.dropped)
-    behind[TF_TOPIC] = sum(behind[scenario.ground_truth_topic(v)] for v in scenario.vehicles)
     found: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:

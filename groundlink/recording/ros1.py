@@ -13,7 +13,7 @@ from pathlib import Path
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from groundlink.ros_streams import TF_STATIC_TOPIC
+from groundlink.ros_base import is_latched
 from groundlink.ros_types import STORE, WHEEL_ENCODERS_DEFINITION
 
 from .reading import Recorded
@@ -48,7 +48,7 @@ def write_bag(path: Path, types: dict[str, str], messages: Iterable[Recorded]) -
         connections = {}
         for topic, ros_type in types.items():
             definition, digest = NOETIC.generate_msgdef(ros_type, ros_version=1)
-            latching = int(topic == TF_STATIC_TOPIC)
+            latching = int(is_latched(topic))
             connections[topic] = bag.add_connection(
                 topic, ros_type, msgdef=definition, md5sum=digest, latching=latching
             )

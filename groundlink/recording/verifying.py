@@ -17,6 +17,7 @@ from groundlink.errors import UserError
 from groundlink.faults import Faults
 from groundlink.journal import Changed, Commanded, Journal, encode_entry, this_machine
 from groundlink.messages import Command
+from groundlink.ros_base import made_topics
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros_readings import Moment, from_cdr
 from groundlink.ros_streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
@@ -96,6 +97,7 @@ def not_compared(recording: Recording) -> dict[str, str]:
     """Return the topics that need not come out again, with the reason of each."""
     scenario, run = recording.run.scenario, recording.run.run
     found = {DIAGNOSTICS_TOPIC: "what processes counted, and how long they took"}
+    found |= dict.fromkeys(made_topics(scenario), "made of the scenario and of what is compared")
     for stream in incoming(scenario, run):
         told = stream.message is Command
         found[stream.topic] = "what the run was told, and is told again" if told else "from ROS"

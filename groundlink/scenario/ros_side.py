@@ -74,7 +74,7 @@ RosType = Literal[
 ]
 """What the wire can bring; in files also as ROS 2 writes it, with `/msg/`."""
 
-TOLD_BY_THE_GATEWAY = frozenset({"/clock", "/tf", "/tf_static"})
+TOLD_BY_THE_GATEWAY = frozenset({"/clock", "/tf", "/tf_static", "/ground_truth/tf"})
 """Topics that can't come from ROS, as they go there."""
 
 

@@ -20,10 +20,9 @@ from groundlink.messages import (
     StreamReport,
     measured_nanos,
 )
-from groundlink.navigation import Text
-from groundlink.ros_base import Base, still_transforms
+from groundlink.ros_base import Bases
 from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import TF_STATIC_TOPIC, Outgoing, outgoing
+from groundlink.ros_streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
 from udp_bridge import control
 from udp_bridge.control import LinkReport, Subscribe, Wish, Word
@@ -38,7 +37,7 @@ from .attendance import Attendance
 from .incoming import LATCHED, Incoming
 from .reports import PeerReports, peer_counters, with_pushed_out
 from .rmw_zenoh import Facade, NoFacade
-from .streams import TF_MESSAGE, wire_type
+from .streams import wire_type
 from .subscriptions import Address, Subscriptions, TopicKey
 from .words import Words
 
@@ -80,13 +79,12 @@ class Gateway:
         self._scenario = scenario
         self.incoming = Incoming(scenario, run)
         self._has_wished = False
-        self._bases = [Base(scenario, vehicle, run) for vehicle in scenario.vehicles]
+        self._bases = Bases(scenario, run)
         # What is not pushed may never arrive, and then nothing is wrong.
         rates = {self._place_in_ros[s.key]: s.declared_hz for s in self.streams.values() if s.push}
-        for base in self._bases:
-            for topic, message, declared_hz in base.places:
-                place = wire_type(message), topic
-                rates[place] = rates.get(place, 0.0) + declared_hz
+        for topic, message, declared_hz in self._bases.places:
+            place = wire_type(message), topic
+            rates[place] = rates.get(place, 0.0) + declared_hz
         self.places = frozenset({*self._place_in_ros.values(), *rates})
         """Wire type and topic of every stream."""
 
@@ -97,8 +95,7 @@ class Gateway:
             and scenario.time.factor == 1.0,
         )
         self.latched = frozenset(
-            {(TF_MESSAGE, TF_STATIC_TOPIC)}
-            | {(wire_type(Text), base.description_topic) for base in self._bases}
+            (wire_type(message), topic) for topic, message in self._bases.latched.items()
         )
         """Wire type and topic of what hardly changes and is repeated for who comes late."""
 
@@ -138,8 +135,8 @@ class Gateway:
             return []
         self.attendance.came(key, measured_nanos(message))
         told = [(self._place_in_ros[key], message)]
-        for base in self._bases:
-            told += [((wire_type(type(m)), topic), m) for topic, m in base.hear(key, message)]
+        following = self._bases.hear(key, message)
+        told += [((wire_type(type(m)), topic), m) for topic, m, _ in following]
         return [(place, m) for place, m in told if self.peer in self._send(place, m, link)]
 
     def forward_again(self, told: Sequence[ToRos], link: Link) -> None:
@@ -159,8 +156,7 @@ class Gateway:
             # Sim time begins again: nothing repeats itself.
             self.life = clock.life
             self.newest.clear()
-            for base in self._bases:
-                base.restart()
+            self._bases.restart()
         self.attendance.clock(clock)
         self.clock_nanos, self.epoch_nanos = clock.stamp_nanos, clock.epoch_nanos
         return has_begun
@@ -180,12 +176,8 @@ class Gateway:
         if self.clock_nanos is None:
             return
         # What never changes has the stamp of the run's begin, so that repetitions are equal.
-        stamp = self.epoch_nanos
-        if transforms := still_transforms(self._scenario, self._bases, stamp):
-            self._send((TF_MESSAGE, TF_STATIC_TOPIC), transforms, link)
-        for base in self._bases:
-            text = Text(stamp, base.description)
-            self._send((wire_type(Text), base.description_topic), text, link)
+        for topic, told, _ in self._bases.still(self.epoch_nanos):
+            self._send((wire_type(type(told)), topic), told, link)
 
     def on_message(self, message: WireMessage, sender: Address) -> None:
         """Take a message of the wire; called on the link's receiving thread."""

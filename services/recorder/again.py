@@ -27,6 +27,7 @@ from groundlink.recording.verifying import (
     silent_sensors,
     with_later_vehicles,
 )
+from groundlink.ros_base import made_topics
 from groundlink.ros_streams import outgoing
 
 from .recorder import Recorder
@@ -66,7 +67,8 @@ class Again:
         self, recording: Recording, comparison: Comparison, promised: Collection[str]
     ) -> None:
         self._recording, self._comparison, self._promised = recording, comparison, promised
-        self._ignored = not_compared(recording)
+        # Earlier versions recorded less of what is made of the rest.
+        self._ignored = {*not_compared(recording), *made_topics(recording.run.scenario)}
         self._topics: dict[str, _Topic | _Ignored] = {}
         self._has_begun = False
 

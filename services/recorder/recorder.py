@@ -2,9 +2,9 @@
 """From the messages of a run to a file: one life of physics, from its first clock to its end.
 
 Rule: messages in, records out; no bus and no clock of its own. Log times are the run's: a command's
-stamp, a reading's instant of measurement, and for all else from ROS the newest clock. What is not
-newer than its stream is dropped, as a restarted sensor repeats itself. A new life of physics needs
-a new file.
+stamp, a reading's instant of measurement, and for all else from ROS the newest clock. What follows
+from a message for ROS (`ros_base`) is written with it. What is not newer than its stream is
+dropped, as a restarted sensor repeats itself. A new life of physics needs a new file.
 """
 
 from __future__ import annotations
@@ -17,21 +17,12 @@ from typing import Protocol
 
 from groundlink.clock import NANOS, Schedule, exact
 from groundlink.messages import BadMessage, Clock, Command, Health, Message, measured_nanos
-from groundlink.navigation import Odometry
+from groundlink.ros_base import Bases
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros_messages import ros_type_of, to_cdr
-from groundlink.ros_streams import (
-    TF_STATIC_TOPIC,
-    TF_TOPIC,
-    RosStream,
-    incoming,
-    outgoing,
-    recorded_only,
-    static_transforms,
-    true_transform,
-)
+from groundlink.ros_streams import RosStream, incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
-from groundlink.topics import GROUND_TRUTH, STREAM_TOPICS, sensor_outputs
+from groundlink.topics import STREAM_TOPICS, sensor_outputs
 
 DIAGNOSTICS_NANOS = NANOS
 """Of sim time, from one array to the next."""
@@ -45,8 +36,6 @@ streams, and it may be of a new life of physics whose first clock is still to co
 
 PATIENCE_NANOS = 5 * NANOS
 """Sim time after the recording's end for which a sensor that lags, or is not there, is awaited."""
-
-_TF_TYPE = "tf2_msgs/msg/TFMessage"
 
 
 class Written(Protocol):
@@ -111,9 +100,7 @@ class Recorder:
             for stream in (*outgoing(scenario, run), *recorded_only(scenario, run))
         }
         self._incoming = {stream.key: stream for stream in incoming(scenario, run)}
-        self._truth_keys = {
-            GROUND_TRUTH.key_in(run, vehicle=vehicle.name) for vehicle in scenario.vehicles
-        }
+        self._bases = Bases(scenario, run, truth=True)
         of_others = {
             STREAM_TOPICS[extra.kind].key_in(run, vehicle=vehicle.name, sensor=extra.name)
             for vehicle in scenario.vehicles
@@ -133,6 +120,9 @@ class Recorder:
         """By stream that will come for sure: what other processes publish may not, nor faults."""
 
         self._declared_hz = {s.topic: s.declared_hz for s in self._outgoing.values()}
+        for place in self._bases.places:
+            so_far = self._declared_hz.get(place.topic) or 0.0
+            self._declared_hz[place.topic] = so_far + place.declared_hz
         self._health: dict[str, Health] = {}
         self._file: File | None = None
         self.early = deque(early, maxlen=EARLY_MESSAGES)
@@ -205,8 +195,10 @@ class Recorder:
             return
         self._reached[key] = stamp
         self._write(key, message, stamp)
-        if key in self._truth_keys and isinstance(message, Odometry):
-            self._put(TF_TOPIC, _TF_TYPE, stamp, true_transform(message))
+        if self._is_beyond(stamp):
+            return
+        for topic, told, nanos in self._bases.hear(key, message):
+            self._put(topic, ros_type_of(type(told)), nanos, told)
 
     def heard(self, health: Health) -> None:
         """Remember a process's word for the next diagnostics."""
@@ -279,8 +271,10 @@ class Recorder:
         self._file = self._begin(clock.epoch_nanos)
         for stream in self.streams:
             self._topic(stream.topic, ros_type_of(stream.message, stream.ros_type))
-        if transforms := static_transforms(self._scenario, clock.epoch_nanos):
-            self._put(TF_STATIC_TOPIC, _TF_TYPE, clock.stamp_nanos, transforms)
+        for place in self._bases.places:
+            self._topic(place.topic, ros_type_of(place.message))
+        for topic, told, _ in self._bases.still(clock.epoch_nanos):
+            self._put(topic, ros_type_of(type(told)), clock.stamp_nanos, told)
 
     def _write(self, key: str, message: Message, nanos: int) -> None:
         stream = self._outgoing.get(key) or self._incoming[key]
@@ -299,7 +293,7 @@ class Recorder:
 
     def _topic(self, name: str, ros_type: str) -> Written:
         assert self._file is not None
-        return self._file.topic(name, ros_type, latched=name == TF_STATIC_TOPIC)
+        return self._file.topic(name, ros_type, latched=name in self._bases.latched)
 
     def _is_beyond(self, nanos: int) -> bool:
         end = self.end_nanos

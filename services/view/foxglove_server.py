@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run as Foxglove sees a robot: ROS 2 topics over its WebSocket protocol.
 
-Rule: topics, types and bytes are those that ROS gets (`groundlink.ros_messages`), with `/tf` from
-the ground truth, so that everything is in the world. A message is only filled while somebody has
-subscribed. What seldom changes, the map too, is told again to each new subscriber.
+Rule: topics, types and bytes are those that ROS gets (`groundlink.ros_messages`), and on
+`/ground_truth/tf` is where the tree is in the world, as in a recording. A message is only filled
+while a client has subscribed. What seldom changes, the map too, is sent again to each new
+subscriber.
 """
 
 from __future__ import annotations
@@ -16,16 +17,14 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
 from groundlink.errors import UserError
 from groundlink.messages import BadMessage, Clock, Health, Message, State
-from groundlink.navigation import OccupancyGrid, Odometry, Transforms
+from groundlink.navigation import OccupancyGrid, Transforms
+from groundlink.ros_base import Bases
 from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
 from groundlink.ros_messages import ros_type_of, to_cdr
 from groundlink.ros_streams import (
-    TF_STATIC_TOPIC,
-    TF_TOPIC,
+    TRUE_TF_TOPIC,
     RosStream,
     actor_transforms,
-    static_transforms,
-    true_transform,
 )
 from groundlink.scenario import Scenario
 
@@ -49,11 +48,13 @@ class FoxgloveServer(ServerListener):
             path: self._channel(stream.topic, stream.message, stream.ros_type)
             for path, stream in streams.items()
         }
-        self._tf = self._channel(TF_TOPIC, Transforms)
-        self._tf_static = self._channel(TF_STATIC_TOPIC, Transforms)
+        self._bases = Bases(scenario, run, truth=True)
+        told: dict[str, type[Message]] = {p.topic: p.message for p in self._bases.places}
+        told |= {TRUE_TF_TOPIC: Transforms, **self._bases.latched}
+        self._told = {topic: self._channel(topic, message) for topic, message in told.items()}
         self._scene = SceneUpdateChannel(SCENE_TOPIC, context=self._context)
         maps = {s.topic for s in streams.values() if s.message is OccupancyGrid}
-        self._latched = {TF_STATIC_TOPIC, SCENE_TOPIC, *maps}
+        self._latched = {SCENE_TOPIC, *self._bases.latched, *maps}
         self._maps: dict[str, OccupancyGrid] = {}
         self._epoch_nanos: int | None = None
         self._newest_nanos = self._scene_nanos = 0
@@ -95,17 +96,18 @@ class FoxgloveServer(ServerListener):
         newest = states[-1]
         self._newest_nanos = newest.stamp_nanos
         if newest.epoch_nanos != self._epoch_nanos:
+            self._bases.restart()
             self._epoch_nanos = self._scene_nanos = newest.epoch_nanos
             self._is_owed = True
         if newest.actors and self._scenario.world.actors:
-            self._log(self._tf, actor_transforms(self._scenario, newest))
+            self._log(self._told[TRUE_TF_TOPIC], actor_transforms(self._scenario, newest))
 
     def take(self, path: str, stream: RosStream, message: Message) -> None:
         """Serve a message under its ROS topic."""
         if isinstance(message, Clock):
             self._server.broadcast_time(message.stamp_nanos)
-        if isinstance(message, Odometry) and path.endswith("/ground_truth"):
-            self._log(self._tf, true_transform(message))
+        for topic, told, _ in self._bases.hear(stream.key, message):
+            self._log(self._told[topic], told)
         if isinstance(message, OccupancyGrid):
             self._maps[path] = message
         self._log(self._channels[path], message)
@@ -117,8 +119,8 @@ class FoxgloveServer(ServerListener):
         """Tell what seldom changes, when somebody new has come."""
         if self._is_owed and self._epoch_nanos is not None:
             self._is_owed = False
-            if transforms := static_transforms(self._scenario, self._epoch_nanos):
-                self._log(self._tf_static, transforms)
+            for topic, told, _ in self._bases.still(self._epoch_nanos):
+                self._log(self._told[topic], told)
             for path, message in self._maps.items():
                 self._log(self._channels[path], message)
             stamp_nanos = self._scene_nanos

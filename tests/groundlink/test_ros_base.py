@@ -52,7 +52,7 @@ def odometry(
 def told(base: Base, rows: Iterable[tuple[str, Odometry]]) -> list[Transform]:
     found = []
     for role, message in rows:
-        for topic, transforms in base.hear(base.keys[role], message):
+        for topic, transforms, _ in base.hear(base.keys[role], message):
             assert topic == "/tf"
             assert isinstance(transforms, Transforms)
             found += transforms.transforms
@@ -89,7 +89,7 @@ def test_all_joints_of_the_description_are_told() -> None:
             turning = base.description.count('type="continuous"')
             if "encoders" in base.keys:
                 counted = len(base._vehicle.model.counted)
-                topic, message = next(
+                topic, message, _ = next(
                     iter(
                         base.hear(
                             base.keys["encoders"],

@@ -155,7 +155,7 @@ def test_the_run_is_in_the_metadata(run: Path) -> None:
 def test_frames_form_one_tree(run: Path) -> None:
     parents: dict[str, set[str]] = defaultdict(set)
     with Recording(run) as recording:
-        for message in recording.read(["/tf", "/tf_static"]):
+        for message in recording.read(["/tf", "/tf_static", "/ground_truth/tf"]):
             for one in from_cdr(message.cdr, Transforms, Moment(0, 0)).transforms:
                 parents[one.child].add(one.parent)
     assert all(len(of) == 1 for of in parents.values()), "a frame with two parents"

@@ -154,8 +154,8 @@ def test_a_recording_of_a_replay_is_the_recording(recorded: tuple[Rig, Path, Sen
     """On the bus, too, a replay is the run: all that physics and the sensors said, and when."""
     it, out, _ = recorded
     copy = it.folder / "copy.mcap"
-    truths = [f"/ground_truth/{name}" for name in ("odom", "wheels", "bodies")]
-    topics = [*RUN_TOPICS, *truths, "/tf", "/tf_static", "/vitals"]
+    truths = [f"/ground_truth/{name}" for name in ("odom", "wheels", "bodies", "tf")]
+    topics = [*RUN_TOPICS, *truths, "/tf_static", "/joint_states", "/robot_description", "/vitals"]
     with Bus(listen=it.endpoint):
         join = ("--connect", it.endpoint)
         replaying = it.start(

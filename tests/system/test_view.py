@@ -226,8 +226,15 @@ def test_foxglove_sees_a_robot_and_what_its_stack_tells(running: Running) -> Non
     wait_for(lambda: "open ws://" in running.rig.log("foxglove.log"), 30, "it serves")
     with joined(port) as client, slam(running):
         client.subscribe(*client.channels)
-        wanted = {"/clock", "/points", "/imu", "/wheel_encoders", "/tf", "/tf_static", "/scene"}
-        wanted |= {"/pose", "/map", "/plan"}
+        wanted = {"/clock", "/points", "/imu", "/wheel_encoders", "/tf_static", "/scene"}
+        wanted |= {
+            "/ground_truth/tf",
+            "/joint_states",
+            "/robot_description",
+            "/pose",
+            "/map",
+            "/plan",
+        }
         begun = time.monotonic()
         while not wanted <= {topic for topic, _, _ in client.got}:
             assert time.monotonic() < begun + 40, wanted - {topic for topic, _, _ in client.got}
@@ -235,7 +242,7 @@ def test_foxglove_sees_a_robot_and_what_its_stack_tells(running: Running) -> Non
         assert client.decoded("/points").width > 40_000
         frames = {
             t.child_frame_id: t.header.frame_id
-            for topic in ("/tf", "/tf_static")
+            for topic in ("/ground_truth/tf", "/tf_static")
             for t in client.decoded(topic).transforms
         }
         assert frames == {"base_link": "world", "lidar_link": "base_link", "imu_link": "base_link"}

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Iterator
 from typing import Any
 
@@ -163,61 +162,6 @@ def test_memory_does_not_grow_with_a_topic_that_never_comes() -> None:
 
 def transform(nanos: int, child: str, x_m: float = 0.0) -> bytes:
     return bytes(to_cdr(Transforms((Transform(nanos, "world", child, (x_m, 0.0, 0.0), UPRIGHT),))))
-
-
-def test_transforms_of_several_vehicles_may_come_in_any_order() -> None:
-    draw = random.Random(1)
-
-    def shuffled() -> list[Recorded]:
-        """As two streams arrive: each in order, one up to three messages behind the other."""
-        stamps: dict[str, list[int]] = {c: [i * STEP for i in range(50)] for c in ("a", "b")}
-        out: list[Recorded] = []
-        newest = 0
-        while any(stamps.values()):
-            child = draw.choice([c for c in stamps if stamps[c]])
-            stamp = stamps[child].pop(0)
-            newest = max(newest, stamp)  # times of a topic never decrease
-            out.append(Recorded(newest, "/tf", TF_TYPE, transform(stamp, child)))
-        return out
-
-    found = compare(shuffled(), shuffled())
-    assert {v.topic: v.equal for v in found.values()} == {"/tf of a": 50, "/tf of b": 50}
-    recorded = shuffled()
-    last = recorded[-1]
-    changed = [*recorded[:-1], last._replace(cdr=transform(49 * STEP, "a", 0.1))]
-    if b"a\0" not in last.cdr:
-        changed[-1] = last._replace(cdr=transform(49 * STEP, "b", 0.1))
-    found = compare(shuffled(), changed)
-    (different,) = (v for v in found.values() if not v.is_equal)
-    assert different.first is not None
-    assert "transforms[0].transform.translation.x" in different.first.words
-
-
-def test_a_transform_that_was_logged_behind_the_end_is_of_its_stamp() -> None:
-    recorded = [Recorded(i * STEP, "/tf", TF_TYPE, transform(i * STEP, "a")) for i in range(20)]
-    recorded += [
-        Recorded(19 * STEP, "/tf", TF_TYPE, transform(i * STEP, "b")) for i in range(5, 15)
-    ]
-    again = [
-        Recorded(i * STEP, "/tf", TF_TYPE, transform(i * STEP, child))
-        for i in range(20)
-        for child in "ab"
-    ]
-    end = Extent(5 * STEP, 15 * STEP, 5 * STEP, 15 * STEP)
-    for one, other in ((recorded, again), (again, recorded)):
-        found = compare([m for m in one if m.nanos >= end.first_nanos], other, end)
-        assert {v.topic: (v.equal, v.is_equal) for v in found.values()} == {
-            "/tf of a": (10, True),
-            "/tf of b": (10, True),
-        }
-
-
-def test_what_is_said_once_is_compared_whenever_it_was_said() -> None:
-    body = transform(0, "lidar_link")
-    recorded = [Recorded(50 * STEP, "/tf_static", TF_TYPE, body)]
-    again = [Recorded(0, "/tf_static", TF_TYPE, body)]
-    (verdict,) = compare(recorded, again, Extent(50 * STEP, NANOS, 50 * STEP, NANOS)).values()
-    assert (verdict.equal, verdict.is_equal) == (1, True)
 
 
 @pytest.mark.parametrize("size", [0, 1, 2_000_000])

@@ -278,7 +278,6 @@ def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path
     assert causes == ["not there", "not there", None, "states lost", "overloaded"]
     assert cause_of(info, EPOCH + 2 * NANOS) is None
     assert [cause_of("/imu", EPOCH) for _ in range(3)] == ["recorder behind"] * 2 + [None]
-    assert [cause_of("/tf", EPOCH) for _ in range(2)] == ["recorder behind", None]
 
 
 @pytest.mark.parametrize(

@@ -153,18 +153,6 @@ def test_readings_that_come_late_have_the_time_of_their_measurement(rig: Rig) ->
     assert [tick for tick, _ in rig.written()["/points"]] == [0, 40]
 
 
-def test_ground_truth_is_also_a_transform(rig: Rig) -> None:
-    rig.clock(0)
-    rig.truth(8, 1.25)
-    written = rig.written()
-    (tick, message) = written["/tf"][0]
-    (transform,) = message.transforms
-    assert tick == 8
-    assert (transform.header.frame_id, transform.child_frame_id) == ("world", "base_link")
-    assert transform.transform.translation.x == 1.25
-    assert len(written["/ground_truth/odom"]) == 1
-
-
 def test_times_of_what_comes_from_ros(rig: Rig) -> None:
     """A command has the run's time in its stamp; a pose is written when it came."""
     rig.clock(0)
@@ -300,7 +288,7 @@ def test_what_outruns_the_clock_of_a_new_life_goes_to_that_life(lab: Scenario, r
     )
     epoch = EPOCH + 990 * TICK_NANOS
     successor.take(CLOCK, Clock(epoch, epoch, 0, epoch))
-    assert successor.counts["messages"] == 3  # /clock, /tf_static and the one that was early
+    assert successor.counts["messages"] == 4  # and /clock, /tf_static, /robot_description
 
 
 def test_a_sensors_clock_that_is_off_is_in_the_body_alone(rig: Rig) -> None:

@@ -78,7 +78,9 @@ def test_topics_are_those_of_ros_with_whole_definitions(
         "/cmd_vel": "geometry_msgs/msg/Twist",
         "/pose": "geometry_msgs/msg/PoseStamped",
         "/map": "nav_msgs/msg/OccupancyGrid",
-        "/tf": "tf2_msgs/msg/TFMessage",
+        "/ground_truth/tf": "tf2_msgs/msg/TFMessage",
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/robot_description": "std_msgs/msg/String",
         "/tf_static": "tf2_msgs/msg/TFMessage",
         "/scene": "foxglove.SceneUpdate",
     }
@@ -103,11 +105,11 @@ def test_what_nobody_wants_is_not_sent(served: tuple[FoxgloveServer, Client]) ->
     assert {topic for topic, _, _ in client.got} == {"/points"}
 
 
-def test_the_truth_is_on_tf(served: tuple[FoxgloveServer, Client]) -> None:
+def test_the_tree_is_where_it_truly_is(served: tuple[FoxgloveServer, Client]) -> None:
     server, client = served
-    client.subscribe("/tf")
+    client.subscribe("/ground_truth/tf")
     say(server, client, {"rover/ground_truth": TRUTH}, 1)
-    (transform,) = client.decoded("/tf").transforms
+    (transform,) = client.decoded("/ground_truth/tf").transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ("world", "base_link")
     assert transform.transform.translation.y == 2.0
 

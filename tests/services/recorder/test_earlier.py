@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording of an earlier version: `/tf` has the truth, and what a base tells is not there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.messages import Clock, Imu, Message, WheelEncoders
+from groundlink.navigation import Odometry, Transform, Transforms
+from groundlink.recording.comparison import Comparison
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.missing import left_out
+from groundlink.recording.reading import Recording
+from groundlink.recording.ros1 import write_bag
+from groundlink.recording.ros_channels import RosFile
+from groundlink.recording.verifying import compared, extent
+from groundlink.report.gather import gather
+from groundlink.report.page import page
+from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros_streams import outgoing, static_transforms
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+from services.recorder.again import Again
+from services.recorder.recorder import Recorder
+from services.replay.player import Player
+
+EPOCH = 1_700_000_000 * NANOS
+STILL = (0.0, 0.0, 0.0)
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+NO_ERROR = memoryview(bytes(36 * 8))
+LAB = load(SHIPPED / "indoor_lab.yaml")
+RUN = "lab"
+STEPS = 40
+
+
+def told() -> Iterator[tuple[str, Message]]:
+    """Yield what was on the bus, by the names of ROS."""
+    for step in range(STEPS):
+        stamp, x_m = EPOCH + step * 8 * TICK_NANOS, 0.01 * step
+        yield "/clock", Clock(stamp, EPOCH, step * 8, EPOCH)
+        yield "/imu", Imu(stamp, "imu_link", UPRIGHT, STILL, STILL, 0, 0, 0)
+        sides = ("front_left", "front_right", "rear_left", "rear_right")
+        yield "/wheel_encoders", WheelEncoders(stamp, "base_link", sides, (step,) * 4)
+        yield (
+            "/ground_truth/odom",
+            Odometry(
+                *(stamp, "world", "base_link", (x_m, 0.0, 0.1), UPRIGHT),
+                *(STILL, STILL, NO_ERROR, NO_ERROR),
+            ),
+        )
+
+
+@pytest.fixture
+def earlier(tmp_path: Path) -> Iterator[Recording]:
+    file = RosFile(tmp_path / "earlier.mcap")
+    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(LAB, RUN, EPOCH)))
+
+    def write(topic: str, nanos: int, message: Message) -> None:
+        ros_type = RECORDED_FORMS[type(message)].ros_type
+        file.topic(topic, ros_type, latched=topic == "/tf_static").write(nanos, to_cdr(message))
+
+    mounts = static_transforms(LAB, EPOCH)
+    assert mounts
+    write("/tf_static", EPOCH, mounts)
+    for topic, message in told():
+        nanos: int = message.stamp_nanos  # type: ignore[attr-defined]
+        write(topic, nanos, message)
+        if isinstance(message, Odometry):
+            moved = Transform(nanos, "world", "base_link", message.position_m, UPRIGHT)
+            write("/tf", nanos, Transforms((moved,)))
+    file.end(EPOCH + STEPS * 8 * TICK_NANOS)
+    file.commit({})
+    file.close()
+    with Recording(tmp_path / "earlier.mcap") as recording:
+        yield recording
+
+
+def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
+    comparison = Comparison(compared(earlier), extent(earlier), left_out(earlier))
+    again = Again(earlier, comparison, promised=["/clock", "/imu"])
+    keys = {stream.topic: stream.key for stream in outgoing(LAB, RUN)}
+    recorder = Recorder(LAB, RUN, again.begin, duration_nanos=STEPS * 8 * TICK_NANOS)
+    for topic, message in told():
+        recorder.take(keys[topic], message)
+    verdicts = {verdict.topic: verdict for verdict in comparison.verdicts()}
+    assert {topic for topic, verdict in verdicts.items() if not verdict.is_equal} == set()
+    assert {topic: verdict.equal for topic, verdict in verdicts.items()} == dict.fromkeys(
+        ("/clock", "/imu", "/wheel_encoders", "/ground_truth/odom"), STEPS
+    )
+
+
+def test_it_is_replayed_without_its_transforms(earlier: Recording) -> None:
+    player = Player(earlier, RUN)
+    due = list(player.play(EPOCH))
+    assert player.refused == 0
+    topics = {stream.key: topic for topic, stream in player.streams.items()}
+    assert [(topics[row.key], row.message) for row in due] == list(told())
+
+
+def test_a_report_is_made_of_it(earlier: Recording) -> None:
+    gathered = gather(earlier, lambda share: None)
+    (motion,) = gathered.motions
+    assert motion.distance_m == pytest.approx(0.39)
+    assert "/tf" in page(gathered)
+
+
+def test_it_becomes_a_bag(earlier: Recording, tmp_path: Path) -> None:
+    count = write_bag(tmp_path / "earlier.bag", earlier.types, earlier.read())
+    assert count == earlier.messages == 1 + 5 * STEPS
