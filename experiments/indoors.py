@@ -21,7 +21,10 @@ SCENARIO = "indoor_paper"
 SECONDS = 75.0
 """A lap takes 55 s."""
 
-SHORT_S = 12.0
+STANDSTILL_S = 2.0
+"""The shipped route begins with it."""
+
+SHORT_S = 14.0
 
 SCANS: dict[str, Any] = {
     "camera": None,
@@ -52,7 +55,7 @@ SCANS_LIMIT_M = 0.02
 
 def scans(options: Options) -> Sequence[Result]:
     """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
-    setup = drive(options, "indoor_scans", SCANS)
+    setup = drive(options, "indoor_scans", SCANS, seconds=SECONDS + STANDSTILL_S)
     results = []
     for seed in options.seeds:
         recording = recorded(options, replace(setup, seed=seed))
