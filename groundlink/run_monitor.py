@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from .clock import TICK_SECONDS
 from .hold_ups import HoldUps
 from .messages import Health, StreamReport
+from .stream_totals import StreamTotals
 from .topics import PHYSICS, TIME_KEEPERS
 
 RATE_TOLERANCE = 0.02
@@ -34,8 +35,11 @@ class RunMonitor:
 
     health: dict[str, Health] = field(default_factory=dict)
     streams: Sequence[StreamReport] = ()
+    """What became of each stream, over all lives of the gateway."""
+
     first_tick: int | None = None
     tick: int = 0
+    _totals: StreamTotals = field(default_factory=StreamTotals)
     _first_seconds: float = 0.0
     _last_seconds: float = 0.0
 
@@ -43,7 +47,7 @@ class RunMonitor:
         """Take note of a process's health, heard at `now_seconds` of the wall clock."""
         self.health[health.process] = health
         if health.streams:
-            self.streams = health.streams
+            self.streams = self._totals.of(health)
         if health.process in TIME_KEEPERS:
             # At the first tick time stands still as long as others are waited for.
             stands = health.tick == self.first_tick or self.tick < 0

@@ -61,6 +61,9 @@ class Child:
     ended_run: bool = False
     """It has ended the run, as its scenario has it, and has said why."""
 
+    is_left_out: bool = False
+    """This machine lacks what it needs, and the others go on without it."""
+
     is_done: bool = False
     """It may end by itself, and has done so."""
 
@@ -120,7 +123,7 @@ class Supervisor:
                 child.process, child.is_done = None, True
                 continue
             if code == LackingError.exit_code and child.name in self._dispensable:
-                child.process, child.last_exit = None, "left out"
+                child.process, child.last_exit, child.is_left_out = None, "left out", True
                 self._say(child.name, "the others go on without it")
                 continue
             self._crashed(child, code, now)

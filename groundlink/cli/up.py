@@ -85,8 +85,9 @@ def up(options: argparse.Namespace) -> int:
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
     if not options.no_ros:
         commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
-    # In real time nobody waits for a sensor, so one that cannot work here may be missing.
-    dispensable = scenario.sensor_names() if scenario.time.mode == "realtime" else ()
+    # In real time nobody waits for a sensor or a recorder, so one that cannot work may be missing.
+    is_realtime = scenario.time.mode == "realtime"
+    dispensable = (*scenario.sensor_names(), running.RECORDER) if is_realtime else ()
     supervised_run = supervised.SupervisedRun(
         commands, run, options.listen, console, dispensable=dispensable
     )
@@ -100,9 +101,11 @@ def up(options: argparse.Namespace) -> int:
     if supervised_run.killed:
         names = ", ".join(supervised_run.killed)
         console.print(f"killed, as they did not end in time: {names}")
-    if failed and not failed.ended_run:
+    if failed and not failed.ended_run and monitor.first_tick is None:
         return supervised.exit_code(failed)
     faults = monitor.faults() if monitor.streams or not options.no_ros else []
+    if options.record and children[running.RECORDER].is_left_out:
+        faults.append(f"{options.record} ends before the run; see the recorder's line above")
     _summarise(console, monitor, children, faults)
     if options.report:
         report = _report(scenario, run, started, monitor, children, faults)

@@ -10,7 +10,7 @@ from pathlib import Path
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.clock import NANOS
-from groundlink.errors import UserError
+from groundlink.errors import LackingError, UserError
 from groundlink.extras import process_needs
 from groundlink.questions import journal_key
 from groundlink.topics import RECORDER as NAME
@@ -46,9 +46,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         try:
             record(bus, scenario, run, files, duration, stop)
         except OSError as error:
-            raise UserError(
-                f"cannot write {files.path}: {(error.strerror or str(error)).lower()}"
-            ) from None
+            problem = f"cannot write {files.path}: {(error.strerror or str(error)).lower()}"
+            if files.has_begun:
+                raise LackingError(f"{problem}; it ends with what was written before") from None
+            raise UserError(problem) from None
 
 
 if __name__ == "__main__":

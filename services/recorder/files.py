@@ -49,6 +49,11 @@ class Files:
 
         self._next_journal_nanos = 0
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a file that is not complete."""
+        return self._file is not None
+
     def begin(self, epoch_nanos: int) -> RosFile:
         """Open the next file, whole and without messages; what exists is never overwritten."""
         for number in itertools.count(1):

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -340,6 +342,36 @@ def test_a_new_life_of_physics_is_a_new_file(tmp_path: Path) -> None:
             assert before.last_nanos < after.first_nanos
             assert after.first_nanos == after.run.epoch_nanos
             assert before.run.scenario == after.run.scenario
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
+    """A limit for the size of the recorder's files stands in for the disk."""
+    with rig(tmp_path) as it:
+        out, report = tmp_path / "run.mcap", tmp_path / "report.json"
+        up = it.up("--no-ros", "--record", str(out), "--report", str(report))
+        wait_for(lambda: out.exists() and out.stat().st_size > 1e6, 30, "it records")
+        before = children_of(up.pid)
+        (recorder,) = (p for p, command in before.items() if ".recorder" in command)
+        size = out.stat().st_size + 1_000_000
+        resource.prlimit(recorder, resource.RLIMIT_FSIZE, (size, size))
+        wait_for(lambda: "the others go on without it" in it.log("up.log"), 30, "it is left out")
+        with Bus(connect=it.endpoint) as bus:
+            clocks: Inbox[Clock] = Inbox(depth=10_000)
+            bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
+            assert all(clocks.get(seconds=20) for _ in range(200)), "the run goes on"
+            assert children_of(up.pid).keys() == before.keys() - {recorder}
+        up.send_signal(signal.SIGINT)
+        assert up.wait(20) == 1, "the recording is not what was asked for"
+        said = it.log("up.log")
+        assert said.count("cannot write") == 1
+        assert f"recorder: cannot write {out}: file too large" in said
+        assert f"not kept: {out} ends before the run" in said
+        assert "Traceback" not in said
+        told = json.loads(report.read_text(encoding="utf-8"))
+        assert told["processes"]["recorder"]["last_exit"] == "left out"
+        with Recording(out) as recording:
+            assert recording.topics["/points"].messages > 0
+            assert sum(1 for _ in recording.read()) > 0
 
 
 def cpu_seconds(pid: int) -> float:
