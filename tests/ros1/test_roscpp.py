@@ -18,6 +18,7 @@ from tests.system.rig import wait_for
 from tests.udp_bridge.cpp.test_cpp import HEADER, compiler
 from tests.udp_bridge.vectors import load
 from udp_bridge import MSG_TYPES, Header, Reassembler, parse
+from udp_bridge.control import CreditRequest, TopicReport
 
 from .conftest import ROOT, Ros1
 
@@ -28,7 +29,12 @@ STRICT = ("-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", f"-I{HEADER}")
 VECTORS = ("imu", "laser-scan", "odometry", "cloud-shuffled")
 
 
-def built(folder: Path) -> Path:
+MOST_PUBLISHERS, MOST_WISHES = 256, 64
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("roscpp")
     asked = ["pkg-config", "--cflags", "--libs", "roscpp", "nav_msgs", "sensor_msgs"]
     found = subprocess.run(asked, capture_output=True, text=True, check=False)
     if found.returncode:
@@ -42,12 +48,9 @@ def built(folder: Path) -> Path:
 
 
 @pytest.mark.timeout(300)  # roscpp takes a compiler long
-def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(
-    ros1: Ros1, tmp_path: Path
-) -> None:
+def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(ros1: Ros1, program: Path) -> None:
     vectors = {name: load(name) for name in VECTORS}
     meant = {name: vector.meaning["messages"][0] for name, vector in vectors.items()}
-    program = built(tmp_path)
     numbers = itertools.count()
     ears = ros1.start(
         str(Path(__file__).with_name("bytes_listener.py")),
@@ -83,8 +86,15 @@ def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(
             wish = Header(7, 0, 0, 1, 0, 0, "/cmd_vel").pack() + struct.pack("<BBHf", 9, 1, 5, 0)
             ours.sendto(wish, address)
             ours.settimeout(20)
+            reports = {}
             while (datagram := ours.recv(65536))[0] != 9:
-                pass
+                header, at = parse(datagram)
+                if datagram[at] == 1:
+                    report = TopicReport.parse(datagram[at:])
+                    reports[header.topic] = report.published, report.dropped, report.pending
+            for message in meant.values():  # each was repeated until a subscriber had it
+                assert reports[message["topic"]][0] >= 1
+                assert reports[message["topic"]][1:] == (0, 0)
             header, at = parse(datagram)
             assert header.topic == "/cmd_vel"
             assert datagram[at:] == b"\0\1\0\0" + struct.pack("<6d", 0.5, 0, 0, 0, 0, 0)
@@ -93,3 +103,65 @@ def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(
             assert "dropped 0, refused 0" in node.output
         finally:
             node.end()
+
+
+def clock(topic: str) -> bytes:
+    return Header(8, 0, 0, 1, 1, 0, topic).pack() + b"\0\1\0\0" + struct.pack("<iI", 1, 0)
+
+
+def subscribe(topic: str, number: int) -> bytes:
+    return Header(7, number, 0, 1, 0, 0, topic).pack() + struct.pack("<BBHf", 9, 1, 0, 0)
+
+
+@pytest.mark.timeout(300)
+def test_a_node_in_cpp_takes_its_peers_datagrams_alone_and_bounds_what_it_holds(
+    ros1: Ros1, program: Path
+) -> None:
+    ask = Header(64, 0, 0, 1, 0, 0, "").pack() + CreditRequest().pack()
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        for end in (ours, stranger, other):
+            end.bind(("127.0.0.1", 0))
+        address = other.getsockname()
+        other.close()
+        peer = f"_peer:=127.0.0.1:{ours.getsockname()[1]}"
+        options = [f"_bind:={address[0]}:{address[1]}", peer]
+        node = Process(options, ros1.environment, python=str(program))
+        try:
+            node.wait_for("receiving at")
+            ours.settimeout(60)
+
+            def is_heard() -> None:
+                ours.sendto(ask, address)
+                while (datagram := ours.recv(65536))[parse(datagram)[1]] != 0:
+                    pass  # a report
+
+            stranger.sendto(ask, address)
+            stranger.sendto(clock("/stranger"), address)
+            for number in range(MOST_PUBLISHERS + 44):
+                ours.sendto(clock(f"/t{number}"), address)
+                if number % 50 == 0:
+                    is_heard()  # the socket's buffer is not run over
+            for number in range(MOST_WISHES + 6):
+                ours.sendto(subscribe(f"/w{number}", 0), address)
+            ours.sendto(subscribe("/not a name", 0), address)
+            is_heard()
+            assert node.end(signal.SIGINT) == 0
+            stranger.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                stranger.recv(65536)
+        finally:
+            node.end()
+    assert f"published {MOST_PUBLISHERS}, " in node.output
+    assert f"dropped {44 + 6 + 1}, refused 2" in node.output
+
+
+def test_a_node_in_cpp_asks_for_its_peer_where_other_hosts_reach_it(
+    ros1: Ros1, program: Path
+) -> None:
+    node = Process(["_bind:=0.0.0.0:0"], ros1.environment, python=str(program))
+    assert node.exit_code() == 2
+    assert "~peer" in node.output

@@ -11,6 +11,7 @@
 //   receiver.take(data, size, sender, now_nanos,
 //                 [](const udp_bridge::Message& m) { publish(m.topic, m.body); },
 //                 [](const std::uint8_t* datagram, std::size_t n) { send_back(datagram, n); });
+//   receiver.report(now_nanos, wall_nanos, send_to);  // once a second, and three times at the end
 //
 //   udp_bridge::Sender sender;
 //   sender.send(9, "/cmd_vel", "", stamp_nanos, cdr, size, udp_bridge::kMtu,
@@ -22,6 +23,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bitset>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -30,6 +32,7 @@
 #include <list>
 #include <map>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -97,6 +100,11 @@ inline bool has_ros_type(std::uint8_t type) {
   return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 40);
 }
 
+/// Whether PROTOCOL.md, section 4, has this type.
+inline bool is_in_table(std::uint8_t type) {
+  return has_ros_type(type) || type == kSubscribe || (type >= kControl && type <= 66);
+}
+
 namespace detail {
 
 inline std::uint32_t read_u32(const std::uint8_t* at) {
@@ -106,6 +114,14 @@ inline std::uint32_t read_u32(const std::uint8_t* at) {
 
 inline void write_u32(std::uint8_t* at, std::uint32_t value) {
   for (int i = 0; i < 4; ++i) at[i] = static_cast<std::uint8_t>(value >> 8 * i);
+}
+
+inline std::uint64_t read_u64(const std::uint8_t* at) {
+  return read_u32(at) | std::uint64_t{read_u32(at + 4)} << 32;
+}
+
+inline void write_u64(std::uint8_t* at, std::uint64_t value) {
+  for (int i = 0; i < 8; ++i) at[i] = static_cast<std::uint8_t>(value >> 8 * i);
 }
 
 /// UTF-8 as RFC 3629 has it: no surrogates, nothing longer than it needs to be.
@@ -155,6 +171,15 @@ struct Header {
   std::string link;
 
   std::int64_t stamp_nanos() const { return std::int64_t{time_sec} * kNanos + time_nsec; }
+
+  /// Set the stamp; return false where it is beyond the years 1901 to 2038 of the wire.
+  bool set_stamp(std::int64_t nanos) {
+    const std::int64_t nsec = (nanos % kNanos + kNanos) % kNanos;
+    const std::int64_t sec = (nanos - nsec) / kNanos;
+    time_nsec = static_cast<std::int32_t>(nsec);
+    time_sec = static_cast<std::int32_t>(sec);
+    return time_sec == sec;
+  }
 
   /// Bytes of the header with its padding.
   std::size_t size() const {
@@ -264,6 +289,229 @@ struct Subscribe {
   }
 };
 
+/// Control, kind 0: a datagram has left the receive buffer or was lost, PROTOCOL.md, section 6.
+struct Credit {
+  std::uint8_t msg_type = 0;  ///< of the acknowledged datagram, like the next two
+  std::uint8_t part_number = 0;
+  std::uint32_t seq_number = 0;
+  std::uint32_t receive_buffer = 0;  ///< SO_RCVBUF read back
+
+  std::array<std::uint8_t, 12> pack() const {
+    std::array<std::uint8_t, 12> body{};
+    body[1] = msg_type;
+    body[2] = part_number;
+    detail::write_u32(body.data() + 4, seq_number);
+    detail::write_u32(body.data() + 8, receive_buffer);
+    return body;
+  }
+
+  static Refusal parse(const std::uint8_t* body, std::size_t size, Credit& to) {
+    if (size != 12) return Refusal::body_size;
+    to = {body[1], body[2], detail::read_u32(body + 4), detail::read_u32(body + 8)};
+    return is_in_table(to.msg_type) ? Refusal::none : Refusal::body_value;
+  }
+};
+
+/// Control, kind 1: what became of the messages of a topic, PROTOCOL.md, section 6.
+struct TopicReport {
+  static constexpr std::size_t kSize = 128;
+  /// The ages where no message was published within the last 10 s.
+  static constexpr std::int64_t kNoAge = std::numeric_limits<std::int64_t>::min();
+
+  std::uint8_t msg_type = 0;
+  std::uint32_t first_number = 0;
+  std::int64_t since_nanos = 0;
+  std::uint64_t numbers = 0, published = 0, dropped = 0, incomplete = 0, late = 0, pending = 0;
+  std::uint64_t repaired = 0, duplicates = 0, body_bytes = 0;
+  std::int64_t first_seen_stamp_nanos = 0, first_stamp_nanos = 0, last_stamp_nanos = 0;
+  std::int64_t age_p50_nanos = kNoAge, age_p99_nanos = kNoAge;
+
+  std::array<std::uint8_t, kSize> pack() const {
+    std::array<std::uint8_t, kSize> body{};
+    body[0] = 1;
+    body[1] = msg_type;
+    detail::write_u32(body.data() + 4, first_number);
+    std::uint8_t* at = write(body.data() + 8, since_nanos);
+    for (const std::uint64_t value : {numbers, published, dropped, incomplete, late, pending,
+                                      repaired, duplicates, body_bytes}) {
+      at = write(at, value);
+    }
+    for (const std::int64_t value : {first_seen_stamp_nanos, first_stamp_nanos, last_stamp_nanos,
+                                     age_p50_nanos, age_p99_nanos}) {
+      at = write(at, value);
+    }
+    return body;
+  }
+
+  static Refusal parse(const std::uint8_t* body, std::size_t size, TopicReport& to) {
+    if (size != kSize) return Refusal::body_size;
+    to.msg_type = body[1];
+    to.first_number = detail::read_u32(body + 4);
+    const std::uint8_t* at = read(body + 8, to.since_nanos);
+    for (std::uint64_t* value : {&to.numbers, &to.published, &to.dropped, &to.incomplete, &to.late,
+                                 &to.pending, &to.repaired, &to.duplicates, &to.body_bytes}) {
+      at = read(at, *value);
+    }
+    for (std::int64_t* value : {&to.first_seen_stamp_nanos, &to.first_stamp_nanos,
+                                &to.last_stamp_nanos, &to.age_p50_nanos, &to.age_p99_nanos}) {
+      at = read(at, *value);
+    }
+    std::uint64_t left = to.numbers;  // no sum, which may overflow
+    for (const std::uint64_t fate :
+         {to.published, to.dropped, to.incomplete, to.late, to.pending}) {
+      if (fate > left) return Refusal::body_value;
+      left -= fate;
+    }
+    return is_in_table(to.msg_type) ? Refusal::none : Refusal::body_value;
+  }
+
+ private:
+  template <class Number>
+  static std::uint8_t* write(std::uint8_t* at, Number value) {
+    detail::write_u64(at, static_cast<std::uint64_t>(value));
+    return at + 8;
+  }
+  template <class Number>
+  static const std::uint8_t* read(const std::uint8_t* at, Number& value) {
+    value = static_cast<Number>(detail::read_u64(at));
+    return at + 8;
+  }
+};
+
+namespace detail {
+
+/// Check the body of Control, kind 2, PROTOCOL.md, section 6.
+inline Refusal check_link_report(const std::uint8_t* body, std::size_t size) {
+  constexpr std::size_t fixed = 40, reason = 9, most_reasons = 32, longest_name = 32;
+  if (size < fixed) return Refusal::body_size;
+  std::size_t at = fixed;
+  for (std::size_t i = 0; i < most_reasons && at < size; ++i) {
+    if (size - at < reason) return Refusal::body_size;
+    const std::size_t name = body[at + reason - 1];
+    at += reason;
+    if (size - at < name) return Refusal::body_size;
+    const bool is_name = std::all_of(body + at, body + at + name, [](std::uint8_t c) {
+      return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+    });
+    if (!is_name || !name || name > longest_name) return Refusal::body_value;
+    at += name;
+  }
+  return at == size ? Refusal::none : Refusal::body_size;
+}
+
+/// The messages of one topic by number, each of which gets one fate, among the newest 1024.
+class Fates {
+ public:
+  std::uint32_t first_number = 0;  ///< lowest number seen and remembered
+  std::uint64_t numbers = 0;       ///< from the first to the highest one seen, both included
+  std::uint64_t published = 0, dropped = 0, incomplete = 0, late = 0;
+
+  /// Messages of which a part came and whose fate is open.
+  std::uint64_t pending() const { return (came_ & ~settled_).count(); }
+
+  /// Note that a part of a message came.
+  void seen(std::uint32_t number) {
+    if (!numbers) {
+      first_number = highest_ = number;
+      numbers = 1;
+      came_.set(0);
+      return;
+    }
+    if (number == highest_) return;
+    const std::uint32_t ahead = number - highest_;
+    if (ahead >= 1u << 31) {
+      const std::uint32_t behind = highest_ - number;
+      if (behind >= kRemembered) return;
+      if (behind >= numbers) {
+        first_number = number;
+        numbers = std::uint64_t{behind} + 1;
+      }
+      came_.set(behind);
+      return;
+    }
+    came_ <<= ahead;
+    came_.set(0);
+    settled_ <<= ahead;
+    highest_ = number;
+    numbers += ahead;
+  }
+
+  /// Give a message its fate; return false where it has one, or is too old.
+  bool settle(std::uint32_t number, std::uint64_t Fates::*fate) {
+    seen(number);
+    const std::uint32_t behind = highest_ - number;
+    if (behind >= kRemembered || settled_.test(behind)) return false;
+    settled_.set(behind);
+    ++(this->*fate);
+    return true;
+  }
+
+ private:
+  static constexpr std::uint32_t kRemembered = 1024;
+  std::uint32_t highest_ = 0;
+  std::bitset<kRemembered> came_, settled_;  // bit 0 is the highest number's
+};
+
+/// What arrived of one topic in one life of its sender, and what its user took.
+struct Arrivals {
+  static constexpr std::size_t kAgesKept = 1024;
+  static constexpr std::int64_t kAgesNanos = 10 * kNanos;
+
+  Fates fates;
+  std::uint64_t body_bytes = 0;
+  std::int64_t first_seen_stamp = 0, first_stamp = 0, last_stamp = 0, since = 0;
+  bool has_since = false;  // the first report gives it
+  std::deque<std::pair<std::int64_t, std::int64_t>> published;  // when, and the stamp
+
+  void seen(const Header& header) {
+    if (!fates.numbers) first_seen_stamp = header.stamp_nanos();
+    fates.seen(header.seq_number);
+  }
+
+  void handed(std::uint32_t number, std::int64_t stamp, std::size_t size, bool is_taken,
+              std::int64_t now) {
+    if (!fates.settle(number, is_taken ? &Fates::published : &Fates::dropped) || !is_taken) return;
+    if (fates.published == 1) first_stamp = stamp;
+    last_stamp = stamp;
+    body_bytes += size;
+    published.emplace_back(now, stamp);
+    if (published.size() > kAgesKept) published.pop_front();
+  }
+
+  TopicReport report(std::uint8_t type, std::uint64_t duplicates, std::int64_t now,
+                     std::int64_t wall) {
+    if (!has_since) since = wall;
+    has_since = true;
+    while (!published.empty() && now - published.front().first > kAgesNanos) published.pop_front();
+    std::vector<std::int64_t> ages;
+    for (const auto& [at, stamp] : published) ages.push_back(wall - (now - at) - stamp);
+    std::sort(ages.begin(), ages.end());
+    const auto percentile = [&](std::size_t percent) {
+      return ages.empty() ? TopicReport::kNoAge : ages[(ages.size() * percent + 99) / 100 - 1];
+    };
+    TopicReport told;
+    told.msg_type = type;
+    told.first_number = fates.first_number;
+    told.since_nanos = since;
+    told.numbers = fates.numbers;
+    told.published = fates.published;
+    told.dropped = fates.dropped;
+    told.incomplete = fates.incomplete;
+    told.late = fates.late;
+    told.pending = fates.pending();
+    told.duplicates = duplicates;
+    told.body_bytes = body_bytes;
+    told.first_seen_stamp_nanos = first_seen_stamp;
+    told.first_stamp_nanos = first_stamp;
+    told.last_stamp_nanos = last_stamp;
+    told.age_p50_nanos = percentile(50);
+    told.age_p99_nanos = percentile(99);
+    return told;
+  }
+};
+
+}  // namespace detail
+
 /// What a receiver spends at most: guards against peers that err or attack.
 struct Limits {
   std::size_t memory_bytes = 64u << 20;  ///< announced by all open messages
@@ -290,7 +538,9 @@ class Receiver {
   /// Take one datagram.
   ///
   /// `hand_over(Message&&)` is called for each message that is whole now, `reply(data, size)` for a
-  /// Credit that is due to the sender. `now_nanos` is of any clock that never goes back.
+  /// Credit that is due to the sender. `now_nanos` is of any clock that never goes back. Where
+  /// `hand_over` returns bool, false means that the user can't take the message: it is reported as
+  /// dropped instead of published.
   template <class HandOver, class Reply>
   void take(const std::uint8_t* data, std::size_t size, SenderId from, std::int64_t now_nanos,
             HandOver&& hand_over, Reply&& reply) {
@@ -302,6 +552,28 @@ class Receiver {
                        reply);
     }
     if (refusal != Refusal::none) ++counters.refused[static_cast<std::size_t>(refusal)];
+  }
+
+  /// Tell the senders that were heard within the last 5 s what became of their messages: one
+  /// TopicReport for each topic. Call it once a second, and three times at the end.
+  ///
+  /// `now_nanos` is of the clock of `take`, `wall_nanos` the wall clock since the POSIX epoch.
+  /// `send(sender, data, size)` is called for each datagram.
+  template <class Send>
+  void report(std::int64_t now_nanos, std::int64_t wall_nanos, Send&& send) {
+    expire(now_nanos);
+    for (auto& [from, peer] : peers_) {
+      if (now_nanos - peer.heard_nanos > kReportedNanos) continue;
+      for (auto& [name, topic] : peer.topics) {
+        Header header = control_header(peer, wall_nanos, name.second);
+        header.link = topic.link;
+        const auto body =
+            topic.arrivals.report(name.first, topic.duplicates, now_nanos, wall_nanos).pack();
+        send_control(header, body, [&, to = from](const std::uint8_t* data, std::size_t size) {
+          send(to, data, size);
+        });
+      }
+    }
   }
 
   /// Give up the messages whose time is over; call it now and then while nothing comes.
@@ -331,6 +603,7 @@ class Receiver {
     }
   };
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+  static constexpr std::int64_t kReportedNanos = 5 * kNanos;  // behind a sender's last datagram
 
   struct Topic;
   struct Peer;
@@ -355,7 +628,9 @@ class Receiver {
     std::int64_t last_stamp = 0, last_handed_nanos = 0;
     std::deque<Key> finished;
     std::list<Open> open;
-    std::uint64_t heard = 0;
+    std::uint64_t heard = 0, duplicates = 0;
+    std::string link;  // the one last seen
+    detail::Arrivals arrivals;
 
     bool is_finished(const Key& key) const {
       return std::find(finished.begin(), finished.end(), key) != finished.end();
@@ -377,8 +652,9 @@ class Receiver {
   struct Peer {
     std::map<TopicName, Topic> topics;
     std::size_t memory_bytes = 0, uncredited_bytes = 0;
-    std::uint32_t credits = 0;
+    std::uint32_t controls = 0;
     std::uint64_t heard = 0;
+    std::int64_t heard_nanos = 0;
   };
 
   template <class HandOver, class Reply>
@@ -386,7 +662,7 @@ class Receiver {
                  std::size_t datagram_size, SenderId from, std::int64_t now_nanos,
                  HandOver&& hand_over, Reply&& reply) {
     if (h.parts_max > 1 && !size) return Refusal::part_size;
-    if (h.msg_type == kControl) return control(h, part, size, from, reply);
+    if (h.msg_type == kControl) return control(h, part, size, from, now_nanos, reply);
     Subscribe ignored;
     if (h.msg_type == kSubscribe && h.parts_max == 1) {
       const Refusal refusal = Subscribe::parse(part, size, ignored);
@@ -398,14 +674,17 @@ class Receiver {
         refusal != Refusal::none) {
       return refusal;
     }
-    Peer& peer = peer_of(from);
+    Peer& peer = peer_of(from, now_nanos);
     Topic& topic = topic_of(peer, name);
     if (topic.is_restart_by_silence(h, now_nanos)) forget(topic, kNever);
     if (topic.is_finished(key)) {
       ++counters.duplicates;
+      ++topic.duplicates;
       credit(peer, h, datagram_size, h.part_number + 1 == h.parts_max, reply);
       return Refusal::none;
     }
+    topic.link = h.link;
+    topic.arrivals.seen(h);
     auto open = find(topic, key);
     if (h.parts_max == 1 && open == topic.open.end()) {
       Message message{h, {part, part + size}};
@@ -415,6 +694,7 @@ class Receiver {
     if (open == topic.open.end()) open = begin(peer, topic, key, h, now_nanos);
     if (open->came(h.part_number)) {
       ++counters.duplicates;
+      ++topic.duplicates;
       credit(peer, h, datagram_size, h.part_number + 1 == h.parts_max, reply);
       return Refusal::none;
     }
@@ -519,9 +799,11 @@ class Receiver {
     if (ahead <= 0) {
       if (key.stamp_nanos <= topic.last_stamp) {
         ++counters.late;
+        topic.arrivals.fates.settle(key.seq_number, &detail::Fates::late);
         return;
       }
       forget(topic, key.stamp_nanos);
+      topic.arrivals.seen(message.header);
       topic.finish(key);
     } else {
       counters.missing += static_cast<std::uint64_t>(ahead - 1);
@@ -531,7 +813,14 @@ class Receiver {
     topic.last_stamp = key.stamp_nanos;
     topic.last_handed_nanos = now_nanos;
     ++counters.messages;
-    hand_over(std::move(message));
+    const std::size_t size = message.body.size();
+    bool is_taken = true;
+    if constexpr (std::is_same_v<std::invoke_result_t<HandOver&, Message&&>, bool>) {
+      is_taken = hand_over(std::move(message));
+    } else {
+      hand_over(std::move(message));
+    }
+    topic.arrivals.handed(key.seq_number, key.stamp_nanos, size, is_taken, now_nanos);
   }
 
   /// Begin a topic anew, as for a sender never heard of; open messages older than a stamp go.
@@ -543,6 +832,7 @@ class Receiver {
     }
     topic.has_handed = false;
     topic.finished.clear();
+    topic.arrivals = {};
   }
 
   void announce(Open& open) {
@@ -577,6 +867,7 @@ class Receiver {
   void give_up(Open& open) {
     open.topic->finish(open.key);
     ++counters.incomplete;
+    open.topic->arrivals.fates.settle(open.key.seq_number, &detail::Fates::incomplete);
     release(open);
   }
 
@@ -587,7 +878,7 @@ class Receiver {
     gone.topic->open.remove_if([&](const Open& open) { return &open == &gone; });
   }
 
-  Peer& peer_of(SenderId from) {
+  Peer& peer_of(SenderId from, std::int64_t now_nanos) {
     if (peers_.size() >= limits_.senders && !peers_.count(from)) {
       const auto silent = std::min_element(
           peers_.begin(), peers_.end(),
@@ -597,6 +888,7 @@ class Receiver {
     }
     Peer& peer = peers_[from];
     peer.heard = ++heard_;
+    peer.heard_nanos = now_nanos;
     return peer;
   }
 
@@ -632,15 +924,21 @@ class Receiver {
   /// Of Control only CreditRequest asks something of a receiver; reports are for who sends.
   template <class Reply>
   Refusal control(const Header& h, const std::uint8_t* part, std::size_t size, SenderId from,
-                  Reply&& reply) {
+                  std::int64_t now_nanos, Reply&& reply) {
     if (h.parts_max != 1) return Refusal::parts_max;
     if (!size) return Refusal::body_size;
-    if (part[0] > 3) return Refusal::body_value;
-    if (part[0] == 3) {
-      if (size != 4) return Refusal::body_size;
-      credit(peer_of(from), h, size, true, reply);
+    Credit credited;
+    TopicReport told;
+    switch (part[0]) {
+      case 0: return Credit::parse(part, size, credited);
+      case 1: return TopicReport::parse(part, size, told);
+      case 2: return detail::check_link_report(part, size);
+      case 3:
+        if (size != 4) return Refusal::body_size;
+        credit(peer_of(from, now_nanos), h, size, true, reply);
+        return Refusal::none;
+      default: return Refusal::body_value;
     }
-    return Refusal::none;
   }
 
   /// Acknowledge a datagram where that is due, or an eighth of the buffer was taken since the last.
@@ -650,20 +948,26 @@ class Receiver {
     peer.uncredited_bytes += datagram_size + 1024 + (datagram_size <= 16384 ? datagram_size : 0);
     if (!is_due && peer.uncredited_bytes <= limits_.receive_buffer / 8) return;
     peer.uncredited_bytes = 0;
+    const Credit told{h.msg_type, h.part_number, h.seq_number, limits_.receive_buffer};
+    send_control(control_header(peer, h.stamp_nanos(), h.topic), told.pack(), reply);
+  }
+
+  static Header control_header(Peer& peer, std::int64_t stamp_nanos, const std::string& topic) {
     Header header;
     header.msg_type = kControl;
-    header.seq_number = peer.credits++;
-    header.time_sec = h.time_sec;
-    header.time_nsec = h.time_nsec;
-    header.topic = h.topic;
-    std::array<std::uint8_t, 256 + 12> datagram{};
+    header.seq_number = peer.controls++;
+    header.set_stamp(stamp_nanos);
+    header.topic = topic;
+    return header;
+  }
+
+  template <std::size_t Size, class Send>
+  static void send_control(const Header& header, const std::array<std::uint8_t, Size>& body,
+                           Send&& send) {
+    std::array<std::uint8_t, 256 + Size> datagram{};
     header.pack(datagram.data());
-    std::uint8_t* body = datagram.data() + header.size();
-    body[1] = h.msg_type;
-    body[2] = h.part_number;
-    detail::write_u32(body + 4, h.seq_number);
-    detail::write_u32(body + 8, limits_.receive_buffer);
-    reply(datagram.data(), header.size() + 12);
+    std::copy(body.begin(), body.end(), datagram.data() + header.size());
+    send(datagram.data(), header.size() + Size);
   }
 
   Limits limits_;
@@ -690,11 +994,7 @@ class Sender {
     header.msg_type = msg_type;
     header.topic = topic;
     header.link = link;
-    const std::int64_t nsec = (stamp_nanos % kNanos + kNanos) % kNanos;
-    const std::int64_t sec = (stamp_nanos - nsec) / kNanos;
-    header.time_sec = static_cast<std::int32_t>(sec);
-    header.time_nsec = static_cast<std::int32_t>(nsec);
-    if (header.time_sec != sec || !header.is_legal()) return false;
+    if (!header.set_stamp(stamp_nanos) || !header.is_legal()) return false;
     const std::size_t part_size = part_size_of(size, header.size(), largest);
     if (!part_size) return false;
     const std::size_t parts = std::max<std::size_t>(1, (size + part_size - 1) / part_size);

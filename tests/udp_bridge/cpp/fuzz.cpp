@@ -84,6 +84,16 @@ int main(int count, char** argv) {
           ++credits;
           if (size > 256 + 12) std::abort();
         });
+    if (taken % 100 == 0) {
+      receiver.report(now, now, [](std::uint64_t, const std::uint8_t* told, std::size_t size) {
+        udp_bridge::TopicReport report;
+        const std::size_t head = told[1];
+        if (udp_bridge::TopicReport::parse(told + head, size - head, report) !=
+            udp_bridge::Refusal::none) {
+          std::abort();
+        }
+      });
+    }
     if (receiver.memory_bytes() > limits.memory_bytes) std::abort();
   }
   receiver.give_up_all();

@@ -116,7 +116,7 @@ class Reassembler:
     def accept_control(self, header: Header, part: memoryview) -> control.Control:
         """Return what a Control message says, or raise `Refused`."""
         if header.parts_max != 1:
-            raise Refused("parts_max")
+            raise Refused("parts_max" if len(part) else "part_size")
         told = control.parse(part)
         # Asking for a Credit is no message of anybody's.
         self.counters.messages += not isinstance(told, control.CreditRequest)
