@@ -39,6 +39,7 @@ x-process: &process
   tmpfs: ["/tmp:size=256m,mode=1777"]
   cap_drop: [ALL]
   security_opt: ["no-new-privileges:true"]
+  pids_limit: 1024
   environment:
     ALIVE_FILE: /tmp/alive
     GROUNDLINK_ROUTER: $ROUTER

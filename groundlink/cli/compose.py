@@ -6,11 +6,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from groundlink.deployment import MAIN, ROUTER, Deployment
+from groundlink.deployment import MAIN, Deployment
 from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
 
-from .running import SCENARIO_HELP
+from .running import SCENARIO_HELP, router_for
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -26,8 +26,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--router",
         metavar="ENDPOINT",
-        default=ROUTER,
-        help="where other hosts find the router, such as tcp/sim.example:7447",
+        help="where other hosts find the router, such as tcp/sim.example:7447; needed with --host",
     )
     parser.add_argument(
         "--overload",
@@ -47,11 +46,15 @@ def compose(options: argparse.Namespace) -> int:
         load(file),
         file.absolute(),
         sources=options.sources,
-        router=options.router,
+        router=router_for(options.host, options.router),
         overload=options.overload,
     )
     sys.stdout.write(deployment.compose(options.host))
     for label in deployment.hosts():
         if label != options.host:
-            print(f"there are sensors for the host `{label}`: --host {label}", file=sys.stderr)
+            router = "" if label == MAIN else " --router ENDPOINT"
+            print(
+                f"there are processes for the host `{label}`: --host {label}{router}",
+                file=sys.stderr,
+            )
     return 0

@@ -14,13 +14,13 @@ from pathlib import Path
 
 from groundlink.access import OPERATOR, access_control, grants
 from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
-from groundlink.deployment import BRIDGE_KEY, MAIN, ROUTER, Deployment
+from groundlink.deployment import BRIDGE_KEY, MAIN, Deployment
 from groundlink.errors import UserError
 from groundlink.extras import needs
 from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
 
-from .running import SCENARIO_HELP
+from .running import SCENARIO_HELP, router_for
 
 USER = 65532
 """Whose files they become where root makes them: the user of the images."""
@@ -45,9 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--host", metavar="LABEL", default=MAIN, help="whose Compose file is written (%(default)s)"
     )
-    parser.add_argument(
-        "--router", metavar="ENDPOINT", default=ROUTER, help="as of `groundlink compose`"
-    )
+    parser.add_argument("--router", metavar="ENDPOINT", help="as of `groundlink compose`")
     parser.set_defaults(command=secure)
 
 
@@ -57,6 +55,7 @@ def secure(options: argparse.Namespace) -> int:
         from groundlink.certificates import Authority
     file = scenario_file(options.scenario)
     scenario, folder = load(file), options.folder
+    router = router_for(options.host, options.router)
     if folder.exists():
         raise UserError(f"{folder}: it exists already; delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))
@@ -74,7 +73,7 @@ def secure(options: argparse.Namespace) -> int:
         _write(own / ABOUT, about_text(process, rules).encode())
         _give(own)
     _write(folder / BRIDGE_KEY, secrets.token_hex(32).encode() + b"\n")
-    deployment = Deployment(scenario, file.absolute(), sources=".", router=options.router)
+    deployment = Deployment(scenario, file.absolute(), sources=".", router=router)
     over = folder / "compose.yaml"
     over.write_text(deployment.secured(str(folder.absolute()), options.host), encoding="utf-8")
     print(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import logging
+import warnings
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
@@ -39,6 +40,9 @@ FORMATS = {
 }
 
 MOST_FACES = 20_000_000
+
+MOST_PIXELS = 2**26
+"""Of a picture: 8192 x 8192, four times what is drawn. A picture of 20 kB can declare more."""
 
 Paint = tuple[Vector3 | None, bytes | None, bytes | None]
 """As `mesh_asset.Part` has them: colour, picture and normals."""
@@ -159,12 +163,14 @@ def _scene(file: Path, suffix: str, folder: Path) -> tuple[Any, list[str]]:
     # What it cannot read it says in its log, to which nobody listens here.
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
-        scene = trimesh.load_scene(
-            BytesIO(_utf8(content) if suffix == ".obj" else content),
-            file_type=suffix[1:],
-            resolver=Beside(str(file)),
-            process=False,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pictures, whose size is checked here
+            scene = trimesh.load_scene(
+                BytesIO(_utf8(content) if suffix == ".obj" else content),
+                file_type=suffix[1:],
+                resolver=Beside(str(file)),
+                process=False,
+            )
     except Exception:
         if lacking:
             raise BadFile(f"{file}: {lacking[0]}; put it beside it") from None
@@ -216,6 +222,12 @@ class _Pictures:
         if image is None:
             return None
         if id(image) not in self._known:
+            columns, rows = image.size
+            if columns * rows > MOST_PIXELS:
+                raise BadFile(
+                    f"{self._file}: a picture in it has {columns} x {rows} pixels; expected at "
+                    f"most {MOST_PIXELS // 10**6} million. Fix: scale it down"
+                )
             try:
                 self._known[id(image)] = _encoded(image)
             except Exception:

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import msgspec
+import numpy as np
 from msgspec.structs import replace
 
 from groundlink.errors import UserError
 from groundlink.world import motion
 from groundlink.world.actors import Actor, Free
+from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
 from groundlink.world.solids import Material, Solid
 from groundlink.world.starts import (
@@ -24,6 +26,7 @@ from groundlink.world.starts import (
     ground_of,
     in_the_way,
 )
+from groundlink.world.terrain import Ground
 
 from .explain import nearest
 from .schema import RESERVED_NAMES, Scenario, Vehicle
@@ -140,15 +143,34 @@ def _check_room(
     there = [*standing, *moving]
     for solid in more.solids:
         _check_free(solid.name, [solid], moving)
+        _check_floor(solid.name, [solid], standing, ground)
         there.append(solid)
     for actor in more.actors:
         check_way(changed.world.actors.index(actor), actor, ground)
         place = motion.start(actor.motion, ground, seconds)
         bodies = actor_bodies(actor, place.position_m, place.orientation)
         _check_free(actor.name, bodies, there if isinstance(actor.motion, Free) else moving)
+        _check_floor(actor.name, bodies, standing, ground)
         there += bodies
     for vehicle in more.vehicles:
         there += check_vehicle(changed.vehicles.index(vehicle), vehicle, ground, there)
+
+
+def _check_floor(
+    name: str, bodies: Sequence[Solid], standing: Sequence[Solid], ground: Ground | None
+) -> None:
+    """Refuse what would stand beside everything in a world without terrain."""
+    if ground is not None:
+        return
+    boxes = [bounds(solid) for solid in standing]
+    for low, high in map(bounds, bodies):
+        if any(np.all(low[:2] <= b[:2]) and np.all(a[:2] <= high[:2]) for a, b in boxes):
+            return
+    x_m, y_m, _ = bodies[0].position_m
+    raise UserError(
+        f"`{name}` would be at {x_m:g}, {y_m:g}, beside all that stands in this world; choose "
+        "another place by --at"
+    )
 
 
 def _check_free(name: str, bodies: Sequence[Solid], there: Sequence[Solid]) -> None:

@@ -8,6 +8,7 @@ and indices; a value taken from another file keeps that file's lines.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,9 @@ DataPath = tuple[str | int, ...]
 
 DEEPEST = 50
 """Keys and indices down to a value: several times what any file here needs."""
+
+MOST_VALUES = 100_000
+"""Values in a file, aliases expanded: ten times what the largest shipped file has."""
 
 
 class ScenarioError(UserError):
@@ -90,7 +94,7 @@ def read(file: Path) -> Document:
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{file}: not UTF-8 text ({error.reason})") from None
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        node = _compose(text, file)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"{file}:{mark.line + 1}" if mark else str(file)
@@ -104,12 +108,47 @@ def read(file: Path) -> Document:
     return document
 
 
+class _Composer(yaml.SafeLoader):
+    """Composes a file's nodes, which PyYAML does by recursion, to a limited depth."""
+
+    file: Path
+    depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Compose the next node and all inside it."""
+        if self.depth > DEEPEST:
+            event = self.peek_event()  # type: ignore[no-untyped-call]
+            raise _too_deep(Mark(self.file, event.start_mark.line + 1))
+        self.depth += 1
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+def _compose(text: str, file: Path) -> yaml.Node | None:
+    composer = _Composer(text)
+    composer.file = file
+    try:
+        return composer.get_single_node()
+    finally:
+        composer.dispose()
+
+
+def _too_deep(mark: Mark) -> ScenarioError:
+    return ScenarioError(f"{mark}: nested more than {DEEPEST} deep; does an alias hold itself?")
+
+
 def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> Any:
     """Turn a YAML node into plain data and note where it stands."""
+    mark = Mark(file, node.start_mark.line + 1)
     if len(path) > DEEPEST:
-        mark = Mark(file, node.start_mark.line + 1)
-        raise ScenarioError(f"{mark}: nested more than {DEEPEST} deep; does an alias hold itself?")
-    document.marks[path] = Mark(file, node.start_mark.line + 1)
+        raise _too_deep(mark)
+    document.marks[path] = mark
+    if len(document.marks) > MOST_VALUES:
+        raise ScenarioError(
+            f"{mark}: the file has more than {MOST_VALUES} values, those of aliases included; "
+            "expected fewer. Fix: write out only what is needed, without aliases of aliases"
+        )
     if isinstance(node, yaml.SequenceNode):
         return [_plain(n, (*path, i), document, file) for i, n in enumerate(node.value)]
     if isinstance(node, yaml.MappingNode):
@@ -124,11 +163,12 @@ def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> A
         return result
     if path[-1:] == ("kind",):
         return str(node.value)  # a word: YAML 1.1 takes `off` for false
-    # SafeLoader's own constructor turns scalars into int, float, bool, str or None.
-    loader = yaml.SafeLoader("")
-    try:
-        return loader.construct_object(node, deep=True)
+    try:  # into int, float, bool, str or None
+        value = yaml.constructor.SafeConstructor().construct_object(node, deep=True)
     except (yaml.YAMLError, ValueError) as error:
         problem = getattr(error, "problem", None) or str(error)
-        mark = document.marks[path]
         raise ScenarioError(f"{mark}: cannot read this value: {problem}") from None
+    if isinstance(value, float) and not isfinite(value):
+        name = next((step for step in reversed(path) if isinstance(step, str)), "value")
+        raise ScenarioError(f"{mark}: `{name}` is {value}; expected a finite number")
+    return value

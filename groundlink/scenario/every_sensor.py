@@ -19,13 +19,42 @@ from groundlink.world.solids import Spec, Vector3
 from .faults import Fault, Quantity
 
 Rate = Annotated[float, Meta(gt=0, le=400)]
-Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
+_NAME = r"^[a-z][a-z0-9_]*$"
+_TOPIC = r"^/[A-Za-z0-9_/]+$"
+_FRAME = r"^[^\s/]\S*$"
+_PREFIX = r"^([^\s/]\S*)?$"
+_HOST, _PORT = (
+    r"[^\s:]+",
+    r"([0-9]{1,4}|[1-5][0-9]{4}|6([0-4][0-9]{3}|5([0-4][0-9]{2}|5([0-2][0-9]|3[0-5]))))",
+)
+_ADDRESS = f"^{_HOST}:{_PORT}$"
+_PEER = f"^{_HOST}(:{_PORT})?$"
+
+PATTERNS = {
+    _NAME: "lower case letters, digits and underscores, a letter first",
+    _TOPIC: "a topic of letters, digits, underscores and slashes that begins with a slash",
+    _FRAME: "a frame without blanks that does not begin with a slash",
+    _PREFIX: "text without blanks that does not begin with a slash",
+    _ADDRESS: "HOST:PORT with a port up to 65535, such as 127.0.0.1:7511",
+    _PEER: "HOST or HOST:PORT with a port up to 65535, such as 127.0.0.1:7511",
+}
+"""What each pattern asks for, in the words of an error line."""
+
+Name = Annotated[str, Meta(pattern=_NAME)]
 """Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
 
-RosTopic = Annotated[str, Meta(pattern=r"^/[A-Za-z0-9_/]+$")]
+RosTopic = Annotated[str, Meta(pattern=_TOPIC)]
+Frame = Annotated[str, Meta(pattern=_FRAME)]
+"""A tf frame."""
 
-Address = Annotated[str, Meta(pattern=r"^[^\s:]+:[0-9]{1,5}$")]
+FramePrefix = Annotated[str, Meta(pattern=_PREFIX)]
+"""The beginning of frames, or nothing."""
+
+Address = Annotated[str, Meta(pattern=_ADDRESS)]
 """HOST:PORT."""
+
+Peer = Annotated[str, Meta(pattern=_PEER)]
+"""HOST:PORT, or HOST for all of its ports."""
 
 
 MOUNT_FROM_OPTICAL = (-0.5, 0.5, -0.5, 0.5)
@@ -76,7 +105,7 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     topic: RosTopic
     """ROS topic of its readings."""
 
-    frame: str
+    frame: Frame
     """tf frame of its readings, before the vehicle's `frame_prefix`."""
 
     mount: Mount = Mount()

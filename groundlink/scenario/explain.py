@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from .document import DataPath, Document, ScenarioError
+from .every_sensor import PATTERNS
 from .fields import choices, field_names, kinds, required_names
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -66,6 +67,9 @@ def explained(error: msgspec.ValidationError, document: Document, schema: Any) -
     if invalid := re.search(r"Invalid enum value '(.*)'$", problem):
         word, known = invalid.group(1), choices(schema, document.value, path)
         return f"{mark}: `{dotted(path)}`: unknown value `{word}`; {nearest(word, known)}"
+    if pattern := re.search(r"expected `str` matching regex (.*)$", problem, re.IGNORECASE):
+        asked = {repr(known): words for known, words in PATTERNS.items()}
+        problem = f"expected {asked.get(pattern.group(1), problem)}"
     value = document.at(path)
     given = "" if isinstance(value, dict | list) else f" (given: {value!r})"
     field = f"`{dotted(path)}`: " if path else ""

@@ -7,31 +7,24 @@ schema, then what types cannot say. Nothing starts before all of it holds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from groundlink.importing.files import Tell, silent
-from groundlink.world.build import WorldError, solids
-from groundlink.world.starts import check_starts
 
 from . import urdf
 from .brought import bring_materials
+from .checks import check, check_speeds
 from .document import DataPath, Document, ScenarioError, read
-from .explain import convert, dotted, nearest
-from .fast_fit import window_mistake
-from .fault_fit import mistake
+from .explain import convert, nearest
 from .grounded import place_outdoors, place_solids
 from .imported import bring_assets
 from .namespaces import into_namespaces
-from .ros_side import TOLD_BY_THE_GATEWAY
-from .route import FIGURES, Route, ThereAndBack, Waypoints
+from .route import FIGURES, Route
 from .scattered import sow
-from .schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
-from .sensors import Encoders, Gnss, Sensor, WheelOdometry
-from .vehicle import VehicleModel
+from .schema import Scenario, Vehicle
 
 SHIPPED = (Path(__file__).parents[1] / "shipped").resolve()
 """Worlds, vehicles and data sheets that come with Groundlink: in a checkout a link to its folder
@@ -58,7 +51,7 @@ def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
     """
     document = read(scenario_file(file))
     scenario = resolved(document, tell)
-    _check(scenario, document)
+    check(scenario, document)
     return scenario
 
 
@@ -117,7 +110,7 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     document = Document({"route": file.value}, {(): file.mark(())})
     document.put(("route",), file)
     route = convert(document, _RouteFile).route
-    _check_speeds(route, vehicle.model, document, ("route",))
+    check_speeds(route, vehicle.model, document, ("route",))
     return route
 
 
@@ -221,119 +214,3 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
             mark = document.mark((*path, "mount"))
             raise ScenarioError(f"{mark}: `mount`: no mount `{mount}`; {nearest(mount, mounts)}")
         document.at(path)["mount"] = mounts[mount]
-
-
-def _check(scenario: Scenario, document: Document) -> None:
-    """Check what types cannot say: names that must differ or must exist."""
-    if not scenario.vehicles:
-        raise ScenarioError(f"{document.mark(('vehicles',))}: `vehicles`: expected at least one")
-    _unique(document, ("vehicles",), [v.name for v in scenario.vehicles])
-    for v, vehicle in enumerate(scenario.vehicles):
-        here: DataPath = ("vehicles", v)
-        _free(document, (*here, "name"), vehicle.name, RESERVED_NAMES)
-        taken: list[str] = []
-        for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
-            for s, spec in enumerate(specs):
-                _free(document, (*here, section, s, "name"), spec.name, RESERVED_SENSOR_NAMES)
-            _unique(document, (*here, section), [spec.name for spec in specs], taken)
-            taken += [spec.name for spec in specs]
-        for s, sensor in enumerate(vehicle.sensors):
-            if isinstance(sensor, Gnss) and scenario.world.datum is None:
-                raise ScenarioError(
-                    f"{document.mark((*here, 'sensors', s))}: `{sensor.name}` receives satellites, "
-                    f"but `world.datum` is missing: add `datum: {{latitude_deg: ..., "
-                    f"longitude_deg: ..., altitude_m: ...}}` of the world's origin"
-                )
-            _check_wheels(sensor, vehicle, document, (*here, "sensors", s))
-            _check_faults(sensor, vehicle, document, (*here, "sensors", s, "faults"))
-        if vehicle.route is not None:
-            _check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
-    time = scenario.time
-    every_sensor = (sensor for vehicle in scenario.vehicles for sensor in vehicle.sensors)
-    if time.mode != "realtime" and (found := window_mistake(time, every_sensor)):
-        mark = document.mark(("time", "window_ticks"))
-        raise ScenarioError(f"{mark}: `time.window_ticks`: {found}")
-    topics = [t for v in scenario.vehicles for s in v.sensors for t in s.ros_topics().values()]
-    topics += [s.topic for v in scenario.vehicles for s in v.streams]
-    topics += [scenario.ground_truth_topic(v) for v in scenario.vehicles]
-    topics += [scenario.true_wheels_topic(v) for v in scenario.vehicles]
-    topics.append(scenario.bodies.topic)
-    if twice := [topic for topic in topics if topics.count(topic) > 1]:
-        raise ScenarioError(
-            f"{document.mark(())}: two streams share the topic `{twice[0]}`; give each its own"
-        )
-    topics += TOLD_BY_THE_GATEWAY
-    heard = [topic for v in scenario.vehicles for topic in v.from_ros.all_topics()]
-    heard += [v.command_topic for v in scenario.vehicles]
-    if again := [t for t in heard if t in topics or heard.count(t) > 1]:
-        raise ScenarioError(
-            f"{document.mark(())}: `{again[0]}` is taken from ROS, but is another stream's topic, "
-            "too; give each its own"
-        )
-    try:
-        check_starts(scenario, solids(scenario))
-    except WorldError as error:
-        raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
-
-
-def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
-    """Refuse encoders of wheels that there are not, and odometry of encoders that there are not."""
-    if isinstance(sensor, Encoders):
-        wheels = [shaft.name for shaft in vehicle.model.counted]
-        for i, name in enumerate(sensor.reversed_wheels):
-            if name not in wheels:
-                mark = document.mark((*path, "reversed_wheels", i))
-                raise ScenarioError(
-                    f"{mark}: `reversed_wheels`: no wheel `{name}`; {nearest(name, wheels)}"
-                )
-    if isinstance(sensor, WheelOdometry):
-        encoders = [s.name for s in vehicle.sensors if isinstance(s, Encoders)]
-        if sensor.encoders not in encoders:
-            mark = document.mark((*path, "encoders"))
-            hint = nearest(sensor.encoders, encoders) if encoders else "add one"
-            raise ScenarioError(
-                f"{mark}: `encoders`: no sensor `{sensor.encoders}` of kind `encoders`; {hint}"
-            )
-
-
-def _check_faults(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
-    """Refuse faults that the sensor cannot have."""
-    for i, fault in enumerate(sensor.faults):
-        if found := mistake(fault, sensor, vehicle):
-            where = (*path, i, found[0])
-            raise ScenarioError(f"{document.mark(where)}: `{dotted(where)}`: {found[1]}")
-
-
-def _check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
-    """Refuse a route that asks for more than the vehicle can: in speed, or to turn on the spot."""
-    if isinstance(route, ThereAndBack) and model.least_radius_m:
-        raise ScenarioError(
-            f"{document.mark(path)}: `{dotted(path)}`: `{model.name}` cannot turn on the spot; "
-            "expected another kind than `there_and_back`"
-        )
-    most = model.top_speed_mps
-    asked: list[tuple[DataPath, float | None]] = [((*path, "speed_mps"), route.speed_mps)]
-    if isinstance(route, Waypoints):
-        for i, point in enumerate(route.points):
-            asked.append(((*path, "points", i, "speed_mps"), point.speed_mps))
-    for where, speed in asked:
-        if speed is not None and speed > most:
-            raise ScenarioError(
-                f"{document.mark(where)}: `{dotted(where)}`: {speed:g} m/s is more than the "
-                f"{most:.2f} m/s that `{model.name}` can drive; ask for less"
-            )
-
-
-def _free(document: Document, path: DataPath, name: str, reserved: frozenset[str]) -> None:
-    if name in reserved:
-        mark = document.mark(path)
-        raise ScenarioError(f"{mark}: `{name}` names a key of the bus; choose another name")
-
-
-def _unique(
-    document: Document, path: DataPath, names: list[str], taken: Sequence[str] = ()
-) -> None:
-    for i, name in enumerate(names):
-        if name in names[:i] or name in taken:
-            mark = document.mark((*path, i, "name"))
-            raise ScenarioError(f"{mark}: the name `{name}` is taken; choose another")

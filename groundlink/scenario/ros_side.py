@@ -13,10 +13,7 @@ from msgspec import Meta, field
 from groundlink.emulation import LinkScript
 from groundlink.world.solids import Spec
 
-from .every_sensor import Address, Name, Rate, Repair, RosTopic
-
-Peer = Annotated[str, Meta(pattern=r"^[^\s:]+(:[0-9]{1,5})?$")]
-"""HOST:PORT, or HOST for all of its ports."""
+from .every_sensor import Address, Name, Peer, Rate, Repair, RosTopic
 
 
 class Stream(Spec, frozen=True, kw_only=True):

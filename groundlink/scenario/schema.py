@@ -23,7 +23,7 @@ from groundlink.world.solids import Material, Solid, Spec, Vector3
 from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
 
-from .every_sensor import Name
+from .every_sensor import FramePrefix, Name
 from .ros_side import FromRos, Gateway, Stream, TfTree
 from .route import Route
 from .sensors import Rate, RosTopic, Sensor
@@ -136,7 +136,7 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """What the stack publishes there, both of geometry_msgs; a stamp is not looked at, as a command
     acts when it comes."""
 
-    frame_prefix: str = ""
+    frame_prefix: FramePrefix = ""
     """Put before the vehicle's frame names: `name/` where several vehicles share one tf tree."""
 
     tf: TfTree = TfTree()

@@ -26,7 +26,7 @@ from groundlink.world.solids import (
 )
 
 from .drives import Ackermann, Battery, Differential, Drive, Shaft, SkidSteer, Tracked
-from .every_sensor import Mount, Name
+from .every_sensor import Frame, Mount, Name
 
 ROUNDED = 1.01
 """Moments of inertia of flat things add up but for the digits that are left out."""
@@ -127,7 +127,7 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     """A kind of vehicle."""
 
     name: str
-    base_frame: str = "base_link"
+    base_frame: Frame = "base_link"
     chassis: Chassis
     suspension: Suspension
     wheels: Annotated[tuple[Wheel, ...], Meta(min_length=2)]

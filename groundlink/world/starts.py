@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import numpy as np
 from msgspec.structs import replace
 
 from groundlink.frames import multiply, transform
 
 from . import motion, terrain
 from .actors import Actor, parts
-from .bounds import intersect
+from .bounds import bounds, intersect
 from .build import WorldError
 from .solids import Mesh, Quaternion, Solid, Vector3
 from .start import start, touching
@@ -25,6 +26,10 @@ from .terrain import Ground
 if TYPE_CHECKING:
     from groundlink.scenario.schema import Scenario, Vehicle
     from groundlink.scenario.vehicle import VehicleModel
+
+
+HIGHEST_DROP_M = 5.0
+"""From which a vehicle may be let fall at its start: more is taken for a mistake."""
 
 
 def check_starts(scenario: Scenario, built: Iterable[Solid]) -> None:
@@ -56,7 +61,7 @@ def check_vehicle(
     Raises
     ------
     WorldError
-        when it starts inside something, beside the terrain or in it.
+        when it starts inside something, beside the ground, in it or high above it.
     """
     path = "vehicles", index, "placement"
     place = vehicle.placement
@@ -76,10 +81,45 @@ def check_vehicle(
             (*path, "z_m"),
             f"`{vehicle.name}` starts in the terrain; expected the height above it, 0 or more",
         )
+    there = list(there)
     bodies = vehicle_bodies(vehicle.name, vehicle.model, *start(vehicle, ground))
     if (other := in_the_way(bodies, there)) is not None:
         raise WorldError(path, f"`{vehicle.name}` starts inside `{other}`; move it")
+    if ground is None and (problem := beside_floor(place.x_m, place.y_m, place.z_m, there)):
+        raise WorldError(path, f"`{vehicle.name}` {problem}")
+    if place.z_m > HIGHEST_DROP_M:
+        raise WorldError(
+            (*path, "z_m"),
+            f"`{vehicle.name}` starts {place.z_m:g} m above the ground; expected at most "
+            f"{HIGHEST_DROP_M:g} m",
+        )
     return bodies
+
+
+def beside_floor(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) -> str:
+    """Return what is wrong with a place above which solids something starts; "" if nothing is.
+
+    Parameters
+    ----------
+    z_m
+        height of the place, above z = 0; what stands higher does not carry anything there.
+    """
+    boxes = [bounds(solid) for solid in there]
+    if any(
+        np.all(low[:2] <= (x_m, y_m)) and np.all((x_m, y_m) <= high[:2]) and low[2] <= z_m
+        for low, high in boxes
+    ):
+        return ""
+    if not boxes:
+        return "starts in a world without a floor; expected terrain, a room or solids"
+    low, high = (
+        np.min([box[0] for box in boxes], axis=0),
+        np.max([box[1] for box in boxes], axis=0),
+    )
+    return (
+        f"starts at {x_m:g}, {y_m:g}, where nothing is below it; expected a place on the floor, "
+        f"within x_m from {low[0]:.2f} to {high[0]:.2f} and y_m from {low[1]:.2f} to {high[1]:.2f}"
+    )
 
 
 def check_way(index: int, actor: Actor, ground: Ground | None) -> None:

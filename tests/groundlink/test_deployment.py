@@ -66,6 +66,7 @@ def test_every_process_of_a_run_has_a_container_and_its_walls() -> None:
     for name, service in found.items():
         assert service["read_only"], name
         assert service["init"], name
+        assert service["pids_limit"] <= 1024, name
         assert service["cap_drop"] == ["ALL"], name
         assert service["security_opt"] == ["no-new-privileges:true"], name
         assert service["healthcheck"]["test"], name

@@ -17,6 +17,7 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from groundlink.errors import UserError
 from groundlink.importing import meshes, terrain
@@ -295,3 +296,12 @@ def test_a_broken_file_is_read_or_is_one_line(
         said = str(error)
     assert said.startswith(str(file))
     assert "\n" not in said
+
+
+def test_a_small_picture_that_declares_a_gigabyte_is_one_line(tmp_path: Path) -> None:
+    Image.new("1", (8300, 8300)).save(tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size < 20_000
+    write(tmp_path, "a.mtl", b"newmtl m\nmap_Kd a.png\n")
+    corners = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+    file = write(tmp_path, "a.obj", b"mtllib a.mtl\n" + corners + b"usemtl m\nf 1/1 2/2 3/3\n")
+    assert "has 8300 x 8300 pixels; expected at most 67 million" in line(file)

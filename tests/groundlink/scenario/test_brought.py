@@ -12,7 +12,14 @@ from groundlink.scenario.load import SHIPPED
 
 SCENARIO = """\
 name: test
-world: {{name: nowhere, materials: {{{listed}}}}}
+world:
+  name: nowhere
+  materials: {{{listed}}}
+  solids:
+    - name: floor
+      shape: {{kind: box, size_m: [40, 40, 1]}}
+      material: rubber
+      position_m: [0, 0, -0.5]
 vehicles:
   - {{name: first, model: first.yaml, placement: {{x_m: -9}}}}
   - {{name: second, model: second.yaml, placement: {{x_m: 9}}}}
@@ -67,6 +74,6 @@ def test_all_shipped_vehicles_agree_on_what_they_are_made_of(tmp_path: Path) -> 
         for i, file in enumerate(sorted((SHIPPED / "vehicles").glob("*.yaml")))
     )
     file = tmp_path / "test.yaml"
-    world = "world: {name: nowhere, materials: {}}"
-    file.write_text(f"name: test\n{world}\nvehicles:\n{vehicles}\n", encoding="utf-8")
+    world = SCENARIO.partition("vehicles:")[0].format(listed="").replace("40, 40", "400, 40")
+    file.write_text(f"{world}vehicles:\n{vehicles}\n", encoding="utf-8")
     assert len(load(file).vehicles) >= 4

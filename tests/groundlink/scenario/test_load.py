@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from groundlink.scenario import ScenarioError, load
+from groundlink.scenario.document import read
 from groundlink.scenario.load import SHIPPED, load_route
 from groundlink.scenario.route import Circle, FigureEight
 from groundlink.scenario.sensors import Imu, Lidar
@@ -105,9 +107,27 @@ MISTAKES = [
     ),
     ("mount: mast", "mount: most", 13, ["no mount `most`", "did you mean `mast`?"]),
     ("name: imu,", "name: lidar,", 14, ["`lidar` is taken"]),
-    ("topic: /imu", "topic: /points", 1, ["share the topic `/points`"]),
-    ("topic: /imu", "topic: /ground_truth/wheels", 1, ["share the topic `/ground_truth/wheels`"]),
-    ("topic: /imu", "topic: /ground_truth/bodies", 1, ["share the topic `/ground_truth/bodies`"]),
+    (
+        *("topic: /imu", "topic: /points", 14),
+        ["`rover/imu`: the topic `/points` is taken by `rover/lidar` (", "test.yaml:11)"],
+    ),
+    (
+        *("topic: /imu", "topic: /ground_truth/wheels", 14),
+        ["`/ground_truth/wheels` is taken by `ground_truth` of `rover`", "test.yaml:5)"],
+    ),
+    ("topic: /imu", "topic: /ground_truth/bodies", 14, ["is taken by `bodies`"]),
+    ("frame: imu_link", "frame: imu link", 14, ["[1].frame`: expected a frame without blanks"]),
+    ("frame: imu_link", "frame: /imu", 14, ["does not begin with a slash (given: '/imu')"]),
+    ("topic: /imu", "topic: imu-1", 14, ["[1].topic`: expected a topic of letters"]),
+    ("seed: 3", "gateway: {bind: '0.0.0.0:99999'}", 2, ["`gateway.bind`", "up to 65535"]),
+    ("seed: 3", "gateway: {peer: 'ros:65536'}", 2, ["`gateway.peer`", "up to 65535"]),
+    ("seed: 3", "gateway: {peers: ['ros:70000']}", 2, ["`gateway.peers[0]`", "HOST or HOST:PORT"]),
+    ("rate_hz: 100", "mount: {xyz_m: [0, .nan, 0]}", 14, ["`xyz_m` is nan", "finite"]),
+    ("  - name: rover", "  - placement: {x_m: 50}\n    name: rover", 5, ["nothing is below it"]),
+    (
+        *("  - name: rover", "  - placement: {z_m: 50}\n    name: rover", 5),
+        ["50 m above the ground; expected at most 5 m"],
+    ),
     ("name: rover", "name: bodies", 5, ["`bodies` names a key of the bus"]),
     ("name: rover", "name: state", 5, ["`state` names a key of the bus"]),
     ("name: imu,", "name: command,", 14, ["`command` names a key of the bus"]),
@@ -125,9 +145,9 @@ MISTAKES = [
     ("mode: fast", "mode: lokstep", 16, ["unknown value `lokstep`", "did you mean `lockstep`?"]),
     ("mode: fast", "overload: slov", 16, ["`time.overload`", "did you mean `slow`?"]),
     ("mode: fast", "deadline_s: 0", 16, ["`time.deadline_s`", "> 0"]),
-    ("mode: fast", "deadline_s: .inf", 15, ["`deadline_s` is inf; expected seconds"]),
-    ("mode: fast", "deadline_s: .nan", 16, ["`time.deadline_s`"]),
-    ("mode: fast", "factor: .inf", 15, ["`factor` is infinite; `mode: fast`"]),
+    ("mode: fast", "deadline_s: .inf", 16, ["`deadline_s` is inf; expected a finite number"]),
+    ("mode: fast", "deadline_s: .nan", 16, ["`deadline_s` is nan"]),
+    ("mode: fast", "factor: .inf", 16, ["`factor` is inf; expected a finite number"]),
     ("mode: fast", "lockstep: ros", 15, ["`mode: realtime` never does", "`mode: lockstep`"]),
     (
         "mode: fast",
@@ -311,3 +331,26 @@ def test_a_shipped_scenario_is_found_by_its_name_anywhere(
     (tmp_path / "indoor_lab").write_text("seed: 1\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"^indoor_lab:1: "):  # A file comes first.
         load("indoor_lab")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &a [x, x, x, x, x, x, x, x, x]\n"
+        + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in pairwise("abcdefghi")),
+        "a: " + "[" * 5000 + "]" * 5000,
+        "{a: " * 3000,
+        "".join(" " * depth + "a:\n" for depth in range(500)),
+        "a: &a [*a]",
+    ],
+)
+def test_a_file_that_grows_or_goes_down_without_end_is_one_line(tmp_path: Path, text: str) -> None:
+    file = write(tmp_path, text)
+    with pytest.raises(ScenarioError, match=r"test\.yaml:\d+: .*(50 deep|100000 values)") as caught:
+        read(file)
+    assert len(str(caught.value)) < 300
+
+
+def test_an_alias_stands_for_what_was_written(tmp_path: Path) -> None:
+    document = read(write(tmp_path, "a: &a {b: [1, 2]}\nc: *a\n"))
+    assert document.value == {"a": {"b": [1, 2]}, "c": {"b": [1, 2]}}

@@ -77,9 +77,9 @@ def test_further_topics_are_in_the_namespace_too_and_types_as_either_ros_writes_
         ("{plan: 7}", r"some.yaml:\d+: .*/plan`: expected `str`"),
         ("[plan]", r"some.yaml:\d+: `vehicles\[0\].from_ros.topics`: expected `object`"),
         ("{/a b: nav_msgs/Path}", r"some.yaml:\d+: .*topics"),
-        ("{pose: nav_msgs/Path}", "`/pose` is taken from ROS, but is another stream's topic"),
-        ("{imu: sensor_msgs/Imu}", "`/imu` is taken from ROS, but is another stream's topic"),
-        ("{/tf: tf2_msgs/TFMessage}", "`/tf` is taken from ROS, but is another stream's topic"),
+        ("{pose: nav_msgs/Path}", "`from_ros` of `one`: the topic `/pose` is taken by"),
+        ("{imu: sensor_msgs/Imu}", "`from_ros` of `one`: the topic `/imu` is taken by `one/imu`"),
+        ("{/tf: tf2_msgs/TFMessage}", "the topic `/tf` is taken by the gateway"),
     ],
 )
 def test_what_is_no_further_topic_is_one_line(tmp_path: Path, further: str, complaint: str) -> None:
@@ -91,7 +91,9 @@ def test_what_is_no_further_topic_is_one_line(tmp_path: Path, further: str, comp
 
 @pytest.mark.parametrize("more", ["command_topic: /one/cmd_vel", "command_topic: /one/imu"])
 def test_two_that_share_a_topic_of_commands_are_refused(tmp_path: Path, more: str) -> None:
-    with pytest.raises(ScenarioError, match=r"`/one/.*give each its own"):
+    with pytest.raises(
+        ScenarioError, match=r"`/one/.*` is taken by .*`one.*expected a topic of its own"
+    ):
         load(scenario(tmp_path, vehicle("one"), vehicle("two", 5.0, more=more)))
 
 
