@@ -107,6 +107,14 @@ class Encoders(SensorSpec, frozen=True, tag="encoders"):
     missed_ticks: Fraction01 = 0.0
     """Probability that an edge goes by uncounted."""
 
+    scale_stddev: NonNegative = 0.0
+    """1 sigma of each wheel's relative error of scale, drawn for a run: a tire whose radius is not
+    the nominal one."""
+
+    slip_stddev: NonNegative = 0.0
+    """1 sigma, in radians after a radian, by which a wheel's counted angle strays from what it
+    rolled on the ground; it grows with the root of the angle."""
+
     resets_s: tuple[NonNegative, ...] = ()
     """Sim times after which the counters begin at zero again, in order."""
 
@@ -140,13 +148,17 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
     wheel_radius_m: Positive | None = None
     """As the controller is told, of wheels or sprockets; none: that of the vehicle's model."""
 
-    travel_stddev: NonNegative = 0.02
-    """By which each side's travel is believed to be wrong after a metre, in metres; it grows with
-    the root of the way."""
+    travel_stddev: NonNegative = 0.001
+    """1 sigma of each side's travel after a meter, in meters, beyond what the encoders err by; it
+    grows with the root of the distance."""
 
-    turn_stddev: NonNegative = 0.15
-    """By which the heading is believed to be wrong, beyond that, after a turn of a radian, in
-    radians; it grows with the root of the angle."""
+    turn_stddev_share: NonNegative | None = None
+    """1 sigma of the effective track's relative error, a constant of a run; none: that of the
+    drive."""
+
+    skid_stddev_s: NonNegative | None = None
+    """1 sigma of the skid velocity, along and sideways, for each m/s^2 of lateral acceleration
+    (m/s), a constant of a run; none: that of the drive."""
 
 
 class PositionNoise(Spec, frozen=True):

@@ -11,8 +11,11 @@ count alike, and a counter is never further than half a tick from the angle. (Th
 starts anew at the last count, which makes a backlash of one tick; the two differ by one tick at
 most.)
 
-What was missed and reset is all that has to be remembered. Ticks are not missed
-where states are lost.
+A wheel may err: by a relative error of scale, drawn for a run, and by slip, a random walk of the
+angle (`scale_stddev`, `slip_stddev`). The counter then follows the angle with these errors.
+
+What was missed, reset and slipped is all that has to be remembered. Nothing is missed and nothing
+slips where states are lost.
 """
 
 from __future__ import annotations
@@ -28,6 +31,9 @@ from groundlink.scenario.sensors import Encoders
 
 from .streams import RandomStreams
 
+BLOCK_TICKS = 128
+"""Ticks whose slip is drawn from one stream."""
+
 
 def wrapped(count: int) -> int:
     """Return a count as a signed counter of 64 bits holds it; of a difference, the short way."""
@@ -42,6 +48,9 @@ class _Memory(msgspec.Struct, array_like=True):
 
     resets: int = 0
     """Done so far."""
+
+    slipped: list[float] = msgspec.field(default_factory=list)
+    """Radians that each wheel's counted angle is ahead, beside its error of scale."""
 
 
 class WheelCounters:
@@ -64,8 +73,13 @@ class WheelCounters:
         self._signs = [-1 if name in spec.reversed_wheels else 1 for name in self.names]
         self._start_ticks = spec.start_ticks
         self._missed = spec.missed_ticks
+        self._slip_stddev = spec.slip_stddev
+        self._slips: tuple[int, list[list[float]]] = (-1, [])
         self._reset_ticks = [-int(-exact(s) * NANOS // TICK_NANOS) for s in spec.resets_s]
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        normal = self._streams.at("scale", 0).standard_normal(len(self.names))
+        scales = (1 + spec.scale_stddev * normal).tolist()
+        self._gears = [gear * scale for gear, scale in zip(self._gears, scales, strict=True)]
         self.remember(b"")
 
     def remember(self, memory: bytes) -> None:
@@ -73,7 +87,8 @@ class WheelCounters:
         if memory:
             self._memory = msgspec.msgpack.decode(memory, type=_Memory)
         else:
-            self._memory = _Memory([self._start_ticks] * len(self.names))
+            count = len(self.names)
+            self._memory = _Memory([self._start_ticks] * count, slipped=[0.0] * count)
         self.restart()
 
     def memory(self) -> bytes:
@@ -83,6 +98,7 @@ class WheelCounters:
     def restart(self) -> None:
         """Forget earlier angles: time jumped or states were lost."""
         self._angles: list[float] = []
+        self._turned: list[float] = []
         self._before: tuple[list[float], list[int]] = ([], [])
 
     def advance(self, state: State) -> None:
@@ -101,6 +117,8 @@ class WheelCounters:
                 f"expected {self._joints}"
             )
         angles = [angles[i] * gear for i, gear in zip(self._wheels, self._gears, strict=True)]
+        if self._slip_stddev:
+            angles = self._slipped(state.tick, angles)
         last = self._angles or angles
         self._reset(state.tick, last)
         self._before = (last, list(self._memory.offsets))
@@ -137,6 +155,22 @@ class WheelCounters:
                 wrapped(-sign * self._line(angle))
                 for sign, angle in zip(self._signs, angles, strict=True)
             ]
+
+    def _slipped(self, tick: int, angles: list[float]) -> list[float]:
+        """Return angles with each wheel's slip up to this tick."""
+        block, row = divmod(tick, BLOCK_TICKS)
+        if block != self._slips[0]:
+            generator = self._streams.at("slip", block * BLOCK_TICKS)
+            normal = generator.standard_normal((BLOCK_TICKS, len(angles)))
+            self._slips = block, (self._slip_stddev * normal).tolist()
+        last, self._turned = self._turned or angles, angles
+        self._memory.slipped = [
+            slipped + slip * math.sqrt(abs(now - before))
+            for slipped, slip, now, before in zip(
+                self._memory.slipped, self._slips[1][row], angles, last, strict=True
+            )
+        ]
+        return [angle + slip for angle, slip in zip(angles, self._memory.slipped, strict=True)]
 
     def _miss(self, tick: int, last: list[float]) -> None:
         """Take back some of the lines that went by in this tick."""

@@ -19,7 +19,7 @@ from groundlink import messages
 from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.errors import UserError
 from groundlink.navigation import Odometry
-from groundlink.scenario.drives import SideSteered
+from groundlink.scenario.drives import Ackermann, Differential, SideSteered, SkidSteer, Tracked
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 from services.sensors.counters import WheelCounters, wrapped
@@ -32,6 +32,16 @@ UNKNOWN = 1e6
 
 POSSIBLE = 2.0
 """Times what the wheels can turn at most; a larger step is none."""
+
+
+SKID = {
+    SkidSteer: (0.003, 0.04),
+    Tracked: (0.015, 0.1),
+    Differential: (5e-4, 0.0),
+    Ackermann: (5e-4, 0.0),
+}
+"""Default `turn_stddev_share` and `skid_stddev_s` by drive: how the shipped vehicles skid on
+level ground at up to 1 m/s and 0.5 rad/s."""
 
 
 class _Memory(msgspec.Struct, array_like=True):
@@ -69,20 +79,30 @@ class WheelOdometryModel:
         self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian
         # Rows left and right: a side's travel is the mean of its wheels'.
         travels = np.zeros((2, len(shafts)))
+        white = np.full(2, spec.travel_stddev**2)
         for i, (shaft, left) in enumerate(zip(shafts, lefts, strict=True)):
             radius = spec.wheel_radius_m or shaft.radius_m
             sign = -1 if shaft.name in encoders.reversed_wheels else 1
-            travels[0 if left else 1, i] = sign * radius / per_radian / lefts.count(left)
+            side, count = (0 if left else 1), lefts.count(left)
+            travels[side, i] = sign * radius / per_radian / count
+            white[side] += encoders.slip_stddev**2 * radius / count**2
         self._travels = travels
         # A difference of two counts is wrong by the rounding of both, 1/12 of a tick squared each.
+        # That does not add up: a pose is wrong by the roundings of the first and the last count.
         self._rounding = np.diag((travels**2).sum(axis=1) / 6)
+        scales = [encoders.scale_stddev / math.sqrt(lefts.count(left)) for left in (True, False)]
+        turn_share, skid_s = SKID[type(drive)]
+        if spec.turn_stddev_share is not None:
+            turn_share = spec.turn_stddev_share
+        if spec.skid_stddev_s is not None:
+            skid_s = spec.skid_stddev_s
         track = np.mean(outward, where=lefts) - np.mean(outward, where=np.logical_not(lefts))
         # A car's rear wheels do not skid round.
         multiplier = drive.track_multiplier if isinstance(drive, SideSteered) else 1.0
         self._reckoning = Reckoning(
             track_m=float(track) * (spec.track_multiplier or multiplier),
-            travel_stddev=spec.travel_stddev,
-            turn_stddev=spec.turn_stddev,
+            travel_stddevs=np.sqrt(white).tolist(),
+            constant_stddevs=(*scales, turn_share, skid_s, skid_s),
         )
         self.remember(b"")
         self.restart()
@@ -125,20 +145,24 @@ class WheelOdometryModel:
 
     def _odometry(self, epoch_nanos: int, nanos: int, ticks: tuple[int, ...]) -> Odometry:
         """Go on to a reading of the counters."""
-        speed, turn_rate, spread = 0.0, 0.0, np.zeros((2, 2))
+        speed, turn_rate, spread, rounding = 0.0, 0.0, np.zeros((2, 2)), np.zeros((2, 2))
         if 0 <= self._nanos < nanos:
             seconds = (nanos - self._nanos) / NANOS
             steps = [wrapped(now - before) for now, before in zip(ticks, self._ticks, strict=True)]
             if max(map(abs, steps)) > self._most_per_second * seconds + 1:
                 steps = [0] * len(steps)
             left, right = (self._travels @ np.array(steps, np.float64)).tolist()
-            way, turn, spread = self._reckoning.step(left, right)
+            way, turn, spread = self._reckoning.step(left, right, seconds)
             from_sides = self._reckoning.from_sides
-            spread = (spread + from_sides @ self._rounding @ from_sides.T) / seconds**2
+            rounding = from_sides @ self._rounding @ from_sides.T
+            spread = (spread + rounding) / seconds**2
             speed, turn_rate = way / seconds, turn / seconds
         self._nanos, self._ticks = nanos, ticks
         pose, pivot = self._reckoning.pose, self._pivot_x_m
-        along, across = pivot * math.cos(pose.yaw_rad), pivot * math.sin(pose.yaw_rad)
+        cosine, sine = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        along, across = pivot * cosine, pivot * sine
+        rolled = np.array([[cosine, 0.0], [sine, 0.0], [0.0, 1.0]])
+        covariance = self._reckoning.covariance() + rolled @ rounding @ rolled.T
         # The pivot goes where the wheels roll; the base is carried round it.
         carried = np.array([[1.0, 0.0, across], [0.0, 1.0, -along], [0.0, 0.0, 1.0]])
         return Odometry(
@@ -149,7 +173,7 @@ class WheelOdometryModel:
             orientation=(0.0, 0.0, math.sin(pose.yaw_rad / 2), math.cos(pose.yaw_rad / 2)),
             linear_mps=(speed, -pivot * turn_rate, 0.0),
             angular_radps=(0.0, 0.0, turn_rate),
-            pose_covariance=_in_space(carried @ np.array(pose.covariance) @ carried.T, (0, 1, 5)),
+            pose_covariance=_in_space(carried @ covariance @ carried.T, (0, 1, 5)),
             twist_covariance=_in_space(spread, (0, 5)),
         )
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 
@@ -249,6 +250,23 @@ def test_what_lies_under_a_wheel_says_how_it_grips(y_m: float, holds: bool) -> N
         moved = drive(simulation, 2.0).pose[:, 0]
     assert (abs(moved[-1] - moved[0]) < 0.01) == holds
     assert holds or moved[-1] < -1.0
+
+
+def test_each_place_has_the_material_of_its_cell() -> None:
+    """A checkerboard: off by a cell along either axis is another material."""
+    surface = (np.indices((6, 8)).sum(axis=0) % 2).astype(np.uint8)
+    here = ground(
+        terrain(
+            *(np.zeros((7, 9)), 0.5), surface=surface, materials=("grass", "mud"), at_m=(3, -2, 0)
+        )
+    )
+    with closing(Engine()) as engine:
+        landscape = Landscape(engine, here, MATERIALS)
+        for row, column in np.ndindex(surface.shape):
+            for inside in (0.02, 0.25, 0.48):
+                x_m, y_m = here.x0_m + 0.5 * column + inside, here.y0_m + 0.5 * row + inside
+                expected = ("grass", "mud")[surface[row, column]]
+                assert landscape.friction_at(x_m, y_m) == MATERIALS[expected].friction
 
 
 def test_a_chassis_rubs_on_what_it_is_over() -> None:

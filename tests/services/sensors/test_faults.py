@@ -247,6 +247,14 @@ def test_delayed_readings_come_in_order_with_their_stamps(message: type[Reading]
     assert [tick for tick, _ in run][35:] == [4 * n for n in range(35, 50)]
 
 
+@pytest.mark.parametrize(("delay_s", "ticks"), [(0.0001, 1), (0.0025, 1), (0.003, 2), (0.005, 2)])
+def test_a_reading_comes_at_the_first_tick_that_is_not_before_its_delay(
+    delay_s: float, ticks: int
+) -> None:
+    run = taken(Imu, Delay(delay_s=delay_s))
+    assert {tick - 4 * n for n, (tick, _) in enumerate(run)} == {ticks}
+
+
 def test_a_share_is_lost() -> None:
     run = taken(Imu, Drop(share=0.3), ticks=16000)
     got = numbers(run)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from groundlink.errors import UserError
-from groundlink.messages import BadMessage, Command, Imu, State, encode, floats
+from groundlink.messages import BadMessage, Command, Imu, State, VehicleState, encode, floats
 from groundlink.navigation import Odometry
 from groundlink.scenario import Scenario, load, sensors
 from groundlink.scenario.drives import Differential
@@ -151,6 +151,20 @@ def test_frames_have_the_vehicles_prefix() -> None:
     assert (reading.frame, reading.child_frame) == ("rover/odom", "rover/base_link")
 
 
+def test_the_rounding_of_two_counts_is_in_its_covariance() -> None:
+    """Of a pose whose wheels err by nothing else, over many phases of first and last count."""
+    random = np.random.default_rng(5)
+    exact = {"travel_stddev": 0.0, "turn_stddev_share": 0.0, "skid_stddev_s": 0.0}
+    errors = []
+    for _ in range(600):
+        begin, way = random.uniform(0, 0.1, 2), random.uniform(0, 0.004, 2)
+        left, right = np.stack([begin, begin + way], axis=1)
+        last = readings(odometry(rate_hz=400, **exact), rolled(left, right))[-1]
+        errors.append([last.position_m[0] - way.mean(), yaw(last) - np.diff(way)[0] / TRACK_M])
+        said = covariance(last.pose_covariance)[[0, 5], [0, 5]]
+    np.testing.assert_allclose(np.std(errors, axis=0), np.sqrt(said), rtol=0.1)
+
+
 def test_missed_ticks_shorten_the_way_and_are_those_of_the_encoders() -> None:
     way = np.linspace(0, 1, 401)
     missing = replace(ENCODERS, missed_ticks=0.1)
@@ -199,7 +213,9 @@ def test_a_state_without_the_wheels_is_refused() -> None:
 def test_a_successor_with_the_memory_goes_on_with_the_same_bytes(rate_hz: float, at: int) -> None:
     random = np.random.default_rng(8)
     left, right = np.cumsum(random.normal(0.001, 0.002, size=(2, 400)), axis=1)
-    faulty = replace(ENCODERS, missed_ticks=0.05, resets_s=(0.3,))
+    faulty = replace(
+        ENCODERS, missed_ticks=0.05, resets_s=(0.3,), scale_stddev=0.01, slip_stddev=0.05
+    )
     run = rolled(left, right)
     whole = {r.stamp_nanos: encode(r) for r in readings(odometry(faulty, rate_hz=rate_hz), run)}
     first = odometry(faulty, rate_hz=rate_hz)
@@ -240,8 +256,33 @@ class Driven(NamedTuple):
     """Of the second half, of an IMU without errors in the base."""
 
 
+ROVER = load(SHIPPED / "indoor_lab.yaml")
+
+
+def rolling(
+    run: Scenario, speed_mps: float, turn_radps: float, seconds: float
+) -> Iterator[tuple[State, VehicleState]]:
+    """Yield the states of a run whose vehicle drives on nothing but a floor, and the vehicle's."""
+    vehicle = run.vehicles[0]
+    floor = [s for s in solids(run) if s.name == "room_floor"]
+    with Simulation(run, floor) as simulation:
+        for tick in range(round(seconds * 400) + 1):
+            state = State("t", 0, 0, tick, tick * 2_500_000, "", simulation.vehicle_states())
+            yield state, state.vehicles[vehicle.name]
+            if tick % 20 == 0:
+                command = Command(state.sim_nanos, (speed_mps, 0, 0), (0, 0, turn_radps))
+                simulation.command(vehicle.name, command)
+            simulation.step()
+
+
+def headings(poses: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return how far the base has turned, in radians, whole turns included."""
+    angles: NDArray[np.float64] = np.unwrap([2 * np.arctan2(pose[5], pose[6]) for pose in poses])
+    return angles
+
+
 def drive(speed_mps: float, turn_radps: float, seconds: float, **told: Any) -> Driven:
-    run = load(SHIPPED / "indoor_lab.yaml")
+    run = ROVER
     encoders = next(s for s in run.vehicles[0].sensors if isinstance(s, sensors.Encoders))
     vehicle = replace(run.vehicles[0], sensors=(encoders,))
     spec = sensors.WheelOdometry(
@@ -249,30 +290,20 @@ def drive(speed_mps: float, turn_radps: float, seconds: float, **told: Any) -> D
     )
     model = WheelOdometryModel(run, vehicle, spec)
     imu = ImuModel(run, vehicle, sensors.Imu(name="imu", topic="/imu", frame="i", rate_hz=100))
-    simulation = Simulation(
-        replace(run, vehicles=(vehicle,)), [s for s in solids(run) if s.name == "room_floor"]
-    )
     taken, felt, poses, speeds = [], [], [], []
-    for tick in range(round(seconds * 400) + 1):
-        state = State("t", 0, 0, tick, tick * 2_500_000, "", simulation.vehicle_states())
-        truth = state.vehicles[vehicle.name]
+    for state, truth in rolling(replace(run, vehicles=(vehicle,)), speed_mps, turn_radps, seconds):
         poses.append(truth.poses()[0])
         speeds.append(np.hypot(*floats(truth.base_velocity)[:2]))
         taken += model.readings(state)
         felt += imu.readings(state)
-        if tick % 20 == 0:
-            command = Command(state.sim_nanos, (speed_mps, 0, 0), (0, 0, turn_radps))
-            simulation.command(vehicle.name, command)
-        simulation.step()
-    simulation.close()
     at = taken[-1].stamp_nanos // 2_500_000
-    headings = np.unwrap([2 * np.arctan2(pose[5], pose[6]) for pose in poses[: at + 1]])
+    turned = headings(poses[: at + 1])
     x, y = (poses[at] - poses[0])[:2]
     return Driven(
         last=taken[-1],
         turned_rad=np.unwrap([yaw(reading) for reading in taken])[-1],
         true_m=(x, y),
-        true_turned_rad=headings[-1] - headings[0],
+        true_turned_rad=turned[-1] - turned[0],
         speed_mps=float(np.mean(speeds[len(speeds) // 2 :])),
         samples=felt[len(felt) // 2 :],
     )
@@ -311,3 +342,43 @@ def test_a_driven_circle_gives_speed_times_rate_in_lateral_acceleration() -> Non
     rate = np.mean([sample.angular_velocity_radps[2] for sample in driven.samples])
     assert rate == pytest.approx(0.5, rel=0.05)
     assert np.mean(lateral) == pytest.approx(driven.speed_mps * rate, rel=0.01)
+
+
+WORN = sensors.Encoders(
+    name="wheels",
+    topic="/wheels",
+    frame="base_link",
+    ticks_per_revolution=80914,
+    scale_stddev=0.001,
+    slip_stddev=0.01,
+)
+"""As the shipped scenarios have them."""
+
+
+def test_its_covariance_is_the_spread_of_its_errors_within_a_factor_of_two() -> None:
+    """Over drives, in each of which physics skids differently, and seeds, by which wheels err."""
+    vehicle = replace(ROVER.vehicles[0], sensors=(WORN,))
+    spec = sensors.WheelOdometry(name="odom", topic="/odom", frame="odom", encoders="wheels")
+    ratios, errors = [], []
+    for drive in ((0.8, 0.0), (0.8, 0.3), (0.4, 0.5), (0.3, 0.5), (-0.5, -0.2)):
+        run = list(rolling(replace(ROVER, vehicles=(vehicle,)), *drive, 6.0))
+        poses = [truth.poses()[0] for _, truth in run]
+        turned = headings(poses)
+        true = np.append((poses[-1] - poses[0])[:2], turned[-1] - turned[0])
+        for seed in range(10):
+            model = WheelOdometryModel(replace(ROVER, seed=seed), vehicle, spec)
+            taken = readings(model, (state for state, _ in run))
+            angle = np.unwrap([yaw(reading) for reading in taken])[-1]
+            errors.append(np.array([*taken[-1].position_m[:2], angle]) - true)
+            believed = np.diag(covariance(taken[-1].pose_covariance))[list(KNOWN)]
+            ratios.append(errors[-1] ** 2 / believed)
+    assert len({tuple(error) for error in errors}) == len(errors)
+    spread = np.sqrt(np.mean(ratios, axis=0))
+    assert (spread > 1 / 2).all(), spread
+    assert (spread < 2).all(), spread
+
+
+def test_without_errors_of_wheels_every_seed_counts_alike() -> None:
+    way = np.linspace(0, 1, 401)
+    first, second = (readings(odometry(seed=seed), rolled(way, way)) for seed in (1, 2))
+    assert [encode(reading) for reading in first] == [encode(reading) for reading in second]
