@@ -218,7 +218,8 @@ class Deployment:
         """Yield ROS, and what is there only when its profile is asked for."""
         yield (
             "ros2",
-            self._of("ros2", ["--bind", "0.0.0.0:7511"])
+            # Its port is not published: the network `ros` alone reaches it.
+            self._of("ros2", ["--bind", "0.0.0.0:7511", "--allow-any-peer"])
             | {
                 "environment": {
                     "ALIVE_FILE": "/tmp/alive",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import socket
+from ipaddress import ip_address
 from pathlib import Path
 
 from rich.console import Console
@@ -16,6 +17,7 @@ from groundlink import topics
 from groundlink.bus import DEFAULT_ENDPOINT
 from groundlink.deployment import MAIN, ROUTER
 from groundlink.errors import LackingError, UserError
+from groundlink.process import address
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway
 from groundlink.topics import process_names
@@ -99,6 +101,10 @@ def check_new_file(option: str, path: Path) -> None:
 def ros_side(gateway: Gateway, shown: Console) -> list[str]:
     """Return the command that receives at the gateway's peer: the ROS 2 node where ROS is."""
     bind = ["--bind", gateway.peer]
+    receives, sends = (address(text)[0] for text in (gateway.peer, gateway.bind))
+    if not ip_address(receives).is_loopback:
+        # What is bound to all addresses sends to one of its own host from that address.
+        bind += ["--peer", f"{receives if ip_address(sends).is_unspecified else sends}:0"]
     key = {"--key-file": gateway.key_file, "--key-env": gateway.key_env}
     bind += [word for name, value in key.items() if value is not None for word in (name, value)]
     if importlib.util.find_spec("rclpy") and importlib.util.find_spec("udp_bridge_ros2"):

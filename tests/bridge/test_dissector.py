@@ -14,6 +14,7 @@ import pytest
 
 from tests.udp_bridge.vectors import VECTORS
 from udp_bridge import MSG_TYPES, Header, Link, Message, Refused, control, parse
+from udp_bridge.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.around import Around
 from udp_bridge.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.fec import RAPTORQ
@@ -58,7 +59,9 @@ def reason(datagram: bytes) -> str | None:
             parse_resend(datagram[offset:])
         if header.msg_type == REPAIR and parse_symbol(datagram[offset:])[0].code != RAPTORQ:
             return "repair_code"
-        if header.msg_type == SUBSCRIBE and header.parts_max == 1:
+        if header.msg_type == SUBSCRIBE:
+            if header.parts_max > 1:
+                return "parts_max"
             Subscribe.parse(datagram[offset:])
     except Refused as refused:
         return refused.reason
@@ -213,6 +216,18 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
         WishAnswer(2**63, PAUSED, 400, "no próblem").pack(),
         "wish_answer",
         {"state": 2, "number": 2**63, "tick": 400, "error": "no próblem"},
+    ),
+    (
+        CONTROL,
+        AddressChallenge(bytes(range(12))).pack(),
+        "address_challenge",
+        {"cookie": bytes(range(12)).hex(":")},
+    ),
+    (
+        CONTROL,
+        AddressResponse(bytes(range(12))).pack(),
+        "address_response",
+        {"cookie": bytes(range(12)).hex(":")},
     ),
     (
         RESEND,

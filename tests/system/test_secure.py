@@ -28,7 +28,7 @@ from groundlink.questions import (
 from groundlink.scenario import load
 from groundlink.topics import FROM_ROS, HEALTH, TOPICS, process_names
 from udp_bridge import Link
-from udp_bridge.around import sealed_socket
+from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS as FROM_ROS_SIDE
 
 from .rig import LAB, Observer, Rig, rig, wait_for
@@ -274,7 +274,7 @@ def test_datagrams_without_the_key_are_dropped_counted_and_told_once(
 ) -> None:
     before = health("gateway").counters.get(f"wire_refused_{why}", 0)
     bind = ("127.0.0.1", 0)
-    around = sealed_socket(bind, secret, sends=FROM_ROS_SIDE) if secret else None
+    around = open_socket(bind, secret=secret, sends=FROM_ROS_SIDE) if secret else None
     with Link(bind, running.rig.bind, socket=around) as stranger:
         for _ in range(2):
             stranger.send(8, "/clock", "", 1, bytes(12))

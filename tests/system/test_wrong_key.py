@@ -15,7 +15,7 @@ from groundlink.inbox import Inbox
 from groundlink.messages import Command
 from groundlink.topics import COMMAND
 from udp_bridge import Link
-from udp_bridge.around import sealed_socket
+from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import type_number
 
@@ -58,7 +58,7 @@ def key_words(it: Rig, whose: str) -> tuple[str, ...]:
 def write(it: Rig, whose: str) -> None:
     """Send the gateway what a node with this key sends of a Twist."""
     key, here = bytes.fromhex(KEYS[whose]), ("127.0.0.1", 0)
-    socket = sealed_socket(here, key, sends=FROM_ROS) if key else None
+    socket = open_socket(here, secret=key, sends=FROM_ROS) if key else None
     with Link(here, it.bind, socket=socket) as link:
         link.send(type_number("Twist"), "/cmd_vel", "", time.time_ns(), TWIST)
         assert link.flush(5)

@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from udp_bridge import Message
+from udp_bridge import Header, Message, Reassembler
 from udp_bridge.gathering import HELD_MESSAGES, Gathering, Tally, in_order
 from udp_bridge.lockstep import Sent
 
@@ -47,6 +48,52 @@ def test_what_is_told_later_is_held_and_what_nobody_tells_of_any_more_goes() -> 
         ("/odom", 7),
         ("/imu", 0),
     }
+
+
+class _Counted(dict[int, Message]):
+    """A topic's messages; counts how often they are looked at."""
+
+    looks = 0
+
+    def __contains__(self, number: object) -> bool:
+        type(self).looks += 1
+        return super().__contains__(number)
+
+    def __iter__(self) -> Iterator[int]:
+        for number in super().__iter__():
+            type(self).looks += 1
+            yield number
+
+
+def test_ranges_are_counted_without_counting_to_their_end() -> None:
+    gathering = Gathering()
+    told = tuple(Sent(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
+    for sent in told:
+        gathering._held[sent.msg_type, sent.topic] = _Counted()
+        for number in (2**32 - 1, 0, 0xFFFE, 2**31):
+            gathering.put(message(IMU, sent.topic, number))
+    _Counted.looks = 0
+    missing = 255 * (0xFFFF - 2)
+    assert gathering.missing(told) == missing
+    for number in range(1, 100):
+        gathering.put(message(IMU, "/7", number))
+        assert gathering.missing(told) == missing - number
+    assert _Counted.looks < 2000
+    assert [one.seq_number for one in gathering.take(told[:1])] == [2**32 - 1, 0]
+    assert gathering.missing(told) == missing - 99 + 2
+
+
+def test_small_bodies_keep_no_large_blocks() -> None:
+    gathering, reassembler = Gathering(), Reassembler()
+    for number in range(100):
+        for part in range(2):
+            header = Header(IMU, number, part, 2, number, 0, "/imu")
+            got = reassembler.receive(header.pack() + b"x", "sender", number)
+        assert got is not None
+        gathering.put(got)
+    held = gathering.take_all()
+    assert [bytes(one.body) for one in held] == [b"xx"] * 100
+    assert sum(memoryview(memoryview(one.body).obj).nbytes for one in held) < 1000
 
 
 def test_it_holds_no_more_than_its_bound() -> None:

@@ -13,6 +13,7 @@ import udp_bridge
 from udp_bridge import (
     MSG_TYPES,
     Limits,
+    address_validation,
     control,
     fec_parts,
     flow,
@@ -105,6 +106,9 @@ def reasons_in(path: Path) -> set[str]:
         ("**Kind 5, Word**", 24),
         ("**Kind 6, Wish**", 16),
         ("**Kind 7, WishAnswer**", 24),
+        ("**Kind 8, AddressChallenge**", 16),
+        ("**Kind 9, AddressResponse**", 16),
+        ("**The cookie**", 12),
         ("**Kind 0, Offer**", 8),
         ("**Kind 1, Request**", 8),
     ],
@@ -165,5 +169,10 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f" {round_trip.LONGEST_BACK_OFF:.0f} times",
         f"up to {limits.open_per_offered_topic} open messages of such a topic",
         f"tries at most {fec_parts.ATTEMPTS} times",
+        f"ends {address_validation.VALIDATION_NANOS // 10**9} s after the newest",
+        f"older than {address_validation.RENEWAL_NANOS // 10**9} s",
+        f"At most {address_validation.VALIDATED_MAX} addresses are validated at a time,"
+        f" {address_validation.VALIDATED_PER_HOST} of one host",
+        f"for {address_validation.COOKIE_NANOS // 10**9} s after `issued`",
     ):
         assert text in re.sub(r"\s+", " ", PAGE), text

@@ -530,7 +530,7 @@ def test_control_is_handed_over_whatever_its_number_and_stamp() -> None:
 def test_control_of_several_parts_or_with_a_bad_body_is_refused() -> None:
     receiver = Receiver()
     receiver.part(Header(64, 0, 0, 2, 0, 0), 0, 12)
-    receiver.part(Header(64, 9, 0, 1, 0, 0), 0, 12)  # its body says kind 9
+    receiver.part(Header(64, 10, 0, 1, 0, 0), 0, 12)  # its body says kind 10
     receiver.part(Header(64, 7, 0, 1, 0, 0), 0, 0)
     assert receiver.counts == {"refused": {"parts_max": 1, "body_value": 1, "body_size": 1}}
 
@@ -564,3 +564,15 @@ def test_whatever_arrives_the_limits_hold(data: st.DataObject) -> None:
         assert sum(map(bool, tallied)) <= 3
     reassembler.give_up_all()
     assert reassembler.memory_bytes == 0
+
+
+def test_a_subscribe_of_several_parts_or_with_a_bad_body_is_refused() -> None:
+    receiver = Receiver()
+    head = Header(7, 0, 0, 1, 0, 0, "/odom")
+    for body in (b"", bytes(7), bytes(8), bytes(9)):
+        assert receiver.reassembler.receive(head.pack() + body, "sender", 0) is None
+    halves = head._replace(parts_max=2)
+    for number in range(2):
+        part = halves._replace(part_number=number).pack() + bytes(4)
+        assert receiver.reassembler.receive(part, "sender", 0) is None
+    assert receiver.counts == {"refused": {"body_size": 3, "body_value": 1, "parts_max": 2}}

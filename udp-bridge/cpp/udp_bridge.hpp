@@ -664,7 +664,8 @@ class Receiver {
     if (h.parts_max > 1 && !size) return Refusal::part_size;
     if (h.msg_type == kControl) return control(h, part, size, from, now_nanos, reply);
     Subscribe ignored;
-    if (h.msg_type == kSubscribe && h.parts_max == 1) {
+    if (h.msg_type == kSubscribe) {
+      if (h.parts_max != 1) return Refusal::parts_max;
       const Refusal refusal = Subscribe::parse(part, size, ignored);
       if (refusal != Refusal::none) return refusal;
     }

@@ -571,8 +571,9 @@ namespace UdpBridge
             credit = null;
             bool isSingle = d.Header.PartsMax == 1;
             if (!isSingle && d.PartSize == 0) return "part_size";
-            if (d.Header.Type == MessageType.Subscribe && isSingle)
+            if (d.Header.Type == MessageType.Subscribe)
             {
+                if (!isSingle) return "parts_max";
                 Subscribe ignored;
                 string bad = Subscribe.Parse(d.Data, d.At, d.PartSize, out ignored);
                 if (bad != null) return bad;

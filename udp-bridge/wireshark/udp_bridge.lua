@@ -156,6 +156,14 @@ local WISH_ANSWER = layout("wish_answer", {
     {8, 8, "number", u64, "Number of the wish"},
     {16, 8, "tick", stamp64, "Tick"},
 })
+local ADDRESS_CHALLENGE = layout("address_challenge", {
+    size = 16,
+    {4, 12, "cookie", ProtoField.bytes, "Cookie"},
+})
+local ADDRESS_RESPONSE = layout("address_response", {
+    size = 16,
+    {4, 12, "cookie", ProtoField.bytes, "Cookie"},
+})
 local SENT = layout("sent", {
     size = 8,
     {0, 1, "msg_type", u8, "Type", base.DEC, TYPE_NAMES},
@@ -189,7 +197,8 @@ local SEAL = layout("sealed", {
 })
 field("control.kind", u8, "Kind of control", base.DEC,
     {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest",
-     [4] = "Barrier", [5] = "Word", [6] = "Wish", [7] = "WishAnswer"})
+     [4] = "Barrier", [5] = "Word", [6] = "Wish", [7] = "WishAnswer",
+     [8] = "AddressChallenge", [9] = "AddressResponse"})
 field("sent.topic", ProtoField.string, "Topic", base.UNICODE)
 field("answer.msg_type", u8, "Type of the answers (0: any)", base.DEC, TYPE_NAMES)
 field("answer.topic", ProtoField.string, "Answers on", base.UNICODE)
@@ -339,7 +348,7 @@ end
 -- What stands behind the fixed part of a Barrier or a Word: {offset, size of the name} of each
 -- topic, {offset, sizes of the names} of each answer, and why it is refused.
 local function told_of(body, answers)
-    local sent, due, at = {}, {}, BARRIER.size
+    local sent, due, at, told = {}, {}, BARRIER.size, {}
     for _ = 1, body(1, 1):uint() do
         if at + SENT.size > body:len() then return sent, due, "body_size" end
         local size = body(at + 1, 1):uint()
@@ -348,6 +357,9 @@ local function told_of(body, answers)
             or not is_data(body(at, 1):uint()) then
             return sent, due, "body_value"
         end
+        local key = body(at, 1):uint() .. body(at + SENT.size, size):raw()
+        if told[key] then return sent, due, "body_value" end
+        told[key] = true
         table.insert(sent, {at, size})
         at = at + SENT.size + size
     end
@@ -404,6 +416,10 @@ local function control_body(body)
     if kind == 4 or kind == 5 then return lockstep_body(body, kind) end
     if kind == 6 then return wish_body(body) end
     if kind == 7 then return wish_answer_body(body) end
+    if kind == 8 or kind == 9 then
+        if body:len() ~= ADDRESS_CHALLENGE.size then return nil, "body_size" end
+        return kind == 8 and ADDRESS_CHALLENGE or ADDRESS_RESPONSE, nil
+    end
     if not rows then return nil, "body_value" end
     if body:len() ~= rows.size then return nil, "body_size" end
     local is_bad = kind == 1 and not counts_fit(body)
@@ -446,7 +462,8 @@ local function own_body(msg_type, parts_max, body)
         if not body then return nil, "body_size" end
         return symbol_body(body)
     end
-    if msg_type ~= SUBSCRIBE or parts_max ~= 1 then return nil, nil end
+    if msg_type ~= SUBSCRIBE then return nil, nil end
+    if parts_max ~= 1 then return nil, "parts_max" end
     if not body or body:len() ~= SUBSCRIBE_BODY.size then return nil, "body_size" end
     return SUBSCRIBE_BODY, subscribe_reason(body)
 end

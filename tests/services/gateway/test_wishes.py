@@ -16,7 +16,7 @@ from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
 from services.gateway.wishes import ANSWERS_KEPT, WISHES_WAITING, Wishes
 from udp_bridge import Link, Message, wishing
-from udp_bridge.around import sealed_socket
+from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS
 from udp_bridge.types import CONTROL
 from udp_bridge.wishing import PAUSED, RUNNING, STOPPED, Wish, WishAnswer
@@ -154,8 +154,8 @@ def test_a_wish_without_the_key_or_from_elsewhere_does_not_get_in(tmp_path: Path
     anywhere = ("127.0.0.1", 0)
     around, _ = sockets(GatewaySettings(), anywhere, ("127.0.0.1", 7511), str(key_file))
     with Link(anywhere, socket=around, on_message=on_message) as gateway:
-        elsewhere = sealed_socket(("127.0.0.2", 0), secret, sends=FROM_ROS)
-        friend = sealed_socket(anywhere, secret, sends=FROM_ROS)
+        elsewhere = open_socket(("127.0.0.2", 0), secret=secret, sends=FROM_ROS)
+        friend = open_socket(anywhere, secret=secret, sends=FROM_ROS)
         for number, socket in ((1, None), (2, elsewhere), (3, friend)):
             with Link(anywhere, socket=socket) as link:
                 body = Wish(number, wishing.RESET).pack()

@@ -17,9 +17,7 @@ from .leaving import Address
 from .parking import Kept
 from .placing import Credits, Place, Run
 from .seal import OVERHEAD, Seal
-from .udp_socket import DatagramSocket, UdpSocket
-
-_WAIT_S = 0.1
+from .udp_socket import DatagramSocket
 
 
 class Around:
@@ -69,7 +67,7 @@ class PeersOnly(Around):
 
     def __init__(self, inner: DatagramSocket, peers: Iterable[Address]) -> None:
         super().__init__(inner)
-        self._peers = frozenset(peers)
+        self._peers = frozenset(peers)  # replaced as a whole, for another thread receives
         if hasattr(inner, "send_run"):  # what is sent passes as it is
             self.send_run = inner.send_run
         if hasattr(inner, "receive_run"):
@@ -85,6 +83,10 @@ class PeersOnly(Around):
         if hasattr(inner, "order_taken_back"):
             self.order_taken_back = inner.order_taken_back
 
+    def vouch(self, address: Address) -> None:
+        """Take datagrams from an address, too: the user sends there."""
+        self._peers |= {address}
+
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
         """Wait for a datagram; return its size and sender, or None when there was none.
 
@@ -98,6 +100,12 @@ class PeersOnly(Around):
             if not self._is_peer(received[1]):
                 raise Refused("stranger")
         return received
+
+    def close(self) -> None:
+        """Give the socket back."""
+        super().close()
+        for name in ("receive_run", "park_credits"):  # they refer to this object itself
+            self.__dict__.pop(name, None)
 
     def _receive_run(self, place: Place, credits: Credits) -> Optional[Run]:
         """Do as `UdpSocket.receive_run`; parts are expected of those alone who were let in."""
@@ -115,20 +123,6 @@ class PeersOnly(Around):
 
     def _is_peer(self, sender: Address) -> bool:
         return sender in self._peers or (sender[0], 0) in self._peers
-
-
-def sealed_socket(
-    bind: Address, secret: bytes, *, sends: int, receive_buffer: int = 8 << 20
-) -> DatagramSocket:
-    """Return a bound socket that sends and takes sealed datagrams alone, as `Sealed` has it.
-
-    Raises
-    ------
-    OSError
-        When the address can't be bound.
-    """
-    bare = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
-    return Sealed(bare, secret, sends=sends)
 
 
 class Sealed(Around):

@@ -17,7 +17,7 @@ import threading
 import time
 from typing import Any, Dict, List, NoReturn, Optional
 
-from .around import sealed_socket
+from .address_guard import open_socket
 from .counters import Counters
 from .fragments import DatagramSize, check_datagram_size, plan
 from .header import NANOS
@@ -29,7 +29,7 @@ from .reassembly import Reassembler
 from .recording import BadRecording, datagrams
 from .seal import FROM_ROS, TO_ROS
 from .types import MSG_TYPES, type_number
-from .udp_socket import DatagramSocket, buffer_hint
+from .udp_socket import buffer_hint
 
 DATAGRAM_NANOS = 1000
 """Time that passes from one recorded datagram to the next: recordings have no times, and so a
@@ -85,7 +85,13 @@ def _listen(arguments: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: is_over.set())
     shown = None if arguments.quiet else on_message
-    around = _sealed(arguments.bind, arguments, sends=FROM_ROS)
+    around = open_socket(
+        arguments.bind,
+        peer=arguments.peer,
+        secret=read_key(arguments.key_file, arguments.key_env, os.environ),
+        sends=FROM_ROS,
+        allow_any_peer=arguments.allow_any_peer,
+    )
     with Link(arguments.bind, on_message=shown, report=arguments.report, socket=around) as link:
         host, port = link.address
         print(f"udp-bridge: listening at {host}:{port}", file=sys.stderr, flush=True)
@@ -104,7 +110,12 @@ def _send(arguments: argparse.Namespace) -> int:
     here = ("0.0.0.0", 0)
     # A test that speaks to a gateway stands in for ROS, one that speaks to a node for a gateway.
     sends = TO_ROS if MSG_TYPES[arguments.type].direction == "to ROS" else FROM_ROS
-    around = _sealed(here, arguments, sends=sends)
+    around = open_socket(
+        here,
+        peer=arguments.to,
+        secret=read_key(arguments.key_file, arguments.key_env, os.environ),
+        sends=sends,
+    )
     with Link(here, arguments.to, datagram=arguments.datagram, socket=around) as link:
         stamp_nanos = time.time_ns()
         link.send(arguments.type, arguments.topic, arguments.link, stamp_nanos, body)
@@ -114,7 +125,7 @@ def _send(arguments: argparse.Namespace) -> int:
     name = MSG_TYPES[arguments.type].name
     host, port = arguments.to
     message = Message(arguments.type, arguments.topic, arguments.link, stamp_nanos, 0, body)
-    cut = plan(message, arguments.datagram, reserve=around.overhead if around is not None else 0)
+    cut = plan(message, arguments.datagram, reserve=around.overhead)
     what = f"{name} of {len(body)} bytes in {cut.parts_max} part{'s' * (cut.parts_max > 1)}"
     print(f"udp-bridge: sent {what} to {host}:{port}", file=sys.stderr)
     if counters["unreachable"]:
@@ -122,13 +133,6 @@ def _send(arguments: argparse.Namespace) -> int:
     if not is_sent:
         print(f"udp-bridge: gave up after {SEND_TIMEOUT_S:.0f} s", file=sys.stderr)
     return 0 if is_sent else 1
-
-
-def _sealed(
-    bind: Address, arguments: argparse.Namespace, *, sends: int
-) -> Optional[DatagramSocket]:
-    secret = read_key(arguments.key_file, arguments.key_env, os.environ)
-    return sealed_socket(bind, secret, sends=sends) if secret is not None else None
 
 
 def _show(message: Message, *, as_json: bool) -> None:
@@ -184,6 +188,14 @@ def _parser() -> argparse.ArgumentParser:
     listen = commands.add_parser("listen", help="show the messages that arrive at a port")
     listen.set_defaults(run=_listen)
     listen.add_argument("--bind", metavar="HOST:PORT", type=_address, required=True)
+    listen.add_argument(
+        "--peer", metavar="HOST:PORT", type=_address, help="take datagrams from it alone"
+    )
+    listen.add_argument(
+        "--allow-any-peer",
+        action="store_true",
+        help="take datagrams from any address, although other hosts can reach the port",
+    )
     listen.add_argument("--duration", metavar="S", type=_duration, help="end after S seconds")
     listen.add_argument("--report", action="store_true", help="tell the senders what arrived")
     listen.add_argument("--quiet", action="store_true", help="print the counters at the end alone")

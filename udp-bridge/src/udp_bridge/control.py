@@ -2,8 +2,8 @@
 """Bodies of the bridge's own messages, to the byte: Subscribe (type 7) and Control (type 64).
 
 Each class packs itself and parses itself; `parse` tells the kinds of Control apart, of which
-`reports`, `lockstep` and `wishing` have two each. A body that is not exactly right raises
-`Refused` (`body_size` or `body_value`). Nothing here acts on them.
+`reports`, `lockstep`, `wishing` and `address_validation` have two each. A body that is not exactly
+right raises `Refused` (`body_size` or `body_value`). Nothing here acts on them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 from struct import Struct
 from typing import Dict, NamedTuple, Type, Union
 
+from .address_validation import AddressChallenge, AddressResponse
 from .header import BadMessage, Buffer, Refused
 from .lockstep import Barrier, Word
 from .reports import NO_AGE, LinkReport, TopicReport
@@ -20,6 +21,8 @@ from .wishing import Wish, WishAnswer
 
 __all__ = [
     "NO_AGE",
+    "AddressChallenge",
+    "AddressResponse",
     "Barrier",
     "Control",
     "Credit",
@@ -110,7 +113,18 @@ class CreditRequest(NamedTuple):
         return cls()
 
 
-Control = Union[Credit, TopicReport, LinkReport, CreditRequest, Barrier, Word, Wish, WishAnswer]
+Control = Union[
+    Credit,
+    TopicReport,
+    LinkReport,
+    CreditRequest,
+    Barrier,
+    Word,
+    Wish,
+    WishAnswer,
+    AddressChallenge,
+    AddressResponse,
+]
 _KINDS: Dict[int, Type[Control]] = {
     0: Credit,
     1: TopicReport,
@@ -120,6 +134,8 @@ _KINDS: Dict[int, Type[Control]] = {
     5: Word,
     6: Wish,
     7: WishAnswer,
+    8: AddressChallenge,
+    9: AddressResponse,
 }
 
 

@@ -14,6 +14,7 @@ import threading
 import time
 from typing import Any, Callable, Dict, List, Optional, Union
 
+from .address_validation import AddressChallenge, AddressResponse
 from .control import TopicReport
 from .flow import ASK_NANOS, DatagramKey
 from .fragments import DatagramSize
@@ -23,6 +24,7 @@ from .parking import NoParking, Parking
 from .repair import Mode, RepairTable
 from .repair_wire import Request
 from .sending import Outbox
+from .types import CONTROL
 from .udp_socket import DatagramSocket, resolve
 from .waiting import TopicKey, WaitingTable
 
@@ -57,6 +59,7 @@ class Departures:
         self._sleeps_until_nanos = 0.0  # our thread; 0 while it is awake
         self._is_watching = False  # something waited lately: our thread looks again before long
         self._is_closed = False
+        self._vouch: Callable[[Address], object] = _ask_nobody
         self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
         self._send_run: Any = None
         self._run_bytes = 0
@@ -84,6 +87,7 @@ class Departures:
                     large_waiting=self._large_waiting,
                 )
                 self._outboxes[numeric] = outbox
+                self._vouch(numeric)
                 self._turn.append(outbox)
             self._routes[to] = outbox
         return outbox
@@ -113,6 +117,13 @@ class Departures:
                 self._parking.collect(now_nanos, waits=True)  # it may be of what was sent there
                 outbox.resender.asked(header, request, now_nanos)
         self._send_at_once(_RUN_BYTES)
+
+    def _challenged(self, sender: Address, challenge: AddressChallenge) -> None:
+        with self._lock:
+            if sender not in self._outboxes:
+                return  # nothing goes there, so nobody there needs to know that we are here
+        response = Header(CONTROL, 0, 0, 1, 0, 0).pack() + AddressResponse(challenge.cookie).pack()
+        self._answer(response, sender)
 
     def _order_is_over(self) -> None:
         with self._lock:
@@ -281,3 +292,7 @@ def take_in_turn(outboxes: List[Outbox], now_nanos: int, most_bytes: int = 0) ->
             outboxes.append(outboxes.pop(index))
             return datagram
     return None
+
+
+def _ask_nobody(_: Address) -> None:
+    """Send to an address without telling a guard."""

@@ -7,7 +7,7 @@ the order on the way change nothing. Of one sender; no socket, no clock.
 
 from __future__ import annotations
 
-from typing import Callable, Dict, Iterable, List, Tuple
+from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from .header import SEQ_NUMBERS
 from .lockstep import Sent
@@ -18,6 +18,8 @@ from .waiting import TopicKey
 HELD_MESSAGES = 65_536
 HELD_BYTES = 512 << 20
 """More are dropped as they come: whoever sends so much between two Barriers is at fault."""
+_ROOMY = 2
+"""A body that lies in a block of more than this many times its size is copied out of it."""
 _CLOCK = type_number("Clock")
 
 
@@ -38,6 +40,9 @@ class Gathering:
         self._drop = drop
         self._held: Dict[TopicKey, Dict[int, Message]] = {}
         self._messages = self._bytes = 0
+        self._told: Optional[Sequence[Sent]] = None  # what `missing` was asked about last
+        self._ranges: Dict[TopicKey, Sent] = {}  # the same by topic
+        self._missing = 0
 
     def put(self, message: Message) -> None:
         """Hold a message; a copy of one that is held changes nothing."""
@@ -47,17 +52,22 @@ class Gathering:
         if is_full or message.seq_number in of_topic:
             self._drop(message)
             return
-        of_topic[message.seq_number] = message
+        of_topic[message.seq_number] = _compact(message, size)
         self._messages += 1
         self._bytes += size
+        sent = self._ranges.get((message.msg_type, message.topic))
+        self._missing -= sent is not None and _offset(sent, message.seq_number) < sent.messages
 
-    def missing(self, told: Iterable[Sent]) -> int:
-        """Return how many of the messages that are told of have not come."""
-        return sum(
-            number not in self._held.get((sent.msg_type, sent.topic), ())
-            for sent in told
-            for number in _numbers(sent)
-        )
+    def missing(self, told: Sequence[Sent]) -> int:
+        """Return how many of the messages that are told of have not come.
+
+        The count is kept: to ask again about the same object costs nothing.
+        """
+        if told is not self._told:
+            self._told = told
+            self._ranges = {(sent.msg_type, sent.topic): sent for sent in told}
+            self._missing = sum(sent.messages - len(self._of(sent)) for sent in told)
+        return self._missing
 
     def samples(self, told: Iterable[Sent]) -> Iterable[Message]:
         """Return a message that is held of each topic that is told of, where there is one."""
@@ -72,11 +82,9 @@ class Gathering:
         taken = []
         for sent in told:
             of_topic = self._held.get((sent.msg_type, sent.topic), {})
-            for number in _numbers(sent):
-                if number in of_topic:
-                    taken.append(self._let_go(of_topic, number))
+            taken += [self._let_go(of_topic, number) for number in self._of(sent)]
             for number in list(of_topic):
-                if (number - sent.first) % SEQ_NUMBERS >= SEQ_NUMBERS // 2:
+                if _offset(sent, number) >= SEQ_NUMBERS // 2:
                     self._drop(self._let_go(of_topic, number))
         return taken
 
@@ -85,10 +93,24 @@ class Gathering:
         held = [message for of_topic in self._held.values() for message in of_topic.values()]
         self._held.clear()
         self._messages = self._bytes = 0
+        self._told = None
         return held
+
+    def _of(self, sent: Sent) -> List[int]:
+        """Return the numbers that are held of those in a range, in its order.
+
+        A range may name far more numbers than are held, or the other way round.
+        """
+        of_topic = self._held.get((sent.msg_type, sent.topic), {})
+        if sent.messages < len(of_topic):
+            numbers = ((sent.first + index) % SEQ_NUMBERS for index in range(sent.messages))
+            return [number for number in numbers if number in of_topic]
+        held = (number for number in of_topic if _offset(sent, number) < sent.messages)
+        return sorted(held, key=lambda number: _offset(sent, number))
 
     def _let_go(self, of_topic: Dict[int, Message], number: int) -> Message:
         message = of_topic.pop(number)
+        self._told = None
         self._messages -= 1
         self._bytes -= memoryview(message.body).nbytes
         return message
@@ -104,8 +126,16 @@ def _place(message: Message) -> Tuple[int, bool, int, str, int]:
     return message.stamp_nanos, is_clock, message.msg_type, message.topic, message.seq_number
 
 
-def _numbers(sent: Sent) -> Iterable[int]:
-    return ((sent.first + index) % SEQ_NUMBERS for index in range(sent.messages))
+def _offset(sent: Sent, number: int) -> int:
+    return (number - sent.first) % SEQ_NUMBERS
+
+
+def _compact(message: Message, size: int) -> Message:
+    """Return a message that keeps no block much larger than its body from being used again."""
+    view = memoryview(message.body)
+    if memoryview(view.obj).nbytes <= _ROOMY * size:
+        return message
+    return message._replace(body=memoryview(bytes(view)))
 
 
 class Tally:

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any, Dict, List, Optional, Tuple, Type
 
 from .accounts import Account
+from .address_guard import guarded
 from .control import TopicReport
 from .counters import Counters
 from .departures import AT_ONCE_BYTES, Departures
@@ -42,7 +43,8 @@ class Link(Departures):
     bind
         Host and port to receive at; port 0 takes a free one, see `address`.
     peer
-        Where `send` sends to when it is not told otherwise.
+        Where `send` sends to when it is not told otherwise. With a peer, datagrams are taken from
+        it and from addresses that the link sends to; others are refused as `stranger`.
     on_message
         Called in the receiving thread with each message and its sender, from the first one on,
         which may be before the constructor returns. While it runs, nothing is received. An
@@ -69,7 +71,8 @@ class Link(Departures):
     socket
         What to send and receive by instead of a socket of the link's own: anything bound that is
         used as `UdpSocket` is. It becomes the link's, which closes it; `bind` and
-        `receive_buffer` are then as it has them.
+        `receive_buffer` are then as it has them, and so is who may send. Without it and without
+        a peer, a socket that other hosts can reach validates addresses; see `address_guard`.
 
     Raises
     ------
@@ -105,7 +108,9 @@ class Link(Departures):
         if peer is not None:
             self._outbox(peer)
         if socket is None:
-            socket = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
+            bare = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
+            socket = guarded(bare, self._outbox(peer).to if peer is not None else None)
+            self._vouch = getattr(socket, "vouch", self._vouch)
         self._socket = socket
         self._departs_by(socket)
         self._inbox = Inbox(
@@ -114,6 +119,7 @@ class Link(Departures):
             on_report=self._reported,
             on_request=self._requested,
             on_order=self._order_is_over,
+            on_challenge=self._challenged,
             limits=limits,
         )
         self._errors = ErrorCounter()

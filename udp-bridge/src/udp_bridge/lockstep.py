@@ -9,7 +9,7 @@ parses itself. Nothing here waits: what came is compared with what was sent in `
 from __future__ import annotations
 
 from struct import Struct
-from typing import Iterable, List, NamedTuple, Tuple
+from typing import Iterable, List, NamedTuple, Sequence, Tuple
 
 from .header import BadMessage, Buffer, Refused
 from .types import MSG_TYPES
@@ -181,6 +181,8 @@ def _parse_sent(rest: _Rest, topics: int) -> Tuple[Sent, ...]:
         told.append(Sent(msg_type, rest.name(size), first, messages))
         if not messages or not _is_data(msg_type):
             raise Refused("body_value")
+    if _repeats(told):
+        raise Refused("body_value")
     return tuple(told)
 
 
@@ -192,9 +194,18 @@ def _packed(sent: Iterable[Sent]) -> bytes:
 
 
 def _counted(sent: Tuple[Sent, ...]) -> int:
-    if len(sent) > TOPICS_TOLD or any(not 1 <= row.messages <= 0xFFFF for row in sent):
+    if (
+        len(sent) > TOPICS_TOLD
+        or _repeats(sent)
+        or any(not 1 <= row.messages <= 0xFFFF for row in sent)
+    ):
         raise BadMessage(f"no peer would take {sent}")
     return len(sent)
+
+
+def _repeats(sent: Sequence[Sent]) -> bool:
+    """Return whether a topic is told of twice."""
+    return len({(row.msg_type, row.topic) for row in sent}) != len(sent)
 
 
 def _size(name: str) -> int:

@@ -23,8 +23,10 @@ from .pool import Pool
 from .repair_wire import Offer, parse_resend, parse_symbol
 from .reports import TopicReport
 from .resend_asking import Asked, Asking
-from .types import CONTROL, REPAIR, RESEND
+from .types import CONTROL, REPAIR, RESEND, SUBSCRIBE
 from .verdicts import Verdicts, message_of
+
+_NOT_HANDED_OVER = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
 
 
 class Reassembler:
@@ -88,6 +90,10 @@ class Reassembler:
             return self._accept_resend(header, part, sender, now_nanos)
         if header.msg_type == REPAIR:
             return self._accept_symbol(header, part, sender, now_nanos)
+        if header.msg_type == SUBSCRIBE:
+            if header.parts_max != 1:
+                raise Refused("parts_max")
+            control.Subscribe.parse(part)
         if self._holdings.memory_bytes:  # it may contradict what is open
             self._check(header, len(part), sender, now_nanos)
         topic = self._holdings.topic(sender, (header.msg_type, header.topic))
@@ -118,8 +124,7 @@ class Reassembler:
         if header.parts_max != 1:
             raise Refused("parts_max" if len(part) else "part_size")
         told = control.parse(part)
-        # Asking for a Credit is no message of anybody's.
-        self.counters.messages += not isinstance(told, control.CreditRequest)
+        self.counters.messages += not isinstance(told, _NOT_HANDED_OVER)
         return told
 
     def asked(self) -> List[Tuple[Hashable, str, Asked]]:

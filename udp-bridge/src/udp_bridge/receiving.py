@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Callable, List, Optional, Tuple, cast
 
+from .address_validation import AddressChallenge, AddressResponse
 from .control import Credit, CreditRequest, LinkReport, TopicReport
 from .flow import DatagramKey
 from .header import FIXED_SIZE, Header, Refused, parse
@@ -34,6 +35,7 @@ OnCredit = Callable[[Address, DatagramKey, int], None]
 OnRequest = Callable[[Address, Header, Request], None]
 OnReport = Callable[[Address, str, TopicReport, int], None]
 OnOrder = Callable[[], None]
+OnChallenge = Callable[[Address, AddressChallenge], None]
 
 
 class Inbox:
@@ -47,6 +49,7 @@ class Inbox:
         on_report: OnReport = lambda *_: None,
         on_request: OnRequest = lambda *_: None,
         on_order: OnOrder = lambda: None,
+        on_challenge: OnChallenge = lambda *_: None,
         limits: Optional[Limits] = None,
     ) -> None:
         self.receive_buffer = receive_buffer
@@ -64,6 +67,7 @@ class Inbox:
         self._on_report = on_report
         self._on_request = on_request
         self._on_order = on_order
+        self._on_challenge = on_challenge
         self._telling = Telling(self.reassembler)
         self.take_note = self._telling.take_note
         self.published = self._telling.published
@@ -246,6 +250,7 @@ class Inbox:
         Who is told refers to us again: without this, both would wait for the garbage collector.
         """
         self._on_credit = self._on_report = self._on_request = self._on_order = _nobody
+        self._on_challenge = _nobody
         self.reassembler.close()
         self.expect_nothing()
 
@@ -264,6 +269,10 @@ class Inbox:
         if isinstance(told, Credit):
             key = DatagramKey(told.msg_type, header.topic, told.seq_number, told.part_number)
             self._on_credit(sender, key, told.receive_buffer)
+            return None, None
+        if isinstance(told, AddressChallenge):
+            self._on_challenge(sender, told)
+        if isinstance(told, (AddressChallenge, AddressResponse)):
             return None, None
         if isinstance(told, TopicReport):
             self._on_report(sender, header.topic, told, header.stamp_nanos)

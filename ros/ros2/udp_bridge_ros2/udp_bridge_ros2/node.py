@@ -24,8 +24,8 @@ from .inlet import Subscriptions
 from .outlet import Publishers
 from .services import Services
 
-MAY_BE_NUMBERS = ("datagram",)
-"""Parameters that are a word or a number."""
+MAY_BE_OTHERS = ("datagram", "allow_any_peer")
+"""Parameters that are a word, a number or a truth value."""
 
 
 class BridgeNode(Node):
@@ -55,7 +55,7 @@ class BridgeNode(Node):
         told = {
             name: str(
                 self.declare_parameter(
-                    name, default, ParameterDescriptor(dynamic_typing=name in MAY_BE_NUMBERS)
+                    name, default, ParameterDescriptor(dynamic_typing=name in MAY_BE_OTHERS)
                 ).value
             )
             for name, default in Settings()._asdict().items()

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Addresses as users write them, and whether a sender is the one who may send."""
+"""Addresses as users write them."""
 
 from __future__ import annotations
-
-import socket
 
 from udp_bridge.leaving import Address
 
@@ -23,17 +21,3 @@ def parse_address(text: str, *, what: str) -> Address:
     if not host or not port.isascii() or not port.isdigit() or int(port) > 0xFFFF:
         raise ValueError(f"{what} is {text!r}, which is no HOST:PORT such as {DEFAULT_BIND}")
     return host, int(port)
-
-
-def resolve(address: Address) -> Address:
-    """Return a peer's address by number; OSError, in one line, when there is none."""
-    host, port = address
-    try:
-        return socket.gethostbyname(host), port
-    except OSError as error:
-        raise OSError(error.errno, f"peer: {host} is no known host: {error.strerror}") from None
-
-
-def is_from(sender: Address, peer: Address) -> bool:
-    """Tell whether a sender is the peer; port 0 is any of its host."""
-    return sender[0] == peer[0] and peer[1] in (0, sender[1])

@@ -13,8 +13,8 @@ import threading
 import time
 from typing import Any, Callable, NamedTuple
 
-from udp_bridge import MSG_TYPES, Link, Message, Refused, control
-from udp_bridge.around import sealed_socket
+from udp_bridge import MSG_TYPES, Link, Message, control
+from udp_bridge.address_guard import open_socket
 from udp_bridge.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.header import BadMessage
 from udp_bridge.keys import Misfits, read_key
@@ -24,12 +24,13 @@ from udp_bridge.types import CONTROL, SUBSCRIBE
 from udp_bridge.udp_socket import buffer_hint
 
 from . import inlet, outlet
-from .addresses import DEFAULT_BIND, is_from, parse_address, resolve
+from .addresses import DEFAULT_BIND, parse_address
 from .alive import Alive
 from .answers import Graph
 from .asking import Asking
 from .lockstep import Lockstep
-from .options import parse_datagram, parse_repair
+from .log import Log
+from .options import parse_datagram, parse_flag, parse_repair
 
 
 class Settings(NamedTuple):
@@ -38,7 +39,9 @@ class Settings(NamedTuple):
     bind: str = DEFAULT_BIND
     """Where it receives, ``HOST:PORT``."""
     peer: str = ""
-    """The only one whose messages it takes (port 0: any of that host; empty: whoever sends)."""
+    """The only sender whose datagrams it takes (port 0: any of that host; empty: any sender)."""
+    allow_any_peer: str = "false"
+    """``true`` or ``false``: may `bind` be reached from other hosts without a peer and a key?"""
     key_file: str = ""
     key_env: str = ""
     """A file, or an environment variable: it sends and takes only what is sealed by that key."""
@@ -77,11 +80,17 @@ class End:
         bind = parse_address(settings.bind, what="bind")
         datagram, repair = parse_datagram(settings.datagram), parse_repair(settings.repair)
         secret = read_key(settings.key_file or None, settings.key_env or None, os.environ)
-        peer = settings.peer
-        self._peer = resolve(parse_address(peer, what="peer")) if peer else None
-        self._refused = 0
+        peer = parse_address(settings.peer, what="peer") if settings.peer else None
+        socket = open_socket(
+            bind,
+            peer=peer,
+            secret=secret,
+            sends=FROM_ROS,
+            allow_any_peer=parse_flag(settings.allow_any_peer, what="allow_any_peer"),
+        )
+        is_known = getattr(socket, "is_known", _everybody)
         self._is_whole = threading.Event()
-        self._log = publishers.get_logger()
+        self._log = Log(publishers.get_logger())
         self.asking = Asking(self._send_wish)
         self._outlet = outlet.Outlet(publishers, self._fated)
         try:
@@ -91,14 +100,16 @@ class End:
                 confirmed=True,
                 datagram=datagram,
                 on_message=self._take,
-                socket=sealed_socket(bind, secret, sends=FROM_ROS) if secret else None,
+                socket=socket,
             )
-        except (OSError, BadMessage):
+        except BadMessage:
+            socket.close()
             self._outlet.close()
             raise
         self._inlet = inlet.Inlet(
             subscriptions,
             is_published=self._outlet.publishes,
+            is_known=is_known,
             repair=repair,
             heard=lambda topic: self._lockstep.heard(topic),
         )
@@ -131,7 +142,7 @@ class End:
         self.link.close()
         self._outlet.close()
         counts: Any = self.link.counters()
-        refused += sum(counts["refused"].values()) + self._outlet.refused + self._refused
+        refused += sum(counts["refused"].values()) + self._outlet.refused
         self._log.info(
             f"{self._outlet.published} messages published on {self._outlet.topic_count} topics, "
             f"{self._inlet.sent} sent back; lost on the way {counts['missing']}, "
@@ -140,19 +151,12 @@ class End:
 
     def _take(self, message: Message, sender: Address) -> None:
         self._is_whole.wait()  # the link's thread is there before its constructor has returned
-        if self._peer is not None and not is_from(sender, self._peer):
-            self._refused += 1
-            self.link.dropped(message, sender)
-            return
         row = MSG_TYPES[message.msg_type]
         if row.ros_type is not None:
             if not self._lockstep.holds(message, sender):
                 self._outlet.put(row, message, sender)
         elif message.msg_type in (SUBSCRIBE, CONTROL):
-            try:
-                self._hear(message, sender)
-            except Refused:
-                self._refused += 1
+            self._hear(message, sender)
 
     def _hear(self, message: Message, sender: Address) -> None:
         if message.msg_type == SUBSCRIBE:
@@ -170,3 +174,8 @@ class End:
 
     def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
         (self.link.published if is_published else self.link.dropped)(message, sender)
+
+
+def _everybody(_: Address) -> bool:
+    """Return that an address is known: the socket takes datagrams of such addresses alone."""
+    return True

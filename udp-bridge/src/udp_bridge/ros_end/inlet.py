@@ -20,6 +20,7 @@ from udp_bridge.link import Link
 from udp_bridge.repair import Mode
 from udp_bridge.types import MSG_TYPES, MessageType
 
+from .log import Log
 from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 
 Key = Tuple[int, str]
@@ -66,6 +67,8 @@ class Inlet:
         Where subscriptions are made; its clock stamps what has no stamp of its own.
     is_published
         Tells whether a topic is one that the bridge itself fills.
+    is_known
+        Tells whether an address may still be sent streams.
     repair
         How what is lost of all that is sent is made good.
     heard
@@ -77,13 +80,15 @@ class Inlet:
         ros: Ros,
         *,
         is_published: Callable[[str], bool],
+        is_known: Callable[[Address], bool] = lambda _: True,
         repair: Optional[Mode] = None,
         heard: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.sent = 0
         """Messages handed to the link."""
         self._ros = ros
-        self._is_published = is_published
+        self._is_published, self._is_known = is_published, is_known
+        self._log = Log(ros.get_logger())
         self._heard = heard
         self._repair = repair
         self._asked: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
@@ -117,6 +122,9 @@ class Inlet:
             if wish.is_over(now_nanos):
                 self._end(key, sender, "the lease ran out")
                 continue
+            if not self._is_known(sender):
+                self._end(key, sender, "the subscriber's address is not validated any more")
+                continue
             outgoing = wish.take(now_nanos)
             if outgoing is not None:
                 self._send(link, key, sender, outgoing)
@@ -143,7 +151,7 @@ class Inlet:
             if complaint and self._complaints.get(key) != complaint:
                 if len(self._complaints) < MAX_SUBSCRIPTIONS:
                     self._complaints[key] = complaint
-                    self._ros.get_logger().warning(f"{key[1]}: not subscribed to: {complaint}")
+                    self._log.warning(f"{key[1]}: not subscribed to: {complaint}")
             if complaint:
                 return
             if self._repair is not None:
@@ -164,7 +172,7 @@ class Inlet:
         except Exception as error:
             return " ".join(str(error).split())
         asker = f"{sender[0]}:{sender[1]}"
-        self._ros.get_logger().info(f"{topic}: {row.ros_type} subscribed to for {asker}")
+        self._log.info(f"{topic}: {row.ros_type} subscribed to for {asker}")
         return ""
 
     def _end(self, key: Key, sender: Address, why: str) -> None:
@@ -173,7 +181,7 @@ class Inlet:
             return
         del self._wishes[key]
         self._subscriptions.pop(key).end()
-        self._ros.get_logger().info(f"{key[1]}: no longer subscribed to: {why}")
+        self._log.info(f"{key[1]}: no longer subscribed to: {why}")
 
     def _take(self, key: Key, body: bytes) -> None:
         if not self._subscriptions[key].is_stamped:
@@ -200,4 +208,4 @@ class Inlet:
         except BadMessage as error:  # TooLarge is one, too
             if self._complaints.get(key) != str(error):
                 self._complaints[key] = str(error)
-                self._ros.get_logger().error(f"{key[1]}: can't be sent: {error}")
+                self._log.error(f"{key[1]}: can't be sent: {error}")

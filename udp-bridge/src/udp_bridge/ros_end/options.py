@@ -27,6 +27,19 @@ def parse_datagram(text: str) -> DatagramSize:
         raise ValueError(str(error)) from None
 
 
+def parse_flag(text: str, *, what: str) -> bool:
+    """Return whether a text says true.
+
+    Raises
+    ------
+    ValueError
+        When it says neither true nor false; the error begins with `what`.
+    """
+    if text.lower() not in ("true", "false"):
+        raise ValueError(f"{what} is {text!r}; expected true or false")
+    return text.lower() == "true"
+
+
 def parse_repair(text: str) -> Optional[Mode]:
     """Return how what is lost on the way back is made good: `none`, `resend 0.5` or `fec 0.2`.
 

@@ -23,6 +23,7 @@ from udp_bridge.message import Message
 from udp_bridge.types import MSG_TYPES, MessageType
 
 from .deliveries import Delivery, published
+from .log import Log
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph."""
@@ -109,6 +110,7 @@ class Outlet:
         self.refused = 0
         """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
         self._ros = ros
+        self._log = Log(ros.get_logger())
         self._on_fate = on_fate
         self._lock = threading.Lock()  # guards channels and what waits in them
         self._channels: Dict[Tuple[int, str], _Channel] = {}
@@ -245,9 +247,7 @@ class Outlet:
         if not channel.has_complained:
             channel.has_complained = True
             reason = " ".join(str(error).split())
-            self._ros.get_logger().error(
-                f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}"
-            )
+            self._log.error(f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}")
 
     def _refuse(self, message: Message, sender: Address) -> None:
         self.refused += 1
@@ -256,7 +256,7 @@ class Outlet:
     def _publisher(self, channel: _Channel, message: Message, sender: Address) -> Publish:
         publish = self._ros.publisher(channel.row, channel.topic, channel.delivery)
         frame = f", frame {message.link}" if message.link else ""
-        self._ros.get_logger().info(
+        self._log.info(
             f"{channel.topic}: {channel.row.ros_type} from {sender[0]}:{sender[1]}{frame}"
         )
         return publish

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs that attack the ROS side of a bridge over real sockets, and what they get.
+
+All traffic is on loopback. Where the attacker is on another host, `is_local` is replaced, so that
+a loopback address counts as any other one.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.ros.waiting import wait_until
+from tests.udp_bridge.ros_end.test_end import Ros
+from udp_bridge import Header, Link, address_guard, address_validation
+from udp_bridge.control import AddressChallenge, CreditRequest, Subscribe, parse
+from udp_bridge.header import parse as parse_header
+from udp_bridge.leaving import Address
+from udp_bridge.lockstep import Barrier
+from udp_bridge.ros_end.end import End, Settings
+from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
+
+TEXT, TWIST = type_number("String"), type_number("Twist")
+BODY = b"\x00\x01\x00\x00\x02\x00\x00\x00a\x00"
+ANYWHERE = ("127.0.0.1", 0)
+LISTEN_S = 2.5
+"""Reports go out once a second."""
+
+
+def datagram(msg_type: int, topic: str, body: bytes, number: int = 0) -> bytes:
+    return Header(msg_type, number, 0, 1, 1, 0, topic).pack() + body
+
+
+class Attacker:
+    """A socket that sends datagrams and counts what comes back."""
+
+    def __init__(self, to: Address) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(ANYWHERE)
+        self._socket.settimeout(0.05)
+        self._to = to
+        self.sent_bytes = 0
+        self.drawn: list[bytes] = []
+
+    @property
+    def address(self) -> Address:
+        name: Address = self._socket.getsockname()
+        return name
+
+    def send(self, data: bytes) -> None:
+        self.sent_bytes += len(data)
+        self._socket.sendto(data, self._to)
+
+    def listen(self, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            try:
+                self.drawn.append(self._socket.recv(1 << 16))
+            except TimeoutError:
+                pass
+
+    @property
+    def drawn_bytes(self) -> int:
+        return sum(map(len, self.drawn))
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@pytest.fixture
+def ros() -> Ros:
+    return Ros()
+
+
+@contextmanager
+def ended(ros: Ros, **settings: str) -> Iterator[End]:
+    end = End(Settings(**({"bind": "127.0.0.1:0"} | settings)), ros, ros, ros, wake=lambda: None)
+    try:
+        yield end
+    finally:
+        end.close()
+
+
+@contextmanager
+def attackers(end: End, count: int = 1) -> Iterator[list[Attacker]]:
+    made = [Attacker(("127.0.0.1", end.link.address[1])) for _ in range(count)]
+    try:
+        yield made
+    finally:
+        for attacker in made:
+            attacker.close()
+
+
+@pytest.fixture
+def other_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let loopback addresses be those of other hosts."""
+    for module in (address_validation, address_guard):
+        monkeypatch.setattr(module, "is_local", lambda _: False)
+
+
+def test_a_stranger_draws_nothing_where_a_peer_is_named(ros: Ros) -> None:
+    with Link(ANYWHERE) as peer, ended(ros, peer=f"127.0.0.1:{peer.address[1]}") as end:
+        with attackers(end) as (one,):
+            one.send(datagram(TEXT, "/text", BODY))
+            one.send(datagram(CONTROL, "", CreditRequest().pack()))
+            one.send(datagram(SUBSCRIBE, "/cmd_vel", Subscribe(TWIST).pack()))
+            one.listen(LISTEN_S)
+            assert one.drawn == []
+        assert ros.bodies == []
+        assert end.link.counters()["refused"] == {"stranger": 3}
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_an_unvalidated_address_draws_no_more_bytes_than_it_sent(
+    ros: Ros, other_hosts: None, size: int
+) -> None:
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end, attackers(end) as (one,):
+        for number in range(20):
+            one.send(datagram(TEXT, "", BODY, number))
+            one.send(Header(1, number, 1, 2, 1, 0, "").pack() + bytes(size))  # the last of two
+            one.send(datagram(CONTROL, "", CreditRequest().pack()))
+            one.send(datagram(SUBSCRIBE, "", Subscribe(TWIST).pack()))
+            one.send(datagram(CONTROL, "", Barrier(1, -1, 100).pack()))
+        one.listen(LISTEN_S)
+        assert 0 < one.drawn_bytes <= one.sent_bytes
+        assert ros.bodies
+
+
+def test_a_stream_starts_once_its_receiver_has_proved_its_address(
+    ros: Ros, other_hosts: None
+) -> None:
+    def cookies(one: Attacker) -> list[bytes]:
+        bodies = [data[parse_header(data)[1] :] for data in one.drawn]
+        return [said.cookie for said in map(parse, bodies) if isinstance(said, AddressChallenge)]
+
+    wanted = datagram(SUBSCRIBE, "/cmd_vel", Subscribe(TWIST).pack())
+    with (
+        ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end,
+        attackers(end, 2) as (spoofed, live),
+    ):
+        spoofed.send(wanted)
+        live.send(wanted)
+        for one in (spoofed, live):
+            one.listen(0.5)
+        end.turn(0)
+        assert ros.subscribed == []
+        # The cookie of one address proves nothing about another one.
+        (theirs,), (own,) = cookies(spoofed), cookies(live)
+        live.send(datagram(CONTROL, "", address_validation.AddressResponse(theirs).pack()))
+        live.send(wanted)
+        live.listen(0.5)
+        end.turn(0)
+        assert ros.subscribed == []
+        live.send(datagram(CONTROL, "", address_validation.AddressResponse(own).pack()))
+        live.send(wanted)
+
+        def is_served() -> bool:
+            end.turn(0)
+            return bool(ros.subscribed)
+
+        wait_until(is_served, "a subscription")
+        assert end.link.counters()["refused"]["unvalidated"] == 3
+
+
+def test_a_link_that_sends_somewhere_returns_the_cookie_from_there(
+    ros: Ros, other_hosts: None
+) -> None:
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end:
+        there = ("127.0.0.1", end.link.address[1])
+        with Link(ANYWHERE, there) as gateway:
+
+            def is_served() -> bool:
+                gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
+                end.turn(0)
+                return bool(ros.subscribed)
+
+            wait_until(is_served, "a subscription")
+
+
+def test_a_stream_ends_with_the_validation_of_its_address(
+    ros: Ros, other_hosts: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end:
+        there = ("127.0.0.1", end.link.address[1])
+        with Link(ANYWHERE, there) as gateway:
+
+            def is_served() -> bool:
+                gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
+                end.turn(0)
+                return bool(end._inlet.topics)
+
+            wait_until(is_served, "a subscription")
+        monkeypatch.setattr(address_validation, "VALIDATION_NANOS", 0)
+        end.turn(0)
+        assert end._inlet.topics == []
+
+
+def test_a_socket_that_others_can_reach_needs_to_know_who_may_send(ros: Ros) -> None:
+    with pytest.raises(ValueError, match="--allow-any-peer"), ended(ros, bind="0.0.0.0:0"):
+        pass
