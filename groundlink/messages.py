@@ -271,6 +271,10 @@ class StreamReport(msgspec.Struct, frozen=True):
     delivered_bytes: int = 0
     """Bodies of those published."""
 
+    reported: bool = True
+    """False where the ROS side has never reported what arrives: then only `sent`, all of it
+    `in_flight`, and `superseded` are known, and nothing counts as lost."""
+
 
 class Health(Message, frozen=True):
     """A process's word about itself, once a second."""

@@ -17,6 +17,7 @@ from .gaps import in_words, parted
 from .messages import Health, StreamReport
 from .ros_statuses import OK, WARN, status
 from .ros_types import STORE, TYPES, header
+from .run_monitor import NOT_REPORTED
 
 DIAGNOSTICS_TOPIC = "/diagnostics"
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
@@ -41,5 +42,7 @@ def _of_stream(process: str, stream: StreamReport) -> Any:
     facts = msgspec.to_builtins(stream)
     lost = stream.lost + stream.dropped
     message = f"{lost} of {stream.sent} lost" if lost else "all arrived"
+    if not stream.reported:
+        message = NOT_REPORTED
     name = f"{process}: {facts['topic']} {facts['direction']}"
     return status(name, WARN if lost else OK, message, facts)

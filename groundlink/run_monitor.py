@@ -18,12 +18,18 @@ from .topics import PHYSICS, TIME_KEEPERS
 
 RATE_TOLERANCE = 0.02
 """A declared rate is kept when the measured one, counted in stamps, is this near."""
+NOT_REPORTED = "not reported"
 
 
 def keeps_rate(stream: StreamReport) -> bool:
-    """Return whether a stream kept its declared rate; one without a declared rate always does."""
+    """Return whether a stream kept its declared rate; one without a declared rate always does.
+
+    Of a stream that was sent, and of which the ROS side reports nothing, nothing else is known.
+    """
     if stream.declared_hz is None:
         return True
+    if not stream.reported:
+        return stream.sent > 0
     if stream.measured_hz is None:
         return False
     return abs(stream.measured_hz / stream.declared_hz - 1) <= RATE_TOLERANCE
@@ -81,14 +87,30 @@ class RunMonitor:
         physics = self.health.get(PHYSICS)
         return HoldUps.read(physics.counters if physics else {})
 
+    @property
+    def is_reported(self) -> bool:
+        """Whether the ROS side has ever reported what arrives."""
+        return any(s.reported for s in self.streams if s.direction == "to ROS")
+
+    def everything_is_sent(self) -> bool:
+        """Return whether something of every declared stream was sent to the ROS side."""
+        declared = [s for s in self.streams if s.declared_hz is not None]
+        return bool(declared) and all(s.sent for s in declared)
+
     def everything_arrives(self) -> bool:
         """Return whether every declared stream has arrived on the ROS side."""
         declared = [s for s in self.streams if s.declared_hz is not None]
         return bool(declared) and all(s.messages for s in declared)
 
-    def faults(self) -> list[str]:
-        """Return what is wrong with the run as lines; none when every declared rate was kept."""
-        if not self.streams:
+    def faults(self, *, needs_reports: bool = True) -> list[str]:
+        """Return what is wrong with the run as lines; none when every declared rate was kept.
+
+        Parameters
+        ----------
+        needs_reports
+            whether a ROS side that never reported anything is wrong, too.
+        """
+        if not self.streams or (needs_reports and not self.is_reported):
             return ["nothing was heard from the ROS side"]
         lines = []
         for stream in self.streams:

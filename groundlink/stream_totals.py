@@ -52,8 +52,9 @@ def _sum(row: StreamReport, before: StreamReport | None) -> StreamReport:
     """Return a report with the counts of both, the rate over both, and the newer one's ages."""
     if before is None:
         return row
+    reported = row.reported or before.reported
     counts = {field: getattr(row, field) + getattr(before, field) for field in SUMMED}
-    return replace(row, **counts, measured_hz=_rate_hz(row, before))
+    return replace(row, **counts, measured_hz=_rate_hz(row, before), reported=reported)
 
 
 def _rate_hz(*rows: StreamReport) -> float | None:

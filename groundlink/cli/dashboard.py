@@ -15,7 +15,7 @@ from rich.text import Text
 from groundlink import gaps
 from groundlink.faults import kinds_in
 from groundlink.messages import StreamReport
-from groundlink.run_monitor import RunMonitor, keeps_rate
+from groundlink.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
 from groundlink.supervisor import Child
 
 
@@ -49,9 +49,9 @@ def streams_table(streams: Iterable[StreamReport]) -> Table:
             _milliseconds(stream.age_seconds),
             _milliseconds(stream.age_p99_seconds),
             str(stream.sent),
-            str(stream.messages),
-            str(stream.repaired),
-            _losses(stream),
+            str(stream.messages) if stream.reported else NOT_REPORTED,
+            str(stream.repaired) if stream.reported else "-",
+            _losses(stream) if stream.reported else "-",
             style="" if good else "yellow",
         )
     return table

@@ -90,7 +90,7 @@ def replay(options: argparse.Namespace) -> int:
     # In a loop stamps jump back, and counted in stamps there is no rate.
     if options.loop or options.no_gateway or (options.no_ros and not monitor.streams):
         return 0
-    faults = monitor.faults()
+    faults = monitor.faults(needs_reports=not options.no_ros)
     for fault in faults:
         console.print(f"not kept: {fault}")
     return 1 if faults else 0

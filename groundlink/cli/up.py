@@ -18,7 +18,7 @@ from rich.console import Console
 
 from groundlink import __version__, journal
 from groundlink.errors import UserError
-from groundlink.run_monitor import RunMonitor
+from groundlink.run_monitor import NOT_REPORTED, RunMonitor
 from groundlink.scenario import Scenario, load, time_choice
 from groundlink.supervisor import Child
 
@@ -37,7 +37,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--duration",
         type=float,
         metavar="S",
-        help="end by itself after S seconds of sim time, counted once every stream arrives",
+        help="end by itself after S seconds of sim time, counted once every stream arrives; with "
+        "--no-ros and a ROS side that does not report, once every stream is sent",
     )
     parser.add_argument("--report", type=Path, metavar="FILE.json", help="write what happened")
     parser.add_argument("--run", help="name of the run (default: the scenario's)")
@@ -95,7 +96,7 @@ def up(options: argparse.Namespace) -> int:
     title = f"{scenario.name} (run `{run}`)"
     started = time.time()
     failed = supervised_run.go(
-        _Duration(monitor, options.duration).is_over,
+        Duration(monitor, options.duration, needs_reports=not options.no_ros).is_over,
         lambda: dashboard(title, monitor, children.values()),
     )
     if supervised_run.killed:
@@ -103,7 +104,10 @@ def up(options: argparse.Namespace) -> int:
         console.print(f"killed, as they did not end in time: {names}")
     if failed and not failed.ended_run and monitor.first_tick is None:
         return supervised.exit_code(failed)
-    faults = monitor.faults() if monitor.streams or not options.no_ros else []
+    needs_reports = not options.no_ros
+    faults = []
+    if monitor.streams or needs_reports:
+        faults = monitor.faults(needs_reports=needs_reports)
     if options.record and children[running.RECORDER].is_left_out:
         faults.append(f"{options.record} ends before the run; see the recorder's line above")
     _summarise(console, monitor, children, faults)
@@ -115,14 +119,22 @@ def up(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-class _Duration:
-    """Sim time from when every stream arrives, or from `START_SECONDS` after the start."""
+class Duration:
+    """Sim time from when every stream arrives, or from `START_SECONDS` after the start.
 
-    def __init__(self, monitor: RunMonitor, seconds: float | None) -> None:
+    As long as the ROS side has reported nothing and need not, it is counted from when every stream
+    was sent.
+    """
+
+    def __init__(
+        self, monitor: RunMonitor, seconds: float | None, *, needs_reports: bool = True
+    ) -> None:
         self._monitor = monitor
         self._seconds = seconds
+        self._needs_reports = needs_reports
         self._begun = time.monotonic()
         self._counted_from: float | None = None
+        self._sent_from: float | None = None
 
     def is_over(self) -> bool:
         """Return whether the run has lasted that long; without a duration it never has."""
@@ -130,9 +142,14 @@ class _Duration:
         late = time.monotonic() - self._begun > START_SECONDS
         if self._counted_from is None and (monitor.everything_arrives() or late):
             self._counted_from = monitor.sim_seconds
-        if self._seconds is None or self._counted_from is None:
+        if self._sent_from is None and monitor.everything_is_sent():
+            self._sent_from = monitor.sim_seconds
+        counted_from = self._counted_from
+        if not self._needs_reports and not monitor.is_reported and self._sent_from is not None:
+            counted_from = self._sent_from
+        if self._seconds is None or counted_from is None:
             return False
-        return monitor.sim_seconds - self._counted_from >= self._seconds
+        return monitor.sim_seconds - counted_from >= self._seconds
 
 
 def _summarise(
@@ -141,7 +158,9 @@ def _summarise(
     console.print(dashboard("summary", monitor, children.values()))
     for fault in faults:
         console.print(f"not kept: {fault}")
-    if not faults:
+    if monitor.streams and not monitor.is_reported:
+        console.print(f"{NOT_REPORTED}: the ROS side sent no report of what arrived (TopicReport)")
+    elif not faults:
         console.print("every declared rate was kept within 2 %")
 
 

@@ -17,7 +17,7 @@ import yaml
 
 from groundlink.clock import NANOS
 from groundlink.routes import line
-from groundlink.run_monitor import RATE_TOLERANCE
+from groundlink.run_monitor import NOT_REPORTED, RATE_TOLERANCE
 from groundlink.world.build import solids
 
 from . import figures
@@ -260,14 +260,16 @@ def _link(run: Gathered, span: Span) -> Markup:
     rows, off = [], []
     for number, ((topic, direction), stream) in enumerate(words.items()):
         last = stream.last
+        is_reported = last.get("reported") != "False"
+        arrived = ("messages", "repaired") if is_reported else ("", "")
         causes = [f"{last[cause]} {cause}" for cause in CAUSES if last.get(cause, "0") != "0"]
         rows.append(
             (
                 topic if direction == "to ROS" else f"{topic} (back)",
                 _milliseconds(last.get("age_seconds", "")),
                 _milliseconds(last.get("age_p99_seconds", "")),
-                *(last.get(name, "") for name in ("sent", "messages", "repaired")),
-                ", ".join(causes) or "none",
+                *(last.get(name, "") for name in ("sent", *arrived)),
+                ", ".join(causes) or ("none" if is_reported else NOT_REPORTED),
             )
         )
         if causes:

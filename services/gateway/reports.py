@@ -52,22 +52,30 @@ class PeerReports:
             topic and report of what came from it.
         """
         sent = {(row.msg_type, row.topic): row for row in accounts}
+        # A receiver that reports one topic reports every topic of which something arrived.
+        reported = self.link is not None or any(row.report is not None for row in sent.values())
         of_ros = (key for key in sorted(sent) if MSG_TYPES[key[0]].ros_type)
         keys = dict.fromkeys([*self._declared_hz, *of_ros])
         back = [row for row in arrivals if MSG_TYPES[row[1].msg_type].ros_type]
         return [
-            *(self._sent(key, sent.get(key)) for key in keys),
+            *(self._sent(key, sent.get(key), reported=reported) for key in keys),
             *(_row(arrived(topic, report), FROM_ROS, tells_ages=True) for topic, report in back),
         ]
 
-    def _sent(self, key: tuple[int, str], account: Account | None) -> StreamReport:
+    def _sent(
+        self, key: tuple[int, str], account: Account | None, *, reported: bool
+    ) -> StreamReport:
         msg_type, topic = key
         declared = self._declared_hz.get(key)
         if account is None:
-            return StreamReport(topic, MSG_TYPES[msg_type].name, declared, None, None, 0, 0)
+            name = MSG_TYPES[msg_type].name
+            return StreamReport(topic, name, declared, None, None, 0, 0, reported=reported)
         # What has no rate is not measured anew each time, so its stamp says nothing of its age.
         tells_ages = self._stamps_follow_wall and declared is not None
-        return _row(account, TO_ROS, declared, tells_ages=tells_ages)
+        row = _row(account, TO_ROS, declared, tells_ages=tells_ages)
+        if reported:
+            return row
+        return replace(row, lost=0, missing=0, in_flight=row.sent, reported=False)
 
 
 def _row(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from groundlink.messages import Health, StreamReport
-from groundlink.run_monitor import RunMonitor, keeps_rate
+from groundlink.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
 
 from .plots import LINE_COLOURS, Plots
 
@@ -22,11 +22,13 @@ def text(title: str, monitor: RunMonitor, *, shown: str) -> str:
     """Return the panel as Markdown."""
     factor = monitor.real_time_factor
     pace = "" if factor is None else f" · {factor:.2f} x real time"
-    faults = monitor.faults() if monitor.streams else []
+    faults = monitor.faults(needs_reports=False) if monitor.streams else []
     if not monitor.streams:
         verdict = "The gateway has not told yet what arrives in ROS."
     elif faults:
         verdict = "**Not kept:** " + "; ".join(faults)
+    elif not monitor.is_reported:
+        verdict = "The ROS side has not reported what arrives."
     else:
         verdict = "Every declared rate is kept."
     lines = [f"### {title}", f"{monitor.sim_seconds:.0f} s{pace} · {shown}", "", verdict, ""]
@@ -34,7 +36,7 @@ def text(title: str, monitor: RunMonitor, *, shown: str) -> str:
         lines += [
             "| topic | declared | arrives | age p50 | p99 | lost |",
             "|:--|--:|--:|--:|--:|--:|",
-            *(_row(stream) for stream in monitor.streams if stream.messages),
+            *(_row(stream) for stream in monitor.streams if stream.messages or _is_unknown(stream)),
             "",
         ]
     names = sorted(monitor.health)
@@ -50,9 +52,13 @@ def _row(stream: StreamReport) -> str:
         _hertz(stream.measured_hz),
         _milliseconds(stream.age_seconds),
         _milliseconds(stream.age_p99_seconds),
-        str(stream.lost),
+        NOT_REPORTED if _is_unknown(stream) else str(stream.lost),
     ]
     return "| " + " | ".join(cells) + " |"
+
+
+def _is_unknown(stream: StreamReport) -> bool:
+    return bool(stream.sent) and not stream.reported
 
 
 def _hertz(value: float | None) -> str:

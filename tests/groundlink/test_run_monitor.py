@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
 from groundlink.messages import Health, StreamReport
 from groundlink.run_monitor import RunMonitor, keeps_rate
@@ -81,6 +82,33 @@ def test_everything_arrives_when_each_declared_stream_has() -> None:
     assert not monitor.everything_arrives()
     monitor.heard(Health("gateway", 1, 0, {}, (stream(10.0, None, 1), waiting[1])), 2.0)
     assert monitor.everything_arrives()
+
+
+UNKNOWN = StreamReport("/t", "Imu", 10.0, None, None, 0, 0, sent=7, in_flight=7, reported=False)
+BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="from ROS", sent=7)
+
+
+def test_what_was_not_reported_is_not_held_against_a_run_that_needs_no_reports() -> None:
+    monitor = RunMonitor()
+    monitor.heard(Health("gateway", 1, 0, {}, (UNKNOWN, BACK)), 1.0)
+    assert not monitor.is_reported
+    assert monitor.everything_is_sent()
+    assert not monitor.everything_arrives()
+    assert monitor.faults(needs_reports=False) == []
+    assert monitor.faults() == ["nothing was heard from the ROS side"]
+    silent = replace(UNKNOWN, topic="/silent", sent=0, in_flight=0)
+    monitor.heard(Health("gateway", 1, 0, {}, (UNKNOWN, silent)), 2.0)
+    assert not monitor.everything_is_sent()
+    lines = ["/silent: declared 10 Hz, measured none"]
+    assert monitor.faults(needs_reports=False) == lines
+
+
+def test_what_an_earlier_gateway_was_told_stays_reported() -> None:
+    monitor = RunMonitor()
+    for pid, row in ((1, replace(UNKNOWN, reported=True)), (2, UNKNOWN)):
+        monitor.heard(Health("gateway", pid, 0, {}, (row,)), 1.0)
+    assert monitor.is_reported
+    assert [row.sent for row in monitor.streams] == [14]
 
 
 def test_sensors_that_share_a_process_are_told_apart() -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import io
 
+from msgspec.structs import replace
 from rich.console import Console
 
 from groundlink.cli.dashboard import dashboard
@@ -80,6 +81,13 @@ def test_every_figure_stands_in_the_table_uncut() -> None:
 def test_what_did_not_arrive_is_told_by_cause() -> None:
     lost = [text.split("│")[-2] for text in drawn(LOSSY).splitlines() if text.startswith("│")]
     assert " ".join(" ".join(lost).split()) == ("11 missing, 7 incomplete, 2 dropped, 3 superseded")
+
+
+def test_what_was_not_reported_is_said_and_no_loss() -> None:
+    unknown = replace(LOSSY, messages=0, lost=0, missing=0, reported=False)
+    (row,) = (line for line in drawn(unknown).splitlines() if unknown.topic in line)
+    assert "not reported" in row
+    assert "missing" not in row
 
 
 def test_a_sensor_that_fails_says_so() -> None:

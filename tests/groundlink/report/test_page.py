@@ -16,6 +16,7 @@ from groundlink.report.failures import Failure, Failures
 from groundlink.report.gather import Gathered
 from groundlink.report.html import Markup, section, table, text
 from groundlink.report.page import page
+from groundlink.report.said import Said, StreamWords
 from groundlink.scenario.faults import Off, Stuck
 
 from .conftest import gathered_from, write
@@ -98,6 +99,17 @@ def test_figures_are_on_it(content: str) -> None:
         *("/imu: 3 of 2010 lost on the way to ROS", "2023-11-14 22:13:20 UTC"),
     ):
         assert words in content, words
+
+
+def test_what_the_ros_side_never_reported_is_said_to_be_so(gathered: Gathered) -> None:
+    ((key, words),) = gathered.said.streams.items()
+    unknown = words.last | {"reported": "False", "lost": "0", "messages": "0", "missing": "0"}
+    unknown |= {"dropped": "0", "sent": "2010"}
+    said = Said()
+    said.streams[key] = StreamWords(unknown)
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", page(dataclasses.replace(gathered, said=said)))
+    at = cells.index("2010")
+    assert cells[at : at + 4] == ["2010", "", "", "not reported"]
 
 
 def test_pictures_are_drawn_in_the_pages_own_colours(content: str) -> None:

@@ -368,8 +368,9 @@ def test_a_stranger_may_subscribe_but_not_report(bench: Bench) -> None:
 
 
 def test_rows_are_of_the_peer_alone(bench: Bench) -> None:
-    bench.link.accounts_of[PEER] = [Account(2, "/imu", 100, 0, 0, 99, 0, 0, 0, 1, 0, 0, 0, None)]
     came = TopicReport(9, 0, 0, 3, 2, 0, 0, 1, 0, 0, 0, 48, 0, 0, 0, 5_000_000, 6_000_000)
+    told = came._replace(msg_type=2, numbers=99, published=99)
+    bench.link.accounts_of[PEER] = [Account(2, "/imu", 100, 0, 0, 99, 0, 0, 0, 1, 0, 0, 0, told)]
     bench.link.came = [(PEER, "/cmd_vel", "", came), (STRANGER, "/cmd_vel", "", came)]
     rows = bench.report()[0]
     assert [(row.sent, row.messages, row.lost) for row in rows if row.topic == "/imu"] == [

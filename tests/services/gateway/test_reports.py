@@ -29,12 +29,28 @@ def reports(declared: bool = True, follows: bool = True) -> PeerReports:
 
 
 def test_declared_topics_have_a_row_before_anything_is_sent() -> None:
-    assert reports().streams([]) == [StreamReport("/imu", "Imu", 400.0, None, None, 0, 0)]
+    row = StreamReport("/imu", "Imu", 400.0, None, None, 0, 0, reported=False)
+    assert reports().streams([]) == [row]
 
 
-def test_a_topic_that_is_never_reported_has_counts_alone() -> None:
-    (row,) = reports().streams([account()._replace(report=None)])
+NOTHING_TOLD = {"delivered": 0, "incomplete": 0, "late": 0, "dropped": 0, "repaired": 0}
+
+
+def test_what_a_receiver_never_reported_is_not_lost() -> None:
+    unknown = account()._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
+    (row,) = reports().streams([unknown])
     assert (row.sent, row.measured_hz, row.age_seconds) == (420, None, None)
+    assert (row.lost, row.missing, row.in_flight, row.reported) == (0, 0, 420, False)
+
+
+def test_what_a_receiver_does_not_report_while_it_reports_others_is_lost() -> None:
+    silent = account(2, "/imu")._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
+    row, other = reports().streams([silent, account(1, "/points")])
+    assert (row.lost, row.missing, row.in_flight, row.reported) == (400, 400, 20, True)
+    assert other.reported
+    with_link = reports()
+    with_link.link = LinkReport(1, 0, 0, 0, 0)
+    assert [one.lost for one in with_link.streams([silent])] == [400]
 
 
 def test_rates_are_counted_in_stamps() -> None:

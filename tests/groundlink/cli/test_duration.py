@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import pytest
+
+from groundlink.cli.up import Duration
+from groundlink.messages import Health, StreamReport
+from groundlink.run_monitor import RunMonitor
+
+SECOND_TICKS = 400
+
+
+def stream(sent: int, *, arrived: int = 0, reported: bool = False) -> StreamReport:
+    return StreamReport("/t", "Imu", 10.0, None, None, arrived, 0, sent=sent, reported=reported)
+
+
+def passed(duration: Duration, monitor: RunMonitor, rows: list[StreamReport]) -> int | None:
+    """Return after how many seconds of sim time, with a row each, the duration was over."""
+    for second, row in enumerate(rows):
+        monitor.heard(Health("physics", 1, second * SECOND_TICKS, {}), second)
+        monitor.heard(Health("gateway", 2, second * SECOND_TICKS, {}, (row,)), second)
+        if duration.is_over():
+            return second
+    return None
+
+
+SILENT = [stream(0)] * 2 + [stream(10)] * 10
+ARRIVES = [stream(0)] * 2 + [stream(10)] * 2 + [stream(20, arrived=5, reported=True)] * 10
+
+
+@pytest.mark.parametrize(
+    ("rows", "needs_reports", "over"),
+    [(SILENT, False, 5), (SILENT, True, None), (ARRIVES, False, 7), (ARRIVES, True, 7)],
+)
+def test_a_duration_counts_from_what_arrives_or_where_nobody_reports_from_what_is_sent(
+    rows: list[StreamReport], needs_reports: bool, over: int | None
+) -> None:
+    monitor = RunMonitor()
+    duration = Duration(monitor, 3.0, needs_reports=needs_reports)
+    assert passed(duration, monitor, rows) == over
