@@ -120,7 +120,7 @@ class Life:
         self.worlds[self.world_hash] = scenario
         self._bodies.change(scenario, static)
         told = {truth.vehicle: truth for truth in self._truths}
-        self._truths = [told.get(v.name) or Truth(v) for v in scenario.vehicles]
+        self._truths = [told.get(v.name) or Truth(v, self.tick + 1) for v in scenario.vehicles]
         self.pace.parties.only((*process_names(scenario), RECORDER, *self._others))
         self._entries.append(encode_entry(Changed(self.tick, wish)))
 
@@ -251,10 +251,11 @@ class Life:
             self._next_clock += 1
             self._tell_time(state)
         for truth in self._truths:
-            if (stamp := truth.due(state)) is not None:
+            if (due := truth.due(state)) is not None:
+                stamp, vehicle = due
                 torques = simulation.motor_torques(truth.vehicle)
-                publish.truth[truth.vehicle](truth.odometry(state, stamp))
-                publish.wheels[truth.vehicle](truth.wheels(state, torques, stamp))
+                publish.truth[truth.vehicle](truth.odometry(vehicle, stamp))
+                publish.wheels[truth.vehicle](truth.wheels(vehicle, torques, stamp))
         if bodies := self._bodies.poses(state):
             publish.bodies(bodies)
         if simulation.tick % VITALS_TICKS == 0:

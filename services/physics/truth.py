@@ -2,62 +2,109 @@
 """The ground truth as messages of ROS's words: what every estimate is compared with.
 
 Rule: states in, messages out, at the rate that the scenario declares and stamped with their event
-as a sensor's reading would be. Between two states nothing is interpolated: the values are those of
-the first tick at or after the event. They have no error, so their covariances are zero.
+as a sensor's reading would be. An event between two ticks has what lies between their states. The
+values have no error, so their covariances are zero.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.clock import Schedule
-from groundlink.frames import IDENTITY_QUATERNION, matrix_from_quaternion
+from groundlink.clock import TICK_NANOS, Schedule
+from groundlink.frames import IDENTITY_QUATERNION, matrix_from_quaternion, nlerp
 from groundlink.ground_truth import WORLD_FRAME, Bodies
-from groundlink.messages import State, floats
+from groundlink.messages import State, VehicleState, floats, packed
 from groundlink.navigation import COVARIANCE_6X6_BYTES, JointState, Odometry
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.bodies import body_names
 from groundlink.world.solids import Solid
 
+_ACTORS = "/actors"
+"""Beside names of vehicles, none of which has a slash."""
+
 _NO_ERROR = memoryview(bytes(COVARIANCE_6X6_BYTES))
 
 
+class Event(NamedTuple):
+    """An instant at which something is due."""
+
+    stamp_nanos: int
+    fraction: float
+    """Where it lies between the tick before, 0, and that of the state, 1."""
+
+
 class _Events:
-    """When something is due, at a rate."""
+    """When something is due, at a rate, from a tick on."""
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, from_tick: int = 0) -> None:
         self._schedule = Schedule.at(rate_hz)
-        self._next = 0
-        self._due_tick = self._schedule.tick(0)  # kept, since it is asked for at every tick
+        self._next = self._schedule.first_at_or_after(from_tick)
+        self._due_tick = self._schedule.tick(self._next)  # kept: it is asked for at every tick
 
-    def stamp(self, state: State) -> int | None:
-        """Return the stamp of the next event if this state is the first at or after it."""
+    def at(self, state: State) -> Event | None:
+        """Return the next event if this state is the first at or after it."""
         if state.tick < self._due_tick:
             return None
-        stamp = state.epoch_nanos + self._schedule.nanos(self._next)
+        nanos = self._schedule.nanos(self._next)
         self._next += 1
         self._due_tick = self._schedule.tick(self._next)
-        return stamp
+        return Event(state.epoch_nanos + nanos, 1 - (state.sim_nanos - nanos) / TICK_NANOS)
+
+
+def _between(before: memoryview, after: memoryview, fraction: float) -> memoryview:
+    """Return what lies between the float64 values of two ticks."""
+    first, second = floats(before), floats(after)
+    return packed(first + fraction * (second - first))
+
+
+def _poses_between(before: memoryview, after: memoryview, fraction: float) -> memoryview:
+    """Return what lies between poses of two ticks, rows of x, y, z, qx, qy, qz, qw."""
+    first, second = (floats(poses).reshape(-1, 7) for poses in (before, after))
+    poses = first + fraction * (second - first)
+    poses[:, 3:] = nlerp(first[:, 3:], second[:, 3:], np.full(len(first), fraction))
+    return packed(poses)
 
 
 class Truth:
-    """The ground truth of one vehicle."""
+    """The ground truth of one vehicle.
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    Parameters
+    ----------
+    from_tick
+        the first tick at which the vehicle is there.
+    """
+
+    def __init__(self, vehicle: Vehicle, from_tick: int = 0) -> None:
         self.vehicle = vehicle.name
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
         self._wheels = tuple(wheel.name for wheel in vehicle.model.wheels)
-        self._events = _Events(vehicle.ground_truth.rate_hz)
+        self._events = _Events(vehicle.ground_truth.rate_hz, from_tick)
+        self._before: VehicleState | None = None
 
-    def due(self, state: State) -> int | None:
-        """Return the stamp of what is to be told of this state; None for nothing."""
-        return self._events.stamp(state)
+    def due(self, state: State) -> tuple[int, VehicleState] | None:
+        """Return the stamp of what is to be told and the vehicle at this instant; None for nothing.
 
-    def odometry(self, state: State, stamp_nanos: int) -> Odometry:
+        To be called for every state.
+        """
+        event, after, before = self._events.at(state), state.vehicles[self.vehicle], self._before
+        self._before = after
+        if event is None:
+            return None
+        if event.fraction == 1.0 or before is None:
+            return event.stamp_nanos, after
+        at = event.fraction
+        return event.stamp_nanos, VehicleState(
+            link_poses=_poses_between(before.link_poses, after.link_poses, at),
+            base_velocity=_between(before.base_velocity, after.base_velocity, at),
+            joint_positions=_between(before.joint_positions, after.joint_positions, at),
+            joint_velocities=_between(before.joint_velocities, after.joint_velocities, at),
+        )
+
+    def odometry(self, vehicle: VehicleState, stamp_nanos: int) -> Odometry:
         """Return world_from_base and the base's velocity in its own frame."""
-        vehicle = state.vehicles[self.vehicle]
         x, y, z, qx, qy, qz, qw = vehicle.poses()[0].tolist()
         base_from_world = matrix_from_quaternion(np.array([qx, qy, qz, qw])).T
         velocities = floats(vehicle.base_velocity).reshape(2, 3) @ base_from_world.T
@@ -74,9 +121,11 @@ class Truth:
             twist_covariance=_NO_ERROR,
         )
 
-    def wheels(self, state: State, torques: memoryview, stamp_nanos: int) -> JointState:
-        """Return each wheel's angle, speed and the torque of its motor, float64 in N m."""
-        vehicle = state.vehicles[self.vehicle]
+    def wheels(self, vehicle: VehicleState, torques: memoryview, stamp_nanos: int) -> JointState:
+        """Return each wheel's angle and speed, and the torque of its motor, float64 in N m.
+
+        A torque is constant over the step to a tick, so nothing lies between two of them.
+        """
         return JointState(
             stamp_nanos=stamp_nanos,
             frame=self._child_frame,
@@ -92,6 +141,7 @@ class BodyTruth:
 
     def __init__(self, scenario: Scenario, static: Sequence[Solid]) -> None:
         self._events = _Events(scenario.bodies.rate_hz)
+        self._before: dict[str, memoryview] = {}
         self.change(scenario, static)
 
     def change(self, scenario: Scenario, static: Sequence[Solid]) -> None:
@@ -104,10 +154,20 @@ class BodyTruth:
         self._still = np.array(still, np.float64).tobytes()
 
     def poses(self, state: State) -> Bodies | None:
-        """Return world_from_body of every body, if it is due."""
-        stamp = self._events.stamp(state)
-        if stamp is None:
+        """Return world_from_body of every body, if it is due; to be called for every state."""
+        event, before = self._events.at(state), self._before
+        after = {name: state.vehicles[name].link_poses for name in self._vehicles}
+        after[_ACTORS] = state.actors
+        self._before = after
+        if event is None:
             return None
-        moving = [state.vehicles[name].link_poses for name in self._vehicles]
-        all_poses = b"".join([*moving, state.actors, self._still])
-        return Bodies(stamp, self._names, memoryview(all_poses))
+        if event.fraction < 1.0:
+            # A body that has only just come has nothing before.
+            after = {
+                name: _poses_between(before[name], poses, event.fraction)
+                if name in before and before[name].nbytes == poses.nbytes
+                else poses
+                for name, poses in after.items()
+            }
+        all_poses = b"".join([*after.values(), self._still])
+        return Bodies(event.stamp_nanos, self._names, memoryview(all_poses))

@@ -118,6 +118,53 @@ def test_a_child_that_crashes_at_every_start_is_given_up() -> None:
     assert supervisor.children["a"].restarts == 4
 
 
+class Clock:
+    """Stands in for the supervisor's `time`."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+def crash(supervisor: Supervisor, clock: Clock, after: float) -> float:
+    """Let the child run for so long and crash; return the delay until it was started again."""
+    child = supervisor.children["a"]
+    assert child.process is not None
+    clock.now += after
+    child.process.kill()
+    child.process.wait()
+    assert supervisor.tend() is None
+    crashed = clock.now
+    assert child.restart_at is not None
+    while child.process is None:
+        clock.now = max(clock.now, child.restart_at)
+        supervisor.tend()
+    return clock.now - crashed
+
+
+def test_restarts_come_later_after_each_false_start_and_at_once_after_a_steady_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock, lines = Clock(), Lines()
+    monkeypatch.setattr("groundlink.supervisor.time", clock)
+    supervisor = Supervisor({"a": ["-c", "import time; time.sleep(60)"]}, lines)
+    supervisor.start()
+    try:
+        delays = [crash(supervisor, clock, 1.0) for _ in range(4)]
+        assert delays == pytest.approx([0.2, 0.4, 0.8, 1.5])
+        assert crash(supervisor, clock, 10.1) == pytest.approx(0.2)
+        assert [crash(supervisor, clock, 1.0) for _ in range(3)] == pytest.approx([0.4, 0.8, 1.5])
+        for _ in range(10):
+            assert crash(supervisor, clock, 10.1) == pytest.approx(0.2)
+        assert supervisor.children["a"].restarts == 18
+        told = [line for _, line in lines.heard]
+        assert told[:2] == [f"ended with SIGKILL; restart in {s} s" for s in ("0.2", "0.4")]
+    finally:
+        supervisor.stop()
+
+
 def test_a_child_that_does_not_end_is_killed() -> None:
     lines = Lines()
     supervisor = Supervisor({"good": SLEEP, "stubborn": STUBBORN}, lines)
@@ -128,12 +175,14 @@ def test_a_child_that_does_not_end_is_killed() -> None:
     assert time.monotonic() - asked < 2.0
 
 
-def test_no_child_outlives_a_killed_supervisor(tmp_path: Path) -> None:
+def test_no_child_outlives_a_killed_supervisor() -> None:
+    """A child that runs already: one that still has to write would end by the closed pipe."""
     program = (
-        "import sys, time\n"
+        "import time\n"
         "from groundlink.supervisor import Supervisor\n"
-        f"s = Supervisor({{'a': {SLEEP!r}}}, lambda *_: None)\n"
-        "s.start(); print(s.children['a'].process.pid, flush=True); time.sleep(60)\n"
+        "def say(name, line): print(s.children[name].pid, flush=True)\n"
+        f"s = Supervisor({{'a': {SLEEP!r}}}, say)\n"
+        "s.start(); time.sleep(60)\n"
     )
     with subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True
@@ -143,5 +192,7 @@ def test_no_child_outlives_a_killed_supervisor(tmp_path: Path) -> None:
         parent.kill()
     deadline = time.monotonic() + 5
     while Path(f"/proc/{child}/exe").exists():
-        assert time.monotonic() < deadline, "the child lives on"
+        if time.monotonic() > deadline:
+            os.kill(child, signal.SIGKILL)
+            raise AssertionError("the child lives on")
         time.sleep(0.02)

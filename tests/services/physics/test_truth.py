@@ -49,7 +49,7 @@ def state(tick: int, *names: str) -> State:
 
 
 def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
-    odometry = Truth(vehicle(50.0)).odometry(state(0), 5)
+    odometry = Truth(vehicle(50.0)).odometry(state(0).vehicles["rover"], 5)
     assert odometry.stamp_nanos == 5
     assert (odometry.frame, odometry.child_frame) == ("world", "a/base_link")
     assert (odometry.position_m, odometry.orientation) == ((1.0, 2.0, 3.0), LEFT)
@@ -60,7 +60,7 @@ def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
 
 def test_wheels_are_joints_with_the_torque_of_their_motors() -> None:
     torques = packed(np.array([4.0, 5.0, 6.0, 7.0]))
-    wheels = Truth(vehicle(50.0)).wheels(state(0), torques, 5)
+    wheels = Truth(vehicle(50.0)).wheels(state(0).vehicles["rover"], torques, 5)
     assert (wheels.stamp_nanos, wheels.frame) == (5, "a/base_link")
     assert wheels.names == tuple(wheel.name for wheel in vehicle(50.0).model.wheels)
     assert floats(wheels.positions).tolist() == [0.5, -0.5, 7.0, 8.0]
@@ -90,9 +90,64 @@ def test_torques_work_as_much_as_the_motors_do(start: Callable[..., Simulation])
 def test_it_comes_at_its_rate_without_drift(rate_hz: float) -> None:
     truth = Truth(vehicle(rate_hz))
     due = [truth.due(state(tick)) for tick in range(401)]
-    stamps = [stamp for stamp in due if stamp is not None]
+    stamps = [told[0] for told in due if told is not None]
     assert len(stamps) == rate_hz + 1
     assert stamps == [EPOCH + int(i * 10**9 // rate_hz) for i in range(len(stamps))]
+
+
+def moving(tick: int, *names: str) -> State:
+    """Return where vehicles are that speed up along y and turn at 0.8 rad/s."""
+    seconds, angle = tick / 400, 0.8 * tick / 400
+    pose = [1.0, 4.0 * seconds, 0.0, 0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)]
+    vehicles = {
+        name: VehicleState(
+            link_poses=packed(np.array([pose] * 5)),
+            base_velocity=packed(np.array([0.0, seconds, 0.0, 0.0, 0.0, 0.8])),
+            joint_positions=packed(np.array([angle] * 4)),
+            joint_velocities=packed(np.array([seconds] * 4)),
+        )
+        for name in names or ("rover",)
+    }
+    return State("run", EPOCH, EPOCH, tick, tick * TICK_NANOS, "", vehicles)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 30.0, 29.97, 120.0])
+def test_values_are_those_of_the_stamp(rate_hz: float) -> None:
+    truth = Truth(vehicle(rate_hz))
+    found = [(tick, truth.due(moving(tick))) for tick in range(401)]
+    due = [(tick, *told) for tick, told in found if told is not None]
+    assert len(due) > rate_hz - 1
+    for tick, stamp, there in due:
+        seconds = (stamp - EPOCH) * 1e-9
+        odometry = truth.odometry(there, stamp)
+        assert odometry.position_m[1] == pytest.approx(4.0 * seconds, abs=1e-8)
+        assert 2 * math.asin(odometry.orientation[2]) == pytest.approx(0.8 * seconds, abs=1e-8)
+        assert np.hypot(*odometry.linear_mps[:2]) == pytest.approx(seconds, abs=1e-8)
+        wheels = truth.wheels(there, packed(np.zeros(4)), stamp)
+        assert floats(wheels.positions) == pytest.approx([0.8 * seconds] * 4, abs=1e-8)
+        assert floats(wheels.velocities) == pytest.approx([seconds] * 4, abs=1e-8)
+        if stamp == EPOCH + tick * TICK_NANOS:
+            assert there == moving(tick).vehicles["rover"], "to the last bit"
+
+
+def test_a_vehicle_that_comes_later_is_told_of_from_then_on() -> None:
+    truth = Truth(vehicle(30.0), from_tick=100)
+    due = [truth.due(moving(tick)) for tick in range(100, 501)]
+    stamps = [told[0] - EPOCH for told in due if told is not None]
+    assert stamps[0] == 8 * 10**9 // 30
+    assert len(stamps) == 30
+
+
+def test_bodies_are_where_they_are_at_the_stamp(lab: Scenario) -> None:
+    truth = BodyTruth(replace(lab, bodies=BodyPoses(rate_hz=30.0)), solids(lab))
+    told = [truth.poses(moving(tick)) for tick in range(401)]
+    due = [bodies for bodies in told if bodies is not None]
+    assert len(due) == 31
+    for bodies in due:
+        seconds = (bodies.stamp_nanos - EPOCH) * 1e-9
+        poses = bodies.world_from_body()[:5]
+        assert poses[:, 1] == pytest.approx([4.0 * seconds] * 5, abs=1e-8)
+        assert 2 * np.arcsin(poses[:, 5]) == pytest.approx([0.8 * seconds] * 5, abs=1e-8)
 
 
 def test_the_bodies_are_all_links_and_all_solids_where_they_are(lab: Scenario) -> None:

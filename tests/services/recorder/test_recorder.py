@@ -168,6 +168,15 @@ def test_times_of_what_comes_from_ros(rig: Rig) -> None:
     assert pose.header.stamp.nanosec == 17
 
 
+def test_nothing_is_logged_before_the_recording_begins(rig: Rig) -> None:
+    """A command may still be under way whose stamp is before the first clock."""
+    rig.clock(40)
+    rig.recorder.take(KEYS["command"], Command(EPOCH + 38 * TICK_NANOS, (0.5, 0.0, 0.0), STILL))
+    assert [tick for tick, _ in rig.written()["/cmd_vel"]] == [40]
+    with Recording(rig.path) as recording:
+        assert recording.first_nanos == EPOCH + 40 * TICK_NANOS
+
+
 def test_what_is_relayed_stands_under_its_topic_as_its_type(lab: Scenario, tmp_path: Path) -> None:
     (rover,) = lab.vehicles
     told = FromRos(topics={"/plan": "nav_msgs/Path"})
