@@ -38,8 +38,8 @@ def told(to: int, datagram: bytes) -> tuple[int, str, str, int, TopicReport]:
     return to, header.topic, header.link, header.stamp_nanos, TopicReport.parse(datagram[at:])
 
 
-def by_python(arrivals: list[Arrival], receive_buffer: int) -> Reported:
-    """Return what the library reports."""
+def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = True) -> Reported:
+    """Return what the library reports; without `drops` the user takes every message."""
     inbox = Inbox(receive_buffer=receive_buffer, on_credit=lambda *_: None)
     found = Reported([], [])
     refused = inbox.reassembler.counters.refused
@@ -54,7 +54,7 @@ def by_python(arrivals: list[Arrival], receive_buffer: int) -> Reported:
         address = "127.0.0.1", sender
         message, _ = inbox.receive(memoryview(datagram), address, now, 0)
         if message is not None and message.msg_type != CONTROL:
-            if message.link == REFUSED:
+            if drops and message.link == REFUSED:
                 inbox.dropped(message, address)
             else:
                 inbox.published(message, address, WALL_NANOS + now)

@@ -80,6 +80,8 @@ namespace UdpBridge
         internal const int LargestNames = 234;
         internal const int LoopbackPart = 65280;
         internal const int MostParts = 255;
+        internal const byte ResendType = 65;
+        internal const byte RepairType = 66;
         internal const byte SealedType = 68;
 
         // Throws at lone surrogates, which no UTF-8 stands for.
@@ -99,6 +101,12 @@ namespace UdpBridge
             return Known[type];
         }
 
+        // Whether PROTOCOL.md, section 4, has this type, which this version need not take.
+        internal static bool IsInTable(byte type)
+        {
+            return Known[type] || type == ResendType || type == RepairType;
+        }
+
         internal static uint ReadU32(byte[] from, int at)
         {
             return from[at] | (uint)from[at + 1] << 8 | (uint)from[at + 2] << 16
@@ -108,6 +116,16 @@ namespace UdpBridge
         internal static void WriteU32(byte[] to, int at, uint value)
         {
             for (int i = 0; i < 4; ++i) to[at + i] = unchecked((byte)(value >> 8 * i));
+        }
+
+        internal static ulong ReadU64(byte[] from, int at)
+        {
+            return ReadU32(from, at) | (ulong)ReadU32(from, at + 4) << 32;
+        }
+
+        internal static void WriteU64(byte[] to, int at, ulong value)
+        {
+            for (int i = 0; i < 8; ++i) to[at + i] = unchecked((byte)(value >> 8 * i));
         }
 
         // UTF-8 as RFC 3629 has it: no surrogates, nothing longer than it needs to be.
@@ -175,6 +193,15 @@ namespace UdpBridge
         public long StampNanos
         {
             get { return TimeSec * Wire.Nanos + TimeNsec; }
+        }
+
+        // Set the stamp; return false where it is beyond what the wire has.
+        internal bool SetStamp(long nanos)
+        {
+            long nsec = (nanos % Wire.Nanos + Wire.Nanos) % Wire.Nanos, sec = (nanos - nsec) / Wire.Nanos;
+            TimeSec = unchecked((int)sec);
+            TimeNsec = (int)nsec;
+            return TimeSec == sec;
         }
 
         /// <summary>Write the header at the beginning of a buffer of 256 bytes or more.</summary>
@@ -320,6 +347,199 @@ namespace UdpBridge
         }
     }
 
+    // The bodies of Control, PROTOCOL.md, section 6.
+    internal static class ControlBody
+    {
+        internal const int CreditSize = 12, ReportSize = 128;
+        internal const long NoAge = long.MinValue;
+
+        private const int LinkReportSize = 40, ReasonSize = 9, MostReasons = 32, LongestName = 32;
+        private const int Numbers = 16, Fates = 24, FatesEnd = 64;  // places of uint64s
+
+        // Return null, or why a body is refused.
+        internal static string Check(byte[] data, int at, int size)
+        {
+            if (size == 0) return "body_size";
+            switch (data[at])
+            {
+                case 0: return CheckTyped(data, at, size == CreditSize);
+                case 1: return CheckReport(data, at, size);
+                case 2: return CheckLinkReport(data, at, size);
+                case 3: return size == 4 ? null : "body_size";
+                default: return "body_value";
+            }
+        }
+
+        private static string CheckTyped(byte[] data, int at, bool isSize)
+        {
+            if (!isSize) return "body_size";
+            return Wire.IsInTable(data[at + 1]) ? null : "body_value";
+        }
+
+        // The five fates are at most as many as the numbers; their sum could overflow.
+        private static string CheckReport(byte[] data, int at, int size)
+        {
+            if (size != ReportSize) return "body_size";
+            ulong left = Wire.ReadU64(data, at + Numbers);
+            for (int place = Fates; place < FatesEnd; place += 8)
+            {
+                ulong fate = Wire.ReadU64(data, at + place);
+                if (fate > left) return "body_value";
+                left -= fate;
+            }
+            return CheckTyped(data, at, true);
+        }
+
+        private static string CheckLinkReport(byte[] data, int at, int size)
+        {
+            if (size < LinkReportSize) return "body_size";
+            int end = at + size;
+            at += LinkReportSize;
+            for (int i = 0; i < MostReasons && at < end; ++i)
+            {
+                if (end - at < ReasonSize) return "body_size";
+                int name = data[at + ReasonSize - 1];
+                at += ReasonSize;
+                if (end - at < name) return "body_size";
+                if (name == 0 || name > LongestName) return "body_value";
+                for (; name > 0; --name, ++at)
+                {
+                    byte c = data[at];
+                    bool isLetter = c >= 'a' && c <= 'z', isDigit = c >= '0' && c <= '9';
+                    if (!isLetter && !isDigit && c != '_') return "body_value";
+                }
+            }
+            return at == end ? null : "body_size";
+        }
+    }
+
+    // What became of the messages of one topic in one life of its sender; each gets one fate,
+    // among the newest 1024.
+    internal sealed class Arrivals
+    {
+        internal enum Fate
+        {
+            Published,
+            Incomplete,
+            Late,
+        }
+
+        private const int Remembered = 1024, AgesKept = 1024;
+        private const long AgesNanos = 10 * Wire.Nanos;
+
+        private readonly long[] counts = new long[3];
+        private readonly State[] states = new State[Remembered];  // by number modulo its length
+        private readonly Queue<KeyValuePair<long, long>> published
+            = new Queue<KeyValuePair<long, long>>();  // when, and the stamp
+        private uint firstNumber, highest;
+        private long numbers, bodyBytes, firstSeenStamp, firstStamp, lastStamp;
+        private long? since;  // the first report gives it
+
+        private enum State : byte
+        {
+            Unknown,
+            Open,
+            Settled,
+        }
+
+        internal void Seen(uint number, long stampNanos)
+        {
+            if (numbers == 0) firstSeenStamp = stampNanos;
+            See(number);
+        }
+
+        internal void Publish(uint number, long stampNanos, int size, long nowNanos)
+        {
+            if (!Settle(number, Fate.Published)) return;
+            if (counts[(int)Fate.Published] == 1) firstStamp = stampNanos;
+            lastStamp = stampNanos;
+            bodyBytes += size;
+            published.Enqueue(new KeyValuePair<long, long>(nowNanos, stampNanos));
+            if (published.Count > AgesKept) published.Dequeue();
+        }
+
+        // Give a message its fate; return false where it has one, or is too old.
+        internal bool Settle(uint number, Fate fate)
+        {
+            See(number);
+            if (unchecked(highest - number) >= Remembered) return false;
+            if (states[number % Remembered] == State.Settled) return false;
+            states[number % Remembered] = State.Settled;
+            ++counts[(int)fate];
+            return true;
+        }
+
+        internal byte[] Report(byte type, long duplicates, long nowNanos, long wallNanos)
+        {
+            since = since ?? wallNanos;
+            while (published.Count > 0 && nowNanos - published.Peek().Key > AgesNanos)
+            {
+                published.Dequeue();
+            }
+            var ages = new List<long>();
+            foreach (KeyValuePair<long, long> one in published)
+            {
+                ages.Add(wallNanos - (nowNanos - one.Key) - one.Value);
+            }
+            ages.Sort();
+            long pending = 0;
+            foreach (State state in states) pending += state == State.Open ? 1 : 0;
+            var body = new byte[ControlBody.ReportSize];
+            body[0] = 1;
+            body[1] = type;
+            Wire.WriteU32(body, 4, firstNumber);
+            var values = new[]
+            {
+                since.Value, numbers, counts[(int)Fate.Published], 0, counts[(int)Fate.Incomplete],
+                counts[(int)Fate.Late], pending, 0, duplicates, bodyBytes, firstSeenStamp,
+                firstStamp, lastStamp, Percentile(ages, 50), Percentile(ages, 99),
+            };
+            for (int i = 0; i < values.Length; ++i)
+            {
+                Wire.WriteU64(body, 8 + 8 * i, unchecked((ulong)values[i]));
+            }
+            return body;
+        }
+
+        private void See(uint number)
+        {
+            if (numbers == 0)
+            {
+                firstNumber = highest = number;
+                numbers = 1;
+                states[number % Remembered] = State.Open;
+                return;
+            }
+            int ahead = unchecked((int)(number - highest));
+            if (ahead <= 0)
+            {
+                uint behind = unchecked(highest - number);
+                if (behind >= Remembered) return;
+                if (behind >= numbers)
+                {
+                    firstNumber = number;
+                    numbers = behind + 1L;
+                }
+            }
+            else
+            {
+                // What is remembered in their places is too old now.
+                for (uint i = 0; i < Math.Min(ahead, Remembered); ++i)
+                {
+                    states[unchecked(number - i) % Remembered] = State.Unknown;
+                }
+                highest = number;
+                numbers += ahead;
+            }
+            if (states[number % Remembered] == State.Unknown) states[number % Remembered] = State.Open;
+        }
+
+        private static long Percentile(List<long> ages, int percent)
+        {
+            return ages.Count == 0 ? ControlBody.NoAge : ages[(ages.Count * percent + 99) / 100 - 1];
+        }
+    }
+
     /// <summary>What a receiver spends at most: guards against peers that err or attack.</summary>
     public sealed class Limits
     {
@@ -378,6 +598,7 @@ namespace UdpBridge
     {
         private const int FinishedRemembered = 64;
         private const int RestartNumbers = 256;
+        private const long ReportedNanos = 5 * Wire.Nanos;  // behind a sender's last datagram
 
         private readonly Limits limits;
         private readonly Dictionary<object, Peer> peers = new Dictionary<object, Peer>();
@@ -423,6 +644,30 @@ namespace UdpBridge
             }
             Counters.Refuse(refusal);
             return null;
+        }
+
+        /// <summary>Tell the senders that were heard within the last 5 s what became of their
+        /// messages: one TopicReport for each topic. Call it once a second, and three times at the
+        /// end. A message counts as published when <see cref="Receive"/> returned it.</summary>
+        /// <param name="nowNanos">Of the clock of <see cref="Receive"/>.</param>
+        /// <param name="wallNanos">The wall clock in nanoseconds since the POSIX epoch.</param>
+        /// <param name="send">Called with the sender and a datagram for it.</param>
+        public void Report(long nowNanos, long wallNanos, Action<object, byte[]> send)
+        {
+            Expire(nowNanos);
+            foreach (KeyValuePair<object, Peer> peer in peers)
+            {
+                if (nowNanos - peer.Value.HeardNanos > ReportedNanos) continue;
+                foreach (KeyValuePair<TopicName, Topic> row in peer.Value.Topics)
+                {
+                    Topic topic = row.Value;
+                    var header = new Header { Topic = row.Key.Topic, Link = topic.Link };
+                    header.SetStamp(wallNanos);
+                    byte[] body = topic.Arrivals.Report(
+                        (byte)row.Key.Type, topic.Duplicates, nowNanos, wallNanos);
+                    send(peer.Key, Control(peer.Value, header, body));
+                }
+            }
         }
 
         /// <summary>Give up the messages whose time is over; call it now and then while nothing
@@ -518,7 +763,9 @@ namespace UdpBridge
             public readonly Queue<Key> Finished = new Queue<Key>();
             public bool HasHanded;
             public Key LastHanded;
-            public long LastHandedNanos, Heard;
+            public long LastHandedNanos, Heard, Duplicates;
+            public string Link = "";  // the one last seen
+            public Arrivals Arrivals = new Arrivals();
 
             public Open Find(Key key)
             {
@@ -561,8 +808,8 @@ namespace UdpBridge
         private sealed class Peer
         {
             public readonly Dictionary<TopicName, Topic> Topics = new Dictionary<TopicName, Topic>();
-            public long MemoryBytes, UncreditedBytes, Heard;
-            public uint Credits;
+            public long MemoryBytes, UncreditedBytes, Heard, HeardNanos;
+            public uint Controls;
         }
 
         private string Accept(Datagram d, out Message message, out byte[] credit)
@@ -580,15 +827,18 @@ namespace UdpBridge
             }
             string refusal = Check(d);
             if (refusal != null) return refusal;
-            Peer peer = PeerOf(d.Sender);
+            Peer peer = PeerOf(d);
             Topic topic = TopicOf(peer, d.Topic);
             if (topic.IsRestartBySilence(d)) Forget(topic, long.MaxValue);
             if (topic.IsFinished(d.Key))
             {
                 ++Counters.Duplicates;
+                ++topic.Duplicates;
                 credit = CreditIfDue(peer, d, d.IsLast);
                 return null;
             }
+            topic.Link = d.Header.Link;
+            topic.Arrivals.Seen(d.Key.SeqNumber, d.Key.StampNanos);
             if (isSingle)
             {
                 var body = new byte[d.PartSize];
@@ -600,6 +850,7 @@ namespace UdpBridge
             if (open.Came[d.Header.PartNumber])
             {
                 ++Counters.Duplicates;
+                ++topic.Duplicates;
                 credit = CreditIfDue(peer, d, d.IsLast);
                 return null;
             }
@@ -702,17 +953,20 @@ namespace UdpBridge
             else if (d.Header.StampNanos <= topic.LastHanded.StampNanos)
             {
                 ++Counters.Late;
+                topic.Arrivals.Settle(d.Key.SeqNumber, Arrivals.Fate.Late);
                 return null;
             }
             else
             {
                 Forget(topic, d.Header.StampNanos);
+                topic.Arrivals.Seen(d.Key.SeqNumber, d.Key.StampNanos);
                 topic.Finish(d.Key);
             }
             topic.HasHanded = true;
             topic.LastHanded = d.Key;
             topic.LastHandedNanos = d.NowNanos;
             ++Counters.Messages;
+            topic.Arrivals.Publish(d.Key.SeqNumber, d.Key.StampNanos, body.Length, d.NowNanos);
             return new Message(d.Header, body);
         }
 
@@ -725,6 +979,7 @@ namespace UdpBridge
             }
             topic.HasHanded = false;
             topic.Finished.Clear();
+            topic.Arrivals = new Arrivals();
         }
 
         private void Announce(Open open)
@@ -762,6 +1017,7 @@ namespace UdpBridge
         {
             open.Topic.Finish(open.Key);
             ++Counters.Incomplete;
+            open.Topic.Arrivals.Settle(open.Key.SeqNumber, Arrivals.Fate.Incomplete);
             Release(open);
         }
 
@@ -773,10 +1029,10 @@ namespace UdpBridge
             open.Topic.Open.Remove(open);
         }
 
-        private Peer PeerOf(object sender)
+        private Peer PeerOf(Datagram d)
         {
             Peer peer;
-            if (!peers.TryGetValue(sender, out peer))
+            if (!peers.TryGetValue(d.Sender, out peer))
             {
                 if (peers.Count >= limits.Senders)
                 {
@@ -784,9 +1040,10 @@ namespace UdpBridge
                     while (silent.Value.Topics.Count > 0) ForgetTopic(silent.Value);
                     peers.Remove(silent.Key);
                 }
-                peers[sender] = peer = new Peer();
+                peers[d.Sender] = peer = new Peer();
             }
             peer.Heard = ++heard;
+            peer.HeardNanos = d.NowNanos;
             return peer;
         }
 
@@ -835,12 +1092,9 @@ namespace UdpBridge
         {
             credit = null;
             if (d.Header.PartsMax != 1) return d.PartSize == 0 ? "part_size" : "parts_max";
-            if (d.PartSize == 0) return "body_size";
-            if (d.Data[d.At] > 3) return "body_value";
-            if (d.Data[d.At] != 3) return null;
-            if (d.PartSize != 4) return "body_size";
-            credit = Credit(PeerOf(d.Sender), d.Header);
-            return null;
+            string refusal = ControlBody.Check(d.Data, d.At, d.PartSize);
+            if (refusal == null && d.Data[d.At] == 3) credit = Credit(PeerOf(d), d.Header);
+            return refusal;
         }
 
         // Acknowledge a datagram where that is due, or an eighth of the buffer was taken since the
@@ -856,19 +1110,26 @@ namespace UdpBridge
         private byte[] Credit(Peer peer, Header of)
         {
             peer.UncreditedBytes = 0;
-            Header header = of;
+            var body = new byte[ControlBody.CreditSize];
+            body[1] = (byte)of.Type;
+            body[2] = of.PartNumber;
+            Wire.WriteU32(body, 4, of.SeqNumber);
+            Wire.WriteU32(body, 8, limits.ReceiveBuffer);
+            of.Link = "";
+            return Control(peer, of, body);
+        }
+
+        // Return a datagram to a peer, with topic, link and stamp of a header.
+        private static byte[] Control(Peer peer, Header header, byte[] body)
+        {
             header.Type = MessageType.Control;
-            header.SeqNumber = unchecked(peer.Credits++);
+            header.SeqNumber = unchecked(peer.Controls++);
             header.PartNumber = 0;
             header.PartsMax = 1;
-            header.Link = "";
-            var datagram = new byte[256 + 12];
+            var datagram = new byte[256 + body.Length];
             int at = header.Pack(datagram);
-            datagram[at + 1] = (byte)of.Type;
-            datagram[at + 2] = of.PartNumber;
-            Wire.WriteU32(datagram, at + 4, of.SeqNumber);
-            Wire.WriteU32(datagram, at + 8, limits.ReceiveBuffer);
-            Array.Resize(ref datagram, at + 12);
+            body.CopyTo(datagram, at);
+            Array.Resize(ref datagram, at + body.Length);
             return datagram;
         }
     }
@@ -895,18 +1156,8 @@ namespace UdpBridge
         public bool Send(MessageType type, string topic, string link, long stampNanos, byte[] body,
                          int bodySize, int largest, Action<byte[], int> emit)
         {
-            long nsec = (stampNanos % Wire.Nanos + Wire.Nanos) % Wire.Nanos;
-            long sec = (stampNanos - nsec) / Wire.Nanos;
-            var header = new Header
-            {
-                Type = type,
-                PartsMax = 1,
-                TimeSec = unchecked((int)sec),
-                TimeNsec = (int)nsec,
-                Topic = topic,
-                Link = link,
-            };
-            if (header.TimeSec != sec) return false;
+            var header = new Header { Type = type, PartsMax = 1, Topic = topic, Link = link };
+            if (!header.SetStamp(stampNanos)) return false;
             int headerSize = header.Pack(datagram);
             if (headerSize == 0) return false;
             int partSize = PartSize(bodySize, headerSize, largest);
@@ -949,18 +1200,18 @@ namespace UdpBridge
     // What a topic is told from others by, besides its sender.
     internal struct TopicName : IEquatable<TopicName>
     {
-        private readonly MessageType type;
-        private readonly string topic;
+        public readonly MessageType Type;
+        public readonly string Topic;
 
         public TopicName(MessageType type, string topic)
         {
-            this.type = type;
-            this.topic = topic;
+            Type = type;
+            Topic = topic;
         }
 
         public bool Equals(TopicName other)
         {
-            return type == other.type && topic == other.topic;
+            return Type == other.Type && Topic == other.Topic;
         }
 
         public override bool Equals(object other)
@@ -970,7 +1221,7 @@ namespace UdpBridge
 
         public override int GetHashCode()
         {
-            return unchecked(topic.GetHashCode() * 31 + (int)type);
+            return unchecked(Topic.GetHashCode() * 31 + (int)Type);
         }
     }
 }

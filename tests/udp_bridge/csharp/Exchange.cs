@@ -2,7 +2,7 @@
 // Does on stdin and stdout what the tests ask for, as often as they ask.
 //
 // 'R' COUNT (NOW_NANOS SENDER SIZE DATAGRAM)...: a new Receiver takes them; a line for each message,
-// Credit and refusal, and one of counts. 'S' TYPE STAMP TIMES LARGEST TOPIC LINK BODY: a new Sender
+// Credit, report and refusal, and one of counts; SENDER 255 stands for a time to report. 'S' TYPE STAMP TIMES LARGEST TOPIC LINK BODY: a new Sender
 // sends that so many times; a line for each datagram of the last time, and whether it was sent.
 // Integers are little-endian; what has a variable size stands behind it.
 
@@ -16,6 +16,7 @@ internal static class Exchange
 {
     private static readonly BinaryReader Asked = new BinaryReader(Console.OpenStandardInput());
     private static readonly StringBuilder Told = new StringBuilder();
+    private const long WallNanos = 1800000000 * Wire.Nanos;  // ahead of the time of arrivals
 
     private static void Main(string[] words)
     {
@@ -41,6 +42,12 @@ internal static class Exchange
             long nowNanos = Asked.ReadInt64();
             byte sender = Asked.ReadByte();
             byte[] datagram = Bytes();
+            if (sender == 255)
+            {
+                receiver.Report(nowNanos, WallNanos + nowNanos,
+                                (to, report) => Line("report", to, Hex(report)));
+                continue;
+            }
             datagram.CopyTo(buffer, 0);
             byte[] credit;
             Message m = receiver.Receive(buffer, datagram.Length, sender, nowNanos, out credit);

@@ -13,6 +13,7 @@ import shutil
 import socket
 import struct
 import subprocess
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,9 +22,11 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from tests.udp_bridge.reported import by_python, controls, journey
+from tests.udp_bridge.reported import told as reported
 from tests.udp_bridge.vectors import IN_ORDER, NAMES, VECTORS, Vector, load
 from udp_bridge import Header, Message, Reassembler, fragments, parse
-from udp_bridge.control import Credit, CreditRequest
+from udp_bridge.control import Credit, CreditRequest, TopicReport
 from udp_bridge.receiving import Inbox
 
 FOLDER = Path(__file__).parents[3] / "udp-bridge/csharp"
@@ -43,6 +46,8 @@ class Received(NamedTuple):
     refused: dict[str, int]
     counts: tuple[int, ...]
     """Messages, incomplete, late, missing, duplicates, bytes still held."""
+    reports: list[Any]
+    """As `tests.udp_bridge.reported` has them."""
 
 
 class Exchange:
@@ -67,7 +72,7 @@ class Exchange:
     def receive(self, arrivals: list[Arrival]) -> Received:
         """Let a new receiver take datagrams."""
         rows = [struct.pack("<qBI", now, who, len(d)) + d for now, who, d in arrivals]
-        received = Received([], [], {}, ())
+        received = Received([], [], {}, (), [])
         for word, *rest in self.ask(b"R" + struct.pack("<I", len(rows)) + b"".join(rows)):
             if word == "message":
                 kind, number, stamp, parts, topic, link, size, digest = rest
@@ -77,6 +82,8 @@ class Exchange:
                 received.messages.append((*numbers, *names, *whole))
             elif word == "credit":
                 received.credits.append(bytes.fromhex(rest[0][1:]))
+            elif word == "report":
+                received.reports.append(reported(int(rest[0]), bytes.fromhex(rest[1][1:])))
             elif word == "refused":
                 received.refused[rest[0]] = int(rest[1])
             else:
@@ -311,6 +318,25 @@ def test_a_request_for_credit_is_answered_by_one_for_itself(exchange: Exchange) 
     assert received.messages == []
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_what_became_of_messages_is_reported_as_python_reports_it(
+    exchange: Exchange, seed: int
+) -> None:
+    arrivals = journey(seed)
+    ours = by_python(arrivals, BUFFER, drops=False)
+    assert sorted(exchange.receive(arrivals).reports) == sorted(ours.reports)
+    assert len({row[-1] for row in ours.reports}) > 10
+
+
+def test_a_control_message_is_refused_for_the_same_reason(exchange: Exchange) -> None:
+    arrivals = controls()
+    ours = by_python(arrivals, BUFFER)
+    assert exchange.receive(arrivals).refused == Counter(ours.refused)
+    for arrival in arrivals:
+        wanted = Counter(by_python([arrival], BUFFER).refused)
+        assert exchange.receive([arrival]).refused == wanted
+
+
 def test_the_example_of_the_readme_hears_and_answers(tmp_path: Path) -> None:
     code = re.search(r"```csharp\n(.*?)```", (FOLDER / "README.md").read_text(), re.DOTALL)
     assert code is not None
@@ -331,6 +357,12 @@ def test_the_example_of_the_readme_hears_and_answers(tmp_path: Path) -> None:
         while answers[-1] == 64:
             answers.append(parse(ours.recv(65536))[0].msg_type)
         assert theirs.stdout.readline().split()[1:] == [str(size), "bytes"]
+        report = None
+        while report is None or report.published == 0:
+            header, at = parse(datagram := ours.recv(65536))
+            if header.msg_type == 64 and datagram[at] == 1:
+                report = TopicReport.parse(datagram[at:])
+        assert (report.msg_type, report.published, report.missing) == (1, 1, 0)
         theirs.kill()
     assert len(answers) > 2, "no Credit"
     assert answers[-1] == 9
