@@ -1,85 +1,67 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `groundlink`: finds the subcommand, prints a user's mistake as one line."""
+"""The command `groundlink`: runs a subcommand; errors and interrupts become one line and a code."""
 
 from __future__ import annotations
 
-import argparse
+import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
 
-from . import __version__
-from .cli import (
-    check,
-    compose,
-    control,
-    convert,
-    drive,
-    fault,
-    link,
-    record,
-    replay,
-    report,
-    save,
-    schema,
-    secure,
-    sensors,
-    snapshot,
-    spawn,
-    sweep,
-    top,
-    topics,
-    up,
-    verify,
-    view,
-    world,
-)
-from .errors import UserError
+from .errors import UserError, why
 
-COMMANDS = (
-    up,
-    record,
-    replay,
-    convert,
-    verify,
-    report,
-    top,
-    drive,
-    control,
-    save,
-    spawn,
-    fault,
-    check,
-    sensors,
-    schema,
-    topics,
-    link,
-    view,
-    snapshot,
-    world,
-    compose,
-    secure,
-    sweep,
-)
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit code after Ctrl-C, as shells have it."""
+
+TERMINATED = 128 + signal.SIGTERM
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code: that of the error where the user can mend it."""
-    parser = argparse.ArgumentParser(
-        prog="groundlink", description="A distributed real-time test rig for ground vehicles."
-    )
-    parser.add_argument("--version", action="version", version=f"groundlink {__version__}")
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add_parser(subparsers)
-    options = parser.parse_args(arguments)
+    """Run one command; return its exit code.
+
+    2 or 3 after a mistake or a lack that the user can mend, 130 after Ctrl-C. SIGTERM raises
+    SystemExit, so that what was begun is cleared away.
+    """
     try:
-        code: int = options.command(options)
+        with _terminable():
+            from .cli.commands import parser
+
+            options = parser().parse_args(arguments)
+            code: int = options.command(options)
+            sys.stdout.flush()
+            return code
     except UserError as error:
-        print(f"groundlink: {error}", file=sys.stderr)
-        return error.exit_code
+        return _failed(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        return _failed("interrupted", INTERRUPTED)
     except BrokenPipeError:
-        return 0  # the reader of our output has seen enough
+        # The reader of our output has seen enough. Nothing is flushed to it at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return _failed(why(error), UserError.exit_code)
+
+
+def _failed(line: str, code: int) -> int:
+    print(f"groundlink: {line}", file=sys.stderr)
     return code
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM raise SystemExit; commands that run processes take it over."""
+
+    def end(number: int, frame: FrameType | None) -> NoReturn:
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == "__main__":

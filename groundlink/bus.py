@@ -102,6 +102,14 @@ class Bus:
             self._session = zenoh.open(configuration)
         except zenoh.ZError as error:
             raise BusError(_explained(str(error), connect, listen)) from None
+        except BaseException as error:
+            # Zenoh panics where it may open no more files, by an exception outside of Exception.
+            if type(error).__name__ != "PanicException":
+                raise
+            raise BusError(
+                f"Zenoh cannot start here: {error}. Fix: raise the limit of open files, "
+                "ulimit -n 1024"
+            ) from None
         finally:
             for name in threads.keys() - before:  # no business of the processes that it starts
                 del os.environ[name]

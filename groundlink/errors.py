@@ -7,7 +7,10 @@ command prints it and exits with its code; nobody else catches it.
 
 from __future__ import annotations
 
+import errno
 from typing import ClassVar
+
+TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 
 class UserError(Exception):
@@ -26,3 +29,18 @@ class RunFailed(UserError):
     """A run could not be what its scenario asks for, and the scenario has it end then."""
 
     exit_code: ClassVar[int] = 4
+
+
+def why(error: OSError) -> str:
+    """Return what the operating system refused: where, the reason, and a fix where one is known."""
+    if error.errno in TOO_MANY_FILES or error.filename is None:
+        return reason(error)
+    return f"{error.filename}: {reason(error)}"
+
+
+def reason(error: OSError) -> str:
+    """Return why the operating system refused something, without where."""
+    told = (error.strerror or str(error) or type(error).__name__).lower()
+    return (
+        f"{told}. Fix: raise the limit, ulimit -n 1024" if error.errno in TOO_MANY_FILES else told
+    )

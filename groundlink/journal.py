@@ -29,6 +29,7 @@ from .control import Remove, Spawn
 from .errors import UserError
 from .messages import Ack, Command, State, WheelCommand, encode
 from .scenario import Scenario
+from .whole_file import whole
 
 VERSION = 1
 
@@ -247,23 +248,13 @@ def write(path: Path, content: bytes) -> None:
 
     Raises
     ------
-    JournalError
+    UserError
         when it cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            with part.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise JournalError(
-            f"cannot write {path}: {(error.strerror or str(error)).lower()}"
-        ) from None
+    with whole(path) as part, part.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def read(path: Path) -> bytes:

@@ -24,7 +24,7 @@ from . import asset_exchange
 from .alive import Alive
 from .alone import Claims, Unclaimed
 from .bus import DEFAULT_ENDPOINT, Bus
-from .errors import UserError
+from .errors import TOO_MANY_FILES, LackingError, UserError, reason
 from .messages import Health, StreamReport
 from .questions import scenario_key
 from .scenario import Scenario
@@ -91,6 +91,11 @@ def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) ->
     except UserError as error:
         print(f"{process}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except OSError as error:
+        if error.errno not in TOO_MANY_FILES:
+            raise
+        print(f"{process}: {reason(error)}", file=sys.stderr)
+        sys.exit(LackingError.exit_code)
     sys.exit(0)
 
 

@@ -11,6 +11,7 @@ from rich.progress import track
 
 from groundlink.errors import UserError
 from groundlink.extras import needs
+from groundlink.whole_file import whole
 
 from . import running
 
@@ -24,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def convert(options: argparse.Namespace) -> int:
-    """Write the bag; what was begun is deleted when it cannot be finished."""
+    """Write the bag, which gets its name when it is complete."""
     with needs("record"):
         from groundlink.recording.reading import Recording
         from groundlink.recording.ros1 import write_bag
@@ -38,13 +39,8 @@ def convert(options: argparse.Namespace) -> int:
         messages = track(
             recording.read(), str(out), total=recording.messages, console=console, transient=True
         )
-        try:
-            count = write_bag(out, recording.types, messages)
-        except BaseException as error:
-            out.unlink(missing_ok=True)
-            if isinstance(error, OSError):
-                raise UserError(f"cannot write {out}: {error.strerror or error}") from None
-            raise
+        with whole(out) as part:
+            count = write_bag(part, recording.types, messages)
     size = out.stat().st_size / 1e6
     console.print(f"wrote {out}: {count} messages, {size:.1f} MB", soft_wrap=True)
     return 0

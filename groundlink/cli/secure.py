@@ -19,6 +19,7 @@ from groundlink.errors import UserError
 from groundlink.extras import needs
 from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
+from groundlink.whole_file import whole
 
 from .running import SCENARIO_HELP, router_for
 
@@ -59,23 +60,27 @@ def secure(options: argparse.Namespace) -> int:
     if folder.exists():
         raise UserError(f"{folder}: it exists already; delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))
-    folder.mkdir(parents=True, mode=0o700)
-    for process in (ROUTER_NAME, *(name for name, _ in grants(scenario))):
-        own = folder / process.replace("/", "-")
-        own.mkdir(mode=0o700)
-        is_router = process == ROUTER_NAME
-        hosts = ("router", "localhost", "127.0.0.1", *options.name) if is_router else ()
-        pem = authority.certify(process, hosts)
-        rules = access_control(scenario) if is_router else None
-        _write(own / AUTHORITY, authority.certificate)
-        _write(own / CERTIFICATE, pem.certificate)
-        _write(own / KEY, pem.key)
-        _write(own / ABOUT, about_text(process, rules).encode())
-        _give(own)
-    _write(folder / BRIDGE_KEY, secrets.token_hex(32).encode() + b"\n")
-    deployment = Deployment(scenario, file.absolute(), sources=".", router=router)
-    over = folder / "compose.yaml"
-    over.write_text(deployment.secured(str(folder.absolute()), options.host), encoding="utf-8")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with whole(folder) as part:
+        part.mkdir(mode=0o700)
+        for process in (ROUTER_NAME, *(name for name, _ in grants(scenario))):
+            own = part / process.replace("/", "-")
+            own.mkdir(mode=0o700)
+            is_router = process == ROUTER_NAME
+            hosts = ("router", "localhost", "127.0.0.1", *options.name) if is_router else ()
+            pem = authority.certify(process, hosts)
+            rules = access_control(scenario) if is_router else None
+            _write(own / AUTHORITY, authority.certificate)
+            _write(own / CERTIFICATE, pem.certificate)
+            _write(own / KEY, pem.key)
+            _write(own / ABOUT, about_text(process, rules).encode())
+            _give(own)
+        _write(part / BRIDGE_KEY, secrets.token_hex(32).encode() + b"\n")
+        deployment = Deployment(scenario, file.absolute(), sources=".", router=router)
+        over = folder / "compose.yaml"
+        (part / over.name).write_text(
+            deployment.secured(str(folder.absolute()), options.host), encoding="utf-8"
+        )
     print(
         f"{folder}: one folder a process, of which each machine needs only its own; {OPERATOR} is "
         f"for your command line.\ndocker compose -f compose.yaml -f {over} up"

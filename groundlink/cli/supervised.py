@@ -86,8 +86,8 @@ class SupervisedRun:
         with Bus(listen=self._endpoint) as bus:
             inbox: Inbox[Health] = Inbox(depth=1024)
             bus.subscribe(HEALTH.key_in(self._run), Health, inbox)
-            self._supervisor.start()
             try:
+                self._supervisor.start()
                 failed = self._tend(inbox, is_over, display(self._shown, picture))
             finally:
                 self.killed = self._supervisor.stop()
@@ -113,7 +113,13 @@ class SupervisedRun:
                 break
 
     def _say(self, name: str, line: str) -> None:
-        self._shown.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
+        # Most lines begin with the name of their process.
+        self._shown.print(
+            f"{name}: {line.removeprefix(f'{name}: ')}",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def exit_code(child: Child) -> int:

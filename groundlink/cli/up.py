@@ -21,6 +21,7 @@ from groundlink.errors import UserError
 from groundlink.run_monitor import NOT_REPORTED, RunMonitor
 from groundlink.scenario import Scenario, load, time_choice
 from groundlink.supervisor import Child
+from groundlink.whole_file import whole
 
 from . import running, supervised, terminal
 from .dashboard import dashboard
@@ -113,7 +114,8 @@ def up(options: argparse.Namespace) -> int:
     _summarise(console, monitor, children, faults)
     if options.report:
         report = _report(scenario, run, started, monitor, children, faults)
-        options.report.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        with whole(options.report) as part:
+            part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if failed:
         return supervised.exit_code(failed)
     return 1 if faults else 0

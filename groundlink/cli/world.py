@@ -21,6 +21,7 @@ from groundlink.importing import heightmaps, mesh_files, world_files
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain import BadTerrain
 from groundlink.importing.terrain_specs import HeightmapFile
+from groundlink.whole_file import whole
 
 S = TypeVar("S", MeshFile, HeightmapFile)
 
@@ -148,7 +149,8 @@ def import_(options: argparse.Namespace) -> int:
         except BadTerrain as error:
             raise UserError(f"{file}: {_option(error.field)}: {error.problem}") from None
     if out is not None:
-        out.write_text(text, encoding="utf-8")
+        with whole(out) as part:
+            part.write_text(text, encoding="utf-8")
         _say(f"written: {out}; a scenario beside it has it by `world: {out.name}`")
     return 0
 

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import NamedTuple
 
 import msgspec
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.reader import SeekingReader
 from zstandard import ZstdError
 
@@ -70,8 +70,8 @@ class Recording:
         except (McapError, msgspec.MsgspecError, struct.error, ValueError, OSError) as error:
             self._file.close()
             raise UserError(
-                f"{path}: no recording of a run ({type(error).__name__}); expected an MCAP file "
-                "that `groundlink record` wrote. One without its end is mended by `mcap recover`"
+                f"{path}: not a recording of a run: {_reason(error)}; expected an MCAP file that "
+                "`groundlink record` wrote. One without its end is mended by `mcap recover`"
             ) from None
 
     def _read(self) -> None:
@@ -157,4 +157,13 @@ class Recording:
                 name = schema.name if schema else ""
                 yield Recorded(message.log_time, channel.topic, name, message.data)
         except (McapError, ZstdError, struct.error, ValueError) as error:
-            raise UserError(f"{self.path}: damaged: {error}") from None
+            raise UserError(f"{self.path}: damaged: {_reason(error)}") from None
+
+
+def _reason(error: Exception) -> str:
+    """Return in words what a reader met in a file."""
+    if isinstance(error, EndOfFile | struct.error):
+        return "it ends too early"
+    if isinstance(error, InvalidMagic):
+        return "it does not begin or end as MCAP files do"
+    return " ".join(str(error).split()) or "it cannot be read"

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from groundlink import journal as module
 from groundlink.control import Remove, Spawn
+from groundlink.errors import UserError
 from groundlink.journal import (
     BLOCK_ENTRIES,
     Changed,
@@ -134,11 +135,11 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
     nowhere = tmp_path / "none" / "a.run"
-    with pytest.raises(JournalError, match=r"cannot write .*: no such file or directory"):
+    with pytest.raises(UserError, match=r"cannot write .*: no such file or directory"):
         write(nowhere, GOOD)
     with pytest.raises(JournalError, match=r"cannot read .*: no such file or directory"):
         read(nowhere)
-    with pytest.raises(JournalError, match="is a directory"):
+    with pytest.raises(UserError, match="is a directory"):
         write(tmp_path, GOOD)
     assert list(tmp_path.iterdir()) == []
     assert not is_saved_run(nowhere)

@@ -43,7 +43,7 @@ def test_there_is_no_such_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"x" * 1000], ids=len)
 def test_something_else(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
-    with pytest.raises(UserError, match="no recording of a run"):
+    with pytest.raises(UserError, match="not a recording of a run"):
         Recording(tmp_path / "a.mcap")
 
 

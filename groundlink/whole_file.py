@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Output files: written beside their final name and renamed when they are complete.
+
+Rule: a command that is interrupted, killed or out of room leaves no partial file under the final
+name.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .errors import UserError, reason
+
+
+@contextmanager
+def whole(out: Path) -> Iterator[Path]:
+    """Give the path to write to; rename it to `out` at the end. It may become a file or a folder.
+
+    Raises
+    ------
+    UserError
+        when it cannot be written.
+    """
+    part = out.with_name(f".{out.name}.{os.getpid()}.part")
+    try:
+        yield part
+        os.replace(part, out)
+    except OSError as error:
+        raise UserError(f"cannot write {out}: {reason(error)}") from None
+    finally:
+        if part.is_dir():
+            shutil.rmtree(part, ignore_errors=True)
+        else:
+            part.unlink(missing_ok=True)
