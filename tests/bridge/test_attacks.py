@@ -7,9 +7,10 @@ a loopback address counts as any other one.
 
 from __future__ import annotations
 
+import logging
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
@@ -20,7 +21,8 @@ from udp_bridge import Header, Link, address_guard, address_validation
 from udp_bridge.control import AddressChallenge, CreditRequest, Subscribe, parse
 from udp_bridge.header import parse as parse_header
 from udp_bridge.leaving import Address
-from udp_bridge.lockstep import Barrier
+from udp_bridge.lockstep import Barrier, Sent
+from udp_bridge.ros_end import inlet, lockstep, outlet
 from udp_bridge.ros_end.end import End, Settings
 from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
 
@@ -202,3 +204,108 @@ def test_a_stream_ends_with_the_validation_of_its_address(
 def test_a_socket_that_others_can_reach_needs_to_know_who_may_send(ros: Ros) -> None:
     with pytest.raises(ValueError, match="--allow-any-peer"), ended(ros, bind="0.0.0.0:0"):
         pass
+
+
+def until_published(ros: Ros, topic: str, again: Callable[[], object]) -> None:
+    def is_published() -> bool:
+        again()
+        return topic in ros.published
+
+    wait_until(is_published, f"{topic} is published")
+
+
+def test_bogus_topics_give_their_places_back(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outlet, "IDLE_S", 0.3)
+    with ended(ros) as end, attackers(end, 2) as (hostile, live):
+        for number in range(outlet.MAX_TOPICS):
+            hostile.send(datagram(TWIST, f"/bogus/{number}", BODY))
+        wait_until(lambda: len(ros.published) == outlet.MAX_TOPICS, "all places are taken")
+        until_published(ros, "/real", lambda: live.send(datagram(TWIST, "/real", BODY)))
+        assert len(ros.published) <= outlet.MAX_TOPICS
+        assert end.link.counters()["refused"] == {}
+
+
+def test_a_known_sender_is_never_locked_out_by_forged_addresses(
+    ros: Ros, other_hosts: None
+) -> None:
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end:
+        there = ("127.0.0.1", end.link.address[1])
+        with Link(ANYWHERE, there) as gateway, attackers(end) as (hostile,):
+            for number in range(outlet.MAX_TOPICS):
+                hostile.send(datagram(TWIST, f"/bogus/{number}", BODY))
+            wait_until(lambda: len(ros.published) == outlet.MAX_TOPICS, "all places are taken")
+
+            def again() -> None:
+                gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
+                gateway.send(TWIST, "/real", "", 1, BODY)
+
+            until_published(ros, "/real", again)
+            for number in range(100):
+                hostile.send(datagram(TWIST, f"/more/{number}", BODY))
+            hostile.send(datagram(TWIST, "/bogus/255", BODY, 1))
+            wait_until(lambda: end._outlet.refused >= 100, "strangers are refused")
+            assert "/real" in ros.published
+
+
+def test_bogus_subscriptions_give_their_places_back(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inlet, "IDLE_S", 0.3)
+    wanted = Subscribe(TWIST).pack()  # until unsubscribed
+    with ended(ros) as end, attackers(end, 2) as (hostile, live):
+        for number in range(inlet.MAX_SUBSCRIPTIONS):
+            hostile.send(datagram(SUBSCRIBE, f"/bogus/{number}", wanted))
+        wait_until(
+            lambda: (end.turn(time.monotonic_ns()), len(end._inlet.topics))[1] == 64, "all taken"
+        )
+
+        def is_served() -> bool:
+            live.send(datagram(SUBSCRIBE, "/cmd_vel", wanted))
+            end.turn(time.monotonic_ns())
+            return (TWIST, "/cmd_vel") in end._inlet.topics
+
+        wait_until(is_served, "a subscription")
+        assert len(end._inlet.topics) == inlet.MAX_SUBSCRIPTIONS
+
+
+def test_barriers_of_strangers_do_not_shut_a_gateway_out(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(lockstep, "SILENT_S", 0.3)
+    caplog.set_level(logging.INFO)
+    barrier = datagram(CONTROL, "", Barrier(1, -1, 100).pack())
+    with ended(ros) as end, attackers(end, 5) as (*hostile, live):
+        for one in hostile:
+            one.send(barrier)
+
+        def is_served() -> bool:
+            live.send(barrier)
+            live.listen(0.05)
+            return bool(live.drawn)
+
+        wait_until(is_served, "a Word")
+
+
+def test_a_barrier_of_three_kilobytes_freezes_nothing(ros: Ros) -> None:
+    sent = tuple(Sent(TWIST, f"/{number}", 0, 0xFFFF) for number in range(255))
+    with ended(ros) as end, attackers(end) as (one,):
+        for tick in range(100):
+            one.send(datagram(CONTROL, "", Barrier(1, tick, 100, sent).pack()))
+        one.send(datagram(CONTROL, "", CreditRequest().pack()))
+        began_s = time.process_time()
+        wait_until(lambda: (one.listen(0.05), len(one.drawn) > 100)[1], "an answer to each")
+        # Counted one by one, a single Barrier took 3 s of processor time.
+        assert time.process_time() - began_s < 3.0
+
+
+def test_names_forge_no_line_of_the_log(ros: Ros, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    with ended(ros) as end, attackers(end) as (one,):
+        one.send(datagram(TWIST, "/a\n[ERROR] all is lost\x1b[2K", BODY))
+        one.send(Header(TWIST, 0, 0, 1, 1, 0, "/b", "frame\n[ERROR] all is lost").pack() + BODY)
+        one.send(datagram(SUBSCRIBE, "/c\r\n[ERROR] all is lost", Subscribe(TWIST).pack()))
+        wait_until(
+            lambda: (end.turn(0), len(ros.published), len(ros.subscribed))[1:] == (2, 1), "all"
+        )
+    assert len([line for line in caplog.messages if "all is lost" in line]) >= 3
+    assert all(line.isprintable() for line in caplog.messages)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -16,6 +15,7 @@ from udp_bridge.control import Subscribe
 from udp_bridge.ros_end import end as module
 from udp_bridge.ros_end.end import End, Settings
 from udp_bridge.ros_end.inlet import Subscription
+from udp_bridge.ros_end.outlet import Publication
 from udp_bridge.types import SUBSCRIBE, type_number
 
 TEXT, TWIST = type_number("String"), type_number("Twist")
@@ -29,12 +29,16 @@ class Ros:
     def __init__(self) -> None:
         self.bodies: list[bytes] = []
         self.subscribed: list[str] = []
+        self.published: list[str] = []
 
     def get_logger(self) -> logging.Logger:
         return logging.getLogger(__name__)
 
-    def publisher(self, *_: Any) -> Callable[[bytes], object]:
-        return lambda body: self.bodies.append(bytes(body))
+    def publisher(self, row: Any, topic: str, *_: Any) -> Publication:
+        self.published.append(topic)
+        return Publication(
+            lambda body: self.bodies.append(bytes(body)), lambda: self.published.remove(topic)
+        )
 
     def subscribe(self, row: Any, topic: str, take: Any) -> Subscription:
         self.subscribed.append(topic)

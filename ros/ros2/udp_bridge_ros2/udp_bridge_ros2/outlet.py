@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rclpy.serialization import deserialize_message
 
 from udp_bridge.ros_end.options import prefix_frames
+from udp_bridge.ros_end.outlet import Publication
 
 from . import topics
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from udp_bridge.header import Buffer
     from udp_bridge.ros_end.deliveries import Delivery
-    from udp_bridge.ros_end.outlet import Publish
     from udp_bridge.types import MessageType
 
 
@@ -33,8 +33,8 @@ class Publishers:
         """Return the node's."""
         return self._node.get_logger()
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publish:
-        """Return how to publish on a topic."""
+    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
+        """Return a publisher of a topic."""
         assert row.ros_type is not None
         message_class = topics.message_class(row.ros_type)
         publisher = self._node.create_publisher(
@@ -52,4 +52,7 @@ class Publishers:
             prefix_frames(message, self._frame_prefix)
             publisher.publish(message)
 
-        return publish_prefixed if self._frame_prefix else publish
+        return Publication(
+            publish_prefixed if self._frame_prefix else publish,
+            lambda: self._node.destroy_publisher(publisher),
+        )

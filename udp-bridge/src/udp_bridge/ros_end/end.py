@@ -92,7 +92,7 @@ class End:
         self._is_whole = threading.Event()
         self._log = Log(publishers.get_logger())
         self.asking = Asking(self._send_wish)
-        self._outlet = outlet.Outlet(publishers, self._fated)
+        self._outlet = outlet.Outlet(publishers, self._fated, is_known)
         try:
             self.link = Link(
                 bind,

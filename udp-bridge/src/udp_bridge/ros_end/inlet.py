@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from functools import partial
 from struct import Struct
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Protocol, Tuple
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Protocol, Tuple, TypeVar
 
 from udp_bridge.control import Subscribe
 from udp_bridge.header import BadMessage
@@ -21,13 +21,18 @@ from udp_bridge.repair import Mode
 from udp_bridge.types import MSG_TYPES, MessageType
 
 from .log import Log
+from .slots import Slot, given_back
 from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 
 Key = Tuple[int, str]
 """A msg_type and a topic."""
+_Key = TypeVar("_Key")
 
 MAX_SUBSCRIPTIONS = 64
-"""Subscriptions, and peers of each, at most: a hostile peer must not fill the ROS graph."""
+"""Subscriptions, and peers of each, at most: a hostile peer must not fill the ROS graph; see
+`slots`."""
+IDLE_S = 10.0
+"""What was not asked for again for so long gives its place to another; gateways do each second."""
 _HEADER = Struct("<iII")
 """sec, nanosec and the size of frame_id, behind the 4 bytes of the encapsulation."""
 
@@ -147,7 +152,7 @@ class Inlet:
             self._end(key, sender, "unsubscribed")
             return
         if key not in self._subscriptions:
-            complaint = self._subscribe(row, key[1], sender)
+            complaint = self._subscribe(row, key[1], sender, now_nanos)
             if complaint and self._complaints.get(key) != complaint:
                 if len(self._complaints) < MAX_SUBSCRIPTIONS:
                     self._complaints[key] = complaint
@@ -157,14 +162,29 @@ class Inlet:
             if self._repair is not None:
                 link.mend(*key, self._repair)
         wishes = self._wishes.setdefault(key, {})
-        if sender in wishes or len(wishes) < MAX_SUBSCRIPTIONS:
-            wishes.setdefault(sender, Wish()).renew(subscribe, now_nanos)
+        if sender not in wishes and len(wishes) >= MAX_SUBSCRIPTIONS:
+            slots = [_slot(peer, {peer: wish}) for peer, wish in wishes.items()]
+            slot = given_back(slots, sender[0], now_nanos / NANOS, idle_s=IDLE_S)
+            if slot is None:
+                return
+            del wishes[slot.key]
+        wishes.setdefault(sender, Wish()).renew(subscribe, now_nanos)
 
-    def _subscribe(self, row: MessageType, topic: str, sender: Address) -> str:
+    def _has_given_back(self, sender: Address, now_nanos: int) -> bool:
+        """End the subscription that gives its place to one of a sender, if there is any."""
+        slots = [_slot(key, wishes) for key, wishes in self._wishes.items()]
+        slot = given_back(slots, sender[0], now_nanos / NANOS, idle_s=IDLE_S)
+        if slot is not None:
+            for peer in list(self._wishes[slot.key]):
+                self._end(slot.key, peer, "its place was given to another")
+        return slot is not None
+
+    def _subscribe(self, row: MessageType, topic: str, sender: Address, now_nanos: int) -> str:
         """Subscribe; return why it can't be done, or nothing."""
         if self._is_published(topic):
             return f"{row.name} comes from the bridge itself"
-        if len(self._subscriptions) >= MAX_SUBSCRIPTIONS:
+        is_full = len(self._subscriptions) >= MAX_SUBSCRIPTIONS
+        if is_full and not self._has_given_back(sender, now_nanos):
             return f"there are {MAX_SUBSCRIPTIONS} subscriptions, which is the most"
         key = (row.number, topic)
         try:
@@ -209,3 +229,9 @@ class Inlet:
             if self._complaints.get(key) != str(error):
                 self._complaints[key] = str(error)
                 self._log.error(f"{key[1]}: can't be sent: {error}")
+
+
+def _slot(key: _Key, wishes: Dict[Address, Wish]) -> Slot[_Key]:
+    """Return the slot that wishes of peers hold together: that of whoever wished last."""
+    peer, wish = max(wishes.items(), key=lambda row: row[1].renewed_nanos)
+    return Slot(key, peer[0], wish.renewed_nanos / NANOS)

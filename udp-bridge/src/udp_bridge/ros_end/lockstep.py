@@ -30,6 +30,7 @@ from udp_bridge.types import CONTROL
 
 from .answers import Answers
 from .deliveries import published
+from .slots import Slot, given_back
 
 if TYPE_CHECKING:
     from udp_bridge import Link, Message
@@ -48,6 +49,8 @@ GIVE_UP_S = 10.0
 PATIENCE_S = 3.0
 """After this long it is said what is waited for, and looked whether who has to answer has gone."""
 MAX_GATEWAYS = 4
+SILENT_S = 3.0
+"""A gateway that has sent no Barrier for so long gives its place to another one; see `slots`."""
 FLUSH_S = 0.2
 """How long answers may take to leave, in one turn."""
 
@@ -151,7 +154,7 @@ class Lockstep:
         with self._lock:
             run = self._runs.get(sender)
             if run is None:
-                if len(self._runs) >= MAX_GATEWAYS:
+                if len(self._runs) >= MAX_GATEWAYS and not self._has_given_back(sender, now_s):
                     return
                 run = self._runs[sender] = _Run(lambda message: self._drop(message, sender), now_s)
                 self._settled_s = now_s + SETTLE_S
@@ -291,6 +294,14 @@ class Lockstep:
             run.has_complained = True
             what = "a message" if run.is_handed else "somebody who publishes, or listens,"
             self._log.warning(f"lockstep: tick {barrier.tick} waits for {what} on {topic}")
+
+    def _has_given_back(self, sender: Address, now_s: float) -> bool:
+        """End the run that gives its place to a gateway's; return whether there is any."""
+        slots = [Slot(address, address[0], run.heard_s) for address, run in self._runs.items()]
+        slot = given_back(slots, sender[0], now_s, idle_s=SILENT_S)
+        if slot is not None:
+            self._end(slot.key, self._runs[slot.key])
+        return slot is not None
 
     def _end(self, sender: Address, run: _Run) -> None:
         del self._runs[sender]

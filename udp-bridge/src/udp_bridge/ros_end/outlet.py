@@ -14,8 +14,20 @@ import math
 import threading
 import time
 from collections import deque
+from functools import partial
 from queue import SimpleQueue
-from typing import Any, Callable, Deque, Dict, Optional, Protocol, Sequence, Tuple, Union
+from typing import (
+    Any,
+    Callable,
+    Deque,
+    Dict,
+    NamedTuple,
+    Optional,
+    Protocol,
+    Sequence,
+    Tuple,
+    Union,
+)
 
 from udp_bridge.header import Buffer
 from udp_bridge.leaving import Address
@@ -24,9 +36,12 @@ from udp_bridge.types import MSG_TYPES, MessageType
 
 from .deliveries import Delivery, published
 from .log import Log
+from .slots import UNKNOWN, Slot, given_back
 
 MAX_TOPICS = 256
-"""Publishers at most, so that a hostile sender can't fill the ROS graph."""
+"""Publishers at most, so that a hostile sender can't fill the ROS graph; see `slots`."""
+IDLE_S = 10.0
+"""A topic on which nothing came for so long gives its place to another one."""
 QUICK_SECONDS = 0.002
 """A topic of which a message took longer goes by the queue until one takes less there."""
 OnFate = Callable[[Message, Address, bool], None]
@@ -36,11 +51,18 @@ _ENCAPSULATION = b"\x00\x01"
 """How little-endian CDR begins; a body of anything else would break its subscribers."""
 
 
+class Publication(NamedTuple):
+    """A publisher of ROS."""
+
+    publish: Publish
+    end: Callable[[], object]
+
+
 class Ros(Protocol):
     """What an outlet needs of ROS."""
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publish:
-        """Return how to publish on a topic, or raise whatever ROS says against it."""
+    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
+        """Return a publisher of a topic, or raise whatever ROS says against it."""
 
     def get_logger(self) -> Any:
         """Return what has `info`, `warning` and `error`."""
@@ -49,12 +71,15 @@ class Ros(Protocol):
 class _Channel:
     """One topic of one type: what waits for it, and its publisher once there is one."""
 
-    def __init__(self, row: MessageType, topic: str) -> None:
+    def __init__(self, row: MessageType, topic: str, sender: Address) -> None:
+        self.sender = sender
+        """Whose it is: the first known sender, or else the first one."""
+        self.used_s = 0.0
         self.row = row
         self.topic = topic
         self.delivery = published(row.name, topic)
         self.waiting: Deque[Tuple[Message, Address]] = deque()
-        self.publish: Optional[Publish] = None
+        self.publication: Optional[Publication] = None
         self.is_refused = False
         self.has_complained = False
         self.is_publishing = False
@@ -101,9 +126,16 @@ class Outlet:
     on_fate
         Called once with each message, its sender, and whether it was published: `put` tells of
         those that are not taken and the thread that publishes of the rest.
+    is_known
+        Tells whether the address of a sender can't be forged.
     """
 
-    def __init__(self, ros: Ros, on_fate: OnFate = lambda *_: None) -> None:
+    def __init__(
+        self,
+        ros: Ros,
+        on_fate: OnFate = lambda *_: None,
+        is_known: Callable[[Address], bool] = lambda _: True,
+    ) -> None:
         self._published_here = self._published_behind = 0  # each is counted by one thread
         self.dropped = 0
         """Messages that a newer one of their topic pushed out before they were published."""
@@ -111,7 +143,7 @@ class Outlet:
         """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
         self._ros = ros
         self._log = Log(ros.get_logger())
-        self._on_fate = on_fate
+        self._on_fate, self._is_known = on_fate, is_known
         self._lock = threading.Lock()  # guards channels and what waits in them
         self._channels: Dict[Tuple[int, str], _Channel] = {}
         # Of each message that waits, its channel; a queue of C wakes its reader soonest.
@@ -128,7 +160,7 @@ class Outlet:
     @property
     def topic_count(self) -> int:
         """Topics that have a publisher."""
-        return sum(channel.publish is not None for channel in list(self._channels.values()))
+        return sum(channel.publication is not None for channel in list(self._channels.values()))
 
     def put(self, row: MessageType, message: Message, sender: Address) -> None:
         """Publish a message, or queue it for that; from one thread, which is hardly held up.
@@ -143,7 +175,7 @@ class Outlet:
             Where it came from.
         """
         with self._lock:
-            channel = self._channel(row, message)
+            channel = self._channel(row, message, sender)
             if channel is None:
                 self._refuse(message, sender)
                 return
@@ -161,11 +193,11 @@ class Outlet:
     def prepare(self, row: MessageType, message: Message, sender: Address) -> bool:
         """Have a publisher for messages like this one; return whether it is new."""
         with self._lock:
-            channel = self._channel(row, message)
-        if channel is None or channel.publish is not None:
+            channel = self._channel(row, message, sender)
+        if channel is None or channel.publication is not None:
             return False
         try:
-            channel.publish = self._publisher(channel, message, sender)
+            channel.publication = self._publisher(channel, message, sender)
         except Exception as error:
             self._complain(channel, error)
         return True
@@ -178,7 +210,7 @@ class Outlet:
         def publish() -> None:
             for message in messages:
                 with self._lock:
-                    channel = self._channel(MSG_TYPES[message.msg_type], message)
+                    channel = self._channel(MSG_TYPES[message.msg_type], message, sender)
                 if channel is None:
                     self._refuse(message, sender)
                 else:
@@ -198,16 +230,42 @@ class Outlet:
         self._turn.put(None)
         self._thread.join()
 
-    def _channel(self, row: MessageType, message: Message) -> Optional[_Channel]:
+    def _channel(self, row: MessageType, message: Message, sender: Address) -> Optional[_Channel]:
         """Return the channel of a message, a new one perhaps; None where ROS can't take it."""
         topic = message.topic or row.default_topic
         channel = self._channels.get((row.number, topic))
+        now_s = time.monotonic()
         if channel is None:
-            if len(self._channels) >= MAX_TOPICS:
+            if len(self._channels) >= MAX_TOPICS and not self._has_given_back(sender, now_s):
                 return None
-            channel = self._channels[row.number, topic] = _Channel(row, topic)
+            channel = self._channels[row.number, topic] = _Channel(row, topic, sender)
+        elif sender != channel.sender and not self._is_known(channel.sender):
+            channel.sender = sender
+        channel.used_s = now_s
         is_taken = not channel.is_refused and message.body[:2] == _ENCAPSULATION
         return channel if is_taken else None
+
+    def _has_given_back(self, sender: Address, now_s: float) -> bool:
+        """End the channel that gives its place to one of a sender; return whether there is any."""
+        slots = [
+            Slot(key, self._host(channel.sender), channel.used_s)
+            for key, channel in self._channels.items()
+        ]
+        slot = given_back(slots, self._host(sender), now_s, idle_s=IDLE_S)
+        if slot is not None:
+            channel = self._channels.pop(slot.key)
+            channel.is_refused = True  # what waits in it finds no publisher
+            self._turn.put(partial(self._end, channel))
+        return slot is not None
+
+    def _host(self, sender: Address) -> str:
+        return sender[0] if self._is_known(sender) else UNKNOWN
+
+    def _end(self, channel: _Channel) -> None:
+        publication, channel.publication = channel.publication, None
+        if publication is not None:
+            publication.end()
+            self._log.info(f"{channel.topic}: no longer published: its place was given to another")
 
     def _run(self) -> None:
         while (turn := self._turn.get()) is not None and not self._is_closed:
@@ -226,14 +284,15 @@ class Outlet:
             self._refuse(message, sender)
             return False
         try:
-            if channel.publish is None:
-                channel.publish = self._publisher(channel, message, sender)
+            publication = channel.publication
+            if publication is None:
+                publication = channel.publication = self._publisher(channel, message, sender)
             began_s = time.monotonic()
             is_news = not channel.delivery.is_latched or channel.is_news(
                 bytes(message.body), sender
             )
             if is_news:
-                channel.publish(message.body)
+                publication.publish(message.body)
                 channel.took_s = time.monotonic() - began_s
         except Exception as error:
             self._complain(channel, error)
@@ -243,7 +302,7 @@ class Outlet:
         return is_news
 
     def _complain(self, channel: _Channel, error: Exception) -> None:
-        channel.is_refused = channel.publish is None
+        channel.is_refused = channel.publication is None
         if not channel.has_complained:
             channel.has_complained = True
             reason = " ".join(str(error).split())
@@ -253,10 +312,10 @@ class Outlet:
         self.refused += 1
         self._on_fate(message, sender, False)
 
-    def _publisher(self, channel: _Channel, message: Message, sender: Address) -> Publish:
-        publish = self._ros.publisher(channel.row, channel.topic, channel.delivery)
+    def _publisher(self, channel: _Channel, message: Message, sender: Address) -> Publication:
+        publication = self._ros.publisher(channel.row, channel.topic, channel.delivery)
         frame = f", frame {message.link}" if message.link else ""
         self._log.info(
             f"{channel.topic}: {channel.row.ros_type} from {sender[0]}:{sender[1]}{frame}"
         )
-        return publish
+        return publication

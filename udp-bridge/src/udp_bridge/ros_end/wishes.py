@@ -30,6 +30,7 @@ class Wish:
     """One peer's wish for one topic: until when, how often, and what waits for its time."""
 
     def __init__(self) -> None:
+        self.renewed_nanos = 0
         self._expires_nanos: Optional[int] = None
         self._period_nanos = 0
         self._due_nanos = 0
@@ -37,6 +38,7 @@ class Wish:
 
     def renew(self, subscribe: Subscribe, now_nanos: int) -> None:
         """Take over lease and rate."""
+        self.renewed_nanos = now_nanos
         rate = subscribe.max_rate_hz
         self._period_nanos = int(NANOS / rate) if rate > 0 else 0
         lease_nanos = subscribe.lease_s * NANOS

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence
 import rospy
 
 from udp_bridge.ros_end.options import prefix_frames
+from udp_bridge.ros_end.outlet import Publication
 
 from .messages import kind
 
 if TYPE_CHECKING:
     from udp_bridge.header import Buffer
     from udp_bridge.ros_end.deliveries import Delivery
-    from udp_bridge.ros_end.outlet import Publish
     from udp_bridge.types import MessageType
 
 _SEQ = Struct("<I")
@@ -82,8 +82,8 @@ class Publishers:
         """Return rospy's, which the terminal and /rosout hear."""
         return logging.getLogger("rosout")
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publish:
-        """Return how to publish on a topic."""
+    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
+        """Return a publisher of a topic."""
         raw, plan = kind(str(row.ros_type))
         publisher = rospy.Publisher(
             topic, raw, queue_size=delivery.depth, latch=delivery.is_latched
@@ -103,7 +103,11 @@ class Publishers:
                 rospy.set_param(topic, text)
             queues.publish(raw(*chunks))
 
-        return publish
+        def end() -> None:
+            self._queues.pop(topic, None)
+            publisher.unregister()
+
+        return Publication(publish, end)
 
     def _prefixed(self, row: MessageType, chunks: Sequence[Buffer]) -> bytes:
         package, _, name = str(row.ros_type).split("/")
