@@ -17,7 +17,7 @@ import msgspec
 from .clock import TICK_SECONDS
 from .messages import Health
 from .run_monitor import RunMonitor, keeps_rate
-from .topics import TIME_KEEPERS
+from .topics import GATEWAY, REPLAY, TIME_KEEPERS
 
 SILENT_SECONDS = 2.5
 """A process that is there and has said nothing for so long is called silent."""
@@ -102,7 +102,9 @@ class Overview:
             "real_time_factor": self._real_time_factor(),
             "held_up": asdict(monitor.hold_ups),
             "processes": [
-                self._row(name, process, now_seconds) for name, process in self._processes.items()
+                self._row(name, process, now_seconds)
+                for name, process in self._processes.items()
+                if not self._is_replayed(name)
             ],
             "streams": [
                 msgspec.to_builtins(stream) | {"keeps_rate": keeps_rate(stream)}
@@ -113,6 +115,13 @@ class Overview:
                 "counters": self._link_counters(),
             },
         }
+
+    def _is_replayed(self, name: str) -> bool:
+        """Return whether a replay publishes what a process would, which is not there."""
+        replay = self._processes.get(REPLAY)
+        if replay is None or not replay.present or name == GATEWAY:
+            return False
+        return not self._processes[name].was_present
 
     def _row(self, name: str, process: _Process, now_seconds: float) -> dict[str, Any]:
         health = process.health

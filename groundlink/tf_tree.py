@@ -50,7 +50,10 @@ class TopFromTruth:
                 stamped(message.stamp_nanos, self._parent, self._child, *placed),
             )
             return
-        (self._truths if role == "truth" else self._odometry).append(message)
+        known = self._truths if role == "truth" else self._odometry
+        if known and measured_nanos(message) < measured_nanos(known[-1]):
+            self.restart()  # Time jumped back, as in a replay that loops.
+        known.append(message)
         while self._odometry and self._truths:
             odometry = self._odometry[0]
             if self._truths[-1].stamp_nanos < measured_nanos(odometry):

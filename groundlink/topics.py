@@ -51,7 +51,10 @@ ROOT = "groundlink"
 PHYSICS, GATEWAY, RECORDER = "physics", "gateway", "recorder"
 """Names of processes of which a run has one."""
 
-TIME_KEEPERS = (PHYSICS, "replay")
+REPLAY = "replay"
+"""The process that stands for physics, sensors and drivers of a recorded run."""
+
+TIME_KEEPERS = (PHYSICS, REPLAY)
 """Processes of which a run has one: it says what time it is."""
 
 

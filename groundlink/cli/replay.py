@@ -14,11 +14,10 @@ from pathlib import Path
 from groundlink.extras import needs
 from groundlink.scenario import load
 from groundlink.supervisor import Child
+from groundlink.topics import REPLAY
 
 from . import running, supervised, terminal
 from .dashboard import dashboard
-
-REPLAY = "replay"
 
 START_SECONDS = 3.0
 """What a ROS node may take to start and be found."""

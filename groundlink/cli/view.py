@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink view`: show a run that goes on, in Rerun or Foxglove.
+"""`groundlink view`: show a run that goes on in Rerun or Foxglove, or a recording in Rerun.
 
 Rule: the viewer is a process of its own, started as ``python -m services.view``; it reads the same
 options.
@@ -12,10 +12,12 @@ import os
 import sys
 from pathlib import Path
 
+from groundlink.errors import UserError
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("view", help="show a run that goes on, in Rerun or Foxglove")
+    parser = subparsers.add_parser("view", help="show a run that goes on, or a recording")
     parser.add_argument(
         "--connect", metavar="ENDPOINT", help="router of the run, such as tcp/HOST:7447"
     )
@@ -26,6 +28,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what the viewer can be told."""
+    parser.add_argument(
+        "recording",
+        nargs="?",
+        type=Path,
+        metavar="RUN.mcap",
+        help="a recording to show whole, instead of a run that goes on",
+    )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--web",
@@ -59,7 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def view(options: argparse.Namespace) -> int:
     """Become the viewer."""
-    words = ["--host", options.host, "--colour", options.colour]
+    if options.recording and (options.connect or options.run):
+        raise UserError(
+            f"{options.recording}: a recording is read as it is; expected no --connect and no --run"
+        )
+    words = [str(options.recording)] if options.recording else []
+    words += ["--host", options.host, "--colour", options.colour]
     for name in ("connect", "run", "save", "port"):
         if (value := getattr(options, name)) is not None:
             words += [f"--{name}", str(value)]

@@ -28,9 +28,9 @@ from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Clock, Message
 from groundlink.questions import scenario_key
 from groundlink.scenario import Scenario, load
-from groundlink.topics import ACK, HEALTH, TIME_KEEPERS, Delivery
+from groundlink.topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
 
-NAME = "replay"
+NAME = REPLAY
 
 with process_needs(NAME, "record"):
     from groundlink.recording.reading import Recording

@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.view``: joins a run and shows it, without holding it up."""
+"""Start with ``python -m services.view``: joins a run and shows it, without holding it up.
+
+With a recording it shows that, as fast as it can be read.
+"""
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import signal
 import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from groundlink import process
 from groundlink.bus import Bus
 from groundlink.cli.view import add_arguments
+from groundlink.clock import NANOS
 from groundlink.errors import UserError
 from groundlink.extras import needs
 from groundlink.messages import Health, Message, State
@@ -22,7 +27,11 @@ from groundlink.ros_streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world.build import world_hash
 
-from .intake import Intake
+from .intake import Intake, streams_of
+from .true_states import Drawable, TrueStates
+
+if TYPE_CHECKING:
+    from groundlink.recording.reading import Recording
 
 NAME = "view"
 
@@ -51,6 +60,9 @@ class Outlet(Protocol):
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Take a process's word, heard at an instant of the wall clock."""
 
+    def tell(self, text: str) -> None:
+        """Show a text beside, in Markdown."""
+
     def flush(self) -> None:
         """Show what was taken."""
 
@@ -69,6 +81,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser = process.parser(NAME, "Show a run in Rerun, or serve it to Foxglove.")
     add_arguments(parser)
     options = parser.parse_args(arguments)
+    if options.recording is not None:
+        show_file(options, stop)
+        return
     with Bus(connect=process.endpoint(options), onlooker=True, name=NAME) as bus:
         run, scenario = process.join_world(bus, options.run, stop)
         intake = Intake(bus, scenario, run)
@@ -81,7 +96,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             due = time.monotonic()
             while not stop.wait(max(0.0, due - time.monotonic())) and outlet.alive():
                 due = max(due + FRAME_SECONDS, time.monotonic())
-                states = intake.states()
+                states, messages = intake.take()
                 if states and states[-1].world_hash != world:
                     world = states[-1].world_hash
                     changed = process.changed_world(bus, run, world)
@@ -90,7 +105,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                         outlet.change(scenario)
                 outlet.take_states(states)
                 tick = states[-1].tick if states else tick
-                for path, stream, message in intake.messages():
+                for path, stream, message in messages:
                     outlet.take(path, stream, message)
                 for health in intake.health():
                     outlet.take_health(health, time.monotonic())
@@ -101,8 +116,62 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             outlet.close()
 
 
+def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
+    """Show a recording from its begin to its end, until `stop` is set or the viewer is closed.
+
+    Raises
+    ------
+    UserError
+        when it cannot be read, or is asked to be served to Foxglove.
+    """
+    try:
+        from groundlink.recording.playback import Playback
+        from groundlink.recording.reading import Recording
+    except ModuleNotFoundError as error:
+        raise UserError(
+            f"to view a recording needs `{error.name}`; pip install 'groundlink[record,view]'"
+        ) from None
+    if options.foxglove:
+        raise UserError(f"--foxglove: Foxglove opens {options.recording} itself; expected no file")
+    with Recording(options.recording) as recording:
+        run, scenario = recording.run.run, recording.run.scenario
+        every = streams_of(scenario, run)
+        streams = {p: stream for p, stream in every.items() if stream.topic in recording.types}
+        playback = Playback(recording, streams.values())
+        paths = {stream.key: path for path, stream in streams.items()}
+        outlet = _outlet(options, scenario, run, streams, whole=True)
+        outlet.tell(_in_words(recording))
+        if options.save is None:
+            _end_in_time()
+        truth = TrueStates(scenario, run)
+        try:
+            due = playback.play(recording.first_nanos)
+            for _, together in itertools.groupby(due, key=lambda each: each.nanos):
+                if stop.is_set() or not outlet.alive():
+                    return
+                came = [
+                    Drawable(paths[each.key], streams[paths[each.key]], each.message)
+                    for each in together
+                ]
+                states, messages = truth.follow(came)
+                outlet.take_states(states)
+                for path, stream, message in messages:
+                    outlet.take(path, stream, message)
+                outlet.flush()
+            if options.save is None:
+                while not stop.wait(FRAME_SECONDS) and outlet.alive():
+                    pass
+        finally:
+            outlet.close()
+
+
 def _outlet(
-    options: argparse.Namespace, scenario: Scenario, run: str, streams: Mapping[str, RosStream]
+    options: argparse.Namespace,
+    scenario: Scenario,
+    run: str,
+    streams: Mapping[str, RosStream],
+    *,
+    whole: bool = False,
 ) -> Outlet:
     """Return what the user wants to look at, and say where it is."""
     with needs("view"):
@@ -114,7 +183,7 @@ def _outlet(
             print(f"view: open ws://{options.host}:{port} in Foxglove or Lichtblick", flush=True)
             return server
         from . import layout, picture, viewer
-    blueprint = layout.layout(scenario, streams)
+    blueprint = layout.layout(scenario, streams, whole=whole)
     destination: viewer.Destination
     has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if options.save:
@@ -124,12 +193,31 @@ def _outlet(
         port = options.port or WEB_PORT
         _need_free(options.host, port)
         destination, address = viewer.web(
-            blueprint, options.host, _free_port(), port, machine=socket.gethostname()
+            *(blueprint, options.host, _free_port(), port),
+            machine=socket.gethostname(),
+            whole=whole,
         )
         print(f"view: open {address}", flush=True)
     else:
-        destination = viewer.window(blueprint, _free_port())
+        destination = viewer.window(blueprint, _free_port(), whole=whole)
     return picture.Picture(scenario, run, colouring=options.colour, destination=destination)
+
+
+def _in_words(recording: Recording) -> str:
+    """Return what a recording is of, as Markdown."""
+    run, seconds = recording.run, (recording.last_nanos - recording.first_nanos) / NANOS
+    rows = [
+        f"| {name} | {topic.messages} | {_hertz(topic.declared_hz)} | {_hertz(topic.measured_hz)} |"
+        for name, topic in recording.topics.items()
+        if topic.messages
+    ]
+    head = f"### {run.scenario.name} · run {run.run}\n{recording.path.name}, {seconds:.1f} s"
+    table = ["| topic | messages | declared | recorded |", "|:--|--:|--:|--:|", *rows]
+    return "\n".join([head, "", *table])
+
+
+def _hertz(rate_hz: float | None) -> str:
+    return "" if rate_hz is None else f"{rate_hz:.4g} Hz"
 
 
 def _end_in_time() -> None:

@@ -115,6 +115,9 @@ class FoxgloveServer(ServerListener):
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Pass over: no ROS topic has it."""
 
+    def tell(self, text: str) -> None:
+        """Pass over: no ROS topic has it."""
+
     def flush(self) -> None:
         """Tell what seldom changes, when somebody new has come."""
         if self._is_owed and self._epoch_nanos is not None:

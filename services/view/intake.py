@@ -2,7 +2,8 @@
 """What a viewer takes from the bus: everything that ROS would see, states and health.
 
 Rule: nothing is acknowledged, so nobody waits for a viewer. Each stream has a box of its own that
-keeps the newest and counts what it drops, few of what is large.
+keeps the newest and counts what it drops, few of what is large. A replay has no states; as long as
+none has come they are made of the ground truth.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from groundlink.ros_streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RotatingLidar
 from groundlink.topics import HEALTH, STATE
+
+from .true_states import Drawable, TrueStates
 
 KEPT: dict[type[Message], int] = {
     State: 1000,
@@ -49,6 +52,7 @@ class Intake:
     def __init__(self, bus: Bus, scenario: Scenario, run: str) -> None:
         self.streams = streams_of(scenario, run)
         self._states: Inbox[State] = Inbox(depth=KEPT[State])
+        self._truth: TrueStates | None = TrueStates(scenario, run)
         self._health: Inbox[Health] = Inbox(depth=KEPT_OF_OTHERS)
         self._boxes: dict[str, Inbox[Message]] = {}
         bus.subscribe(STATE.key_in(run), State, self._states)
@@ -60,19 +64,21 @@ class Intake:
             box = self._boxes[path] = Inbox[Message](depth=depth)
             bus.subscribe(stream.key, stream.message, box)
 
-    def states(self) -> list[State]:
-        """Return the states that wait."""
-        return list(_waiting(self._states))
+    def take(self) -> tuple[list[State], list[Drawable]]:
+        """Return the states that wait, and the messages of all streams that can be drawn."""
+        came = [
+            Drawable(path, self.streams[path], message)
+            for path, box in self._boxes.items()
+            for message in _waiting(box)
+        ]
+        states = list(_waiting(self._states))
+        if states:
+            self._truth = None
+        return (states, came) if self._truth is None else self._truth.follow(came)
 
     def health(self) -> list[Health]:
         """Return what processes have said about themselves."""
         return list(_waiting(self._health))
-
-    def messages(self) -> Iterator[tuple[str, RosStream, Message]]:
-        """Yield what waits of every stream, with its path."""
-        for path, box in self._boxes.items():
-            for message in _waiting(box):
-                yield path, self.streams[path], message
 
     def counters(self) -> dict[str, int]:
         """Return how many messages were dropped and refused."""

@@ -24,13 +24,18 @@ PLOT_SECONDS = 15.0
 TEXT = "run"
 
 
-def layout(scenario: Scenario, streams: Mapping[str, RosStream]) -> rrb.Blueprint:
+def layout(
+    scenario: Scenario, streams: Mapping[str, RosStream], *, whole: bool = False
+) -> rrb.Blueprint:
     """Return the blueprint of a scenario.
 
     Parameters
     ----------
     streams
         every stream that may be drawn, by the path of its entity.
+    whole
+        whether all of a run is there, as in a file: it has no link to ROS, and is played from its
+        begin, with a slider.
     """
     kinds: dict[str, list[str]] = {}
     for path, stream in streams.items():
@@ -46,6 +51,8 @@ def layout(scenario: Scenario, streams: Mapping[str, RosStream]) -> rrb.Blueprin
         rrb.TextDocumentView(origin=TEXT, name="Run"),
         *_plots(scenario, kinds),
     ]
+    if not whole:
+        right.append(_link())
     shares = [2.6, *(1.25 for _ in right[1:])]
     if fixes := kinds.get("NavSatFix"):
         right.insert(1, rrb.MapView(origin="/", contents=[f"{f}/**" for f in fixes], name="Map"))
@@ -54,7 +61,7 @@ def layout(scenario: Scenario, streams: Mapping[str, RosStream]) -> rrb.Blueprin
         rrb.Horizontal(left, rrb.Vertical(*right, row_shares=shares), column_shares=[1.75, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        _time(whole=whole),
         auto_views=False,
         auto_layout=False,
     )
@@ -111,13 +118,22 @@ def _plots(scenario: Scenario, kinds: dict[str, list[str]]) -> Iterator[rrb.View
         )
     if others := [*kinds.get("JointState", ()), *kinds.get("Range", ())]:
         yield _plot("Joints and distances", others)
-    yield rrb.Tabs(
+
+
+def _link() -> rrb.Container:
+    return rrb.Tabs(
         _plot("Age in ROS, ms (median)", [AGES]),
         _plot("Age in ROS, ms (99 %)", [f"{AGES}_p99"]),
         _plot("Rate in ROS, Hz", [RATES]),
         _plot("Lost on the wire", [LOSSES]),
         name="Link",
     )
+
+
+def _time(*, whole: bool) -> rrb.TimePanel:
+    if whole:
+        return rrb.TimePanel(state="expanded", timeline=TIMELINE, play_state="playing")
+    return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
 
 
 def _plot(name: str, paths: Sequence[str]) -> rrb.View:

@@ -91,9 +91,10 @@ class Picture:
                     seen.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
         if states and self.canvas.now_nanos >= self._next_frame_nanos:
             self._next_frame_nanos = self.canvas.now_nanos + FRAME_NANOS * 3 // 4
+            newest = {name: state for state in states for name in state.vehicles}
             for name, seen in self.canvas.vehicles.items():
-                if name in states[-1].vehicles:
-                    self._draw(states[-1], seen)
+                if name in newest:
+                    self._draw(newest[name], seen)
             poses = floats(states[-1].actors).reshape(-1, 7).tolist()
             for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
                 self.canvas.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
@@ -117,6 +118,11 @@ class Picture:
             said = link_panel.text(title, self._monitor, shown=f"points coloured by {colour}")
             stamp = self.canvas.epoch_nanos + self.canvas.now_nanos
             self.canvas.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
+
+    def tell(self, text: str) -> None:
+        """Show a text in the run's panel."""
+        document = rr.TextDocument(text, media_type="text/markdown")
+        self.canvas.recording.log(TEXT, document, static=True)
 
     def flush(self) -> None:
         """Hand the plots over, some times a second of sim time."""

@@ -31,6 +31,9 @@ WINDOW_MEMORY = "2GB"
 SERVER_MEMORY = "256MB"
 """What the server keeps for browsers that join later: about 30 s, and all that stands still."""
 
+WHOLE_MEMORY = "75%"
+"""Of the machine's memory, what either may keep of a file: all of it is to be looked at."""
+
 EVERYWHERE = "0.0.0.0"
 """The address that stands for all of a machine's."""
 
@@ -142,16 +145,23 @@ class Viewer:
             self._process.wait()
 
 
-def window(blueprint: rrb.Blueprint, port: int) -> Viewer:
-    """Return the viewer in a window."""
-    memory = ["--memory-limit", WINDOW_MEMORY, "--server-memory-limit", SERVER_MEMORY]
+def window(blueprint: rrb.Blueprint, port: int, *, whole: bool = False) -> Viewer:
+    """Return the viewer in a window; `whole` keeps all, for a file."""
+    limit = WHOLE_MEMORY if whole else WINDOW_MEMORY
+    memory = ["--memory-limit", limit, "--server-memory-limit", SERVER_MEMORY]
     return Viewer(
         blueprint, "127.0.0.1", port, [*memory, "--hide-welcome-screen", "--expect-data-soon"]
     )
 
 
 def web(
-    blueprint: rrb.Blueprint, host: str, port: int, web_port: int, *, machine: str
+    blueprint: rrb.Blueprint,
+    host: str,
+    port: int,
+    web_port: int,
+    *,
+    machine: str,
+    whole: bool = False,
 ) -> tuple[Viewer, str]:
     """Return the viewer for browsers, and the address to open there.
 
@@ -159,9 +169,11 @@ def web(
     ----------
     machine
         what others call this machine; said where the viewer listens on all of its addresses.
+    whole
+        keep all for browsers that come later, for a file.
     """
     arguments = ["--serve-web", "--web-viewer-port", str(web_port)]
-    arguments += ["--server-memory-limit", SERVER_MEMORY]
+    arguments += ["--server-memory-limit", WHOLE_MEMORY if whole else SERVER_MEMORY]
     # Whoever may load the page may also load the data.
     arguments += ["--cors-allow-origin", f"http://*:{web_port}"]
     name = machine if host == EVERYWHERE else host

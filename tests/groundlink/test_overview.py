@@ -58,6 +58,18 @@ def test_who_never_came_is_missing_and_who_left_is_gone(run: Overview) -> None:
     assert row(run, "rover/imu")["state"] == "alive"
 
 
+def test_in_a_replay_only_its_own_processes_can_be_missing() -> None:
+    overview = Overview("lab", dict.fromkeys(("physics", "rover/imu", "rover/driver", "gateway")))
+    overview.came_or_went("replay", True)
+    overview.came_or_went("rover/imu", True)  # started beside it
+    overview.came_or_went("rover/imu", False)
+    states = {row["name"]: row["state"] for row in overview.snapshot(1.0)["processes"]}
+    assert states == {"replay": "there", "rover/imu": "gone", "gateway": "missing"}
+    overview.came_or_went("replay", False)
+    states = {row["name"]: row["state"] for row in overview.snapshot(1.0)["processes"]}
+    assert states["physics"] == states["rover/driver"] == "missing"
+
+
 def test_who_is_there_and_says_nothing_is_silent(run: Overview) -> None:
     assert row(run, "physics", 4.0 + 1.1 * SILENT_SECONDS)["state"] == "silent"
     run.came_or_went("viewer", True)

@@ -120,6 +120,28 @@ def test_where_a_filter_tells_it_nothing_is_told() -> None:
     assert "odometry" not in base.keys
 
 
+def test_an_ideal_localisation_goes_on_where_time_jumps_back() -> None:
+    """As in a replay that loops, whose life stays the same."""
+    _, (base,) = of("indoor_paper", map="truth")
+    found = []
+    for _ in range(2):
+        for i in range(5):
+            rows = [
+                ("truth", odometry(i * PERIOD, 3.0, 0.2, frame="world")),
+                ("odometry", odometry(i * PERIOD, 0.5, 0.1)),
+            ]
+            found += [row.stamp_nanos for row in told(base, rows) if row.parent == "map"]
+    assert found == [i * PERIOD for i in range(5)] * 2
+
+
+def test_an_ideal_localisation_waits_for_odometry_that_is_far_behind() -> None:
+    """In a fast run physics may be a second ahead, and its truth as fast as its ticks."""
+    _, (base,) = of("indoor_paper", map="truth")
+    told(base, [("truth", odometry(i * PERIOD, 3.0, 0.2, frame="world")) for i in range(400)])
+    reckoned = told(base, [("odometry", odometry(i * PERIOD, 0.5, 0.1)) for i in range(400)])
+    assert len([row for row in reckoned if row.parent == "map"]) == 400
+
+
 @pytest.mark.parametrize("order", ["truth first", "odometry first"])
 def test_an_ideal_localisation_makes_up_for_the_wheels(order: str) -> None:
     _, (base,) = of("indoor_paper", map="truth")

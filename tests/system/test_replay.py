@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 import signal
 import subprocess
 import time
@@ -20,6 +21,7 @@ from groundlink.inbox import Inbox
 from groundlink.messages import Clock, Imu
 from groundlink.recording.reading import Recording
 from groundlink.topics import CLOCK, IMU
+from services.view.viewer import program
 
 from .rig import Rig, rig, wait_for
 
@@ -193,3 +195,24 @@ def test_a_run_is_not_replayed_into_itself(recorded: tuple[Rig, Path, Sent]) -> 
         assert second.wait(20) == 2
         assert "is on the bus already" in it.log("second.log")
         assert end(playing) == 0
+
+
+def test_a_viewer_shows_a_replay(recorded: tuple[Rig, Path, Sent]) -> None:
+    """There are no states in it: vehicles and clouds are placed by the ground truth."""
+    it, out, _ = recorded
+    shown = it.folder / "shown.rrd"
+    with Bus(listen=it.endpoint):
+        join = ("--connect", it.endpoint)
+        viewer = it.start("-m", "services.view", "--save", str(shown), *join, log="view.log")
+        replaying = it.start("-m", "services.replay", str(out), *join, log="viewed.log")
+        assert replaying.wait(40) == 0
+        assert end(viewer) == 0
+    held = subprocess.run(
+        [program(), "rrd", "print", str(shown)], check=True, capture_output=True, text=True
+    ).stdout
+    for entity, drawn in (
+        ("tf/base_link", "Transform3D"),
+        ("rover/lidar", "Points3D"),
+        ("rover/speed/true", "Scalars"),
+    ):
+        assert re.search(rf"- /{entity}\b.*{drawn}", held), entity

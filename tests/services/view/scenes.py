@@ -13,11 +13,14 @@ from msgspec.structs import replace
 
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import State, VehicleState, packed
+from groundlink.navigation import Odometry
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.ros_side import Stream
 from tests.system.rig import LAB
 
 EPOCH = 1_700_000_000_000_000_000
+
+NO_ERROR = memoryview(bytes(36 * 8))
 
 SCENARIO = load(LAB)
 
@@ -32,6 +35,15 @@ def state(tick: int, *, epoch: int = EPOCH, yaw: float = 0.0) -> State:
         packed(poses), packed(np.array([1.0, 0, 0, 0, 0, 0])), *(packed(np.zeros(4)),) * 2
     )
     return State("run", epoch, epoch, tick, tick * TICK_NANOS, "hash", {"rover": vehicle})
+
+
+def truth(tick: int) -> Odometry:
+    """Return the ground truth of that state."""
+    pose = state(tick).vehicles["rover"].poses()[0].tolist()
+    return Odometry(
+        *(EPOCH + tick * TICK_NANOS, "world", "base_link", tuple(pose[:3]), tuple(pose[3:])),
+        *((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), NO_ERROR, NO_ERROR),
+    )
 
 
 class Remembering:

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run as messages of the bus, each with the instant at which it is due.
+
+Rule: a recording in, messages out; nothing waits here. A reading is due when it had been measured:
+a cloud at the end of its revolution or block, all else at its stamp. A clock goes before what is
+due with it, and nothing before the first clock.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from groundlink.clock import NANOS
+from groundlink.messages import BadMessage, Clock, Message, PointCloud, Reading
+from groundlink.relayed import Relayed
+from groundlink.ros_readings import Moment, from_cdr
+from groundlink.ros_streams import Outgoing, RosStream
+
+from .reading import Recorded, Recording
+
+
+class Due(NamedTuple):
+    """A message of the bus and when it goes out."""
+
+    nanos: int
+    """The run's time."""
+
+    rank: int
+    """Among what is due at once: lower goes first."""
+
+    number: int
+    key: str
+    message: Message
+
+
+class Playback:
+    """Some streams of a recording.
+
+    Parameters
+    ----------
+    streams
+        those of the run; what the recording lacks is left out.
+    """
+
+    def __init__(self, recording: Recording, streams: Iterable[RosStream]) -> None:
+        self._recording = recording
+        self.streams: dict[str, RosStream] = {
+            stream.topic: stream for stream in streams if stream.topic in recording.types
+        }
+        """By topic."""
+
+        self.refused = 0
+        """Messages that are not what their topic says."""
+
+    def play(self, from_nanos: int) -> Iterator[Due]:
+        """Return what is due from an instant on, in that order."""
+        return itertools.dropwhile(
+            lambda due: not isinstance(due.message, Clock), self._sorted(from_nanos)
+        )
+
+    def _sorted(self, from_nanos: int) -> Iterator[Due]:
+        waiting: list[Due] = []
+        numbers = itertools.count()
+        for recorded in self._recording.read(list(self.streams), from_nanos=from_nanos):
+            while waiting and waiting[0].nanos < recorded.nanos:
+                yield heapq.heappop(waiting)
+            stream = self.streams[recorded.topic]
+            try:
+                message = self._message(stream, recorded)
+            except BadMessage:
+                self.refused += 1
+                continue
+            if isinstance(message, Reading):
+                error = message.stamp_nanos - recorded.nanos  # type: ignore[attr-defined]
+                message = replace(message, clock_error_nanos=error)
+            rank = 0 if stream.message is Clock else 1
+            due_nanos = recorded.nanos + _takes_nanos(stream)
+            heapq.heappush(waiting, Due(due_nanos, rank, next(numbers), stream.key, message))
+        while waiting:
+            yield heapq.heappop(waiting)
+
+    def _message(self, stream: RosStream, recorded: Recorded) -> Message:
+        if stream.message is Relayed:
+            return Relayed(recorded.nanos, recorded.ros_type, memoryview(recorded.cdr))
+        moment = Moment(recorded.nanos, self._recording.run.epoch_nanos)
+        return from_cdr(recorded.cdr, stream.message, moment)
+
+
+def _takes_nanos(stream: RosStream) -> int:
+    """Return how long one message of a stream is measured, from its stamp on."""
+    if stream.message is PointCloud and isinstance(stream, Outgoing):
+        return round(NANOS / stream.declared_hz)
+    return 0
