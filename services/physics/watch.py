@@ -11,11 +11,15 @@ from collections.abc import Collection
 from groundlink.bus import Bus
 from groundlink.gaps import Gaps
 from groundlink.inbox import Inbox
+from groundlink.messages import Health
+from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Time
-from groundlink.topics import GAPS
+from groundlink.scenario.sensors import sensor_rate_hz
+from groundlink.topics import GAPS, HEALTH
 
 from .life import Life
 from .patience import Patience
+from .shortfalls import Shortfalls
 from .wall import RealTimeFactor
 
 
@@ -26,6 +30,13 @@ class Watch:
         self._patience = Patience(time)
         self._factor = RealTimeFactor()
         self._gaps: Inbox[Gaps] = Inbox(depth=256)
+        self._health: Inbox[Health] = Inbox(depth=256)
+        self._shortfalls: Shortfalls | None = None
+        self._scenario: Scenario | None = None
+        self._declared_hz: dict[str, float] = {}
+        if time.mode == "realtime":
+            self._shortfalls = Shortfalls(time.factor)
+            bus.subscribe(HEALTH.key_in(run), Health, self._health)
         if time.overload == "fail":
             bus.subscribe(GAPS.key_in(run), Gaps, self._gaps)
 
@@ -46,7 +57,24 @@ class Watch:
         while len(self._gaps) and (arrived := self._gaps.get(seconds=0)):
             self._patience.lacks(arrived[1])
         pace = life.pace
-        return self._patience.look(pace, life.tick + 1, now_seconds, holding=pace.holding)
+        lines = self._patience.look(pace, life.tick + 1, now_seconds, holding=pace.holding)
+        return lines + self._changed(life, now_seconds)
+
+    def _changed(self, life: Life, now_seconds: float) -> list[str]:
+        """Return what is to be said of sensors that miss readings, and of the real-time factor."""
+        if self._shortfalls is None:
+            return []
+        while len(self._health) and (arrived := self._health.get(seconds=0)):
+            self._shortfalls.heard(arrived[1], now_seconds)
+        if life.scenario is not self._scenario:
+            self._scenario = life.scenario
+            self._declared_hz = {
+                f"{vehicle.name}/{sensor.name}": sensor_rate_hz(sensor)
+                for vehicle in life.scenario.vehicles
+                for sensor in vehicle.sensors
+            }
+        stretched = life.pace.stretched_seconds
+        return self._shortfalls.look(life.tick, now_seconds, self._declared_hz, stretched)
 
     def look_for(self, awaited: Collection[str], life: Life, now_seconds: float) -> list[str]:
         """Return what is to be said of those who have to be there before the run begins."""
@@ -57,7 +85,11 @@ class Watch:
     def rest(self) -> None:
         """Take note that time stands still."""
         self._patience.rest()
+        if self._shortfalls is not None:
+            self._shortfalls.rest()
 
     def begin_anew(self) -> None:
         """Take note that the run begins again."""
         self._patience.begin_anew()
+        if self._shortfalls is not None:
+            self._shortfalls.rest()

@@ -142,7 +142,7 @@ def test_slow_names_who_is_silent_and_goes_on_without_it_until_it_is_back(tmp_pa
 
 
 def test_skip_lets_readings_out_and_marks_each_but_no_time_stretch(tmp_path: Path) -> None:
-    with run(tmp_path, "overload: skip") as (_, begun):
+    with run(tmp_path, "overload: skip") as (it, begun):
         begun.stop_lidar(seconds_passed())
         begun.goes_on()
         stamps = begun.stamps("lidar")
@@ -156,6 +156,9 @@ def test_skip_lets_readings_out_and_marks_each_but_no_time_stretch(tmp_path: Pat
             return sum(gap.readings for gap in inside)
 
         wait_for(lambda: marked() == missing, 20, f"{missing} readings are marked")
+        wait_for(lambda: f"{LIDAR}: 10 Hz again after" in it.log("up.log"), 60, "the log says so")
+        begins = (f"{LIDAR}: no readings for", "of 10 Hz (machine overloaded: readings missing")
+        assert any(begin in it.log("up.log") for begin in begins)
         report = begun.end()
     # What physics is behind by on a busy machine it makes up for.
     assert report["held_up"]["stretched_seconds"] == {}
