@@ -24,6 +24,7 @@ from groundlink.world.starts import actor_bodies, vehicle_bodies
 
 from . import actors
 from .engine import Engine
+from .settling import settled
 from .statics import Static, add_statics
 from .terrain import Carried, Flat, Landscape, reach_of
 from .vehicle import SimulatedVehicle
@@ -57,6 +58,7 @@ class Simulation:
             default=0.0,
         )
         mapped, materials = scenario.world.terrain, scenario.world.materials
+        self._materials = materials
         self._land: Landscape | Flat = (
             Landscape(self._engine, terrain.ground(mapped), materials) if mapped else Flat()
         )
@@ -130,6 +132,10 @@ class Simulation:
             ground=self._land.ground,
             epoch_nanos=self._epoch_nanos,
         )
+        if (ground := self._land.ground) is not None:
+            rest = settled(described, ground, self._materials)
+            if rest is not None:
+                vehicle.put(rest)
         self._vehicles[described.name] = vehicle
         self._models[described.name] = described.model
         self._bodies[vehicle.body] = (_whole(described.name),)

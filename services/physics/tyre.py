@@ -86,6 +86,15 @@ class Tyre:
         self.resisting_n = resisting_n
 
     @property
+    def deflection_m(self) -> tuple[float, float]:
+        """How far the tread is bent, forward and to the left."""
+        return self._x_m, self._y_m
+
+    @deflection_m.setter
+    def deflection_m(self, deflection_m: tuple[float, float]) -> None:
+        self._x_m, self._y_m = deflection_m
+
+    @property
     def rolling_mps(self) -> float:
         """The speed of the tread at which it neither pushes nor brakes."""
         return -self._along_n / self.firmness

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from math import cos, sin
 from pathlib import Path
 from struct import Struct
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +36,22 @@ from .urdf import hull_file, suspension_joint, urdf
 
 Friction = Callable[[int, Vector3], float]
 """Coefficient of the ground, by the engine's number of a body and a point in the world."""
+
+
+class Rest(NamedTuple):
+    """A vehicle at rest: what it takes to put another one of its model at the same place."""
+
+    center_m: Vector3
+    """Of mass, in the world."""
+
+    orientation: Quaternion
+    springs_m: tuple[float, ...]
+    """Positions of the wheels along the base's z."""
+
+    treads_m: tuple[tuple[float, float], ...]
+    """Deflections of the tires, forward and to the left."""
+
+    touches: list[Touch | None]
 
 
 class SimulatedVehicle:
@@ -98,6 +115,7 @@ class SimulatedVehicle:
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
         self._set_dynamics()
+        self._first_touches: list[Touch | None] | None = None
         self.sense()
 
     def _set_dynamics(self) -> None:
@@ -140,6 +158,35 @@ class SimulatedVehicle:
         )
 
     @property
+    def fastest(self) -> float:
+        """The largest component of its velocities: m/s, rad/s, and m/s of springs."""
+        springs = [velocity for _, velocity, *_ in self._sprung]
+        fastest: float = max(map(abs, (*self._velocity, *self._turn, *springs)))
+        return fastest
+
+    def at_rest(self) -> Rest:
+        """Return how it rests, its velocities taken as zero."""
+        center, orientation = self._engine.getBasePositionAndOrientation(self.body)
+        return Rest(
+            center,
+            orientation,
+            tuple(position for position, *_ in self._sprung),
+            tuple(wheel.tyre.deflection_m for wheel in self.gear.wheels),
+            self._touches(0),
+        )
+
+    def put(self, rest: Rest) -> None:
+        """Put it where another one of its model rests, before the first step."""
+        engine, body = self._engine, self.body
+        engine.resetBasePositionAndOrientation(body, rest.center_m, rest.orientation)
+        for joint, position in zip(self._joints, rest.springs_m, strict=True):
+            engine.resetJointState(body, joint, position, 0.0)
+        for wheel, deflection in zip(self.gear.wheels, rest.treads_m, strict=True):
+            wheel.tyre.deflection_m = deflection
+        self._first_touches = rest.touches
+        self.sense()
+
+    @property
     def position_m(self) -> Vector3:
         """The base's origin in the world."""
         return self._origin
@@ -178,6 +225,9 @@ class SimulatedVehicle:
 
     def _touches(self, tick: int) -> list[Touch | None]:
         """Return what each wheel touched in the last step; what else did goes to the ledger."""
+        if (first := self._first_touches) is not None:
+            self._first_touches = None
+            return first
         touches: list[Touch | None] = [None] * self._count
         (a, b, c), (d, e, f), (g, h, i) = self._rows
         for contact in self._engine.getContactPoints(self.body):
