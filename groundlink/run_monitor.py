@@ -97,10 +97,14 @@ class RunMonitor:
         declared = [s for s in self.streams if s.declared_hz is not None]
         return bool(declared) and all(s.sent for s in declared)
 
+    def not_arrived(self) -> list[str]:
+        """Return the topics of declared streams of which nothing has arrived on the ROS side."""
+        return [s.topic for s in self.streams if s.declared_hz is not None and not s.messages]
+
     def everything_arrives(self) -> bool:
         """Return whether every declared stream has arrived on the ROS side."""
-        declared = [s for s in self.streams if s.declared_hz is not None]
-        return bool(declared) and all(s.messages for s in declared)
+        has_declared = any(s.declared_hz is not None for s in self.streams)
+        return has_declared and not self.not_arrived()
 
     def faults(self, *, needs_reports: bool = True) -> list[str]:
         """Return what is wrong with the run as lines; none when every declared rate was kept.

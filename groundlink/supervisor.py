@@ -58,6 +58,9 @@ class Child:
     delay: float = RESTART_SECONDS
     false_starts: int = 0
     last_exit: str = ""
+    code: int = 0
+    """Exit code of the last crash; minus the signal's number where one ended it."""
+
     ended_run: bool = False
     """It has ended the run, as its scenario has it, and has said why."""
 
@@ -182,6 +185,7 @@ class Supervisor:
         child.false_starts = 1 if steady else child.false_starts + 1
         child.delay = min(RESTART_SECONDS * 2 ** (child.false_starts - 1), MAX_RESTART_SECONDS)
         child.last_exit = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        child.code = code
         child.ended_run = code == RunFailed.exit_code
         child.restart_at = now + child.delay
         child.process = None

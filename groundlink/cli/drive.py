@@ -25,7 +25,8 @@ from groundlink.keyboard import HELP, Keyboard, keys
 from groundlink.messages import Clock, Command
 from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
-from groundlink.scenario.load import load_route
+from groundlink.scenario.load import load_route, read_route
+from groundlink.scenario.route import FIGURES
 from groundlink.scenario.schema import Vehicle
 from groundlink.topics import CLOCK, COMMAND, driver_name
 
@@ -61,6 +62,8 @@ def drive(options: argparse.Namespace) -> int:
             "driving by keyboard needs a terminal; give --route to drive without hands, or "
             "publish Twist on the vehicle's command topic"
         )
+    if options.route and options.route not in FIGURES:
+        read_route(options.route)
     stop = stop_on_signals()
     endpoint = process.endpoint(options)
     with Bus(connect=endpoint) as bus:

@@ -16,6 +16,7 @@ from typing import Any
 
 import msgspec
 
+from groundlink.errors import UserError
 from groundlink.extras import needs
 from groundlink.scenario.datasheets import FOLDER, Datasheet, datasheet, shipped
 from groundlink.scenario.load import SHIPPED
@@ -69,6 +70,13 @@ def show(options: argparse.Namespace) -> int:
     UserError
         when there is no such sheet, or it is wrong.
     """
+    kinds = {topic.name for topic in SENSOR_TOPICS.values()}
+    if options.sheet in kinds - {sheet.name for sheet in shipped()}:
+        sheets = [sheet.name for sheet in shipped() if sheet.kind == options.sheet]
+        raise UserError(
+            f"`{options.sheet}` is a kind of sensor; expected the name of a data sheet: "
+            + (", ".join(sheets) or "none of this kind is shipped, write one of your own")
+        )
     sheet = datasheet(options.sheet)
     spec = next(spec for spec, topic in SENSOR_TOPICS.items() if topic.name == sheet.kind)
     print(f"{_kind(spec)}\n{sheet.file}\n")

@@ -16,7 +16,7 @@ from groundlink.clock import TICK_SECONDS
 from groundlink.control import ControlAnswer, Remove, Spawn
 from groundlink.control_query import ask
 from groundlink.errors import UserError
-from groundlink.scenario.spawned import KINDS, At, addition
+from groundlink.scenario.spawned import KINDS, At, addition, check_given
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids
 from groundlink.world.starts import ground_of
@@ -49,6 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def spawn(options: argparse.Namespace) -> int:
     """Put something into a run."""
     at = _place(options.at)
+    check_given(options.what)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join_world(bus, options.run, threading.Event())
         names = [vehicle.name for vehicle in scenario.vehicles]

@@ -18,7 +18,7 @@ from groundlink.errors import UserError
 from groundlink.inbox import Inbox
 from groundlink.messages import Health
 from groundlink.run_monitor import RunMonitor
-from groundlink.supervisor import Child, Supervisor
+from groundlink.supervisor import TOLD, Child, Supervisor
 from groundlink.topics import HEALTH
 
 from .terminal import display, stop_on_signals
@@ -113,13 +113,8 @@ class SupervisedRun:
                 break
 
     def _say(self, name: str, line: str) -> None:
-        # Most lines begin with the name of their process.
-        self._shown.print(
-            f"{name}: {line.removeprefix(f'{name}: ')}",
-            markup=False,
-            highlight=False,
-            soft_wrap=True,
-        )
+        line = line.removeprefix(f"{name}: ")  # Error lines begin with it already.
+        self._shown.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
 
 
 def exit_code(child: Child) -> int:
@@ -134,4 +129,4 @@ def exit_code(child: Child) -> int:
         print(f"groundlink: {child.name} has ended the run; see its line above", file=sys.stderr)
         return 1
     print(f"groundlink: {child.name} cannot run; see its line above", file=sys.stderr)
-    return UserError.exit_code
+    return child.code if child.code in TOLD else UserError.exit_code

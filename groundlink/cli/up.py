@@ -10,7 +10,7 @@ import argparse
 import dataclasses
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
@@ -28,6 +28,9 @@ from .dashboard import dashboard
 
 START_SECONDS = 20.0
 """After this long the duration counts even if a stream has not arrived."""
+
+TELL_SECONDS = 4.0
+"""After this long the user is told what is waited for."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -97,7 +100,9 @@ def up(options: argparse.Namespace) -> int:
     title = f"{scenario.name} (run `{run}`)"
     started = time.time()
     failed = supervised_run.go(
-        Duration(monitor, options.duration, needs_reports=not options.no_ros).is_over,
+        Duration(
+            monitor, options.duration, needs_reports=not options.no_ros, say=console.print
+        ).is_over,
         lambda: dashboard(title, monitor, children.values()),
     )
     if supervised_run.killed:
@@ -129,7 +134,12 @@ class Duration:
     """
 
     def __init__(
-        self, monitor: RunMonitor, seconds: float | None, *, needs_reports: bool = True
+        self,
+        monitor: RunMonitor,
+        seconds: float | None,
+        *,
+        needs_reports: bool = True,
+        say: Callable[[str], object] = lambda line: None,
     ) -> None:
         self._monitor = monitor
         self._seconds = seconds
@@ -137,6 +147,8 @@ class Duration:
         self._begun = time.monotonic()
         self._counted_from: float | None = None
         self._sent_from: float | None = None
+        self._say = say
+        self._is_told = False
 
     def is_over(self) -> bool:
         """Return whether the run has lasted that long; without a duration it never has."""
@@ -149,9 +161,23 @@ class Duration:
         counted_from = self._counted_from
         if not self._needs_reports and not monitor.is_reported and self._sent_from is not None:
             counted_from = self._sent_from
-        if self._seconds is None or counted_from is None:
+        if self._seconds is None:
+            return False
+        self._tell(counted_from is not None, late)
+        if counted_from is None:
             return False
         return monitor.sim_seconds - counted_from >= self._seconds
+
+    def _tell(self, is_counted: bool, late: bool) -> None:
+        """Say once what is waited for, and once what the time is counted without."""
+        missing = ", ".join(self._monitor.not_arrived()) or "the ROS side's first report"
+        waited = time.monotonic() - self._begun
+        if not is_counted and not self._is_told and waited > TELL_SECONDS:
+            self._is_told = True
+            self._say(f"--duration: waiting for {missing}, {START_SECONDS:g} s at most")
+        elif is_counted and late and self._is_told:
+            self._is_told = False
+            self._say(f"--duration: counting without {missing}")
 
 
 def _summarise(

@@ -86,7 +86,9 @@ def impairments(options: argparse.Namespace) -> tuple[dict[str, Impairment], dic
         try:
             settings[way] = changed(Impairment(), {k: v for k, v in given.items() if v is not None})
         except ValueError as error:
-            raise UserError(f"{prefix}...: {error}") from None
+            field, _, problem = str(error).partition(": ")
+            option = prefix + field.strip("`").replace("_", "-")
+            raise UserError(f"{option}: {problem} (given: {given.get(field.strip('`'))})") from None
         outages[way] = [_outage(prefix, text) for text in _value(options, prefix, "outage") or ()]
     return settings, outages
 

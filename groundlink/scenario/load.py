@@ -92,6 +92,21 @@ def resolved(document: Document, tell: Tell = silent) -> Scenario:
     return convert(document, Scenario)
 
 
+def read_route(given: str) -> Document:
+    """Return the file of a route, unchecked.
+
+    Raises
+    ------
+    ScenarioError
+        when it can be neither a file nor a figure, or cannot be read.
+    """
+    if not given.endswith((".yaml", ".yml")):
+        raise ScenarioError(
+            f"no figure `{given}`; {nearest(given, FIGURES)}, or a file with a `.yaml` name"
+        )
+    return read(Path(given))
+
+
 def load_route(given: str, vehicle: Vehicle) -> Route:
     """Return the route that a file describes, or the figure of this name with its defaults.
 
@@ -100,13 +115,9 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     ScenarioError
         as `load` does.
     """
-    if not given.endswith((".yaml", ".yml")):
-        if given not in FIGURES:
-            raise ScenarioError(
-                f"no figure `{given}`; {nearest(given, FIGURES)}, or a file with a `.yaml` name"
-            )
+    if given in FIGURES:
         return FIGURES[given]()
-    file = read(Path(given))
+    file = read_route(given)
     document = Document({"route": file.value}, {(): file.mark(())})
     document.put(("route",), file)
     route = convert(document, _RouteFile).route

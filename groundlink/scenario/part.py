@@ -56,7 +56,7 @@ def load_part(
     ScenarioError
         as `load` does.
     """
-    file = _find(given, words).resolve()
+    file = part_file(given, words).resolve()
     document = read(file)
     kind = _kind(document)
     if kind is Kind.SCENARIO:
@@ -67,7 +67,14 @@ def load_part(
     return kind, resolved(Document(content, {(): Mark(file, 1)}), tell)
 
 
-def _find(given: str, words: Iterable[str]) -> Path:
+def part_file(given: str, words: Iterable[str] = ()) -> Path:
+    """Return the file of a world, vehicle or scenario: the given one, or the shipped one.
+
+    Raises
+    ------
+    ScenarioError
+        when nothing of this name is shipped.
+    """
     if given.endswith((".yaml", ".yml")):
         return Path(given)
     urdf.must_not_be_alone(

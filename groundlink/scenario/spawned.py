@@ -23,8 +23,8 @@ from groundlink.world.solids import Box, Cylinder, Material, Solid, Vector3
 from groundlink.world.terrain import Ground
 
 from .change import Addition
-from .document import ScenarioError
-from .part import Kind, load_part
+from .document import ScenarioError, read
+from .part import Kind, load_part, part_file
 from .schema import Placement, Scenario, World
 
 _MATERIALS = {
@@ -59,6 +59,18 @@ class At(NamedTuple):
     y_m: float = 0.0
     z_m: float = 0.0
     yaw_deg: float = 0.0
+
+
+def check_given(given: str) -> None:
+    """Refuse a word or a file that means nothing, before a run is asked for.
+
+    Raises
+    ------
+    UserError
+        when it does.
+    """
+    if given not in KINDS:
+        read(part_file(given, KINDS))
 
 
 def addition(

@@ -257,8 +257,7 @@ def sockets(
         bare = UdpSocket(bind, receive_buffer=DEFAULT_RECEIVE_BUFFER, wait_s=RECEIVE_WAIT_SECONDS)
     except OSError as error:
         raise UserError(
-            f"cannot bind {bind[0]}:{bind[1]}: {(error.strerror or str(error)).lower()}; end "
-            "the other process or change `gateway.bind`"
+            f"{error.strerror}. Fix: end the other process there or change `gateway.bind`"
         ) from None
     if hint := buffer_hint(bare.receive_buffer, DEFAULT_RECEIVE_BUFFER):
         _say(hint)

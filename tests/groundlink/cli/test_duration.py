@@ -38,3 +38,18 @@ def test_a_duration_counts_from_what_arrives_or_where_nobody_reports_from_what_i
     monitor = RunMonitor()
     duration = Duration(monitor, 3.0, needs_reports=needs_reports)
     assert passed(duration, monitor, rows) == over
+
+
+def test_what_a_duration_waits_for_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("groundlink.cli.up.time.monotonic", lambda: clock[0])
+    said: list[str] = []
+    monitor = RunMonitor()
+    duration = Duration(monitor, 3.0, say=said.append)
+    monitor.heard(Health("gateway", 2, 0, {}, (stream(9), stream(9, arrived=1))), 0.0)
+    for clock[0] in (0.0, 3.0, 5.0, 10.0, 19.0):
+        assert not duration.is_over()
+    assert said == ["--duration: waiting for /t, 20 s at most"]
+    for clock[0] in (21.0, 22.0):
+        duration.is_over()
+    assert said[1:] == ["--duration: counting without /t"]

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from groundlink.__main__ import main
+from groundlink.cli.supervised import SupervisedRun, exit_code
 from groundlink.scenario.load import SHIPPED
+from groundlink.supervisor import Supervisor
 
 
 def line(capsys: pytest.CaptureFixture[str], *words: str, code: int = 2) -> str:
@@ -34,3 +38,68 @@ def test_another_host_needs_the_router_of_the_main_one(
 ) -> None:
     words = [*command, str(on_gpu(tmp_path)), *(["out"] if command[0] == "secure" else [])]
     assert "--host gpu: expected --router ENDPOINT" in line(capsys, *words, "--host", "gpu")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("sensors show imu", "`imu` is a kind of sensor; expected the name of a data sheet: imu_"),
+        ("sensors show encoders", "none of this kind is shipped"),
+        ("sensors show nothing_near", "no file `sensors/nothing_near.yaml`"),
+        ("link --loss 2 --listen 127.0.0.1:0 --to 127.0.0.1:9", "--loss: expected `float` <= 1.0"),
+        ("link --back-delay-ms=-1 --listen h:0 --to h:9", "--back-delay-ms: expected `float` >="),
+        ("spawn nothing.yaml", "nothing.yaml: no such file"),
+        ("spawn bax", "did you mean `box`?"),
+        ("drive --route nothing.yaml", "nothing.yaml: no such file"),
+        ("drive --route cirle", "did you mean `circle`"),
+        ("restore nothing.run", "cannot read nothing.run"),
+        ("replay nothing.mcap", "nothing.mcap: no such file"),
+    ],
+)
+def test_a_mistake_is_told_before_a_run_is_asked_for(
+    capsys: pytest.CaptureFixture[str], words: str, said: str
+) -> None:
+    assert said in line(capsys, *words.split())
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "it ends too early"),
+        (b"text", "it ends too early"),
+        (b"\x89MCAP0\r\n" + b"\0" * 40 + b"\x89MCAP0\r\n", "groundlink record"),
+        (b"x" * 100, "it does not begin or end as MCAP files do"),
+    ],
+)
+def test_what_is_no_recording_is_said_in_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, said: str
+) -> None:
+    file = tmp_path / "a.mcap"
+    file.write_bytes(content)
+    told = line(capsys, "replay", str(file))
+    assert said in told
+    assert "(error)" not in told
+
+
+@pytest.mark.parametrize("code", [2, 3])
+def test_a_command_ends_with_the_code_of_the_process_that_ended_it(
+    capsys: pytest.CaptureFixture[str], code: int
+) -> None:
+    said: list[str] = []
+    words = ["-c", f"import sys; sys.exit({code})"]
+    supervisor = Supervisor({"one": words}, lambda name, text: said.append(text))
+    supervisor.start()
+    try:
+        while (failed := supervisor.tend()) is None:
+            time.sleep(0.01)
+    finally:
+        supervisor.stop()
+    assert exit_code(supervisor.children[failed]) == code
+    assert capsys.readouterr().err == "groundlink: one cannot run; see its line above\n"
+
+
+def test_a_line_of_a_process_has_its_name_once(capsys: pytest.CaptureFixture[str]) -> None:
+    run = SupervisedRun({"gateway": []}, "run", "tcp/127.0.0.1:0", Console(width=80))
+    for text in ("gateway: cannot bind", "cannot bind"):
+        run._say("gateway", text)
+    assert capsys.readouterr().out == "gateway: cannot bind\n" * 2
