@@ -19,6 +19,9 @@ from groundlink.messages import Health
 from groundlink.scenario.faults import KINDS
 
 WINDOW_SECONDS = 10.0
+FULL_SECONDS = 8.0
+"""Health messages that span less say nothing: a sensor that has just begun may still settle."""
+
 LOOK_SECONDS = 1.0
 """A process tells its health as often."""
 
@@ -146,6 +149,8 @@ class Shortfalls:
         kept = came / (came + lost) if came + lost else 1.0
         if silent >= SILENT_SECONDS:
             kept = 0.0
+        elif last.seconds - first.seconds < FULL_SECONDS:
+            return []
         if sensor.low_since is None and kept < LOW:
             sensor.low_since = last.seconds if silent >= SILENT_SECONDS else first.seconds
             sensor.missing_before = first.missing.total()

@@ -95,6 +95,25 @@ def test_a_crash_is_told_with_what_it_has_cost() -> None:
     assert run.lines[1].endswith(" s, 126 readings missing")
 
 
+def test_a_long_crash_is_over_when_its_cost_is_known() -> None:
+    run = Run()
+    run.go(20)
+    run.go(40, says=False)
+    run.begin(pid=2)
+    run.go(1)
+    run.go(1, missing=1200, cause="restarted")
+    run.go(30)
+    assert len(run.lines) == 2
+    assert run.lines[1].endswith(" s, 1200 readings missing")
+
+
+def test_a_bad_start_is_no_shortfall() -> None:
+    run = Run()
+    run.go(3, missing=10, cause="overloaded")
+    run.go(30)
+    assert run.lines == []
+
+
 def test_time_that_goes_too_slowly_is_told_with_who_held_it_up() -> None:
     run = Run(factor=0.5)
     run.go(30, speed=0.5)
