@@ -28,6 +28,7 @@ with process_needs("gateway", "gateway"):
     from udp_bridge.keys import BadKey, Misfits, read_key
     from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
     from udp_bridge.memory import keep_memory
+    from udp_bridge.printable import printable
     from udp_bridge.seal import TO_ROS
     from udp_bridge.types import CONTROL
     from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
@@ -178,7 +179,7 @@ def _carry(
 
 
 def _say(line: str) -> None:
-    print(f"{NAME}: {line}", file=sys.stderr, flush=True)
+    print(f"{NAME}: {printable(line)}", file=sys.stderr, flush=True)  # names come from the peer
 
 
 def _known(kept: Kept, begins: Clock) -> bytes:

@@ -16,8 +16,12 @@ Address = tuple[str, int]
 TopicKey = tuple[int, str]
 """Wire type and ROS topic."""
 
-MAX_SUBSCRIPTIONS = 1024
-"""More at a time are refused: a hostile sender must not fill the memory."""
+MAX_RECEIVERS = 16
+"""Addresses that may subscribe at a time: who forges the address of the peer's host has at most so
+many times the streams sent there."""
+
+IDLE_SECONDS = 10.0
+"""An address that has not subscribed for so long gives its place to another one."""
 
 _FOR_EVER = float("inf")
 
@@ -52,6 +56,8 @@ class Subscriptions:
     """What may be subscribed to."""
 
     _wanted: dict[TopicKey, dict[Address, _Subscription]] = field(default_factory=dict)
+    _asked_seconds: dict[Address, float] = field(default_factory=dict)
+    """When each address sent its newest Subscribe."""
 
     def push(self, topic: TopicKey, peer: Address) -> None:
         """Send a topic to the peer for ever, unasked."""
@@ -68,9 +74,12 @@ class Subscriptions:
             return True
         if request.action == 0:
             receivers.pop(sender, None)
+            if not any(sender in receivers for receivers in self._wanted.values()):
+                self._asked_seconds.pop(sender, None)
             return True
-        if known is None and sum(map(len, self._wanted.values())) >= MAX_SUBSCRIPTIONS:
+        if sender not in self._asked_seconds and not self._has_place(now_seconds):
             return False
+        self._asked_seconds[sender] = now_seconds
         until = now_seconds + request.lease_s if request.lease_s else _FOR_EVER
         period = round(NANOS / request.max_rate_hz) if request.max_rate_hz else 0
         if known is None or known.period_nanos != period:
@@ -78,9 +87,29 @@ class Subscriptions:
         known.until_seconds = until
         return True
 
+    def _has_place(self, now_seconds: float) -> bool:
+        """Return whether another address may subscribe; the one that is idle longest may go."""
+        if len(self._asked_seconds) < MAX_RECEIVERS:
+            return True
+        idle = min(self._asked_seconds, key=self._asked_seconds.__getitem__)
+        if now_seconds - self._asked_seconds[idle] < IDLE_SECONDS:
+            return False
+        del self._asked_seconds[idle]
+        for receivers in self._wanted.values():
+            known = receivers.get(idle)
+            if known is not None and not known.is_pushed:
+                del receivers[idle]
+        return True
+
     def receivers(self, topic: TopicKey, stamp_nanos: int, now_seconds: float) -> list[Address]:
         """Return who gets the message of a topic with this stamp; forget leases that ended."""
         receivers = self._wanted.get(topic, {})
-        for sender in [s for s, wish in receivers.items() if wish.until_seconds < now_seconds]:
-            del receivers[sender]
-        return [sender for sender, wish in receivers.items() if wish.admits(stamp_nanos)]
+        wishes = list(receivers.items())  # a copy: another thread subscribes meanwhile
+        for sender, wish in wishes:
+            if wish.until_seconds < now_seconds:
+                receivers.pop(sender, None)
+        return [
+            sender
+            for sender, wish in wishes
+            if wish.until_seconds >= now_seconds and wish.admits(stamp_nanos)
+        ]

@@ -72,7 +72,7 @@ class Simulation:
         )
         self.back = Inbox(
             receive_buffer=receive_buffer,
-            on_credit=lambda _, key, size: self.outbox.pacer.acknowledged(key, size, self.now),
+            on_credit=lambda _, key, size: self.outbox.pacer.credited(key, size, self.now),
             on_request=lambda _, header, request: self.outbox.resender.asked(
                 header, request, self.now
             ),

@@ -217,3 +217,22 @@ def test_stalls_with_credits_between_them_do_not_bring_the_bucket() -> None:
                 pacer.sent(key(number), SIZE, now)
         else:
             assert not pacer.may_send(SIZE, now)
+
+
+def test_a_credit_for_what_is_not_in_flight_changes_nothing() -> None:
+    pacer = Pacer()
+    pacer.asked(key(0), 100, 0)
+    pacer.credited(key(0), 1 << 20, 0)
+    window_bytes = pacer.window.window_bytes
+    pacer.sent_run(key(1), 3, 1000, 1000, 0)
+    in_flight_bytes = pacer.window.in_flight_bytes
+    forged = (key(0), key(4), key(2)._replace(topic="/other"), key(2)._replace(seq_number=9))
+    for one in forged:
+        pacer.credited(one, 0, 0)
+        assert (pacer.window.window_bytes, pacer.window.in_flight_bytes) == (
+            window_bytes,
+            in_flight_bytes,
+        )
+    pacer.credited(key(2), 1 << 21, 0)
+    assert pacer.window.window_bytes == 1 << 20
+    assert pacer.window.in_flight_bytes == in_flight_bytes // 3

@@ -17,6 +17,7 @@ from groundlink.quiet import QUIET_SECONDS
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Time
+from services.gateway.__main__ import _say
 from services.gateway.gateway import Gateway
 from services.gateway.kept import Resumed
 from services.gateway.lockstep import LIMIT_MS, Lockstep
@@ -383,3 +384,11 @@ def test_skip_goes_on_without_a_silent_sensor_before_ros_is_blamed() -> None:
 def test_a_topic_that_ros_does_not_get_cannot_be_answered() -> None:
     with pytest.raises(UserError, match=r"/cmd_vel cannot answer /odom.*expected one of /"):
         Rig(Time(mode="fast", lockstep="ros", answers={"/cmd_vel": "/odom"}))
+
+
+def test_a_name_of_the_peer_forges_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+    words = Words()
+    words.say(Word(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
+    _say(words.lacking("the node", 1, 0))
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.isprintable()

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.gateway.subscriptions import MAX_SUBSCRIPTIONS, Subscriptions
+from services.gateway.subscriptions import IDLE_SECONDS, MAX_RECEIVERS, Subscriptions
 from udp_bridge.control import Subscribe
 
 IMU = (2, "/imu")
@@ -74,12 +74,23 @@ def test_what_there_is_not_is_refused(subscriptions: Subscriptions) -> None:
     assert not subscriptions.request(OTHER, "/imu", Subscribe(1), 0.0)
 
 
-def test_subscribers_are_bounded(subscriptions: Subscriptions) -> None:
-    admitted = [
-        subscriptions.request((f"10.0.{i >> 8}.{i & 255}", 1), "/imu", Subscribe(2), 0.0)
-        for i in range(MAX_SUBSCRIPTIONS + 5)
-    ]
-    assert admitted == [True] * MAX_SUBSCRIPTIONS + [False] * 5
+def test_subscribers_are_bounded_and_idle_ones_give_their_places_back(
+    subscriptions: Subscriptions,
+) -> None:
+    def asks(port: int, now_seconds: float, action: int = 1) -> bool:
+        request = Subscribe(2, action)
+        return subscriptions.request(("10.0.0.1", port), "/imu", request, now_seconds)
+
+    subscriptions.push(IMU, PEER)
+    assert all(asks(port, 0.0) for port in range(MAX_RECEIVERS))
+    assert not asks(99, 1.0)
+    assert asks(0, IDLE_SECONDS / 2)
+    assert asks(99, IDLE_SECONDS)
+    assert len(subscriptions.receivers(IMU, 0, IDLE_SECONDS)) == 1 + MAX_RECEIVERS
+    assert ("10.0.0.1", 1) not in subscriptions.receivers(IMU, 1, IDLE_SECONDS)
+    assert asks(0, IDLE_SECONDS, action=0)
+    assert asks(1, IDLE_SECONDS)
+    assert PEER in subscriptions.receivers(IMU, 2, IDLE_SECONDS)
 
 
 @pytest.mark.parametrize(

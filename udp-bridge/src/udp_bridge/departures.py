@@ -99,7 +99,7 @@ class Departures:
                 return
             now_nanos = time.monotonic_ns()
             self._parking.collect(now_nanos, waits=True)  # they came before this one
-            outbox.pacer.acknowledged(key, receive_buffer, now_nanos)
+            outbox.pacer.credited(key, receive_buffer, now_nanos)
             if outbox.is_idle:
                 return
             if self._datagram != "loopback":

@@ -136,6 +136,14 @@ class CreditWindow:
                 return
             before += flight.count
 
+    def is_in_flight(self, key: DatagramKey) -> bool:
+        """Return whether a datagram was sent and not acknowledged yet."""
+        message = key[:3]
+        return any(
+            flight.message == message and 0 <= key.part_number - flight.first < flight.count
+            for flight in self._in_flight
+        )
+
     def fits(self, size: int) -> bool:
         """Tell whether a datagram of `size` bytes may go; one may always when none is in flight."""
         total = self.in_flight_bytes + kernel_bytes(size)
@@ -244,6 +252,15 @@ class Pacer:
         if self._asked_nanos is None:
             self._asked_nanos = now_nanos
         self.sent(key, size, now_nanos)
+
+    def credited(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
+        """Take a Credit that came in.
+
+        One for a datagram that is not in flight is ignored: it is late, or forged by somebody who
+        does not see what is sent.
+        """
+        if self.window.is_in_flight(key):
+            self.acknowledged(key, receive_buffer, now_nanos)
 
     def acknowledged(self, key: DatagramKey, receive_buffer: int, now_nanos: int) -> None:
         """Take a credit."""

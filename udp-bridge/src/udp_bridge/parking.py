@@ -96,7 +96,7 @@ class Parking:
         _, msg_type, topic = self._followed
         for seq_number, part_number, receive_buffer in kept:
             key = DatagramKey(msg_type, topic, seq_number, part_number)
-            self._outbox.pacer.acknowledged(key, receive_buffer, now_nanos)
+            self._outbox.pacer.credited(key, receive_buffer, now_nanos)
 
 
 class NoParking:
