@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from groundlink import gaps
@@ -17,6 +16,8 @@ from groundlink.faults import kinds_in
 from groundlink.messages import StreamReport
 from groundlink.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
 from groundlink.supervisor import Child
+
+from .tables import Column, FittingTable
 
 
 def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> RenderableType:
@@ -29,16 +30,26 @@ def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> Ren
     return Group(head, streams_table(monitor.streams), _processes(monitor, children))
 
 
-def streams_table(streams: Iterable[StreamReport]) -> Table:
+_STREAMS = (
+    Column("topic", "text"),
+    Column("type", "text", goes=1),
+    Column("declared", goes=2),
+    *map(Column, ("measured", "age p50", "p99", "sent", "arrived", "repaired")),
+    Column("lost", "words"),
+)
+
+_PROCESSES = (
+    Column("name", "text"),
+    Column("pid", goes=1),
+    Column("restarts"),
+    Column("missing readings", "words"),
+    Column("counts", "words"),
+)
+
+
+def streams_table(streams: Iterable[StreamReport]) -> FittingTable:
     """Return what became of each stream between the gateway and the ROS side."""
-    table = Table(
-        title="to and from the ROS side", title_justify="left", expand=False, padding=(0, 0)
-    )
-    table.add_column("topic", no_wrap=True)
-    table.add_column("type", no_wrap=True)
-    for column in ("declared", "measured", "age p50", "p99", "sent", "arrived", "repaired"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("lost")
+    table = FittingTable("to and from the ROS side", _STREAMS)
     for stream in streams:
         good = keeps_rate(stream) and not stream.lost
         table.add_row(
@@ -64,13 +75,8 @@ def _losses(stream: StreamReport) -> str:
     return ", ".join(f"{count} {cause}" for count, cause in counts if count) or "0"
 
 
-def _processes(monitor: RunMonitor, children: Iterable[Child]) -> Table:
-    table = Table(title="processes", title_justify="left", expand=False)
-    table.add_column("name", no_wrap=True)
-    for column in ("pid", "restarts"):
-        table.add_column(column, justify="right")
-    table.add_column("missing readings")
-    table.add_column("counts")
+def _processes(monitor: RunMonitor, children: Iterable[Child]) -> FittingTable:
+    table = FittingTable("processes", _PROCESSES, padding=1)
     for child in children:
         pid = str(child.pid or child.last_exit)
         for name, counters in monitor.counters_of(child.name, child.pid).items():

@@ -11,7 +11,6 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from groundlink.errors import UserError
@@ -20,6 +19,7 @@ from groundlink.run_monitor import RATE_TOLERANCE, RunMonitor
 from groundlink.scenario import load
 
 from . import running, supervised, terminal
+from .tables import Column, FittingTable
 
 SECONDS = 30.0
 """Of sim time, unless asked otherwise."""
@@ -79,6 +79,18 @@ def record(options: argparse.Namespace) -> int:
     return _verdict(console, out, monitor)
 
 
+_TOPICS = (
+    Column("topic", "text"),
+    Column("type", "text", goes=1),
+    Column("messages"),
+    Column("declared", goes=2),
+    Column("measured"),
+)
+
+UNUSUAL = ("/faults/", "/gaps/")
+"""Topics that have messages only where something went wrong."""
+
+
 def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
     """Return how far the recording is."""
     health = monitor.health.get(running.RECORDER)
@@ -100,13 +112,11 @@ def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
         return 1
     with Recording(out) as recording:
         topics = recording.topics
-    table = Table(title=str(out), title_justify="left")
-    table.add_column("topic", no_wrap=True)
-    table.add_column("type", no_wrap=True)
-    for column in ("messages", "declared", "measured"):
-        table.add_column(column, justify="right", no_wrap=True)
+    table = FittingTable(str(out), _TOPICS)
     faults = []
     for name, topic in topics.items():
+        if name.startswith(UNUSUAL) and not topic.messages:
+            continue
         declared, measured = (_rate(rate) for rate in (topic.declared_hz, topic.measured_hz))
         table.add_row(name, topic.type, str(topic.messages), declared, measured)
         off = abs((topic.measured_hz or 0.0) / topic.declared_hz - 1) if topic.declared_hz else 0

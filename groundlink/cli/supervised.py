@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from rich.console import Console, RenderableType
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
 
 from groundlink.bus import Bus
 from groundlink.errors import UserError
@@ -22,6 +24,12 @@ from groundlink.supervisor import TOLD, Child, Supervisor
 from groundlink.topics import HEALTH
 
 from .terminal import display, stop_on_signals
+
+LINES_SHOWN = 5
+"""Newest lines of the processes, below the picture of a run."""
+
+LINES_KEPT = 500
+"""That are printed when the run is over."""
 
 
 class SupervisedRun:
@@ -61,6 +69,8 @@ class SupervisedRun:
         self._run, self._endpoint, self._shown = run, endpoint, shown
         self._supervisor = Supervisor(commands, self._say, finite=finite, dispensable=dispensable)
         self._stop = stop_on_signals()
+        self._lines: deque[str] = deque(maxlen=LINES_KEPT)
+        """What processes said, where it is shown below the picture."""
 
     @property
     def children(self) -> Mapping[str, Child]:
@@ -88,9 +98,12 @@ class SupervisedRun:
             bus.subscribe(HEALTH.key_in(self._run), Health, inbox)
             try:
                 self._supervisor.start()
-                failed = self._tend(inbox, is_over, display(self._shown, picture))
+                shown = display(self._shown, lambda: self._with_lines(picture()))
+                failed = self._tend(inbox, is_over, shown)
             finally:
                 self.killed = self._supervisor.stop()
+                for line in self._lines:
+                    self._print(line)
             self._hear(inbox)
         return failed
 
@@ -114,7 +127,22 @@ class SupervisedRun:
 
     def _say(self, name: str, line: str) -> None:
         line = line.removeprefix(f"{name}: ")  # Error lines begin with it already.
-        self._shown.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
+        self.tell(f"{name}: {line}")
+
+    def tell(self, line: str) -> None:
+        """Show a line: below the picture of a run, or at once where there is no terminal."""
+        if self._shown.is_terminal:
+            self._lines.append(line)
+        else:
+            self._print(line)
+
+    def _with_lines(self, picture: RenderableType) -> RenderableType:
+        """Return the picture above the newest lines."""
+        newest = list(self._lines)[-LINES_SHOWN:]
+        return Group(picture, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
+
+    def _print(self, line: str) -> None:
+        self._shown.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def exit_code(child: Child) -> int:

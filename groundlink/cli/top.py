@@ -16,7 +16,6 @@ from typing import Any
 import msgspec
 from rich.console import Group, RenderableType
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from groundlink import gaps, process
@@ -31,6 +30,7 @@ from groundlink.scenario.sensors import sensor_rate_hz
 from groundlink.topics import HEALTH, process_names
 
 from .dashboard import streams_table
+from .tables import Column, FittingTable
 from .terminal import console, stop_on_signals
 
 PERIOD_SECONDS = 1.0
@@ -141,14 +141,20 @@ def picture(overview: Overview, now_seconds: float) -> RenderableType:
     return Group(*parts)
 
 
-def _processes(rows: list[dict[str, Any]]) -> Table:
-    table = Table(title="processes", title_justify="left", expand=False, padding=(0, 0))
-    for column in ("name", "state", "host"):
-        table.add_column(column, no_wrap=True)
-    for column in ("pid", "declared", "measured"):
-        table.add_column(column, justify="right", no_wrap=True)
-    for column in ("missing readings", "counts"):
-        table.add_column(column)
+_PROCESSES = (
+    Column("name", "text"),
+    Column("state", "text"),
+    Column("host", "text", goes=1),
+    Column("pid", goes=2),
+    Column("declared", goes=3),
+    Column("measured"),
+    Column("missing readings", "words"),
+    Column("counts", "words"),
+)
+
+
+def _processes(rows: list[dict[str, Any]]) -> FittingTable:
+    table = FittingTable("processes", _PROCESSES)
     for row in rows:
         missing, counts = gaps.parted(row["counters"])
         table.add_row(

@@ -6,9 +6,13 @@ from __future__ import annotations
 import argparse
 
 from rich.console import Console
-from rich.table import Table
 
 from groundlink.topics import ROOT, TOPICS
+
+from .tables import Column, FittingTable
+
+WIDTH = 180
+"""Of lines where the output is no terminal."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -19,9 +23,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def topics(options: argparse.Namespace) -> int:
     """Print the table of topics."""
-    table = Table(title=f"keys under {ROOT}/<run>/", title_justify="left", box=None)
-    for column in ("stream", "key", "message", "rate", "publisher", "delivery"):
-        table.add_column(column, no_wrap=True)
+    table = FittingTable(
+        f"keys under {ROOT}/<run>/",
+        (
+            Column("stream", "text"),
+            *(Column(name, "text") for name in ("key", "message", "rate", "publisher", "delivery")),
+        ),
+    )
     for topic in TOPICS:
         table.add_row(
             topic.name,
@@ -31,5 +39,5 @@ def topics(options: argparse.Namespace) -> int:
             topic.publisher,
             topic.delivery.value,
         )
-    Console(width=None if Console().is_terminal else 120).print(table)
+    Console(width=None if Console().is_terminal else WIDTH).print(table)
     return 0

@@ -101,7 +101,7 @@ def up(options: argparse.Namespace) -> int:
     started = time.time()
     failed = supervised_run.go(
         Duration(
-            monitor, options.duration, needs_reports=not options.no_ros, say=console.print
+            monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.tell
         ).is_over,
         lambda: dashboard(title, monitor, children.values()),
     )

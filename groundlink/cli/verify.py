@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 from rich.console import Console, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from groundlink import journal as journals
@@ -28,6 +27,7 @@ from groundlink.scenario import Scenario, load
 from groundlink.topics import process_names
 
 from . import running, supervised, terminal
+from .tables import Column, FittingTable
 
 if TYPE_CHECKING:
     from groundlink.recording.comparison import Verdict
@@ -144,11 +144,10 @@ def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
     return Text(f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}")
 
 
-def _table(verdicts: list[Verdict], epoch_nanos: int) -> Table:
-    table = Table(title="the recording and the same run again", title_justify="left")
-    table.add_column("topic", no_wrap=True)
-    for column in ("recorded", "equal", "different", "not again", "only again", "first at"):
-        table.add_column(column, justify="right", no_wrap=True)
+def _table(verdicts: list[Verdict], epoch_nanos: int) -> FittingTable:
+    counted = ("recorded", "equal", "different", "not again", "only again", "first at")
+    columns = (Column("topic", "text"), *map(Column, counted))
+    table = FittingTable("the recording and the same run again", columns)
     for v in verdicts:
         counts = (v.recorded, v.equal, v.different, v.missing, v.new)
         first = "-" if v.first is None else f"{(v.first.nanos - epoch_nanos) / NANOS:.6f} s"

@@ -3,10 +3,12 @@ from __future__ import annotations
 
 import io
 
+import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
 from groundlink.cli.dashboard import dashboard
+from groundlink.cli.supervised import LINES_SHOWN, SupervisedRun
 from groundlink.cli.terminal import PLAIN_WIDTH
 from groundlink.hold_ups import HoldUps
 from groundlink.messages import Health, StreamReport
@@ -44,10 +46,10 @@ LOSSY = StreamReport(
 BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="from ROS", sent=7)
 
 
-def drawn(*streams: StreamReport) -> str:
+def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
     monitor = RunMonitor()
     monitor.heard(Health("gateway", 1, 400, {}, streams), 0.0)
-    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    console = Console(width=width, file=io.StringIO())
     with console.capture() as capture:
         console.print(dashboard("lab", monitor, []))
     return capture.get()
@@ -76,6 +78,63 @@ def test_every_figure_stands_in_the_table_uncut() -> None:
         assert figure in healthy
     assert "(back)" in line(picture, "/cmd_vel")
     assert max(map(len, picture.splitlines())) <= PLAIN_WIDTH
+
+
+@pytest.mark.parametrize("width", [110, 80, 60, 40])
+def test_a_narrow_terminal_costs_no_number(width: int) -> None:
+    long = replace(LOSSY, topic="/front_left/camera/image_raw/compressed")
+    for streams in ((HEALTHY, LOSSY, BACK), (long,)):
+        picture = drawn(*streams, width=width)
+        assert "…" not in picture
+        assert max(map(len, picture.splitlines())) <= width
+        cells = {cell.strip() for text in picture.splitlines() for cell in text.split("│")}
+        for stream in streams:
+            for number in (stream.sent, stream.messages, stream.repaired):
+                assert str(number) in cells
+        assert {"29.97 Hz", "1234.5 ms"} <= cells
+        words = " ".join(cells).replace(",", "").split()
+        assert {"11", "7", "2", "3", "missing", "superseded"} <= set(words)
+
+
+def test_a_narrow_terminal_costs_types_first_and_then_what_does_not_change() -> None:
+    def head(width: int) -> str:
+        return line(drawn(HEALTHY, width=width), "topic")
+
+    assert "type" in head(100)
+    assert "type" not in head(85)
+    assert "declared" in head(85)
+    assert "declared" not in head(76)
+    assert "lost" in head(76)
+
+
+def test_the_processes_fit_a_narrow_terminal() -> None:
+    monitor = RunMonitor()
+    counters = {"readings": 123_456, "gap_overloaded": 12, "missed_ticks": 34, "refused": 56}
+    monitor.heard(Health("rover/front_camera", 4321, 400, counters), 0.0)
+    for width in (80, 60):
+        console = Console(width=width, file=io.StringIO())
+        with console.capture() as capture:
+            console.print(dashboard("lab", monitor, [Child("rover/front_camera", [])]))
+        picture = capture.get()
+        assert "…" not in picture
+        assert all(word in picture for word in ("123456", "12", "34", "56", "rover/front_camera"))
+        assert max(map(len, picture.splitlines())) <= width
+
+
+def test_lines_of_processes_stand_below_the_picture_of_a_terminal() -> None:
+    console = Console(width=80, file=io.StringIO(), force_terminal=True)
+    run = SupervisedRun({"gateway": []}, "run", "tcp/127.0.0.1:0", console)
+    for number in range(LINES_SHOWN + 8):
+        run.tell(f"line {number}")
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue() == ""
+    with console.capture() as capture:
+        console.print(run._with_lines("picture"))
+    shown = capture.get().split("\n")
+    assert [text.strip() for text in shown if text.strip()] == [
+        "picture",
+        *(f"line {number}" for number in range(8, LINES_SHOWN + 8)),
+    ]
 
 
 def test_what_did_not_arrive_is_told_by_cause() -> None:

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables that fit the terminal without cutting a number.
+
+Rule: on a narrow terminal, columns that may go are left out first, in the order that the table
+gives; then text wraps; then the table is split into several that begin with the same column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.table import Table
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    kind: str = "number"
+    """`number`: to the right, never cut. `text`: never cut, but in the first column. `words`: may
+    wrap between words."""
+
+    goes: int = 0
+    """When it is left out where there is no room: 1 first, then 2; 0 never."""
+
+
+class FittingTable:
+    """A table that leaves out or splits columns until all its numbers fit.
+
+    Parameters
+    ----------
+    columns
+        the first one says what a row is about.
+    padding
+        blanks at both sides of each cell.
+    """
+
+    def __init__(self, title: str, columns: Iterable[Column], *, padding: int = 0) -> None:
+        self._title, self._padding = title, padding
+        self._columns = tuple(columns)
+        self._rows: list[tuple[tuple[str, ...], str]] = []
+
+    def add_row(self, *cells: str, style: str = "") -> None:
+        """Add a row with a cell for each column."""
+        assert len(cells) == len(self._columns)
+        self._rows.append((cells, style))
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Draw it at the width that there is."""
+        for number, shown in enumerate(self._parts(options.max_width)):
+            yield self._table(shown, "" if number else self._title, options.max_width)
+
+    def _parts(self, width: int) -> Iterator[list[int]]:
+        """Yield the columns of each table, by their places."""
+        shown = list(range(len(self._columns)))
+        for goes in sorted({column.goes for column in self._columns if column.goes}):
+            if self._width(shown) <= width:
+                break
+            shown = [at for at in shown if self._columns[at].goes != goes]
+        if not self._rows:
+            yield shown
+            return
+        first, *rest = shown
+        part = [first]
+        for at in rest:
+            if len(part) > 1 and self._width([*part, at]) > width:
+                yield part
+                part = [first]
+            part.append(at)
+        yield part
+
+    def _width(self, shown: Sequence[int]) -> int:
+        """Return the least width of a table with these columns."""
+        return sum(map(self._least, shown)) + self._frame(len(shown))
+
+    def _frame(self, count: int) -> int:
+        return 1 + count * (1 + 2 * self._padding)
+
+    def _least(self, at: int) -> int:
+        """Return the least width of a column: of its longest cell, or word where it may wrap."""
+        column = self._columns[at]
+        cells = [column.name, *(cells[at] for cells, _ in self._rows)]
+        if column.kind == "words":
+            cells = [word for cell in cells for word in cell.split()]
+        return max(map(cell_len, cells), default=0)
+
+    def _table(self, shown: Sequence[int], title: str, width: int) -> Table:
+        table = Table(
+            title=title or None,
+            title_justify="left",
+            expand=False,
+            padding=(0, self._padding),
+        )
+        for at in shown:
+            column = self._columns[at]
+            # A first column that alone is too wide folds; what stands beside it stays whole.
+            is_first = at == shown[0]
+            room = width - self._frame(len(shown)) - sum(map(self._least, shown[1:]))
+            folds = is_first and self._least(at) > room
+            table.add_column(
+                column.name,
+                justify="right" if column.kind == "number" else "left",
+                no_wrap=column.kind != "words" and not folds,
+                overflow="fold" if is_first else "ellipsis",
+                min_width=None if folds else self._least(at),
+            )
+        for cells, style in self._rows:
+            table.add_row(*(cells[at] for at in shown), style=style)
+        return table
