@@ -4,7 +4,8 @@
 Rule: computed in an engine of its own, with the terrain and nothing else, so that nothing in the
 run moves. On flat ground springs are at their loaded rest, and there is nothing to compute. A
 vehicle that slides, as on ice, or starts above the ground, starts where `groundlink.world.start`
-puts it.
+puts it. Motion is taken away whenever it begins to slow down (kinetic damping), so that springs do
+not swing beyond their rest: a tall vehicle would tip by that.
 """
 
 from __future__ import annotations
@@ -41,13 +42,17 @@ def settled(vehicle: Vehicle, ground: Ground, materials: Mapping[str, Material])
             engine, vehicle, lambda _, point: land.friction_at(*point[:2]), ground=ground
         )
         land.carry(it, vehicle.model.name, reach_of(vehicle.model))
-        still = 0
+        still, fastest, rises = 0, 0.0, False
         for tick in range(MOST_TICKS):
             it.act(tick * TICK_NANOS)
             land.follow()
             engine.stepSimulation()
             it.sense()
-            still = still + 1 if it.fastest < STILL else 0
+            before, fastest = fastest, it.fastest
+            if rises and fastest < before:
+                it.stop()
+            rises = fastest > before
+            still = still + 1 if fastest < STILL else 0
             if still == STILL_TICKS:
                 return it.at_rest()
     return None

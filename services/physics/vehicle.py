@@ -164,6 +164,14 @@ class SimulatedVehicle:
         fastest: float = max(map(abs, (*self._velocity, *self._turn, *springs)))
         return fastest
 
+    def stop(self) -> None:
+        """Take all velocities away."""
+        engine, body, zero = self._engine, self.body, (0.0, 0.0, 0.0)
+        engine.resetBaseVelocity(body, zero, zero)
+        for joint, (position, *_) in zip(self._joints, self._sprung, strict=True):
+            engine.resetJointState(body, joint, position, 0.0)
+        self.sense()
+
     def at_rest(self) -> Rest:
         """Return how it rests, its velocities taken as zero."""
         center, orientation = self._engine.getBasePositionAndOrientation(self.body)

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Vehicles tip across a slope where the statics of their springs says."""
+
+from __future__ import annotations
+
+from math import atan2, cos, degrees, radians, sin
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.scenario.vehicle import VehicleModel
+from services.physics.engine import GRAVITY_MPS2
+from services.physics.simulation import Simulation
+
+from .grounds import NAME, VEHICLES, put, shipped
+from .tipping import rigid_deg, tipping_deg
+
+TIPPED_DEG = 25.0
+"""Of lean: farther than springs give way."""
+
+
+def gripping(name: str) -> VehicleModel:
+    """Return a shipped vehicle that does not slide before it tips."""
+    model = shipped(name)
+    return replace(model, wheels=tuple(replace(wheel, friction=3.0) for wheel in model.wheels))
+
+
+def lean_deg(simulation: Simulation) -> float:
+    """Return the roll of the base on the floor."""
+    x, y, z, w = simulation.vehicle_states()[NAME].poses()[0][3:]
+    return degrees(atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
+
+
+def tilted_until_it_tips(model: VehicleModel, near_deg: float) -> float:
+    """Return at which tilt of gravity, raised slowly near an angle, a vehicle falls over."""
+    tilt = 0.0
+    with put(model) as simulation:
+        while lean_deg(simulation) < TIPPED_DEG:
+            tilt += (4.0 if tilt < near_deg - 5.0 else 1.0) / 400
+            down = GRAVITY_MPS2 * cos(radians(tilt))
+            simulation._engine.setGravity(0.0, -GRAVITY_MPS2 * sin(radians(tilt)), -down)
+            simulation.step()
+    return tilt
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_it_tips_where_its_springs_say(name: str) -> None:
+    model = gripping(name)
+    expected = tipping_deg(model)
+    assert tilted_until_it_tips(model, expected) == pytest.approx(expected, abs=2.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "rigid", "sprung"),
+    [("decontamination_robot", 36.6, 29.7), ("rover", 49.7, 51.2), ("car", 54.6, 52.4)],
+)
+def test_the_sums_that_the_docs_have(name: str, rigid: float, sprung: float) -> None:
+    assert rigid_deg(shipped(name)) == pytest.approx(rigid, abs=0.1)
+    assert tipping_deg(shipped(name)) == pytest.approx(sprung, abs=0.2)
+
+
+def test_the_decontamination_robot_by_hand() -> None:
+    """At the limit all weight is on the lower wheel, at its stop, and the casters just touch."""
+    model = shipped("decontamination_robot")
+    travel, half_track, radius = 0.04, 0.27, 0.10
+    weight = GRAVITY_MPS2 * (130.0 + 6.8 + 3.2)
+    released = weight / 4 / 15000.0
+    lean = (travel + released) / half_track
+    above_hub = 130.0 * 0.285 / 140.0 - travel
+    across = half_track * cos(lean) - above_hub * sin(lean)
+    up = half_track * sin(lean) + above_hub * cos(lean) + radius
+    assert degrees(atan2(across, up)) == pytest.approx(tipping_deg(model), abs=1.0)
