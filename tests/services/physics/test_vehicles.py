@@ -92,7 +92,7 @@ def test_stands_across_a_slope_of_grass(name: str) -> None:
         before = simulation.vehicle_states()[NAME].poses()[0].copy()
         stood = drive(simulation, 8.0)
     # Settled, it leans downhill on its springs, too.
-    assert STEEP_DEG - 0.1 < degrees(2 * asin(before[3])) < STEEP_DEG + 5.0
+    assert STEEP_DEG - 0.1 < degrees(2 * asin(before[3])) < STEEP_DEG + 7.0
     assert np.linalg.norm(stood.pose[:, :3] - before[:3], axis=1).max() < 0.1
 
 
