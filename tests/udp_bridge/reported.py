@@ -7,9 +7,11 @@ to report. A message with the link `REFUSED` is one that the user can't take.
 
 from __future__ import annotations
 
+import json
 import random
 from typing import NamedTuple
 
+from tests.udp_bridge.vectors import FOLDER
 from udp_bridge import Header, Message, fragments, parse
 from udp_bridge.control import Credit, LinkReport, TopicReport
 from udp_bridge.receiving import Inbox
@@ -119,6 +121,7 @@ def controls() -> list[Arrival]:
     links += [links[-1] + bytes(8), links[4] + bytes(8) + b"\1a", links[0] + bytes(8) + b"\2a"]
     bodies += links
     bodies += [b"", b"\3\0\0\0", bytes([255]) + bytes(20)]
+    bodies += [bytes([kind]) + bytes(size) for kind in (8, 9, 10) for size in (14, 15, 16)]
     for whole in (bodies[0], report.pack(), links[0], links[1], b"\3\0\0\0"):
         bodies += [whole[:-1], whole + b"\0", whole[:1]]
     head = Header(CONTROL, 0, 0, 1, 1, 0, "/a").pack()
@@ -126,3 +129,11 @@ def controls() -> list[Arrival]:
     rows += [Header(CONTROL, 0, part, 2, 1, 0, "/a").pack() + report.pack() for part in (0, 1)]
     rows.append(Header(CONTROL, 0, 0, 2, 1, 0, "/a").pack())
     return [(now, 1, row) for now, row in enumerate(rows)]
+
+
+def challenges() -> tuple[list[Arrival], list[bytes]]:
+    """Return challenges of senders 1, whose are answered, and 2; and the answers' bodies."""
+    rows = json.loads((FOLDER / "control/address-validation.json").read_text())["cookies"]
+    sent = [bytes.fromhex(row["challenge"]) for row in rows]
+    arrivals = [(now, who, one) for now, one in enumerate(sent) for who in (2, 1)]
+    return arrivals, [bytes.fromhex(row["response"]) for row in rows]

@@ -6,6 +6,7 @@
 // datagrams (type 68) are refused and counted, as PROTOCOL.md asks of who does not know them.
 // Bytes and time are arguments: nothing here opens a socket, reads a clock or starts a thread, so
 // that it serves a node, a microcontroller and a fuzzer alike. Needs the standard library alone.
+// It validates no addresses (section 11): beyond the own host, give it datagrams of known peers alone.
 //
 //   udp_bridge::Receiver receiver;
 //   receiver.take(data, size, sender, now_nanos,
@@ -24,6 +25,7 @@
 #include <algorithm>
 #include <array>
 #include <bitset>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -31,6 +33,7 @@
 #include <limits>
 #include <list>
 #include <map>
+#include <set>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -283,7 +286,7 @@ struct Subscribe {
     to.wanted_type = body[0];
     to.wanted = body[1] == 1;
     to.lease_s = static_cast<std::uint16_t>(body[2] | body[3] << 8);
-    const bool is_rate = to.max_rate_hz >= 0 && to.max_rate_hz <= 3.4e38F;
+    const bool is_rate = std::isfinite(to.max_rate_hz) && to.max_rate_hz >= 0;
     if (!has_ros_type(to.wanted_type) || body[1] > 1 || !is_rate) return Refusal::body_value;
     return Refusal::none;
   }
@@ -576,6 +579,10 @@ class Receiver {
     }
   }
 
+  /// From now on answer the AddressChallenges of a peer: one that messages are sent to, Subscribe
+  /// included (PROTOCOL.md, section 11). Challenges of others are ignored.
+  void answer_challenges_of(SenderId peer) { challengers_.insert(peer); }
+
   /// Give up the messages whose time is over; call it now and then while nothing comes.
   void expire(std::int64_t now_nanos) {
     while (!oldest_.empty() &&
@@ -603,6 +610,7 @@ class Receiver {
     }
   };
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+  static constexpr std::uint8_t kAddressChallenge = 8, kAddressResponse = 9;  // kinds of Control
   static constexpr std::int64_t kReportedNanos = 5 * kNanos;  // behind a sender's last datagram
 
   struct Topic;
@@ -922,7 +930,7 @@ class Receiver {
     --topics_;
   }
 
-  /// Of Control only CreditRequest asks something of a receiver; reports are for who sends.
+  /// Of Control CreditRequest asks something of a receiver, and AddressChallenge of a sender.
   template <class Reply>
   Refusal control(const Header& h, const std::uint8_t* part, std::size_t size, SenderId from,
                   std::int64_t now_nanos, Reply&& reply) {
@@ -938,6 +946,16 @@ class Receiver {
         if (size != 4) return Refusal::body_size;
         credit(peer_of(from, now_nanos), h, size, true, reply);
         return Refusal::none;
+      case kAddressChallenge:
+      case kAddressResponse: {
+        std::array<std::uint8_t, 16> response{};
+        if (size != response.size()) return Refusal::body_size;
+        if (part[0] == kAddressResponse || !challengers_.count(from)) return Refusal::none;
+        std::copy(part, part + size, response.begin());
+        response[0] = kAddressResponse;
+        send_control(control_header(peer_of(from, now_nanos), 0, ""), response, reply);
+        return Refusal::none;
+      }
       default: return Refusal::body_value;
     }
   }
@@ -974,6 +992,7 @@ class Receiver {
   Limits limits_;
   std::map<SenderId, Peer> peers_;
   std::list<Open*> oldest_;  // open messages of all senders, oldest first
+  std::set<SenderId> challengers_;
   std::size_t memory_bytes_ = 0, topics_ = 0;
   std::uint64_t heard_ = 0;
   Header scratch_;

@@ -6,7 +6,9 @@
 // datagrams (type 68) are refused and counted, as PROTOCOL.md asks of who does not know them.
 // Bytes and time are arguments: nothing here opens a socket, reads a clock, starts a thread or
 // takes a lock, so that it serves Unity's main loop and a thread of its own alike. Bodies are CDR
-// and not decoded here. Needs .NET Standard 2.0 and C# 7.3, no other library and no unsafe code.
+// and not decoded here. It validates no addresses (section 11): beyond the own host, give it
+// datagrams of known peers alone. Needs .NET Standard 2.0 and C# 7.3, no other library and no
+// unsafe code.
 
 using System;
 using System.Collections.Generic;
@@ -350,6 +352,7 @@ namespace UdpBridge
     // The bodies of Control, PROTOCOL.md, section 6.
     internal static class ControlBody
     {
+        internal const byte CreditRequest = 3, AddressChallenge = 8, AddressResponse = 9;
         internal const int CreditSize = 12, ReportSize = 128;
         internal const long NoAge = long.MinValue;
 
@@ -365,7 +368,9 @@ namespace UdpBridge
                 case 0: return CheckTyped(data, at, size == CreditSize);
                 case 1: return CheckReport(data, at, size);
                 case 2: return CheckLinkReport(data, at, size);
-                case 3: return size == 4 ? null : "body_size";
+                case CreditRequest: return size == 4 ? null : "body_size";
+                case AddressChallenge:
+                case AddressResponse: return size == 16 ? null : "body_size";
                 default: return "body_value";
             }
         }
@@ -602,6 +607,7 @@ namespace UdpBridge
 
         private readonly Limits limits;
         private readonly Dictionary<object, Peer> peers = new Dictionary<object, Peer>();
+        private readonly HashSet<object> challengers = new HashSet<object>();
         private readonly LinkedList<Open> oldest = new LinkedList<Open>();
         private int topics;
         private long heard;
@@ -625,7 +631,8 @@ namespace UdpBridge
         /// <param name="size">Bytes of the datagram.</param>
         /// <param name="sender">Who sent it, such as an EndPoint: equal for equal senders.</param>
         /// <param name="nowNanos">A clock that never goes back.</param>
-        /// <param name="credit">A datagram to be sent back to the sender, or null.</param>
+        /// <param name="credit">A datagram to be sent back to the sender, or null: a Credit, or
+        /// the answer to an AddressChallenge.</param>
         public Message Receive(byte[] data, int size, object sender, long nowNanos, out byte[] credit)
         {
             credit = null;
@@ -668,6 +675,14 @@ namespace UdpBridge
                     send(peer.Key, Control(peer.Value, header, body));
                 }
             }
+        }
+
+        /// <summary>From now on answer the AddressChallenges of a peer: one that messages are sent
+        /// to, Subscribe included (PROTOCOL.md, section 11). Challenges of others are ignored.
+        /// </summary>
+        public void AnswerChallengesOf(object peer)
+        {
+            challengers.Add(peer);
         }
 
         /// <summary>Give up the messages whose time is over; call it now and then while nothing
@@ -1087,14 +1102,23 @@ namespace UdpBridge
             return best;
         }
 
-        // Of Control only CreditRequest asks something of a receiver; reports are for who sends.
+        // Of Control CreditRequest asks something of a receiver, and AddressChallenge of a sender.
         private string Answer(Datagram d, out byte[] credit)
         {
             credit = null;
             if (d.Header.PartsMax != 1) return d.PartSize == 0 ? "part_size" : "parts_max";
             string refusal = ControlBody.Check(d.Data, d.At, d.PartSize);
-            if (refusal == null && d.Data[d.At] == 3) credit = Credit(PeerOf(d), d.Header);
-            return refusal;
+            if (refusal != null) return refusal;
+            byte kind = d.Data[d.At];
+            if (kind == ControlBody.CreditRequest) credit = Credit(PeerOf(d), d.Header);
+            if (kind == ControlBody.AddressChallenge && challengers.Contains(d.Sender))
+            {
+                var response = new byte[d.PartSize];
+                Buffer.BlockCopy(d.Data, d.At, response, 0, response.Length);
+                response[0] = ControlBody.AddressResponse;
+                credit = Control(PeerOf(d), new Header { Topic = "", Link = "" }, response);
+            }
+            return null;
         }
 
         // Acknowledge a datagram where that is due, or an eighth of the buffer was taken since the

@@ -2,7 +2,8 @@
 // What a Receiver reports and answers, a line in hex for each datagram: report DATAGRAMS WALL BUFFER.
 // The file has rows of NOW_NANOS as an int64, SENDER as a byte and SIZE as a uint32 before each
 // datagram; with sender 255 it is a time to report. WALL is what the wall clock is ahead of the other.
-// Messages with the link "refused" are those that the user can't take.
+// Messages with the link "refused" are those that the user can't take. Sender 1's challenges are
+// answered.
 
 #include <cstdio>
 #include <cstdlib>
@@ -29,6 +30,7 @@ int main(int, char** argv) {
   udp_bridge::Limits limits;
   limits.receive_buffer = static_cast<std::uint32_t>(std::atoll(argv[3]));
   udp_bridge::Receiver receiver(limits);
+  receiver.answer_challenges_of(1);
   for (std::size_t at = 0; at < text.size();) {
     const auto now = static_cast<std::int64_t>(udp_bridge::detail::read_u64(data + at));
     const std::uint8_t sender = data[at + 8];

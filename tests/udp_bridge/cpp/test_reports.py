@@ -14,10 +14,12 @@ from tests.udp_bridge.reported import (
     Arrival,
     Reported,
     by_python,
+    challenges,
     controls,
     journey,
     told,
 )
+from udp_bridge import parse
 
 from .test_cpp import SANITIZERS, compiled
 
@@ -29,16 +31,19 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled("report", tmp_path_factory.mktemp("cpp"), *SANITIZERS)
 
 
-def by_cpp(program: Path, arrivals: list[Arrival], folder: Path) -> Reported:
+def lines_of(program: Path, arrivals: list[Arrival], folder: Path) -> list[list[str]]:
     file = folder / "arrivals.bin"
     rows = [struct.pack("<qBI", now, sender, len(d)) + d for now, sender, d in arrivals]
     file.write_bytes(b"".join(rows))
     command = [str(program), str(file), str(WALL_NANOS), str(BUFFER)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
+    return [line.split() for line in done.stdout.splitlines()]
+
+
+def by_cpp(program: Path, arrivals: list[Arrival], folder: Path) -> Reported:
     found = Reported([], [])
-    for line in done.stdout.splitlines():
-        word, *rest = line.split()
+    for word, *rest in lines_of(program, arrivals, folder):
         if word == "report":
             found.reports.append(told(int(rest[0]), bytes.fromhex(rest[1])))
         elif word == "refused":
@@ -62,3 +67,15 @@ def test_a_control_message_is_refused_for_the_same_reason(program: Path, tmp_pat
     ours, theirs = by_python(arrivals, BUFFER), by_cpp(program, arrivals, tmp_path)
     assert theirs.refused == ours.refused
     assert 0 < len(ours.refused) < len(arrivals)
+
+
+def test_only_a_peer_that_is_sent_messages_has_its_challenges_answered(
+    program: Path, tmp_path: Path
+) -> None:
+    arrivals, responses = challenges()
+    lines = lines_of(program, arrivals, tmp_path)
+    assert [(word, to) for word, to, _ in lines] == [("answer", "1")] * len(responses)
+    found = [bytes.fromhex(raw) for _, _, raw in lines]
+    for number, (ours, theirs) in enumerate(zip(responses, found, strict=True)):
+        assert theirs[:2] + theirs[6:] == ours[:2] + ours[6:]
+        assert parse(theirs)[0].seq_number == number

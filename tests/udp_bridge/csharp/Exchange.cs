@@ -35,6 +35,7 @@ internal static class Exchange
     private static void Receive(uint receiveBuffer)
     {
         var receiver = new Receiver(new Limits { ReceiveBuffer = receiveBuffer });
+        receiver.AnswerChallengesOf((byte)1);
         Counters counts = receiver.Counters;
         var buffer = new byte[Wire.LargestDatagram];
         for (uint left = Asked.ReadUInt32(); left > 0; --left)

@@ -22,7 +22,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.udp_bridge.reported import by_python, controls, journey
+from tests.udp_bridge.reported import by_python, challenges, controls, journey
 from tests.udp_bridge.reported import told as reported
 from tests.udp_bridge.vectors import IN_ORDER, NAMES, VECTORS, Vector, load
 from udp_bridge import Header, Message, Reassembler, fragments, parse
@@ -335,6 +335,16 @@ def test_a_control_message_is_refused_for_the_same_reason(exchange: Exchange) ->
     for arrival in arrivals:
         wanted = Counter(by_python([arrival], BUFFER).refused)
         assert exchange.receive([arrival]).refused == wanted
+
+
+def test_only_a_peer_that_is_sent_messages_has_its_challenges_answered(
+    exchange: Exchange,
+) -> None:
+    arrivals, responses = challenges()
+    answers = exchange.receive(arrivals).credits
+    for number, (ours, theirs) in enumerate(zip(responses, answers, strict=True)):
+        assert theirs[:2] + theirs[6:] == ours[:2] + ours[6:]
+        assert parse(theirs)[0].seq_number == number
 
 
 def test_the_example_of_the_readme_hears_and_answers(tmp_path: Path) -> None:

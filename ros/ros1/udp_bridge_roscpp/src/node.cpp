@@ -274,10 +274,9 @@ int main(int count, char** words) {
     return 2;
   }
   const bool is_local = ntohl(address.sin_addr.s_addr) >> 24 == 127;
-  if (!is_local && peer_text.empty() && !own.param("any_peer", false)) {
+  if (!is_local && peer_text.empty()) {  // it validates no addresses
     std::fprintf(stderr,
-                 "~bind: other hosts reach %s; set ~peer to the gateway's IPv4:PORT (port 0: any), "
-                 "or ~any_peer to true to accept every sender\n",
+                 "~peer: other hosts reach %s; expected the gateway's IPv4:PORT (port 0: any)\n",
                  bind_to.c_str());
     return 2;
   }
