@@ -8,14 +8,17 @@ to report. A message with the link `REFUSED` is one that the user can't take.
 from __future__ import annotations
 
 import json
+import math
 import random
+import struct
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from tests.udp_bridge.vectors import FOLDER
 from udp_bridge import Header, Message, fragments, parse
 from udp_bridge.control import Credit, LinkReport, TopicReport
 from udp_bridge.receiving import Inbox
-from udp_bridge.types import CONTROL
+from udp_bridge.types import CONTROL, REPAIR, RESEND
 
 Arrival = tuple[int, int, bytes]
 REPORT = 255
@@ -26,11 +29,20 @@ WALL_NANOS = 1_800_000_000 * SECOND
 
 
 class Reported(NamedTuple):
-    """All that was reported, in order, and what was refused."""
+    """All that was reported and acknowledged, in order, and what was refused."""
 
     reports: list[tuple[int, str, str, int, TopicReport]]
     """To whom, topic, link, stamp and body."""
     refused: list[str]
+    credits: list[tuple[int, str, int, Credit]]
+    """To whom, topic, stamp and body."""
+
+
+def credited(to: int, datagram: bytes) -> tuple[int, str, int, Credit]:
+    """Return a Credit as `Reported` has it."""
+    header, at = parse(datagram)
+    assert (header.msg_type, header.parts_max, header.link) == (CONTROL, 1, "")
+    return to, header.topic, header.stamp_nanos, Credit.parse(datagram[at:])
 
 
 def told(to: int, datagram: bytes) -> tuple[int, str, str, int, TopicReport]:
@@ -43,7 +55,7 @@ def told(to: int, datagram: bytes) -> tuple[int, str, str, int, TopicReport]:
 def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = True) -> Reported:
     """Return what the library reports; without `drops` the user takes every message."""
     inbox = Inbox(receive_buffer=receive_buffer, on_credit=lambda *_: None)
-    found = Reported([], [])
+    found = Reported([], [], [])
     refused = inbox.reassembler.counters.refused
     for now, sender, datagram in arrivals:
         if sender == REPORT:
@@ -54,7 +66,9 @@ def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = Tru
             continue
         before = dict(refused)
         address = "127.0.0.1", sender
-        message, _ = inbox.receive(memoryview(datagram), address, now, 0)
+        message, answer = inbox.receive(memoryview(datagram), address, now, 0)
+        if answer is not None:
+            found.credits.append(credited(sender, answer[0]))
         if message is not None and message.msg_type != CONTROL:
             if drops and message.link == REFUSED:
                 inbox.dropped(message, address)
@@ -137,3 +151,150 @@ def challenges() -> tuple[list[Arrival], list[bytes]]:
     sent = [bytes.fromhex(row["challenge"]) for row in rows]
     arrivals = [(now, who, one) for now, one in enumerate(sent) for who in (2, 1)]
     return arrivals, [bytes.fromhex(row["response"]) for row in rows]
+
+
+def single(number: int = 0, sec: int = 1, topic: str = "/a", link: str = "") -> bytes:
+    return Header(1, number, 0, 1, sec, 0, topic, link).pack() + b"x"
+
+
+def part(number: int, of: int, size: int, seq: int = 0, topic: str = "/a", sec: int = 1) -> bytes:
+    return Header(1, seq, number, of, sec, 0, topic).pack() + bytes(size)
+
+
+def at_once(datagrams: Iterable[bytes], sender: int = 1) -> list[Arrival]:
+    rows = [(0, sender, datagram) for datagram in datagrams]
+    return [*rows, (SECOND, REPORT, b"")]
+
+
+def edge(datagram: bytes, **fields: int) -> bytes:
+    """Return a datagram with other bytes in its header."""
+    raw = bytearray(datagram)
+    for name, value in fields.items():
+        offset, layout = _PLACES[name]
+        struct.pack_into(layout, raw, offset, value)
+    return bytes(raw)
+
+
+_PLACES = {
+    "header_size": (1, "<B"),
+    "part_number": (6, "<B"),
+    "parts_max": (7, "<B"),
+    "nsec": (12, "<i"),
+    "topic_size": (16, "<B"),
+    "link_size": (17, "<B"),
+}
+
+
+def _headers() -> list[bytes]:
+    rows = [bytes(size) for size in (0, 1, 17, 18, 19, 20)]
+    whole = single(topic="/abc", link="map")  # 18 + 4 + 3 + 3 of padding
+    rows += [whole[:size] for size in (27, 28, 29)]
+    rows += [edge(whole, header_size=size) for size in (0, 16, 19, 20, 24, 27, 28, 29, 32)]
+    rows += [edge(whole, nsec=nsec) for nsec in (-(2**31), -1, 0, 1, 10**9 - 1, 10**9)]
+    rows += [edge(whole, topic_size=size, link_size=0) for size in range(15)]
+    rows += [edge(whole, link_size=size) for size in range(12)]
+    rows += [
+        edge(part(0, 2, 9), part_number=number, parts_max=of)
+        for of in (0, 1, 2, 255)
+        for number in (0, 1, 2, 254, 255)
+    ]
+    rows += [edge(single(), header_size=20, topic_size=2) + bytes(size) for size in (0, 1)]
+    known = set(range(256)) - {RESEND, REPAIR}  # which receivers need not know
+    rows += [Header(kind, 0, 0, 1, 1, 0, f"/{kind}").pack() + b"x" for kind in known]
+    return rows
+
+
+def _texts() -> list[bytes]:
+    """Return names at the bounds of UTF-8, as topic and as link."""
+    leads = (0x7F, 0x80, 0xBF, 0xC0, 0xC1, 0xC2, 0xDF, 0xE0, 0xE1, 0xEC, 0xED, 0xEE, 0xEF)
+    leads += (0xF0, 0xF1, 0xF3, 0xF4, 0xF5, 0xFF)
+    nexts = (0x7F, 0x80, 0x8F, 0x90, 0x9F, 0xA0, 0xBF, 0xC0)
+    names = [bytes([lead]) for lead in leads]
+    for lead in leads:
+        for second in nexts:
+            names += [bytes([lead, second])]
+            for more in (b"\x80", b"\xbf", b"\x7f", b"\xc0"):
+                names += [bytes([lead, second]) + more, bytes([lead, second]) + more * 2]
+    names += [b"\0", b"a\0", b"\0a", b"ab"]
+    rows = []
+    for name in names:
+        for topic, link in ((name, b"l"), (b"t", name)):
+            pad = -(18 + len(topic) + len(link)) % 4
+            head = struct.pack("<BBIBBii", 1, 18 + len(topic) + len(link) + pad, 0, 0, 1, 1, 0)
+            rows.append(head + bytes([len(topic), len(link)]) + topic + link + bytes(pad) + b"x")
+    return rows
+
+
+def _subscribes() -> list[bytes]:
+    rates = (0.0, -0.0, -1e-45, 1e-45, 3.4e38, math.inf, -math.inf, math.nan, 3.4028234e38)
+    bodies = [struct.pack("<BBHf", 1, 1, 0, rate) for rate in rates]
+    bodies += [struct.pack("<BBHf", kind, 1, 0, 0.0) for kind in range(256)]
+    bodies += [struct.pack("<BBHf", 1, action, 0, 0.0) for action in (0, 1, 2, 255)]
+    bodies += [bodies[0][:-1], bodies[0] + b"\0", b""]
+    return [Header(7, n, 0, 1, 1, 0, "/a").pack() + body for n, body in enumerate(bodies)]
+
+
+def _times() -> Iterator[list[Arrival]]:
+    """Yield arrivals at the bounds of time, each for a receiver of its own."""
+    for later in (-1, 0, 1):
+        two = 2 * SECOND + later  # a message is given up
+        ask = Header(CONTROL, 0, 0, 1, 0, 0, "").pack() + b"\3\0\0\0"
+        yield [(0, 1, part(0, 2, 9)), (two, 1, part(1, 2, 9)), (two, REPORT, b"")]
+        yield [(0, 1, part(0, 2, 9)), (two, REPORT, b""), (two, 1, part(1, 2, 9))]
+        yield [(0, 1, part(0, 2, 9)), (two, 2, ask), (two, REPORT, b"")]
+        for number in (0, 254, 255, 256, 257):  # a sender is restarted, or late
+            for last in (number - 1, number, number + 1, 2**31 + number - 1, 2**31 + number):
+                first = single(last % 2**32, sec=5)
+                rows = [(0, 1, first), (1, 1, part(0, 2, 9, (last + 5) % 2**32, sec=6))]
+                now = SECOND + later
+                rows += [(now, 1, single(number, sec)) for sec in (5, 4, 6)]
+                rows += [(now, 1, first), (now, 1, part(1, 2, 9, (last + 5) % 2**32, sec=6))]
+                yield [*rows, (now, REPORT, b"")]
+        for bound in (5 * SECOND, 10 * SECOND):  # of reporting, and of ages
+            yield [(0, 1, single()), (bound + later, REPORT, b"")]
+            heard = [(0, 1, single()), (bound + later, 1, single(1, 2))]
+            yield [*heard, (bound + later, REPORT, b"")]
+
+
+def _counts() -> Iterator[list[Arrival]]:
+    """Yield arrivals at the bounds of numbers, each for a receiver of its own."""
+    for count in (3, 4, 5, 6):  # open messages of a topic
+        rows = [part(0, 2, 9, seq) for seq in range(count)]
+        yield at_once(rows + [part(1, 2, 9, seq) for seq in range(count)])
+    for count in (63, 64, 65):  # finished ones that are remembered
+        yield at_once([single(seq, 1 + seq) for seq in range(count)] + [single(0, 1)])
+    for count in (63, 64, 65, 66):  # senders
+        rows = [(now, 1 + now, single()) for now in range(count)]
+        yield [*rows, (count, 1, single()), (count, REPORT, b"")]
+        rows = [(now, 1 + now % count, single(now // count)) for now in range(2 * count)]
+        yield [*rows, (count, 2, single(0)), (count, 200, single()), (2 * count, REPORT, b"")]
+    for count in (1023, 1024, 1025):  # topics
+        rows = [(now, 1, single(topic=f"/{now}")) for now in range(count)]
+        yield [*rows, (count, 1, single(topic="/0")), (count, REPORT, b"")]
+        yield [*rows[1:], (count, 2, single(topic="/0")), (count, REPORT, b"")]
+    for ahead in (1, 2, 1022, 1023, 1024, 1025, 2**31 - 1, 2**31):  # fates that are remembered
+        rows = [part(0, 2, 9, 0), part(0, 2, 9, ahead), part(1, 2, 9, 0), single(ahead + 1, 2)]
+        yield at_once(rows)
+        yield at_once([single(ahead, 9), part(0, 2, 9, 0), part(1, 2, 9, 0, sec=1)])
+        yield at_once([single(ahead, 9), single(ahead - 1, 8), single(ahead + 1, 1)])
+    for count in (1, 2, 50, 99, 100, 101, 1023, 1024, 1025):  # ages
+        rows = [(now * 7919 % 9_999_991, 1, single(seq, 1)) for seq, now in enumerate(range(count))]
+        yield [*sorted(rows), (10**7, REPORT, b"")]
+    for last in (0, 1, 8, 9, 10):  # parts and the part size
+        for order in ((0, 1, 2), (2, 0, 1), (1, 2, 0), (0, 2, 1), (2, 1, 0, 2), (0, 0, 1, 2)):
+            sizes = {0: 9, 1: 9, 2: last}
+            yield at_once(part(number, 3, sizes[number]) for number in order)
+        yield at_once([part(0, 3, 9), part(1, 3, last), part(1, 3, 9), part(2, 3, 5)])
+        yield at_once([part(0, 2, 9), edge(part(1, 2, 9), parts_max=3), part(1, 2, last)])
+    for seq in (0, 63, 64, 65, 128, 192, 254):  # bits of parts
+        yield at_once(part(number, 255, 3) for number in range(255) if number != seq)
+        yield at_once(part(number, seq + 1, 3) for number in range(seq + 1))
+    same, other = single(0, 1, link="x"), part(0, 2, 3)
+    yield at_once([same, same, other, other, Header(1, 1, 0, 2, 1, 0, "/a", "y").pack() + b"abc"])
+    yield at_once([other, Header(1, 0, 1, 2, 1, 0, "/a", "y").pack() + b"abc", part(1, 2, 3)])
+
+
+def boundaries() -> list[list[Arrival]]:
+    """Return arrivals at the bounds of PROTOCOL.md, each list for a receiver of its own."""
+    alone = [at_once([row]) for row in (*_headers(), *_texts(), *_subscribes())]
+    return [*alone, *_times(), *_counts()]

@@ -13,9 +13,11 @@ import pytest
 from udp_bridge import Header, Message, parse, runs
 from udp_bridge.control import Credit
 from udp_bridge.control import parse as parse_control
-from udp_bridge.fragments import Parts, Split
+from udp_bridge.fec_sending import symbols_of
+from udp_bridge.fragments import Parts, Split, plan
 from udp_bridge.leaving import Run as Leaving
 from udp_bridge.placing import NOWHERE, Credits, Place, Run
+from udp_bridge.repair import Fec
 from udp_bridge.repair_wire import Offer, Request
 
 LOCAL = ("127.0.0.1", 0)
@@ -91,6 +93,19 @@ def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
                 sender.send(one, Leaving(parts, first, count, size=0), to, lambda _: False) == count
             )
         assert [two.recv(65536) for _ in expected] == expected
+
+
+@pytest.mark.parametrize("sending", SENDING)
+def test_repair_symbols_of_the_longest_names_are_sent_as_a_run(sending: type, pair: Pair) -> None:
+    one, two = pair
+    message = Message(1, "/" + "n" * 233, "", 5, 0, bytes(range(256)) * 40)
+    cut = plan(message, 1472, coded=True)
+    symbols = symbols_of(message, cut, Fec(0.5))
+    assert len(symbols.packed) == 260
+    count = symbols.cut.parts_max
+    run = Leaving(symbols, 0, count, size=0)
+    assert sending().send(one, run, two.getsockname(), lambda _: False) == count > 1
+    assert [two.recv(65536) for _ in range(count)] == whole(symbols)
 
 
 @pytest.mark.parametrize("sending", SENDING)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.departures import take_in_turn
 from udp_bridge.flow import DatagramKey
+from udp_bridge.fragments import datagram_of
 from udp_bridge.known_headers import EXPRESS_TOPICS
 from udp_bridge.leaving import Datagram
 from udp_bridge.repair import Fec, Mode, RepairTable, Resend
@@ -292,6 +293,37 @@ def test_an_express_run_is_the_long_way_in_one_step(
     assert short.pacer.window.in_flight_bytes == long.pacer.window.in_flight_bytes
     assert short.resender.history_bytes == long.resender.history_bytes
     assert short.resender.next_offer_nanos == long.resender.next_offer_nanos
+
+
+def left_with(most_bytes: int, names: str) -> tuple[list[bytes], list[bool], int, int]:
+    """Return all datagrams of two coded blocks, which ended a message, the calls, and the cost."""
+    block = Message(1, names, names[:-3], 5, 0, bytes(i % 251 for i in range(26_400)))
+    box = Outbox(TO, "mtu", repair={(1, names): Fec(0.3)})
+    box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
+    datagrams, ends, calls = [], [], 0
+    for _ in range(2):
+        box.put(block)
+        while (datagram := box.take(0, most_bytes)) is not None:
+            run, calls = datagram.run, calls + 1
+            pieces = [(datagram.header, datagram.part)]
+            if run is not None:
+                numbers = range(run.first, run.first + run.parts_count)
+                parts = run.parts
+                pieces = [datagram_of(parts.packed, parts.body, parts.cut, n) for n in numbers]
+                assert run.size == sum(len(head) + part.nbytes for head, part in pieces)
+            datagrams += [head + bytes(part) for head, part in pieces]
+            ends += [False] * (len(pieces) - 1) + [datagram.is_last]
+        assert box.is_idle
+    return datagrams, ends, calls, box.pacer.window.in_flight_bytes
+
+
+@pytest.mark.parametrize("names", ["/points", "/" + "n" * 116])
+def test_a_coded_message_leaves_in_two_runs_parts_and_repair(names: str) -> None:
+    datagrams, ends, calls, in_flight = left_with(1 << 20, names)
+    assert (datagrams, ends, in_flight) == (*(left := left_with(0, names))[:2], left[3])
+    assert calls == 4
+    assert left[2] == len(datagrams) >= 50
+    assert sum(ends) == 2
 
 
 def test_what_left_by_express_is_sent_again_when_it_is_asked_for() -> None:

@@ -3,12 +3,13 @@
 // The file has rows of NOW_NANOS as an int64, SENDER as a byte and SIZE as a uint32 before each
 // datagram; with sender 255 it is a time to report. WALL is what the wall clock is ahead of the other.
 // Messages with the link "refused" are those that the user can't take. Sender 1's challenges are
-// answered.
+// answered. Sender 0 begins a new receiver, which a line with `end` says.
 
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <optional>
 
 #include "udp_bridge.hpp"
 
@@ -29,13 +30,20 @@ int main(int, char** argv) {
   const std::int64_t wall = std::atoll(argv[2]);
   udp_bridge::Limits limits;
   limits.receive_buffer = static_cast<std::uint32_t>(std::atoll(argv[3]));
-  udp_bridge::Receiver receiver(limits);
-  receiver.answer_challenges_of(1);
+  std::optional<udp_bridge::Receiver> made;
+  const auto begin = [&] { made.emplace(limits).answer_challenges_of(1); };
+  begin();
   for (std::size_t at = 0; at < text.size();) {
     const auto now = static_cast<std::int64_t>(udp_bridge::detail::read_u64(data + at));
     const std::uint8_t sender = data[at + 8];
     const std::size_t size = udp_bridge::detail::read_u32(data + at + 9);
     at += 13;
+    udp_bridge::Receiver& receiver = *made;
+    if (sender == 0) {
+      std::printf("end\n");
+      begin();
+      continue;
+    }
     if (sender == 255) {
       receiver.report(now, now + wall, [](std::uint64_t to, const std::uint8_t* told,
                                           std::size_t bytes) { print("report", to, told, bytes); });

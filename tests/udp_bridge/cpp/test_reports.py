@@ -13,9 +13,11 @@ from tests.udp_bridge.reported import (
     WALL_NANOS,
     Arrival,
     Reported,
+    boundaries,
     by_python,
     challenges,
     controls,
+    credited,
     journey,
     told,
 )
@@ -42,12 +44,18 @@ def lines_of(program: Path, arrivals: list[Arrival], folder: Path) -> list[list[
 
 
 def by_cpp(program: Path, arrivals: list[Arrival], folder: Path) -> Reported:
-    found = Reported([], [])
-    for word, *rest in lines_of(program, arrivals, folder):
+    return reported(lines_of(program, arrivals, folder))
+
+
+def reported(lines: list[list[str]]) -> Reported:
+    found = Reported([], [], [])
+    for word, *rest in lines:
         if word == "report":
             found.reports.append(told(int(rest[0]), bytes.fromhex(rest[1])))
         elif word == "refused":
             found.refused.append(rest[0])
+        elif word == "answer":
+            found.credits.append(credited(int(rest[0]), bytes.fromhex(rest[1])))
     return found
 
 
@@ -67,6 +75,23 @@ def test_a_control_message_is_refused_for_the_same_reason(program: Path, tmp_pat
     ours, theirs = by_python(arrivals, BUFFER), by_cpp(program, arrivals, tmp_path)
     assert theirs.refused == ours.refused
     assert 0 < len(ours.refused) < len(arrivals)
+
+
+NEXT: Arrival = (0, 0, b"")
+
+
+def test_at_every_bound_it_does_what_python_does(program: Path, tmp_path: Path) -> None:
+    cases = boundaries()
+    lines = lines_of(program, [row for case in cases for row in (*case, NEXT)], tmp_path)
+    differ = []
+    for case in cases:
+        end = lines.index(["end"])
+        theirs, lines = reported(lines[:end]), lines[end + 1 :]
+        ours = by_python(case, BUFFER)
+        same = Reported(sorted(theirs.reports), theirs.refused, theirs.credits)
+        if same != ours._replace(reports=sorted(ours.reports)):
+            differ.append((case, ours, theirs))
+    assert not differ
 
 
 def test_only_a_peer_that_is_sent_messages_has_its_challenges_answered(

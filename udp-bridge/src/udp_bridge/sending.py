@@ -9,8 +9,7 @@ when it leaves, so that what was superseded here leaves no gap there.
 from __future__ import annotations
 
 from collections import deque
-from itertools import chain
-from typing import Deque, Iterator, Optional, Tuple
+from typing import Deque, Optional, Tuple
 
 from .accounts import Accounts
 from .control import CreditRequest
@@ -24,7 +23,7 @@ from .message import Message
 from .numbering import Numbering
 from .repair import Fec, RepairTable, Resend
 from .resend import Resender, Sent
-from .types import CONTROL
+from .types import CONTROL, REPAIR
 from .waiting import LargeWaiting, SmallWaiting, WaitingTable
 
 
@@ -55,11 +54,11 @@ class Outbox:
         self._small = SmallWaiting()
         self._large = LargeWaiting(large_waiting if large_waiting is not None else {})
         self._known = KnownHeaders()
-        self._current: Optional[Iterator[Tuple[bytes, memoryview]]] = None
         self._message: Optional[Message] = None  # the one on its way, with its number
         self._planned: Optional[Tuple[Message, Split]] = None  # the last one that was
-        self._parts: Optional[Parts] = None  # it whole, as long as it may go in runs
+        self._parts: Optional[Parts] = None  # its datagrams: of the body, then of its repair
         self._part: Optional[Tuple[bytes, memoryview]] = None  # its next datagram
+        self._coded: Optional[Fec] = None  # how it is repaired, until that is computed
         self._leaving: Optional[Sent] = None  # its place in the history
         self._symbols: Deque[Tuple[bytes, memoryview]] = deque()  # of small messages
 
@@ -133,7 +132,6 @@ class Outbox:
         if limit_nanos is not None:
             self._leaving = self.resender.leaves(message, cut, packed, limit_nanos, now_nanos)
         self._parts = Parts(packed, view, cut)
-        self._current = self._parts
         return self._with_offer(self._leave(self._parts, 0, count, now_nanos), now_nanos)
 
     def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
@@ -169,7 +167,7 @@ class Outbox:
     def order(self) -> Optional[Order]:
         """Return what remains of the current message, if it lacks but room in the window."""
         parts, message, window = self._parts, self._message, self.pacer.window
-        if parts is None or message is None or self._part is None:
+        if parts is None or message is None or self._part is None or parts.packed[0] == REPAIR:
             return None
         size, upcoming = _size(self._part), self._part[0][PART_NUMBER_OFFSET]
         if (
@@ -220,9 +218,10 @@ class Outbox:
 
     def _take_small(self, now_nanos: int) -> Datagram:
         message = self._small.pop()
-        _, sent, current = self._fragments(message, now_nanos)
-        header, part = next(current)
-        self._symbols.extend(current)
+        message, sent, parts, coded = self._fragments(message, now_nanos)
+        header, part = next(parts)
+        if coded is not None:
+            self._symbols.extend(symbols_of(message, parts.cut, coded))
         self._has_sent_part(sent, now_nanos)
         return Datagram(header, part, self.to, is_last=True)
 
@@ -239,40 +238,43 @@ class Outbox:
         self, part: Tuple[bytes, memoryview], now_nanos: int, most_bytes: int
     ) -> Optional[Datagram]:
         assert self._message is not None
-        assert self._current is not None
-        parts = self._parts
-        first = part[0][PART_NUMBER_OFFSET]
-        most = most_bytes // _size(part)
-        if most and parts is not None and parts.upcoming == first + 1:
-            count = self.pacer.granted(_size(part), min(most, parts.parts_left + 1), now_nanos)
+        assert self._parts is not None
+        parts, first = self._parts, part[0][PART_NUMBER_OFFSET]
+        most = min(most_bytes // _size(part), parts.parts_left + 1)
+        if most:
+            count = self.pacer.granted(_size(part), most, now_nanos)
             if not count:
                 return None
             return self._with_offer(self._leave(parts, first, count, now_nanos), now_nanos)
         if not self._may_send(self._message, part, now_nanos):
             return None
         self._has_sent_part(self._leaving, now_nanos)
-        self._part = next(self._current, None)
-        return Datagram(*part, self.to, is_last=self._part is None)
+        return Datagram(*part, self.to, is_last=not self._goes_on(parts))
 
     def _leave(self, parts: Parts, first: int, count: int, now_nanos: int) -> Datagram:
         """Return that many parts of the current message, from `first` on, which go now."""
         assert self._message is not None
         message, cut = self._message, parts.cut
         end = first + count
-        is_last = end == cut.parts_max
         size = len(parts.packed) + cut.part_size
-        last_size = size - (end * cut.part_size - parts.body.nbytes if is_last else 0)
-        key = DatagramKey(message.msg_type, message.topic, message.seq_number, first)
+        last_size = size - max(0, end * cut.part_size - parts.body.nbytes)
+        key = DatagramKey(parts.packed[0], message.topic, message.seq_number, first)
         self.pacer.sent_run(key, count, size, last_size, now_nanos)
         for _ in range(count if self._leaving is not None else 0):
             self._has_sent_part(self._leaving, now_nanos)
         parts.upcoming = end
-        if is_last:
-            self._parts = self._part = None
-        else:
-            self._part = next(parts)
+        is_last = not self._goes_on(parts)
         run = Run(parts, first, count, (count - 1) * size + last_size)
         return Datagram(parts.packed, parts.body, self.to, is_last, run)
+
+    def _goes_on(self, parts: Parts) -> bool:
+        """Take the next datagram of the current message; return whether there is one."""
+        assert self._message is not None
+        if not parts.parts_left and self._coded is not None:
+            parts = self._parts = symbols_of(self._message, parts.cut, self._coded)
+            self._coded = None
+        self._part = next(parts, None)
+        return self._part is not None
 
     def _with_offer(self, datagram: Datagram, now_nanos: int) -> Datagram:
         """Let the offer of a message go right behind its last parts."""
@@ -301,10 +303,8 @@ class Outbox:
     def _next_part(self, now_nanos: int) -> Optional[Tuple[bytes, memoryview]]:
         if self._part is None and self._large:
             message = self._large.pop()
-            self._message, self._leaving, self._current = self._fragments(message, now_nanos)
-            is_plain = isinstance(self._current, Parts)
-            self._parts = self._current if is_plain else None  # type: ignore[assignment]
-            self._part = next(self._current)
+            self._message, self._leaving, parts, self._coded = self._fragments(message, now_nanos)
+            self._parts, self._part = parts, next(parts)
         return self._part
 
     def _plan(self, message: Message) -> Split:
@@ -323,8 +323,8 @@ class Outbox:
 
     def _fragments(
         self, message: Message, now_nanos: int
-    ) -> Tuple[Message, Optional[Sent], Iterator[Tuple[bytes, memoryview]]]:
-        """Give a message its number; return it, its place in the history, and its datagrams."""
+    ) -> Tuple[Message, Optional[Sent], Parts, Optional[Fec]]:
+        """Give a message its number; return it, its place in the history, its parts, its code."""
         cut = self._plan(message)
         self._planned = None  # it would keep the body
         body = flat(message.body)
@@ -336,14 +336,14 @@ class Outbox:
         parts = Parts(packed, body, cut)
         mode = self._repair.get(key)
         if isinstance(mode, Fec):
-            return message, None, chain(parts, symbols_of(message, cut, mode))
+            return message, None, parts, mode
         sent, limit_nanos = None, None
         if isinstance(mode, Resend):
             limit_nanos = mode.limit_nanos
             sent = self.resender.leaves(message, cut, packed, limit_nanos, now_nanos)
         if sent is None or cut.parts_max > 1:
             self._known.remember(message, packed, body.nbytes, cut, limit_nanos)
-        return message, sent, parts
+        return message, sent, parts, None
 
 
 def _size(part: Tuple[bytes, memoryview]) -> int:
