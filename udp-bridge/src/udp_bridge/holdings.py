@@ -13,7 +13,7 @@ from typing import Callable, Hashable, Iterable, NamedTuple, Optional, Tuple
 from .arrivals import TopicArrivals
 from .assembly import Assembly
 from .counters import Counters
-from .header import NANOS
+from .header import NANOS, Header
 from .ordering import Key, Order
 from .reports import TopicReport
 from .resend_asking import Asking
@@ -80,6 +80,12 @@ class Topic:
         self.arrived = TopicArrivals()
         if self.asking is not None:
             self.asking.forget()
+
+    def is_jump(self, header: Header) -> bool:
+        """Tell whether a message's number is too far from those that came to be believed alone."""
+        return self.order.is_jump(header) or (
+            self.asking is not None and self.asking.is_jump(header.seq_number)
+        )
 
     def report(self, msg_type: int, wall_nanos: int) -> TopicReport:
         """Return what is so at this moment of the wall clock."""
