@@ -45,20 +45,21 @@ def test_two_messages_of_one_number_are_requested_each_by_its_own_stamp_and_part
     assert (5, 99, 30, tuple(range(21, 30))) in found
 
 
+FAR = 1005 + (1 << 20)
 POISONS = {
-    "a part": [part(5 + (1 << 20), 0, 2, 2**31 - 1)],
-    "a whole message": [part(5 + (1 << 20), number, 2, 2**31 - 1) for number in (0, 1)],
-    "an Offer": [offer(5 + (1 << 20), 2, 2**31 - 1)],
+    "a part": [part(FAR, 0, 2, 2**31 - 1)],
+    "a whole message": [part(FAR, number, 2, 2**31 - 1) for number in (0, 1)],
+    "an Offer": [offer(FAR, 2, 2**31 - 1)],
     "an Offer before all else": [],
 }
 
 
 @pytest.mark.parametrize("poison", POISONS.values(), ids=POISONS)
 def test_a_poison_number_does_not_end_repair(poison: list[bytes]) -> None:
-    before = [part(5, number, 2, 100) for number in (0, 1)] if poison else []
-    first = offer(5, 2, 100) if poison else offer(5 + (1 << 20), 2, 2**31 - 1)
+    before = [part(1005, number, 2, 100) for number in (0, 1)] if poison else []
+    first = offer(1005, 2, 100) if poison else offer(FAR, 2, 2**31 - 1)
     after = []
-    for seq in (6, 7, 9, 10):  # of 8 nothing comes
-        after += [part(seq, 0, 2, 95 + seq), offer(seq, 2, 95 + seq)]
+    for seq in (1006, 1007, 1009, 1010):  # of 1008 nothing comes
+        after += [part(seq, 0, 2, seq - 905), offer(seq, 2, seq - 905)]
     found = requested([*before, first, *poison, *after])
-    assert {(8, 0, 0, ()), (9, 104, 2, (1,)), (10, 105, 2, (1,))} <= found
+    assert {(1008, 0, 0, ()), (1009, 104, 2, (1,)), (1010, 105, 2, (1,))} <= found

@@ -81,12 +81,12 @@ class Order:
         """Return how much newer a header's stamp is than that of the last one handed over."""
         return header.stamp_nanos - self._last_stamp
 
-    def is_jump(self, header: Header) -> bool:
+    def is_jump(self, header: Header, most_behind: int = MOST_BEHIND) -> bool:
         """Tell whether a number is too far from the last one handed over to be believed alone."""
         if self._last_seq is None:
             return False
         ahead = self.ahead_by(header.seq_number)
-        return ahead >= MOST_AHEAD or (ahead < -MOST_BEHIND and not self.is_newer(header))
+        return ahead >= MOST_AHEAD or (ahead < -most_behind and not self.is_newer(header))
 
     def is_stale(self, header: Header) -> bool:
         """Tell whether a message is older than the newest one, in a topic ordered by stamp."""
@@ -96,9 +96,11 @@ class Order:
             and -STALE_NANOS <= self.newer_by(header) < 0
         )
 
-    def is_second(self, seq_number: int) -> bool:
+    def is_second(self, seq_number: int, most_ahead: int = 1) -> bool:
         """Tell whether a number follows the suspect one, with nothing handed over in between."""
-        return self._suspect is not None and seq_number == (self._suspect + 1) % SEQ_NUMBERS
+        if self._suspect is None:
+            return False
+        return 0 < (seq_number - self._suspect) % SEQ_NUMBERS <= most_ahead
 
     def suspect(self, seq_number: int) -> bool:
         """Remember a number that is not believed; return whether it is another than before."""

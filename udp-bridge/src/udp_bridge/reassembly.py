@@ -191,8 +191,8 @@ class Reassembler:
         if asking is not None:
             self._verdicts.notice_new_life(topic, asking, header, now_nanos)
             is_finished = topic.order.is_finished(header)
-            of_message = header._replace(parts_max=body.parts_max)
-            if not is_finished and self._verdicts.is_jump(topic, of_message, now_nanos):
+            named = header._replace(parts_max=body.parts_max)
+            if not is_finished and self._verdicts.is_jump(topic, named, now_nanos, is_offer=True):
                 return None
             asking.offered(header, body, is_finished=is_finished, now_nanos=now_nanos)
             self._ask(asking, header, body.msg_type, sender, now_nanos)

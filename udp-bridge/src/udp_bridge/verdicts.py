@@ -14,7 +14,7 @@ from .counters import Counters
 from .header import NANOS, Header
 from .holdings import Holdings, Topic
 from .message import Message
-from .ordering import key_of
+from .ordering import MOST_AHEAD, key_of
 from .resend_asking import Asking
 
 
@@ -52,18 +52,21 @@ class Verdicts:
         self._holdings.give_up_topic(topic, before_nanos=header.stamp_nanos)
         topic.restart()
 
-    def is_jump(self, topic: Topic, header: Header, now_nanos: int) -> bool:
+    def is_jump(
+        self, topic: Topic, header: Header, now_nanos: int, *, is_offer: bool = False
+    ) -> bool:
         """Tell whether a datagram is to be dropped because its message's number jumps.
 
         Two numbers in a row that jump are believed: the topic begins anew with the second one.
-        Parts of open messages and of those that are asked for do not jump.
+        Parts of open messages and of those that are asked for do not jump. Offers leave numbers
+        out, so that in a row means nearly so.
         """
         order, asking = topic.order, topic.asking
-        if not topic.is_jump(header) or key_of(header) in topic.open:
+        if not topic.is_jump(header, is_offer=is_offer) or key_of(header) in topic.open:
             return False
         if asking is not None and asking.is_wanted(header, now_nanos):
             return False
-        if not order.is_second(header.seq_number):
+        if not order.is_second(header.seq_number, MOST_AHEAD if is_offer else 1):
             if order.suspect(header.seq_number):
                 topic.count("late")
             return True
