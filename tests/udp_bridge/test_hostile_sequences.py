@@ -33,7 +33,8 @@ def requested(datagrams: list[bytes]) -> set[tuple[int, int, int, tuple[int, ...
             header, offset = parse(answer)
             request = parse_resend(answer[offset:])
             assert isinstance(request, Request)
-            found.add((header.seq_number, header.time_sec, request.parts_max, request.parts))
+            for seq in range(header.seq_number, header.seq_number + request.messages):
+                found.add((seq, header.time_sec, request.parts_max, request.parts))
     return found
 
 
