@@ -62,9 +62,11 @@ class Verdicts:
         out, so that in a row means nearly so.
         """
         order, asking = topic.order, topic.asking
-        if not topic.is_jump(header, is_offer=is_offer) or key_of(header) in topic.open:
+        if not topic.is_jump(header, is_offer=is_offer):
             return False
-        if asking is not None and asking.is_wanted(header, now_nanos):
+        if not is_offer and key_of(header) in topic.open:
+            return False
+        if not is_offer and asking is not None and asking.is_wanted(header, now_nanos):
             return False
         if not order.is_second(header.seq_number, MOST_AHEAD if is_offer else 1):
             if order.suspect(header.seq_number):
