@@ -142,7 +142,7 @@ def controls() -> list[Arrival]:
     rows = [head + body for body in bodies]
     rows += [Header(CONTROL, 0, part, 2, 1, 0, "/a").pack() + report.pack() for part in (0, 1)]
     rows.append(Header(CONTROL, 0, 0, 2, 1, 0, "/a").pack())
-    return [(now, 1, row) for now, row in enumerate(rows)]
+    return [(now, 2, row) for now, row in enumerate(rows)]
 
 
 def challenges() -> tuple[list[Arrival], list[bytes]]:
