@@ -22,6 +22,7 @@ from tests.udp_bridge.reported import (
     told,
 )
 from udp_bridge import parse
+from udp_bridge.control import Subscribe
 
 from .test_cpp import SANITIZERS, compiled
 
@@ -48,12 +49,15 @@ def by_cpp(program: Path, arrivals: list[Arrival], folder: Path) -> Reported:
 
 
 def reported(lines: list[list[str]]) -> Reported:
-    found = Reported([], [], [])
+    found = Reported([], [], [], [])
     for word, *rest in lines:
         if word == "report":
             found.reports.append(told(int(rest[0]), bytes.fromhex(rest[1])))
         elif word == "refused":
             found.refused.append(rest[0])
+        elif word == "subscribe":
+            fields = *map(int, rest[:3]), float.fromhex(rest[3])
+            found.subscribes.append(Subscribe(*fields))
         elif word == "answer":
             found.credits.append(credited(int(rest[0]), bytes.fromhex(rest[1])))
     return found
@@ -88,8 +92,9 @@ def test_at_every_bound_it_does_what_python_does(program: Path, tmp_path: Path) 
         end = lines.index(["end"])
         theirs, lines = reported(lines[:end]), lines[end + 1 :]
         ours = by_python(case, BUFFER)
-        same = Reported(sorted(theirs.reports), theirs.refused, theirs.credits)
-        if same != ours._replace(reports=sorted(ours.reports)):
+        if theirs._replace(reports=sorted(theirs.reports)) != ours._replace(
+            reports=sorted(ours.reports)
+        ):
             differ.append((case, ours, theirs))
     assert not differ
 
