@@ -280,6 +280,9 @@ def _counts() -> Iterator[list[Arrival]]:
         rows = [(now, 1, single(topic=f"/{now}")) for now in range(count)]
         yield [*rows, (count, 1, single(topic="/0")), (count, REPORT, b"")]
         yield [*rows[1:], (count, 2, single(topic="/0")), (count, REPORT, b"")]
+    tie = [(0, who, single(topic=f"/{n}")) for who in (1, 2) for n in range(512)]
+    back = [(0, who, single(topic="/0")) for who in (3, 2, 1)]
+    yield [*tie, *back, (1, REPORT, b"")]
     for ahead in (1, 2, 1022, 1023, 1024, 1025, 2**31 - 1, 2**31):  # fates that are remembered
         rows = [part(0, 2, 9, 0), part(0, 2, 9, ahead), part(1, 2, 9, 0), single(ahead + 1, 2)]
         yield at_once(rows)
