@@ -59,3 +59,20 @@ def test_the_gateway_tells_physics_what_ros_wishes_and_no_other_process_may(tour
 def test_only_the_operator_may_ask_anything(tour: Scenario) -> None:
     policies = access_control(tour)["policies"]
     assert [p["subjects"] for p in policies if "operate" in p["rules"]] == [[OPERATOR]]
+
+
+def test_what_each_process_may_ask_is_what_the_rules_name_and_no_more(tour: Scenario) -> None:
+    control = access_control(tour)
+    asks = {r["id"]: r["key_exprs"] for r in control["rules"] if r["messages"] == ["query"]}
+    assert asks == {
+        "ask": [
+            *(f"groundlink/*/{what}/**" for what in ("scenario", "assets", "state/history")),
+            "groundlink/*/journal/**",
+        ],
+        "wish": ["groundlink/*/control/**"],
+        "operate": ["groundlink/**"],
+    }
+    for policy in control["policies"]:
+        (process,) = policy["subjects"]
+        more = {OPERATOR: {"operate"}, "gateway": {"wish"}}.get(process, set())
+        assert asks.keys() & set(policy["rules"]) == {"ask"} | more

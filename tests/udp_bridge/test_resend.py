@@ -114,6 +114,15 @@ def test_what_was_not_sent_yet_or_is_another_message_is_not_sent() -> None:
     assert outbox.resender.resent == 2
 
 
+@pytest.mark.parametrize("other", [{"time_nsec": 9}, {"parts_max": 9}])
+def test_parts_of_another_message_of_the_number_are_not_sent(other: dict[str, int]) -> None:
+    outbox = box()
+    sent = put(outbox, 0)
+    ask(outbox, sent[0][0]._replace(**other), (1,), MS)
+    assert [h for h, _ in taken(outbox, MS) if h.msg_type == 1] == []
+    assert outbox.resender.resent == 0
+
+
 def test_whole_messages_are_sent_again() -> None:
     outbox = box()
     rows = [put(outbox, 0, Message(2, "/p", "", stamp, 0, b"imu")) for stamp in range(4)]

@@ -8,13 +8,17 @@ import io
 import itertools
 import os
 import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Chunk, Footer
+from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
 from groundlink.recording import mcap_file
@@ -233,3 +237,34 @@ def test_attachments_are_found_by_all_readers(file: McapFile, tmp_path: Path) ->
         assert [a.data for a in plain.iter_attachments()] == [b"one", b"two"]
     with Reader(path) as rosbag:
         assert rosbag.message_count == len(first + later)
+
+
+def test_the_index_of_a_chunk_says_when_it_begins_and_ends(file: McapFile, tmp_path: Path) -> None:
+    expected = []
+    for part in range(3):
+        times = [row[1] for row in write(file, 50 * part, 50 * part + 50)]
+        expected.append((min(times), max(times)))
+        file.close_chunk()
+    file.commit("end", {})
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    indexes = summary.chunk_indexes
+    assert [(i.message_start_time, i.message_end_time) for i in indexes] == expected
+    assert summary.statistics is not None
+    assert summary.statistics.message_start_time == expected[0][0]
+    assert summary.statistics.message_end_time == expected[-1][1]
+
+
+def test_chunks_and_summary_have_checksums(file: McapFile, tmp_path: Path) -> None:
+    """A checksum of 0 stands for none, so a reader that checks them accepts it."""
+    write(file, 0, 50)
+    file.commit("end", {})
+    content = (tmp_path / "a.mcap").read_bytes()
+    records = [*StreamReader(io.BytesIO(content), emit_chunks=True).records]
+    (chunk,) = (record for record in records if isinstance(record, Chunk))
+    plain = zstandard.ZstdDecompressor().decompress(chunk.data, chunk.uncompressed_size)
+    assert chunk.uncompressed_crc == zlib.crc32(plain) != 0
+    (footer,) = (record for record in records if isinstance(record, Footer))
+    summary = content[footer.summary_start : -len(mcap_file.MAGIC) - 4]
+    assert footer.summary_crc == zlib.crc32(summary) != 0

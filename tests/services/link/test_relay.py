@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -115,6 +116,29 @@ def test_loss_is_what_the_receiver_misses(stack: ExitStack) -> None:
     assert 2000 + counts["duplicated"] == sum(counts[fate] for fate in FATES)
 
 
+class Told:
+    """A socket whose kernel tells with each datagram how many it has dropped so far."""
+
+    def __init__(self, *drops: int) -> None:
+        self._drops = list(drops)
+
+    def recvmsg(self, size: int, ancillary: int) -> tuple[bytes, list[Any], int, tuple[str, int]]:
+        if not self._drops:
+            raise BlockingIOError
+        told = struct.pack("=I", self._drops.pop(0))
+        return b"", [(socket.SOL_SOCKET, 40, told)], 0, LOCAL
+
+
+def test_what_the_kernel_drops_is_counted_once() -> None:
+    it = Relay(LOCAL, LOCAL, forward=CLEAN, back=CLEAN, seed=1)
+    try:
+        for drops in ((5, 5, 12), (3,)):
+            it._take(module.Way(Told(*drops), ("127.0.0.1", 9)), lambda: 0)  # type: ignore[arg-type]
+        assert it.kernel_drops == 12 + 3
+    finally:
+        it.close()
+
+
 def test_senders_are_forgotten_when_there_are_too_many(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,7 +227,7 @@ def test_an_outage_of_the_command(stack: ExitStack) -> None:
     [
         ([], "--listen"),
         (["--listen", "nonsense"], "`nonsense` is no address"),
-        (["--listen", "127.0.0.1:0", "--loss", "1.5"], "`loss`"),
+        (["--listen", "127.0.0.1:0", "--loss", "1.5"], "--loss: "),
         (["--listen", "127.0.0.1:0", "--loss", "many"], "invalid float"),
         (["--listen", "127.0.0.1:0", "--back-loss", "0.9", "--back-burst", "2"], "--back-"),
         (["--listen", "127.0.0.1:0", "--outage", "5"], "START:LENGTH"),
