@@ -86,9 +86,12 @@ def impairments(options: argparse.Namespace) -> tuple[dict[str, Impairment], dic
         try:
             settings[way] = changed(Impairment(), {k: v for k, v in given.items() if v is not None})
         except ValueError as error:
-            field, _, problem = str(error).partition(": ")
-            option = prefix + field.strip("`").replace("_", "-")
-            raise UserError(f"{option}: {problem} (given: {given.get(field.strip('`'))})") from None
+            field = str(error).partition(": ")[0].strip("`")
+            if field not in given:  # about several fields
+                raise UserError(f"on the way {way}: {error}") from None
+            problem = str(error).removeprefix(f"`{field}`: ")
+            option = prefix + field.replace("_", "-")
+            raise UserError(f"{option} {given[field]:g}: {problem}") from None
         outages[way] = [_outage(prefix, text) for text in _value(options, prefix, "outage") or ()]
     return settings, outages
 

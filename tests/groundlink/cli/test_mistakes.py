@@ -46,8 +46,14 @@ def test_another_host_needs_the_router_of_the_main_one(
         ("sensors show imu", "`imu` is a kind of sensor; expected the name of a data sheet: imu_"),
         ("sensors show encoders", "none of this kind is shipped"),
         ("sensors show nothing_near", "no file `sensors/nothing_near.yaml`"),
-        ("link --loss 2 --listen 127.0.0.1:0 --to 127.0.0.1:9", "--loss: expected `float` <= 1.0"),
-        ("link --back-delay-ms=-1 --listen h:0 --to h:9", "--back-delay-ms: expected `float` >="),
+        (
+            "link --loss 2 --listen 127.0.0.1:0 --to 127.0.0.1:9",
+            "--loss 2: expected `float` <= 1.0",
+        ),
+        (
+            "link --back-delay-ms=-1 --listen h:0 --to h:9",
+            "--back-delay-ms -1: expected `float` >=",
+        ),
         ("spawn nothing.yaml", "nothing.yaml: no such file"),
         ("spawn bax", "did you mean `box`?"),
         ("drive --route nothing.yaml", "nothing.yaml: no such file"),

@@ -227,9 +227,12 @@ def test_an_outage_of_the_command(stack: ExitStack) -> None:
     [
         ([], "--listen"),
         (["--listen", "nonsense"], "`nonsense` is no address"),
-        (["--listen", "127.0.0.1:0", "--loss", "1.5"], "--loss: "),
+        (["--listen", "127.0.0.1:0", "--loss", "1.5"], "--loss 1.5: expected `float` <= 1.0"),
         (["--listen", "127.0.0.1:0", "--loss", "many"], "invalid float"),
-        (["--listen", "127.0.0.1:0", "--back-loss", "0.9", "--back-burst", "2"], "--back-"),
+        (
+            ["--listen", "127.0.0.1:0", "--back-loss", "0.9", "--back-burst", "2"],
+            "way back: loss 0.9 ",
+        ),
         (["--listen", "127.0.0.1:0", "--outage", "5"], "START:LENGTH"),
         (["--listen", "127.0.0.1:0", "--seed", "-1"], "--seed -1"),
         (["--set", "to_ros.loss=1"], "name it with --run"),
