@@ -64,19 +64,7 @@ def joining(run: str, endpoint: str) -> list[str]:
 
 
 def recorder(out: str, run: str, endpoint: str) -> list[str]:
-    """Return the command of a recorder.
-
-    Raises
-    ------
-    LackingError
-        when a package of the extra `record` is not installed; a run would wait for its recorder.
-    """
-    for package in ("mcap", "rosbags", "zstandard"):
-        if importlib.util.find_spec(package) is None:
-            raise LackingError(
-                f"the Python package `{package}` is not installed. "
-                "Fix: pip install 'groundlink[record]'"
-            )
+    """Return the command of a recorder."""
     return ["-m", "services.recorder", "--out", out, *joining(run, endpoint)]
 
 

@@ -19,7 +19,7 @@ FieldOfView = Annotated[float, Meta(ge=1, le=170)]
 
 
 class Optics(SensorSpec, frozen=True, kw_only=True):
-    """What all cameras have: a pinhole and a rate. `frame` is the optical one (REP 103)."""
+    """What all cameras have: a lens, an image sensor, a rate. `frame` is the optical one."""
 
     optical: ClassVar[bool] = True
 
@@ -33,9 +33,21 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
     intrinsics: tuple[Positive, Positive, float, float] | None = None
     """fx, fy, cx, cy of K in pixels, instead of angles; pixel centres are whole numbers."""
 
+    samples: Literal[1, 4, 16] = 4
+    """Samples of light in each pixel, whose mean is its color. More make edges smoother; 1 draws
+    jagged edges."""
+
+    lens: Lens = Lens()
+    imager: Imager = Imager()
+
     def __post_init__(self) -> None:
         if self.intrinsics and (self.horizontal_fov_deg or self.vertical_fov_deg):
             raise ValueError("`intrinsics` and an angle of view are both given; choose one")
+        if self.imager.span_s * self.rate_hz > 1:
+            raise ValueError(
+                f"`exposure_s` and `readout_s` make {self.imager.span_s:g} s; expected up to "
+                f"{1 / self.rate_hz:.4g} s, the time between two pictures"
+            )
 
 
 class Camera(Optics, frozen=True, tag="camera", kw_only=True):
@@ -46,16 +58,9 @@ class Camera(Optics, frozen=True, tag="camera", kw_only=True):
     """JPEG under `<topic>/compressed`, pixels under `topic`, or both."""
 
     jpeg_quality: Annotated[int, Meta(ge=1, le=100)] = 80
-    lens: Lens = Lens()
-    imager: Imager = Imager()
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.imager.span_s * self.rate_hz > 1:
-            raise ValueError(
-                f"`exposure_s` and `readout_s` make {self.imager.span_s:g} s; expected up to "
-                f"{1 / self.rate_hz:.4g} s, the time between two pictures"
-            )
         if self.encoding.startswith("bayer") and self.publish != "raw":
             raise ValueError("a bayer pattern does not survive JPEG; add `publish: raw`")
 

@@ -17,7 +17,7 @@ from groundlink.clock import TICK_RATE_HZ
 from .faults import Delay
 from .lidars import RotatingLidar
 from .schema import Time
-from .sensors import Camera, Sensor, sensor_rate_hz
+from .sensors import Optics, Sensor, sensor_rate_hz
 
 HISTORY_TICKS = 1024
 """States that physics keeps for sensors that rejoin."""
@@ -46,4 +46,4 @@ def _under_way_s(sensor: Sensor) -> float:
     late_s = max((fault.delay_s for fault in sensor.faults if isinstance(fault, Delay)), default=0)
     if isinstance(sensor, RotatingLidar):
         return late_s + 1 / sensor_rate_hz(sensor)
-    return late_s + (sensor.imager.span_s if isinstance(sensor, Camera) else 0.0)
+    return late_s + (sensor.imager.span_s if isinstance(sensor, Optics) else 0.0)

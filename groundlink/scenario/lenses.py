@@ -51,6 +51,11 @@ class Lens(Spec, frozen=True, kw_only=True):
             )
 
     @property
+    def is_straight(self) -> bool:
+        """Whether straight lines stay straight: nothing is distorted."""
+        return self.model == "plumb_bob" and not any(self.distortion)
+
+    @property
     def coefficients(self) -> tuple[float, ...]:
         """All of the model, as in CameraInfo."""
         missing = len(COEFFICIENTS[self.model]) - len(self.distortion)

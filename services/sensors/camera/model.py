@@ -29,20 +29,16 @@ class CameraModel(PictureModel):
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Camera) -> None:
         self._spec = spec
-        self._eye = CameraEye(
-            scenario, vehicle, spec, lens=spec.lens, imager=spec.imager, encoding=spec.encoding
-        )
+        self._eye = CameraEye(scenario, vehicle, spec, encoding=spec.encoding)
         super().__init__(spec, self._eye.eye, span_nanos=self._eye.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
         """Return the messages of the picture that begins at an instant."""
-        spec, lens, header = self._spec, self._spec.lens, (stamp_nanos, self._frame)
+        spec, header = self._spec, (stamp_nanos, self._frame)
         pixels = self._eye.read(nanos, tick)
-        told = camera_info(
-            *header, self._eye.pinhole, model=lens.model, distortion=lens.coefficients
-        )
+        told = camera_info(*header, self._eye.pinhole, spec.lens)
         made: list[Message | Beside] = [Beside("camera_info", told)]
         if "image" in self._outputs:
             encoded = ENCODINGS[spec.encoding](pixels)

@@ -1,25 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a depth camera has true depth from: drawn by OpenGL, or by rays where there is none.
 
-Rule: both see the same world through the same pinhole at the asked instant; by rays there is no
-colour.
+Rule: both see the same world through the same lens, in the middle of the exposure; by rays there is
+no color.
 """
 
 from __future__ import annotations
 
 import sys
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import transform
+from groundlink.clock import NANOS, TICK_NANOS
+from groundlink.frames import Floats, transform
 from groundlink.messages import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.context import RenderingUnavailableError, open_context
+from services.sensors.rendering.distortion import lens_pinhole, slopes
 from services.sensors.rendering.pinhole import NEAR_M, Pinhole
+
+if TYPE_CHECKING:
+    from services.sensors.rendering.target import Layer
 
 FAR_M = 1e5
 """Farther than any world goes."""
@@ -29,16 +34,18 @@ class Sight(NamedTuple):
     """What is seen. The arrays are overwritten by the next look."""
 
     depth_m: NDArray[np.float32]
-    """Shape (height, width), infinite in the sky."""
+    """Shape (height, width), infinite in the sky and where no ray comes in."""
 
     colour: NDArray[np.uint8] | None
     """Shape (height, width, 3)."""
 
 
 class DepthEye(Protocol):
-    """States of the world in, depths of an instant out; as `Eye` otherwise."""
+    """States of the world in, depths of an instant out; as `CameraEye` otherwise."""
 
     pinhole: Pinhole
+    slopes: Floats
+    span_nanos: int
 
     def restart(self) -> None:
         """Forget all states."""
@@ -46,8 +53,8 @@ class DepthEye(Protocol):
     def take(self, state: State) -> None:
         """Remember where everything is at the next tick."""
 
-    def look(self, nanos: int) -> Sight:
-        """Return what is seen at a sim time between the last two states."""
+    def look(self, nanos: int, tick: int) -> Sight:
+        """Return the picture whose exposure begins at a sim time, with the noise of a tick."""
 
 
 class DrawnEye:
@@ -55,38 +62,46 @@ class DrawnEye:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
         open_context().release()  # what is missing is told by this
-        from services.sensors.rendering.eye import Eye  # needs moderngl
+        from services.sensors.rendering.camera_eye import CameraEye  # needs moderngl
 
-        self._eye = Eye(scenario, vehicle, spec)
-        self.pinhole = self._eye.pinhole
-        self.restart, self.take = self._eye.restart, self._eye.take
+        self._is_colored = bool(spec.color or spec.points_topic)
+        layers: tuple[Layer, ...] = ("color", "depth") if self._is_colored else ("depth",)
+        self._camera = CameraEye(scenario, vehicle, spec, layers=layers)
+        self.pinhole, self.slopes = self._camera.pinhole, self._camera.slopes
+        self.span_nanos = self._camera.span_nanos
+        self.restart, self.take = self._camera.eye.restart, self._camera.eye.take
 
-    def look(self, nanos: int) -> Sight:
-        """Return what is seen at a sim time between the last two states."""
-        frame = self._eye.look(nanos)
-        return Sight(frame.depth_m, frame.colour)
+    def look(self, nanos: int, tick: int) -> Sight:
+        """Return the picture whose exposure begins at a sim time, with the noise of a tick."""
+        frame = self._camera.taken(nanos, tick)
+        return Sight(frame.depth_m, frame.colour if self._is_colored else None)
 
 
 class RayEye:
     """Depth alone, by a ray through the centre of each pixel."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
-        self.pinhole = Pinhole.of(spec)
+        self.pinhole = lens_pinhole(spec)
+        self.slopes = slopes(spec.lens, self.pinhole)
+        self.span_nanos = round(spec.imager.span_s * NANOS)
         self._replica = Replica(scenario, vehicle, spec.mount.xyz_m)
         self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
         shape = self.pinhole.height, self.pinhole.width
-        self._rays = np.moveaxis(self.pinhole.rays(), -1, 0).reshape(3, -1).astype(np.float32)
+        self._lit = np.isfinite(self.slopes[..., 0])
+        rays = np.ones((*shape, 3), np.float32)
+        rays[..., :2] = np.where(self._lit[..., None], self.slopes, 0)
+        self._rays = np.moveaxis(rays, -1, 0).reshape(3, -1)
         self._instants = np.zeros(shape, np.float32)
         self.restart = self._replica.restart
 
     def take(self, state: State) -> None:
         """Remember where everything is at the next tick."""
         self._replica.take(state)
-        self._replica.forget(state.tick - 1)
+        self._replica.forget(state.tick - 1 - -(-self.span_nanos // TICK_NANOS))
 
-    def look(self, nanos: int) -> Sight:
-        """Return what is seen at a sim time between the last two states."""
-        poses = self._replica.at(nanos)
+    def look(self, nanos: int, tick: int) -> Sight:
+        """Return the depths in the middle of an exposure that begins at a sim time."""
+        poses = self._replica.at(nanos + self.span_nanos // 2)
         self._replica.scene.move(np.stack([poses, poses]))
         base = poses[self._replica.base]
         world_from_optical = transform(base[:3], base[3:]) @ self._base_from_optical
@@ -95,7 +110,8 @@ class RayEye:
         # As drawn pictures, begin a little in front of the eye.
         at = world_from_optical[:3, 3, None, None] + NEAR_M * rays
         hits = self._replica.scene.cast(at.astype(np.float32), rays, self._instants, FAR_M)
-        return Sight(hits.range_m + np.float32(NEAR_M), None)
+        depth_m = np.where(self._lit, hits.range_m + np.float32(NEAR_M), np.float32(np.inf))
+        return Sight(depth_m, None)
 
 
 def depth_eye(scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> DepthEye:

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.frames import Floats
 from groundlink.imagery import CompressedImage
 from groundlink.messages import POINT, PointCloud, packed
-from services.sensors.rendering.pinhole import Pinhole
 
 Reals = NDArray[np.float32]
 Shorts = NDArray[np.uint16]
@@ -80,7 +80,7 @@ def points(
     stamp_nanos: int,
     frame: str,
     depth_m: Reals,
-    pinhole: Pinhole,
+    slopes: Floats,
     *,
     every: int,
     colour: NDArray[np.uint8] | None,
@@ -89,6 +89,8 @@ def points(
 
     Parameters
     ----------
+    slopes : float array, shape (height, width, 2)
+        Where the ray of each pixel passes z of 1.
     every : int
         Of so many rows and columns, the first.
     colour : uint8 array, shape (height, width, 3), optional
@@ -99,10 +101,9 @@ def points(
     z = z[rows, columns]
     rows, columns = rows * every, columns * every
     made = np.zeros(len(z), POINT)
-    made["x"] = (columns - pinhole.cx) / pinhole.fx * z
-    made["y"] = (rows - pinhole.cy) / pinhole.fy * z
+    made["x"], made["y"] = (slopes[rows, columns] * z[:, None]).T
     made["z"] = z
-    made["ring"] = pinhole.height - 1 - rows
+    made["ring"] = len(depth_m) - 1 - rows
     if colour is not None:
         made["intensity"] = colour[rows, columns].mean(axis=1)
     return PointCloud(stamp_nanos, frame, packed(made.view(np.uint8)))

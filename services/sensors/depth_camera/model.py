@@ -2,6 +2,8 @@
 """A depth camera: states of the world in, depth images with their CameraInfo out.
 
 Rule: all messages of one picture have its stamp and are of the same pixels: depth, colour, points.
+Depth is that in the middle of the exposure. The lens bends it, too; the rest of lens and image
+sensor makes color what it is.
 Only what somebody subscribed to in the scenario is made.
 """
 
@@ -31,7 +33,8 @@ class DepthCameraModel(PictureModel):
     Raises
     ------
     UserError
-        when neither OpenGL nor Embree is here, or colour is wanted without OpenGL.
+        when neither OpenGL nor Embree is here, or colour is wanted without OpenGL, or the lens
+        cannot be drawn.
     """
 
     def __init__(
@@ -44,7 +47,7 @@ class DepthCameraModel(PictureModel):
     ) -> None:
         self._spec = spec
         self._eye = eye or depth_eye(scenario, vehicle, spec)
-        super().__init__(spec, self._eye)
+        super().__init__(spec, self._eye, span_nanos=self._eye.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
@@ -52,10 +55,10 @@ class DepthCameraModel(PictureModel):
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
         """Return the messages of the picture of an instant."""
         spec, outputs, header = self._spec, self._outputs, (stamp_nanos, self._frame)
-        truth_m, colour = self._eye.look(nanos)
+        truth_m, colour = self._eye.look(nanos, tick)
         pinhole = self._eye.pinhole
         depth_m = measured(truth_m, pinhole.fx, spec, self._streams.at("disparity", tick))
-        info = camera_info(*header, pinhole)
+        info = camera_info(*header, pinhole, spec.lens)
         made: list[Message | Beside] = [Beside("camera_info", info)]
         if "" in outputs:
             made.append(image(*header, spec.encoding, pixels(depth_m, spec.encoding)))
@@ -63,7 +66,8 @@ class DepthCameraModel(PictureModel):
             file = compressed_depth(*header, depth_m, spec.encoding, spec.max_range_m)
             made.append(Beside("compressed", file))
         if "points" in outputs:
-            cloud = points(*header, depth_m, pinhole, every=spec.points_every, colour=colour)
+            slopes = self._eye.slopes
+            cloud = points(*header, depth_m, slopes, every=spec.points_every, colour=colour)
             made.append(Beside("points", cloud))
         if spec.color and colour is not None:
             made.append(Beside("color_info", info))

@@ -1,31 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An eye with a lens and an image sensor: the picture as a camera reads it.
+"""A camera: an eye with a lens and an image sensor, or several side by side.
 
 Rule: light goes through the lens, onto rows that are exposed when the shutter says, behind the
 colour filter, and is read with noise. What becomes of the picture is the sensor's business. Lenses
-and image sensors that are ideal cost nothing.
+and image sensors that are ideal cost nothing. Eyes of one camera take their pictures at once,
+through lenses and with image sensors of one kind; each has its own noise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.scenario import lenses
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Optics
 from services.sensors.streams import RandomStreams
 
-from .distortion import MODELS
+from .distortion import lens_pinhole, slopes
 from .eye import Eye
 from .imager import Electronics
 from .lens import Lens
 from .messages import ENCODINGS
-from .pinhole import Pinhole
 from .shutter import Shutter
-from .target import Frame
-
-IDEAL_LENS, IDEAL_IMAGER = lenses.Lens(), lenses.Imager()
+from .target import COLOR_ALONE, Frame, Layer
 
 
 class CameraEye:
@@ -35,6 +35,10 @@ class CameraEye:
     ----------
     encoding : str
         Of `ENCODINGS`; those of one number a pixel have their colour filter before the noise.
+    layers : collection of Layer
+        What is drawn; depth is, too, where the lens needs it.
+    to_the_right_m : sequence of float
+        How far to the right of the mount each eye is.
 
     Raises
     ------
@@ -46,9 +50,11 @@ class CameraEye:
     Attributes
     ----------
     eye : Eye
-        Through the lens's pinhole.
+        At the mount, through the lens's pinhole.
     pinhole : Pinhole
         Size of the picture, and K.
+    slopes : float array, shape (height, width, 2)
+        Where the ray of each pixel passes z of 1; NaN for no ray.
     span_nanos : int
         For how long a picture is exposed.
     """
@@ -59,14 +65,14 @@ class CameraEye:
         vehicle: Vehicle,
         spec: Optics,
         *,
-        lens: lenses.Lens = IDEAL_LENS,
-        imager: lenses.Imager = IDEAL_IMAGER,
         encoding: str = "rgb8",
-        with_labels: bool = False,
+        layers: Collection[Layer] = COLOR_ALONE,
+        to_the_right_m: Sequence[float] = (0.0,),
     ) -> None:
-        self.pinhole = Pinhole.of(spec, radius=MODELS[lens.model].radius)
-        self._lens = Lens(lens, self.pinhole)
-        self._shutter = Shutter(imager, spec.height)
+        self.pinhole = lens_pinhole(spec)
+        self.slopes = slopes(spec.lens, self.pinhole)
+        self._lens = Lens(spec.lens, self.pinhole)
+        self._shutter = Shutter(spec.imager, spec.height)
         self.span_nanos = self._shutter.span_nanos
         self.eye = Eye(
             scenario,
@@ -74,24 +80,44 @@ class CameraEye:
             spec,
             pinhole=self._lens.drawn,
             span_nanos=self.span_nanos,
-            with_labels=with_labels,
+            layers={*layers, "depth"} if spec.lens.aperture_m else layers,
         )
+        self._is_colored = "color" in layers
         coloured = encoding in ("rgb8", "bgr8")
         self._filtered = ENCODINGS["rgb8" if coloured else encoding]
         values = spec.width * spec.height * (3 if coloured else 1)
-        streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
-        self._electronics = Electronics(imager, values, streams)
-        self.eye.renderer.exposure = self._electronics.brightness
+        name = f"{vehicle.name}/{spec.name}"
+        names = [name, *(f"{name}/eye_{number}" for number in range(1, len(to_the_right_m)))]
+        self._electronics = [
+            Electronics(spec.imager, values, RandomStreams(scenario.seed, each)) for each in names
+        ]
+        self._optical_from_eye = np.tile(np.eye(4), (len(names), 1, 1))
+        self._optical_from_eye[:, 0, 3] = to_the_right_m
+        self.eye.renderer.exposure = self._electronics[0].brightness
 
-    def seen(self, nanos: int) -> Frame:
-        """Return what is behind the lens at a sim time, as for `Eye.move`."""
-        return self._lens.seen(self.eye.look(nanos))
-
-    def read(self, nanos: int, tick: int) -> NDArray[np.uint8]:
+    def read(self, nanos: int, tick: int, *, eye: int = 0) -> NDArray[np.uint8]:
         """Return the picture whose exposure begins at a sim time, with the noise of a tick.
 
         Shape (height, width, 3), red, green, blue, or (height, width) where the encoding has one
         number a pixel. The next look may overwrite it.
         """
-        light = self._shutter.exposed(lambda offset_nanos: self.seen(nanos + offset_nanos).colour)
-        return self._electronics.read(self._filtered(light), tick)
+        light = self._shutter.exposed(lambda offset: self._seen(nanos + offset, eye).colour)
+        return self._electronics[eye].read(self._filtered(light), tick)
+
+    def taken(self, nanos: int, tick: int) -> Frame:
+        """Return that picture of the first eye with the truth in the middle of the exposure.
+
+        Depth and labels are behind the lens, each pixel that of the nearest drawn one.
+        """
+        colour = None
+        if self._is_colored and not self._shutter.is_still:
+            colour = self.read(nanos, tick)
+        middle = self._seen(nanos + self._shutter.middle_nanos, 0)
+        if self._is_colored and colour is None:
+            colour = self._electronics[0].read(self._filtered(middle.colour), tick)
+        return middle if colour is None else replace(middle, colour=colour)
+
+    def _seen(self, nanos: int, eye: int) -> Frame:
+        """Return what is behind the lens of an eye at a sim time, as for `Eye.move`."""
+        world_from_eye = self.eye.move(nanos) @ self._optical_from_eye[eye]
+        return self._lens.seen(self.eye.renderer.draw(world_from_eye))

@@ -16,7 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from groundlink.errors import UserError
 from groundlink.frames import Floats
+from groundlink.scenario import lenses
+from groundlink.scenario.sensors import Optics
+
+from .pinhole import Pinhole
 
 MAX_FIELD_DEG = 150.0
 """Widest field of view that is drawn: the plane at z of 1 goes to infinity at 180 degrees."""
@@ -91,3 +96,44 @@ MODELS = {
     "equidistant": Model(float, _equidistant, _from_equidistant),
 }
 """By their names in sensor_msgs/distortion_models."""
+
+
+def lens_pinhole(spec: Optics) -> Pinhole:
+    """Return the size of the picture of a camera, and K."""
+    return Pinhole.of(spec, radius=MODELS[spec.lens.model].radius)
+
+
+def slopes(spec: lenses.Lens, pinhole: Pinhole, scale: float = 1.0) -> Floats:
+    """Return where the ray of each pixel passes z of 1, shape (height, width, 2); NaN for no ray.
+
+    Parameters
+    ----------
+    scale
+        By how much the picture of this color is larger.
+
+    Raises
+    ------
+    UserError
+        when the lens cannot be drawn.
+    """
+    if scale == 1 and spec.is_straight:
+        return pinhole.rays()[..., :2]
+    model, coefficients = MODELS[spec.model], np.array(spec.coefficients)
+    points = np.ascontiguousarray(pinhole.rays()[..., :2] / scale).reshape(-1, 2)
+    rays = model.straight(points, coefficients).reshape(pinhole.height, pinhole.width, 2)
+    row, column = _nearest(pinhole)
+    # A fisheye's circle may end within the picture, but not before the middles of its edges.
+    must = rays if spec.model == "plumb_bob" else np.concatenate([rays[row], rays[:, column]])
+    if np.isnan(must).any():
+        raise UserError(
+            f"lens: `{spec.model}` with {', '.join(map(str, spec.coefficients))} sees beyond "
+            f"{MAX_FIELD_DEG:g} degrees or folds back within the picture; "
+            "make the field of view or the coefficients smaller"
+        )
+    return rays
+
+
+def _nearest(pinhole: Pinhole) -> tuple[int, int]:
+    """Return row and column of the pixel nearest to the principal point."""
+    row = min(max(round(pinhole.cy), 0), pinhole.height - 1)
+    return row, min(max(round(pinhole.cx), 0), pinhole.width - 1)

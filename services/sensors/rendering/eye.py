@@ -7,6 +7,8 @@ pictures are taken and what becomes of them is the sensor's business.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from groundlink.clock import TICK_NANOS
 from groundlink.frames import Floats, transform
 from groundlink.messages import State
@@ -16,7 +18,7 @@ from services.sensors.surroundings import Surroundings
 
 from .pinhole import Pinhole
 from .renderer import Renderer
-from .target import Frame
+from .target import Frame, Layer
 
 
 class Eye:
@@ -28,6 +30,8 @@ class Eye:
         What pictures are drawn through, if not by the specification: wider, for a lens that bends.
     span_nanos : int
         How long before the last tick an instant may be that is looked at.
+    layers : collection of Layer
+        What frames have.
 
     Raises
     ------
@@ -48,14 +52,14 @@ class Eye:
         *,
         pinhole: Pinhole | None = None,
         span_nanos: int = 0,
-        with_labels: bool = False,
+        layers: Collection[Layer] = ("color", "depth"),
     ) -> None:
         self._span_nanos = span_nanos
         self.pinhole = pinhole or Pinhole.of(spec)
         self._around = Surroundings(scenario, vehicle, spec.mount.xyz_m)
         self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
         self.renderer = Renderer(
-            scenario.world, self._around, self.pinhole, with_labels=with_labels
+            scenario.world, self._around, self.pinhole, layers=layers, samples=spec.samples
         )
 
     def restart(self) -> None:

@@ -7,7 +7,7 @@ Rule: its heights are there once, as a texture; a picture takes one call, for th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import moderngl
 import numpy as np
@@ -46,13 +46,13 @@ class DrawnGround:
     def __init__(
         self,
         context: moderngl.Context,
-        program: moderngl.Program,
+        programs: Sequence[moderngl.Program],
         ground: Ground,
         materials: Mapping[str, Material],
         light: Lighting,
         label: int,
     ) -> None:
-        self._program, self._ground = program, ground
+        self._programs, self._ground = programs, ground
         self._levels = Levels(ground)
         rows, columns = ground.heights.shape
         most = int(context.info["GL_MAX_TEXTURE_SIZE"])
@@ -88,19 +88,27 @@ class DrawnGround:
         knots, faces = _patch()
         vertices = context.buffer(knots.tobytes())
         middles = knots[faces].mean(axis=1)
-        self._quarters: list[tuple[moderngl.Buffer, moderngl.VertexArray]] = []
+        self._quarters: list[tuple[moderngl.Buffer, list[moderngl.VertexArray]]] = []
         for towards in QUARTERS:
             nearest_first = np.argsort(middles[:, :2] @ towards, kind="stable")
             patches = context.buffer(reserve=MOST_PATCHES * 3 * 4)
             content = [(vertices, "3i", "knot"), (patches, "3i /i", "patch_at")]
             indices = context.buffer(faces[nearest_first].tobytes())
-            self._quarters.append((patches, context.vertex_array(program, content, indices)))
-        put(program, "cell_m", ground.cell_m)
-        put_integers(program, "label", label)
+            drawn = [
+                context.vertex_array(program, content, indices, skip_errors=True)
+                for program in programs
+            ]
+            self._quarters.append((patches, drawn))
+        for program in programs:
+            put(program, "cell_m", ground.cell_m)
+            put_integers(program, "label", label)
 
-    def draw(self, clip_from_world: Floats, eye: Floats, focal_px: float) -> None:
-        """Draw what of it a view shows; what the view tells all programs has been told."""
-        ground, program = self._ground, self._program
+    def draw(self, number: int, clip_from_world: Floats, eye: Floats, focal_px: float) -> None:
+        """Draw what of it a view shows, by the program of a pass.
+
+        What the view tells all programs has been told.
+        """
+        ground, program = self._ground, self._programs[number]
         patches = self._levels.shown(clip_from_world, eye, focal_px)
         first = np.array([ground.x0_m, ground.y0_m])
         anchor = np.rint((eye[:2] - first) / ground.cell_m)
@@ -116,12 +124,12 @@ class DrawnGround:
             picture.use(unit)
         middles = patches[:, :2] + SIDE / 2 * patches[:, 2:]
         quarter = (middles >= (eye[:2] - first) / ground.cell_m) @ (2, 1)
-        for number, (buffer, drawn) in enumerate(self._quarters):
-            here = patches[quarter == number]
+        for which, (buffer, drawn) in enumerate(self._quarters):
+            here = patches[quarter == which]
             if here.nbytes > buffer.size:
                 buffer.orphan(2 * here.nbytes)
             buffer.write(here.tobytes())
-            drawn.render(instances=len(here))
+            drawn[number].render(instances=len(here))
 
 
 def _patch() -> tuple[NDArray[np.int32], NDArray[np.uint32]]:

@@ -20,9 +20,9 @@ uniform float pixel;  // tangent of its angle
 uniform int label;
 in ivec3 knot;  // column and row in the patch, 1 for a skirt's lower edge
 in ivec3 patch_at;  // column and row of the patch's first vertex, cells from vertex to vertex
-out vec3 seen;
+centroid out vec3 seen;
 out float ahead_m;
-out vec4 in_shadow_map[LIGHTS];
+centroid out vec4 in_shadow_map[LIGHTS];
 flat out int thing;
 
 void main() {

@@ -16,11 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
 from groundlink.frames import Floats
 from groundlink.scenario import lenses
 
-from .distortion import MAX_FIELD_DEG, MODELS
+from .distortion import slopes
 from .focus import Focus
 from .pinhole import Pinhole
 from .target import Frame
@@ -57,58 +56,30 @@ class Lens:
 
     def __init__(self, spec: lenses.Lens, pinhole: Pinhole) -> None:
         self.drawn = pinhole
-        self._steps: list[Callable[[Frame], Frame]] = []
+        self._bend: _Bend | None = None
+        self._coloring: list[Callable[[Frame], NDArray[np.uint8]]] = []
         colours = 1 + spec.chromatic_aberration * np.array([1.0, 0.0, -1.0])
-        if any(spec.distortion) or spec.model != "plumb_bob" or spec.chromatic_aberration:
-            rays = [_rays(spec, pinhole, scale) for scale in dict.fromkeys(colours.tolist())]
+        if spec.chromatic_aberration or not spec.is_straight:
+            rays = [slopes(spec, pinhole, scale) for scale in dict.fromkeys(colours.tolist())]
             self.drawn = covering(pinhole, rays)
-            self._steps.append(_Bend(self.drawn, rays).bent)
+            self._bend = _Bend(self.drawn, rays)
         if spec.aperture_m:
             focal_px = (pinhole.fx + pinhole.fy) / 2
-            focus = Focus(focal_px * spec.aperture_m, spec.focus_m)
-            self._steps.append(lambda frame: replace(frame, colour=focus.seen(frame)))
+            self._coloring.append(Focus(focal_px * spec.aperture_m, spec.focus_m).seen)
         if spec.vignetting:
             left = _left(spec.vignetting, pinhole)
-            self._steps.append(
-                lambda frame: replace(
-                    frame, colour=np.asarray(cv2.multiply(frame.colour, left, scale=1 / 255))
-                )
+            self._coloring.append(
+                lambda frame: np.asarray(cv2.multiply(frame.colour, left, scale=1 / 255))
             )
 
     def seen(self, frame: Frame) -> Frame:
-        """Return what is seen where `frame` was drawn through `drawn`."""
-        for step in self._steps:
-            frame = step(frame)
+        """Return what is seen where `frame` was drawn through `drawn`, in the layers it has."""
+        if self._bend:
+            frame = self._bend.bent(frame)
+        if frame.colour.size:
+            for step in self._coloring:
+                frame = replace(frame, colour=step(frame))
         return frame
-
-
-def _rays(spec: lenses.Lens, pinhole: Pinhole, scale: float) -> Floats:
-    """Return where each pixel's ray passes z of 1, shape (H, W, 2); NaN for no ray.
-
-    Parameters
-    ----------
-    scale
-        By how much the picture of this colour is larger.
-    """
-    model, coefficients = MODELS[spec.model], np.array(spec.coefficients)
-    points = np.ascontiguousarray(pinhole.rays()[..., :2] / scale).reshape(-1, 2)
-    rays = model.straight(points, coefficients).reshape(pinhole.height, pinhole.width, 2)
-    row, column = _nearest(pinhole)
-    # A fisheye's circle may end within the picture, but not before the middles of its edges.
-    must = rays if spec.model == "plumb_bob" else np.concatenate([rays[row], rays[:, column]])
-    if np.isnan(must).any():
-        raise UserError(
-            f"lens: `{spec.model}` with {', '.join(map(str, spec.coefficients))} sees beyond "
-            f"{MAX_FIELD_DEG:g} degrees or folds back within the picture; "
-            "make the field of view or the coefficients smaller"
-        )
-    return rays
-
-
-def _nearest(pinhole: Pinhole) -> tuple[int, int]:
-    """Return row and column of the pixel nearest to the principal point."""
-    row = min(max(round(pinhole.cy), 0), pinhole.height - 1)
-    return row, min(max(round(pinhole.cx), 0), pinhole.width - 1)
 
 
 def covering(pinhole: Pinhole, rays: list[Floats]) -> Pinhole:
@@ -146,18 +117,20 @@ class _Bend:
         self._nearest = np.rint(places[len(places) // 2]).astype(np.int16)  # of green
 
     def bent(self, frame: Frame) -> Frame:
-        channels = cv2.split(frame.colour) if len(self._colours) > 1 else [frame.colour]
-        bent = [
-            cv2.remap(channel, whole, parts, cv2.INTER_LINEAR)
-            for channel, (whole, parts) in zip(channels, self._colours, strict=True)
-        ]
-        colour = cv2.merge(bent) if len(bent) > 1 else bent[0]
-        labels = frame.labels
+        colour, depth_m, labels = frame.colour, frame.depth_m, frame.labels
+        if colour.size:
+            channels = cv2.split(colour) if len(self._colours) > 1 else [colour]
+            bent = [
+                cv2.remap(channel, whole, parts, cv2.INTER_LINEAR)
+                for channel, (whole, parts) in zip(channels, self._colours, strict=True)
+            ]
+            colour = np.asarray(cv2.merge(bent) if len(bent) > 1 else bent[0], np.uint8)
+        if depth_m.size:
+            depth_m = self._picked(depth_m, np.inf)
         if labels is not None:
             # Whole numbers below 2^24 are exact in float32, which OpenCV can remap.
             labels = self._picked(labels.astype(np.float32), -1.0).astype(np.int32)
-        depth_m = self._picked(frame.depth_m, np.inf)
-        return Frame(np.asarray(colour, np.uint8), depth_m, labels)
+        return Frame(colour, depth_m, labels)
 
     def _picked(self, pixels: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
         none = np.empty(0, np.int16)

@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from groundlink.imagery import CameraInfo, CompressedImage, Image
 from groundlink.messages import packed
+from groundlink.scenario.lenses import Lens
 
 from .pinhole import Pinhole
 
 Pixels = NDArray[np.uint8]
-
-NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
-"""k1, k2, p1, p2, k3 of plumb_bob."""
 
 
 def _grey(rgb: Pixels) -> Pixels:
@@ -88,17 +86,16 @@ def camera_info(
     stamp_nanos: int,
     frame: str,
     pinhole: Pinhole,
+    lens: Lens,
     *,
-    model: str = "plumb_bob",
-    distortion: tuple[float, ...] = NO_DISTORTION,
     baseline_m: float = 0.0,
 ) -> CameraInfo:
     """Return how points of the optical frame come to pixels.
 
+    Eyes of a pair look the same way, so R is one: to rectify a picture is to undistort it.
+
     Parameters
     ----------
-    model, distortion
-        Of the lens, as sensor_msgs/distortion_models names them.
     baseline_m
         How far to the right of a stereo pair's left eye the camera is: P has Tx = -fx baseline.
     """
@@ -109,8 +106,8 @@ def camera_info(
         frame=frame,
         height=pinhole.height,
         width=pinhole.width,
-        distortion_model=model,
-        distortion=packed(np.array(distortion)),
+        distortion_model=lens.model,
+        distortion=packed(np.array(lens.coefficients)),
         intrinsic=packed(matrix),
         rectification=packed(np.eye(3)),
         projection=packed(projection),

@@ -6,6 +6,7 @@ Rule: squares and roots stand for sRGB's curve, as 2.0 is near enough to 2.2 and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import moderngl
@@ -51,11 +52,16 @@ uniform vec4 light_at[LIGHTS];
 uniform vec3 light_power[LIGHTS];
 uniform float exposure;
 in vec3 ray;
+#ifdef TRUTH
+layout(location = 0) out float depth;
+layout(location = 1) out int label;
+
+void main() {
+    depth = uintBitsToFloat(0x7F800000u);  // +infinity
+    label = -1;
+}
+#else
 layout(location = 0) out vec4 colour;
-layout(location = 1) out float depth;
-#ifdef LABELS
-layout(location = 2) out int label;
-#endif
 
 DEVELOPED;
 
@@ -67,11 +73,8 @@ void main() {
     c += light_power[0] * (0.15 * pow(near, 60.0) + 20.0 * step(0.99996, near));
 #endif
     colour = vec4(developed(c), 1.0);
-    depth = uintBitsToFloat(0x7F800000u);  // +infinity
-#ifdef LABELS
-    label = -1;
-#endif
 }
+#endif
 """
 
 SHADOW_VERTEX = """
@@ -87,14 +90,13 @@ void main() {}
 """
 
 
-class Programs(NamedTuple):
-    """All of one renderer."""
+class Pass(NamedTuple):
+    """The programs that draw everything once: its colors, or the truth about it."""
 
     surface: moderngl.Program
     bumped: moderngl.Program
     """For skins with normals."""
 
-    shadow: moderngl.Program
     sky: moderngl.Program
     ground: moderngl.Program | None
     """For terrain, where there is one."""
@@ -102,6 +104,13 @@ class Programs(NamedTuple):
     def lit(self) -> list[moderngl.Program]:
         """Return those that draw surfaces."""
         return [self.surface, self.bumped, *([self.ground] if self.ground else [])]
+
+
+class Programs(NamedTuple):
+    """All of one renderer."""
+
+    passes: tuple[Pass, ...]
+    shadow: moderngl.Program
 
 
 class Options(NamedTuple):
@@ -115,12 +124,11 @@ class Options(NamedTuple):
     """There is a map of the shadows around the eye."""
 
     fog: bool
-    labels: bool
 
-    def source(self, text: str, *, bumps: int = 0, ground: int = 0) -> str:
+    def source(self, text: str, *, truth: int = 0, bumps: int = 0, ground: int = 0) -> str:
         """Return the whole text of a shader; `ground` is the number of a terrain's materials."""
         switches = {"SUN": self.sun, "WINDOW": self.window, "FOG": self.fog}
-        switches |= {"LABELS": self.labels, "BUMPS": bool(bumps)}
+        switches |= {"TRUTH": bool(truth), "BUMPS": bool(bumps)}
         lines = ["#version 330", f"#define LIGHTS {self.lights}"]
         lines += [f"#define MAPS {self.lights + self.window}"]
         lines += [f"#define {name}" for name, on in switches.items() if on]
@@ -131,18 +139,20 @@ class Options(NamedTuple):
 
 
 def programs(
-    context: moderngl.Context, light: Lighting, *, with_labels: bool, ground: int = 0
+    context: moderngl.Context, light: Lighting, truths: Sequence[bool], *, ground: int = 0
 ) -> Programs:
     """Return the programs, told what never changes.
 
     Parameters
     ----------
+    truths
+        For each pass, whether it draws depth and labels; if not, it draws colors.
     ground
         Materials of the terrain; 0 where there is none.
     """
     fog = light.extinction_per_m > 0
     wide = light.window_m is not None
-    options = Options(len(light.lights), light.is_sun, wide, fog, with_labels)
+    options = Options(len(light.lights), light.is_sun, wide, fog)
 
     def made(vertex: str, fragment: str, **switches: int) -> moderngl.Program:
         return context.program(
@@ -150,23 +160,25 @@ def programs(
             fragment_shader=options.source(fragment, **switches),
         )
 
-    all_made = Programs(
-        surface=made(surface_shader.VERTEX, surface_shader.FRAGMENT),
-        bumped=made(surface_shader.VERTEX, surface_shader.FRAGMENT, bumps=1),
-        shadow=made(SHADOW_VERTEX, SHADOW_FRAGMENT),
-        sky=made(SKY_VERTEX, SKY_FRAGMENT),
-        ground=made(ground_shader.VERTEX, surface_shader.FRAGMENT, ground=ground)
-        if ground
-        else None,
+    passes = tuple(
+        Pass(
+            surface=made(surface_shader.VERTEX, surface_shader.FRAGMENT, truth=truth),
+            bumped=made(surface_shader.VERTEX, surface_shader.FRAGMENT, truth=truth, bumps=1),
+            sky=made(SKY_VERTEX, SKY_FRAGMENT, truth=truth),
+            ground=made(ground_shader.VERTEX, surface_shader.FRAGMENT, truth=truth, ground=ground)
+            if ground
+            else None,
+        )
+        for truth in truths
     )
     # From -1..1 to 0..1, as textures are addressed.
     halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
+    maps = [halved @ one.clip_from_world for one in light.lights]
     units = {
         **{"base": BASE, "bumps": BUMPS, "shadow_map": SHADOWS},
         **{"heights": HEIGHTS, "cells": CELLS, "kinds": KINDS, "patterns": PATTERNS},
     }
-    for program in (*all_made.lit(), all_made.sky):
-        maps = [halved @ one.clip_from_world for one in light.lights]
+    for program in (program for one in passes for program in (*one.lit(), one.sky)):
         put_matrix(program, "shadow_from_world", maps)
         put(program, "light_at", [one.at for one in light.lights])
         put(program, "light_power", [one.power for one in light.lights])
@@ -175,4 +187,4 @@ def programs(
         put(program, "extinction", light.extinction_per_m)
         for name, unit in units.items():
             put_integers(program, name, unit)
-    return all_made
+    return Programs(passes, made(SHADOW_VERTEX, SHADOW_FRAGMENT))

@@ -9,6 +9,8 @@ of view (two eyes, the poses during an exposure) draws several times.
 from __future__ import annotations
 
 import weakref
+from collections.abc import Collection
+from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -27,8 +29,8 @@ from .mesh import Mesh, Skin
 from .pinhole import Pinhole
 from .programs import BASE, SHADOWS, programs
 from .shadows import ShadowMaps
-from .stage import Part, Stage, Things
-from .target import Frame, Target
+from .stage import Stage, Things
+from .target import ColorTarget, Frame, Layer, TruthTarget
 from .uniforms import put, put_matrix
 
 
@@ -42,8 +44,10 @@ class Renderer:
     around : Things
         What there is to see.
     pinhole : Pinhole
-    with_labels : bool
-        Whether frames say which thing is at each pixel.
+    layers : collection of Layer
+        What frames have. Depth and labels are drawn by one pass, color by another.
+    samples : int
+        Of the color of each pixel: 1, 4 or 16.
 
     Raises
     ------
@@ -61,7 +65,13 @@ class Renderer:
     """
 
     def __init__(
-        self, world: World, around: Things, pinhole: Pinhole, *, with_labels: bool = False
+        self,
+        world: World,
+        around: Things,
+        pinhole: Pinhole,
+        *,
+        layers: Collection[Layer] = ("color", "depth"),
+        samples: int = 4,
     ) -> None:
         context = self._context = open_context()
         self.close = weakref.finalize(self, context.release)
@@ -69,23 +79,32 @@ class Renderer:
         light = lighting(world, around.static)
         terrain = world.terrain and ground(world.terrain)
         kinds = len(terrain.materials) if terrain else 0
-        self._programs = programs(context, light, with_labels=with_labels, ground=kinds)
-        self._sky = context.vertex_array(self._programs.sky, [])
+        size = pinhole.width, pinhole.height
+        self._color = ColorTarget(context, *size, samples) if "color" in layers else None
+        wants_labels = "labels" in layers
+        self._truth = (
+            TruthTarget(context, *size, labels=wants_labels)
+            if "depth" in layers or wants_labels
+            else None
+        )
+        self._targets = [target for target in (self._color, self._truth) if target]
+        truths = [target.truth for target in self._targets]
+        self._programs = programs(context, light, truths, ground=kinds)
+        self._skies = [context.vertex_array(one.sky, []) for one in self._programs.passes]
         self.labels = Labels(
             {solid.name for solid in world.solids},
             {actor.name: actor.kind for actor in world.actors},
         )
         self._stage = Stage(context, self._programs, around, world.materials, self.labels)
         self._ground: DrawnGround | None = None
-        if terrain and self._programs.ground:
+        if terrain:
             number, *_ = self.labels.of_solids([BODY])
-            self._ground = DrawnGround(
-                context, self._programs.ground, terrain, world.materials, light, number
-            )
+            grounds = [one.ground for one in self._programs.passes if one.ground]
+            self._ground = DrawnGround(context, grounds, terrain, world.materials, light, number)
         self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
         self._textures: dict[Skin, list[moderngl.Texture]] = {}
         self._pinhole = pinhole
-        self._target = Target(context, pinhole.width, pinhole.height, with_labels=with_labels)
+        self._nothing = Frame(np.empty((0, 0, 3), np.uint8), np.empty((0, 0), np.float32), None)
         self.exposure = 1.0
 
     @property
@@ -115,44 +134,53 @@ class Renderer:
         clip_from_turned[:, :3] @= world_from_turned.T
         clip_from_world = clip_from_turned.copy()
         clip_from_world[:, 3] -= clip_from_turned[:, :3] @ eye
-        self._shadows.update(eye)
+        if self._color:
+            self._shadows.update(eye)
         shift, scale = self._shadows.window_from_map()
-        for program in self._programs.lit():
+        for program in (program for one in self._programs.passes for program in one.lit()):
             put(program, "window_shift", shift)
             put(program, "window_scale", scale)
             put_matrix(program, "clip_from_turned", clip_from_turned)
             put(program, "eye", eye)
             put(program, "forward", world_from_turned[:, 2])
             put(program, "exposure", self.exposure)
-        sky = self._programs.sky
-        put_matrix(sky, "world_from_clip", world_from_turned @ self._pinhole.ray_from_clip())
-        put(sky, "exposure", self.exposure)
+        for sky in (one.sky for one in self._programs.passes):
+            put_matrix(sky, "world_from_clip", world_from_turned @ self._pinhole.ray_from_clip())
+            put(sky, "exposure", self.exposure)
 
-        self._target.begin()
-        # Far off, depths are coarse: of two that are alike, the one drawn first is the nearer one.
-        self._context.depth_func = "<"
-        self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self._shadows.texture.use(SHADOWS)
-        for part in self._stage.moving:
-            self._show(part)
         boxes = self._stage.boxes
-        for number in from_near_to_far(boxes, seen(boxes, clip_from_world), eye):
-            self._show(self._stage.standing[number])
-        if self._ground:
-            self._ground.draw(clip_from_world, eye, max(self._pinhole.fx, self._pinhole.fy))
-        self._context.disable(moderngl.CULL_FACE)
-        self._context.depth_func = "<="  # the sky is as far as an empty depth buffer
-        self._sky.render(vertices=3)
-        return self._target.read()
+        shown = from_near_to_far(boxes, seen(boxes, clip_from_world), eye)
+        parts = [*self._stage.moving, *(self._stage.standing[number] for number in shown)]
+        self._shadows.texture.use(SHADOWS)
+        for number, target in enumerate(self._targets):
+            target.begin()
+            # Far off, depths are coarse: of two that are alike, the first drawn is the nearer one.
+            self._context.depth_func = "<"
+            self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+            for part in parts:
+                if not target.truth:
+                    self._put_on(part.skin)
+                part.surfaces[number].render(instances=part.instances)
+            if self._ground:
+                focal_px = max(self._pinhole.fx, self._pinhole.fy)
+                self._ground.draw(number, clip_from_world, eye, focal_px)
+            self._context.disable(moderngl.CULL_FACE)
+            self._context.depth_func = "<="  # the sky is as far as an empty depth buffer
+            self._skies[number].render(vertices=3)
+        frame = self._nothing
+        if self._color:
+            frame = replace(frame, colour=self._color.read())
+        if self._truth:
+            depth_m, labels = self._truth.read()
+            frame = replace(frame, depth_m=depth_m, labels=labels)
+        return frame
 
-    def _show(self, part: Part) -> None:
-        skin = part.skin
+    def _put_on(self, skin: Skin) -> None:
         if skin not in self._textures:
             pictures = [skin.base] if skin.normal is None else [skin.base, skin.normal]
             self._textures[skin] = [_texture(self._context, picture) for picture in pictures]
         for unit, texture in enumerate(self._textures[skin], BASE):
             texture.use(unit)
-        part.surface.render(instances=part.instances)
 
 
 def _texture(context: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.Texture:

@@ -51,10 +51,13 @@ class Shutter:
     ----------
     span_nanos : int
         From the beginning of the first row to the end of the last one.
+    middle_nanos : int
+        When half of that has gone by.
     """
 
     def __init__(self, spec: Imager, height: int) -> None:
         self.span_nanos = round(spec.span_s * NANOS)
+        self.middle_nanos = round(0.5 * spec.span_s * NANOS)
         self._views = []
         for number, shares in enumerate(weights(spec, height)):
             lit = np.flatnonzero(shares)
@@ -62,6 +65,11 @@ class Shutter:
                 rows = slice(int(lit[0]), int(lit[-1]) + 1)
                 offset_s = (number + 0.5) / spec.poses * spec.span_s
                 self._views.append(View(round(offset_s * NANOS), rows, shares[rows, None, None]))
+
+    @property
+    def is_still(self) -> bool:
+        """Whether a picture is that of its middle alone."""
+        return len(self._views) == 1
 
     def exposed(self, drawn: Callable[[int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
         """Return one picture, (height, width, 3), of those that `drawn` returns for offsets.

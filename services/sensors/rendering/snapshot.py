@@ -9,7 +9,6 @@ noise and holes are not in them. Of a stereo pair it is the left eye.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import Message, State
@@ -18,7 +17,7 @@ from groundlink.scenario.sensors import Camera, Optics, StereoCamera
 
 from .camera_eye import CameraEye
 from .labels import Labels
-from .target import Frame
+from .target import ALL_LAYERS, Frame
 
 
 class Snapshot:
@@ -31,7 +30,8 @@ class Snapshot:
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Optics, at_nanos: int) -> None:
-        self._camera = _eye(scenario, vehicle, spec)
+        encoding = spec.encoding if isinstance(spec, Camera | StereoCamera) else "rgb8"
+        self._camera = CameraEye(scenario, vehicle, spec, encoding=encoding, layers=ALL_LAYERS)
         self._at_nanos = at_nanos
         self._tick = -1
         self.frame: Frame | None = None
@@ -56,21 +56,5 @@ class Snapshot:
         self._tick = state.tick
         if self.frame is None and state.tick * TICK_NANOS >= begin + camera.span_nanos:
             # Noise is that of the first tick at or after the instant, as of a schedule's event.
-            colour = camera.read(begin, -(-begin // TICK_NANOS)).copy()
-            middle = camera.seen(begin + camera.span_nanos // 2)
-            self.frame = replace(middle, colour=colour)
+            self.frame = camera.taken(begin, -(-begin // TICK_NANOS))
         return ()
-
-
-def _eye(scenario: Scenario, vehicle: Vehicle, spec: Optics) -> CameraEye:
-    """Return what a camera of any kind sees with: all but colour cameras have ideal lenses."""
-    if isinstance(spec, Camera):
-        return CameraEye(
-            *(scenario, vehicle, spec),
-            lens=spec.lens,
-            imager=spec.imager,
-            encoding=spec.encoding,
-            with_labels=True,
-        )
-    encoding = spec.encoding if isinstance(spec, StereoCamera) else "rgb8"
-    return CameraEye(scenario, vehicle, spec, encoding=encoding, with_labels=True)

@@ -39,7 +39,9 @@ _INSTANCE = np.dtype([("world_from_link", np.float32, (4, 4)), ("vehicle", np.in
 class Part:
     """Something that is drawn with one call, or several times at once as instances."""
 
-    surface: moderngl.VertexArray
+    surfaces: tuple[moderngl.VertexArray, ...]
+    """One for each pass of `Programs`."""
+
     shadow: moderngl.VertexArray
     skin: Skin
     instances: int
@@ -147,7 +149,7 @@ class Stage:
         vertices = self._context.buffer(mesh.vertices.tobytes())
         faces = self._context.buffer(mesh.faces.tobytes())
         programs = self._programs
-        drawn = programs.surface if mesh.skin.normal is None else programs.bumped
+        drawn = [one.surface if mesh.skin.normal is None else one.bumped for one in programs.passes]
         arrays = [
             self._context.vertex_array(
                 program,
@@ -158,9 +160,9 @@ class Stage:
                 faces,
                 skip_errors=True,  # a program leaves out what it does not need
             )
-            for program in (drawn, programs.shadow)
+            for program in (*drawn, programs.shadow)
         ]
-        return Part(arrays[0], arrays[1], mesh.skin, count, mesh.is_open)
+        return Part(tuple(arrays[:-1]), arrays[-1], mesh.skin, count, mesh.is_open)
 
 
 def _instances(

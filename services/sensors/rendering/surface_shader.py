@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How surfaces are drawn: GLSL.
 
-Rule: what costs time is compiled in only where it is needed, see `programs.Options`. Colours are
-linear until the last line. Lighting is diffuse: mirrors and gloss are not modelled.
+Rule: what costs time is compiled in only where it is needed, see `programs.Options`. With TRUTH,
+depth and labels are written instead of color. Colors are linear until the last line. What is seen
+is interpolated where the triangle covers the pixel (`centroid`), as the center of a pixel may lie
+beyond a horizon. Lighting is diffuse: mirrors and gloss are not modelled.
 """
 
 VERTEX = """
@@ -17,12 +19,12 @@ in vec3 tint;
 in int label;
 in mat4 world_from_link;
 in int vehicle;
-out vec3 seen;  // from the eye
-out vec3 outwards;
-out vec2 place;
+centroid out vec3 seen;  // from the eye
+centroid out vec3 outwards;
+centroid out vec2 place;
 out vec3 paint;
 out float ahead_m;
-out vec4 in_shadow_map[LIGHTS];
+centroid out vec4 in_shadow_map[LIGHTS];
 flat out int thing;
 
 void main() {
@@ -48,8 +50,8 @@ uniform vec4 cells_at;  // of the eye, and of a metre to the east and to the nor
 #else
 uniform sampler2D base;
 uniform sampler2D bumps;
-in vec3 outwards;
-in vec2 place;
+centroid in vec3 outwards;
+centroid in vec2 place;
 in vec3 paint;
 #endif
 uniform sampler2DShadow shadow_map;
@@ -63,15 +65,20 @@ uniform vec3 horizon;
 uniform vec3 eye;
 uniform float extinction;
 uniform float exposure;
-in vec3 seen;
+centroid in vec3 seen;
 in float ahead_m;
-in vec4 in_shadow_map[LIGHTS];
+centroid in vec4 in_shadow_map[LIGHTS];
 flat in int thing;
+#ifdef TRUTH
+layout(location = 0) out float depth;
+layout(location = 1) out int label;
+
+void main() {
+    depth = ahead_m;
+    label = thing;
+}
+#else
 layout(location = 0) out vec4 colour;
-layout(location = 1) out float depth;
-#ifdef LABELS
-layout(location = 2) out int label;
-#endif
 
 DEVELOPED;
 
@@ -79,12 +86,17 @@ float lit(int i) {
     // Beyond its map's edge a lamp's light comes in so flat that only what is higher is there.
     vec3 q = in_shadow_map[i].xyz / in_shadow_map[i].w;
     float map = float(i);
+    // The sun's map holds all that stands: beyond it nothing throws a shadow.
+    bool beyond = false;
+#ifdef SUN
+    beyond = any(greaterThan(abs(q.xy - 0.5), vec2(0.5)));
+#endif
     q.x = clamp(q.x, 0.0, 1.0);
 #ifdef WINDOW
     vec3 near = window_scale * in_shadow_map[i].xyz + window_shift;
-    if (all(lessThan(abs(near - 0.5), vec3(0.499)))) q = near, map += 1.0;
+    if (all(lessThan(abs(near - 0.5), vec3(0.499)))) q = near, map += 1.0, beyond = false;
 #endif
-    return texture(shadow_map, vec3((q.x + map) / float(MAPS), q.yz));
+    return beyond ? 1.0 : texture(shadow_map, vec3((q.x + map) / float(MAPS), q.yz));
 }
 
 #ifdef BUMPS
@@ -143,9 +155,6 @@ void main() {
     c = mix(horizon, c, exp(-extinction * length(seen)));
 #endif
     colour = vec4(developed(c), 1.0);
-    depth = ahead_m;
-#ifdef LABELS
-    label = thing;
-#endif
 }
+#endif
 """

@@ -1,21 +1,58 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is drawn into, and the arrays in which pictures come back.
+"""Render targets, and the arrays in which pictures come back.
 
-Rule: colour, depth and labels of one pass, in the same pixels; the top row first.
+Rule: a color is the mean of the light of its samples, taken in linear light, so that edges have
+intermediate pixels. Depth and labels are those at the pixel's center: they are never averaged. The
+top row comes first.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+Layer = Literal["color", "depth", "labels"]
+
+COLOR_ALONE: tuple[Layer, ...] = ("color",)
+ALL_LAYERS: tuple[Layer, ...] = ("color", "depth", "labels")
+
+FINER = {1: 1, 4: 1, 16: 2}
+"""Pixels drawn along each side of a pixel, by samples a pixel: each drawn one has up to four."""
+
+MOST_AT_ONCE = 4
+"""Samples of a drawn pixel that OpenGL 3.3 grants everywhere."""
+
+_VERTEX = """#version 330
+void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
+"""
+
+_RESOLVE = """#version 330
+uniform sampler2DMS drawn;
+layout(location = 0) out vec4 colour;
+
+void main() {
+    ivec2 first = FINER * ivec2(gl_FragCoord.xy);
+    vec3 light = vec3(0.0);
+    for (int y = 0; y < FINER; ++y) for (int x = 0; x < FINER; ++x) for (int i = 0; i < 4; ++i) {
+        vec3 root = texelFetch(drawn, first + ivec2(x, y), i).rgb;
+        light += root * root;
+    }
+    colour = vec4(sqrt(light / float(4 * FINER * FINER)), 1.0);
+}
+"""
+"""Colors are roots of light, see `programs`."""
+
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture. The arrays are overwritten by the next one of the same renderer."""
+    """One picture. The arrays are overwritten by the next one of the same renderer.
+
+    A layer that the renderer does not draw is empty.
+    """
 
     colour: NDArray[np.uint8]
     """Shape (height, width, 3): red, green, blue, gamma-coded."""
@@ -24,39 +61,79 @@ class Frame:
     """Shape (height, width): along z of the optical frame; infinite in the sky."""
 
     labels: NDArray[np.int32] | None
-    """Shape (height, width): numbers of `Renderer.labels`, -1 in the sky; None unless asked for."""
+    """Shape (height, width): numbers of `Renderer.labels`, -1 in the sky; None if not drawn."""
 
 
-class Target:
-    """Pictures of one size on the graphics card."""
+class ColorTarget:
+    """What colors are drawn into.
 
-    def __init__(
-        self, context: moderngl.Context, width: int, height: int, *, with_labels: bool
-    ) -> None:
-        size, shape = (width, height), (height, width)
-        layers = [context.texture(size, 3), context.texture(size, 1, dtype="f4")]
-        if with_labels:
+    Parameters
+    ----------
+    samples : int
+        Of each pixel: a key of `FINER`.
+    """
+
+    truth = False
+
+    def __init__(self, context: moderngl.Context, width: int, height: int, samples: int) -> None:
+        self._context = context
+        finer, at_once = FINER[samples], min(samples, MOST_AT_ONCE) if samples > 1 else 0
+        size = finer * width, finer * height
+        self._drawn = context.texture(size, 4, samples=at_once)
+        self._frame = context.framebuffer(
+            [self._drawn], context.depth_renderbuffer(size, samples=at_once)
+        )
+        self._read, self._resolve = self._frame, None
+        if at_once:
+            self._read = context.framebuffer([context.texture((width, height), 4)])
+            resolve = context.program(
+                vertex_shader=_VERTEX,
+                fragment_shader=_RESOLVE.replace("FINER", str(finer)),
+            )
+            self._resolve = context.vertex_array(resolve, [])
+        self._colour = np.empty((height, width, 3), np.uint8)
+
+    def begin(self) -> None:
+        """Forget the last picture. Only of depth: the sky is drawn wherever nothing else is."""
+        self._frame.use()
+        self._frame.clear()
+
+    def read(self) -> NDArray[np.uint8]:
+        """Return what has been drawn."""
+        if self._resolve:
+            self._read.use()
+            self._context.disable(moderngl.DEPTH_TEST)
+            self._drawn.use(0)
+            self._resolve.render(vertices=3)
+        self._read.read_into(self._colour, components=3, alignment=1)
+        return self._colour
+
+
+class TruthTarget:
+    """What depth and labels are drawn into: one sample a pixel, at its center."""
+
+    truth = True
+
+    def __init__(self, context: moderngl.Context, width: int, height: int, *, labels: bool) -> None:
+        size = (width, height)
+        layers = [context.texture(size, 1, dtype="f4")]
+        if labels:
             layers.append(context.texture(size, 1, dtype="i4"))
         nearest = context.depth_renderbuffer(size)
-        self._all = context.framebuffer(layers, nearest)
+        self._frame = context.framebuffer(layers, nearest)
         self._nearest = context.framebuffer(depth_attachment=nearest)
-        self._frame = Frame(
-            np.empty((*shape, 3), np.uint8),
-            np.empty(shape, np.float32),
-            np.empty(shape, np.int32) if with_labels else None,
-        )
+        self._depth_m = np.empty((height, width), np.float32)
+        self._labels = np.empty((height, width), np.int32) if labels else None
 
     def begin(self) -> None:
         """Forget the last picture. Only of depth: the sky is drawn wherever nothing else is."""
         self._nearest.use()
         self._nearest.clear()
-        self._all.use()
+        self._frame.use()
 
-    def read(self) -> Frame:
-        """Return what has been drawn."""
-        frame = self._frame
-        self._all.read_into(frame.colour, components=3, alignment=1)
-        self._all.read_into(frame.depth_m, components=1, attachment=1, dtype="f4")
-        if frame.labels is not None:
-            self._all.read_into(frame.labels, components=1, attachment=2, dtype="i4")
-        return frame
+    def read(self) -> tuple[NDArray[np.float32], NDArray[np.int32] | None]:
+        """Return depth, and labels if they are drawn."""
+        self._frame.read_into(self._depth_m, components=1, dtype="f4")
+        if self._labels is not None:
+            self._frame.read_into(self._labels, components=1, attachment=1, dtype="i4")
+        return self._depth_m, self._labels

@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """A stereo pair: states of the world in, two pictures of the same instant out.
 
-Rule: rectified as it leaves: both eyes have the same K, no distortion and R of one, and the right
-one's P has Tx = -fx baseline. All messages have the left eye's frame, as ROS has it for pairs, and
-one stamp.
+Rule: both eyes have the same K and the same lens, and look the same way, so R is one; the right
+one's P has Tx = -fx baseline. With an ideal lens pictures are rectified as they leave. Each eye has
+its own noise. All messages have the left eye's frame, as ROS has it for pairs, and one stamp.
 """
 
 from __future__ import annotations
-
-import numpy as np
 
 from groundlink.messages import Message
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import StereoCamera
 from services.sensors.model import Beside
 from services.sensors.pictures import PictureModel
-from services.sensors.rendering.eye import Eye
+from services.sensors.rendering.camera_eye import CameraEye
 from services.sensors.rendering.messages import ENCODINGS, camera_info, image, jpeg
 
 LEFT = ("", "compressed", "camera_info")
@@ -30,28 +28,30 @@ class StereoCameraModel(PictureModel):
     ------
     RenderingUnavailableError
         when OpenGL is missing here or does not draw (a `UserError`).
+    UserError
+        when the lens cannot be drawn.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: StereoCamera) -> None:
         self._spec = spec
-        self._eye = Eye(scenario, vehicle, spec)
-        super().__init__(spec, self._eye)
+        self._eyes = CameraEye(
+            *(scenario, vehicle, spec),
+            encoding=spec.encoding,
+            to_the_right_m=(0.0, spec.baseline_m),
+        )
+        super().__init__(spec, self._eyes.eye, span_nanos=self._eyes.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
-        self._left_from_right = np.eye(4)
-        self._left_from_right[0, 3] = spec.baseline_m
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
-        """Return the messages of both pictures of an instant."""
+        """Return the messages of both pictures that begin at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
-        world_from_left = self._eye.move(nanos)
         made: list[Message | Beside] = []
-        for (raw, compressed, info), world_from_optical, baseline_m in (
-            (LEFT, world_from_left, 0.0),
-            (RIGHT, world_from_left @ self._left_from_right, spec.baseline_m),
+        for eye, ((raw, compressed, info), baseline_m) in enumerate(
+            ((LEFT, 0.0), (RIGHT, spec.baseline_m))
         ):
-            colour = self._eye.renderer.draw(world_from_optical).colour
-            told = camera_info(*header, self._eye.pinhole, baseline_m=baseline_m)
+            colour = self._eyes.read(nanos, tick, eye=eye)
+            told = camera_info(*header, self._eyes.pinhole, spec.lens, baseline_m=baseline_m)
             made.append(Beside(info, told))
             if raw in self._outputs:
                 shown = ENCODINGS[spec.encoding](colour)

@@ -22,6 +22,7 @@ from services.sensors.camera.model import CameraModel
 from services.sensors.model import LeftOut, parted
 from services.sensors.rendering.eye import Eye
 from services.sensors.rendering.messages import jpeg
+from services.sensors.rendering.target import ALL_LAYERS
 from services.view.canvas import Seen
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, resting, yard
@@ -218,7 +219,7 @@ def test_tf_leads_to_the_optical_frame() -> None:
     assert (to_camera.parent, to_camera.child) == ("one/base_link", "one/camera_optical_frame")
     base_from_optical = transform(to_camera.translation_m, to_camera.rotation)
     assert Seen(rover).base_from(to_camera.child) == pytest.approx(base_from_optical)
-    eye = Eye(made, made.vehicles[0], spec(mount=tilted), with_labels=True)
+    eye = Eye(made, made.vehicles[0], spec(mount=tilted), layers=ALL_LAYERS)
     eye.take(resting(1)[0])
     labels = eye.look(0).labels
     assert labels is not None

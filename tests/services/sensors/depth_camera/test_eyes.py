@@ -27,7 +27,7 @@ def test_a_ray_eye_measures_along_z() -> None:
     made = world()
     eye = RayEye(made, made.vehicles[0], spec())
     eye.take(next(moving([(0.0, 0.0, 0.0)])))
-    wall = eye.look(0).depth_m[55:60, 100:150]
+    wall = eye.look(0, 0).depth_m[55:60, 100:150]
     assert np.abs(wall - 7.8).max() < 1e-4
 
 

@@ -83,7 +83,8 @@ def test_points_are_where_their_pixels_look() -> None:
     depth_m[2, 4] = 3.0
     colour = np.zeros((6, 8, 3), np.uint8)
     colour[2, 4] = (30, 60, 90)
-    cloud = points(7, "eye", depth_m, pinhole, every=2, colour=colour)
+    slopes = pinhole.rays()[..., :2]
+    cloud = points(7, "eye", depth_m, slopes, every=2, colour=colour)
     made = cloud.records()
     kept = [
         (r, c) for r in (0, 2, 4) for c in (0, 2, 4, 6) if (r, c) not in ((0, 0), (2, 2), (4, 4))

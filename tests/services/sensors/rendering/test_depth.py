@@ -13,6 +13,7 @@ from groundlink.scenario.load import SHIPPED
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.pinhole import Pinhole
 from services.sensors.rendering.renderer import Renderer
+from services.sensors.rendering.target import ALL_LAYERS
 
 from . import views
 
@@ -60,7 +61,7 @@ def test_depth_agrees_with_rays(world: str) -> None:
     replica = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
     poses = views.parked(around, (-1.0, 0.5, 0.17))
     replica.scene.move(np.stack([poses, poses]))
-    made = Renderer(scenario.world, around, PINHOLE, with_labels=True)
+    made = Renderer(scenario.world, around, PINHOLE, layers=ALL_LAYERS)
     made.place(poses)
     things = made.labels.of_solids(solid.name for solid in around.static)
     vehicles = [made.labels.of_mover(name) for name in around.movers]

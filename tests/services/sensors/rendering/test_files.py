@@ -12,12 +12,13 @@ import pytest
 
 from groundlink.errors import UserError
 from services.sensors.rendering.files import colours, write
+from services.sensors.rendering.target import ALL_LAYERS
 
 from . import views
 
 
 def test_files_hold_the_picture(tmp_path: Path) -> None:
-    made = views.renderer(views.laboratory(), with_labels=True)
+    made = views.renderer(views.laboratory(), layers=ALL_LAYERS)
     frame = made.draw(views.looking((3.0, -1.0, 1.0), yaw_deg=-60.0))  # through the door, too
     files = write(tmp_path / "new", "shot", frame, made.labels)
     assert [file.name for file in files] == [
@@ -49,7 +50,7 @@ def test_things_have_colours_of_their_own() -> None:
 
 
 def test_a_folder_that_cannot_be_is_one_line(tmp_path: Path) -> None:
-    made = views.renderer(views.laboratory(), with_labels=True)
+    made = views.renderer(views.laboratory(), layers=ALL_LAYERS)
     frame = made.draw(views.looking((0.0, 0.0, 1.0)))
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(UserError, match="file"):

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from groundlink.errors import UserError
 from groundlink.frames import Floats
+from groundlink.scenario.part import load_part
 from groundlink.scenario.schema import Scenario
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.terrain import Ground, ground
@@ -19,6 +21,7 @@ from services.sensors.rendering import ground_levels, ground_paint
 from services.sensors.rendering.ground_levels import EXACT_M, HALF_PIXEL, SIDE, Levels
 from services.sensors.rendering.pinhole import Pinhole
 from services.sensors.rendering.renderer import Renderer
+from services.sensors.rendering.target import ALL_LAYERS
 from tests.services.sensors.rays import grounds
 from tests.services.sensors.yards import box
 
@@ -153,7 +156,7 @@ def test_depth_is_that_of_rays(at: tuple[float, float]) -> None:
         box("post", (0.3, 0.3, 30.0), (at[0] + 6.0, at[1] + 1.0, 0.0)),
         cell_m=10.0,
     )
-    made = views.renderer(scenario, PINHOLE, with_labels=True)
+    made = views.renderer(scenario, PINHOLE, layers=ALL_LAYERS)
     seen_near = seen_far = 0
     for up, yaw, pitch in ((0.6, 20.0, 8.0), (2.0, -100.0, 20.0), (30.0, 150.0, 30.0)):
         pose = above(scenario, *at, up, yaw_deg=yaw, pitch_deg=pitch)
@@ -216,7 +219,7 @@ def test_hills_and_things_throw_shadows() -> None:
 def test_a_vehicle_throws_a_shadow_wherever_it_is() -> None:
     """Also far from all that stands: the map around the eye goes with it."""
     scenario = hilly(np.zeros((200, 200)), cell_m=40.0, light=Sun(elevation_deg=70.0))
-    made = views.renderer(scenario, PINHOLE, with_labels=True)
+    made = views.renderer(scenario, PINHOLE, layers=ALL_LAYERS)
     around = views.surroundings(scenario)
     for x in (0.0, 3000.0):
         eye = views.looking((x, 1.5, 1.5), yaw_deg=-90.0, pitch_deg=45.0)
@@ -229,6 +232,31 @@ def test_a_vehicle_throws_a_shadow_wherever_it_is() -> None:
         assert vehicle.sum() > 300
         darker = empty.astype(int).mean(axis=-1) - frame.colour.mean(axis=-1) > 25
         assert (darker & terrain).sum() > 0.15 * vehicle.sum()
+
+
+@pytest.mark.parametrize("away_m", [8.0, 60.0, 120.0])
+def test_bare_terrain_is_lit_but_for_the_shadow_of_the_vehicle(away_m: float) -> None:
+    """Where nothing stands, the sun's map is smaller than the car that starts at the origin."""
+    bare = hilly(np.zeros((401, 401)), light=Sun(azimuth_deg=120.0, elevation_deg=25.0))
+    _, shown = load_part("car")
+    materials = {**shown.world.materials, **bare.world.materials}
+    scenario = replace(
+        bare, world=replace(bare.world, materials=materials), vehicles=shown.vehicles
+    )
+    around = views.surroundings(scenario)
+    in_base = [(0.0, 0.0, 0.0), *(wheel.center_m for wheel in scenario.vehicles[0].model.wheels)]
+    assert len(in_base) == len(around.links)
+    pose = views.looking((-away_m, 0.0, away_m / 2), pitch_deg=26.5)
+    pictures = []
+    for z_m in (0.4, 500.0):
+        made = Renderer(scenario.world, around, PINHOLE)
+        made.place(views.parked(around, (0.0, 0.0, z_m)) + np.pad(in_base, ((0, 0), (0, 4))))
+        pictures.append(made.draw(pose).colour.astype(int))
+    rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).max(axis=-1) > 2)
+    # The car and its shadow are within 6 m of the origin, which is in the middle of the picture.
+    reach_px = 6.0 * PINHOLE.fx / (away_m * np.hypot(1.0, 0.5) - min(6.0, away_m / 2))
+    assert len(rows) > 5
+    assert np.hypot(rows - PINHOLE.cy, columns - PINHOLE.cx).max() < reach_px
 
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 180.0])
@@ -264,7 +292,7 @@ def test_lamps_light_terrain_too() -> None:
 
 def test_the_same_bits_whatever_was_drawn_before() -> None:
     scenario = hilly(waves(200, 200, high=9.0, long=60.0), box("b", (2, 2, 9), (20, 5, 0)))
-    first, second = (views.renderer(scenario, PINHOLE, with_labels=True) for _ in range(2))
+    first, second = (views.renderer(scenario, PINHOLE, layers=ALL_LAYERS) for _ in range(2))
     here = above(scenario, 0.0, 0.0, 1.0)
     second.draw(above(scenario, 60.0, -40.0, 20.0, yaw_deg=70.0))
     one, other = first.draw(here), second.draw(here)

@@ -18,6 +18,7 @@ from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.triangles import merged
 from services.sensors.rendering.mesh import Skin
 from services.sensors.rendering.painted import painted
+from services.sensors.rendering.target import ALL_LAYERS
 from tests.services.sensors.yards import box, yard
 
 from . import views
@@ -66,7 +67,7 @@ def ahead(shape: Mesh, **turn: object) -> Solid:
 
 
 def test_a_mesh_shows_its_picture_the_right_way_up() -> None:
-    made = views.renderer(scenario(EARTH, ahead(wall(picture=flag()))), with_labels=True)
+    made = views.renderer(scenario(EARTH, ahead(wall(picture=flag()))), layers=ALL_LAYERS)
     frame = made.draw(AHEAD)
     red, dark, blue = (frame.colour[at].astype(int) for at in ((40, 60), (40, 100), (80, 100)))
     assert red[0] > 2 * red[2]
@@ -183,7 +184,7 @@ def test_a_link_may_be_a_mesh() -> None:
     visual = Solid("body", wall(picture=flag()), "grey")
     model = replace(vehicle.model, visuals=(visual,))
     made = replace(made, vehicles=(replace(vehicle, model=model),))
-    renderer = views.renderer(made, with_labels=True)
+    renderer = views.renderer(made, layers=ALL_LAYERS)
     poses = views.parked(views.surroundings(made), (0.0, 0.0, -400.0))
     poses[0, :3] = (3.0, 0.0, 1.0)
     renderer.place(poses)

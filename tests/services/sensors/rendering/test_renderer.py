@@ -22,6 +22,7 @@ from groundlink.world.weather import Weather
 from services.sensors.rendering.mesh import VERTEX, Mesh, Skin
 from services.sensors.rendering.pinhole import Pinhole
 from services.sensors.rendering.renderer import Renderer
+from services.sensors.rendering.target import ALL_LAYERS
 from tests.services.sensors.yards import box, yard
 
 from . import views
@@ -60,7 +61,7 @@ def test_things_are_where_the_matrix_says(pinhole: Pinhole) -> None:
         [np.full(len(grid), 4.0), grid + generator.uniform(-0.05, 0.05, grid.shape)]
     )
     squares = [box(f"square{i}", (0.001, 0.17, 0.19), at) for i, at in enumerate(places)]
-    made = views.renderer(lit(FLOOR, *squares), pinhole, with_labels=True)
+    made = views.renderer(lit(FLOOR, *squares), pinhole, layers=ALL_LAYERS)
     labels = made.draw(AHEAD).labels
     assert labels is not None
     errors = []
@@ -78,7 +79,7 @@ def test_things_are_where_the_matrix_says(pinhole: Pinhole) -> None:
 
 
 def test_the_sky_is_infinitely_far_and_no_thing() -> None:
-    made = views.renderer(lit(FLOOR), with_labels=True)
+    made = views.renderer(lit(FLOOR), layers=ALL_LAYERS)
     frame = made.draw(AHEAD)
     assert np.isinf(frame.depth_m[:50]).all()
     assert frame.labels is not None
@@ -134,7 +135,7 @@ def test_a_vehicle_stands_in_the_shade() -> None:
     brightnesses = []
     for one in (scenario, shaded):
         around = views.surroundings(one)
-        made = Renderer(one.world, around, views.SMALL, with_labels=True)
+        made = Renderer(one.world, around, views.SMALL, layers=ALL_LAYERS)
         made.place(views.parked(around, (2.0, 0.0, 0.17)))
         frame = made.draw(views.looking((4.0, 0.0, 1.0), yaw_deg=180.0, pitch_deg=20.0))
         assert frame.labels is not None
@@ -251,7 +252,7 @@ def test_a_visual_slam_finds_corners_everywhere() -> None:
 PRINT_HASH = """
 import hashlib
 from tests.services.sensors.rendering import views
-made = views.renderer(views.laboratory(), with_labels=True)
+made = views.renderer(views.laboratory(), layers=("color", "depth", "labels"))
 frame = made.draw(views.looking((-4.0, 0.0, 0.5), yaw_deg=10.0))
 parts = frame.colour, frame.depth_m, frame.labels
 print(hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest())

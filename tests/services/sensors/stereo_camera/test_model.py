@@ -15,8 +15,10 @@ from groundlink.message_sizes import body_bytes
 from groundlink.messages import Message, State, packed
 from groundlink.ros_streams import outgoing
 from groundlink.scenario.depth_cameras import StereoCamera
+from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Mount
+from groundlink.scenario.sensors import Camera, Mount
+from services.sensors.camera.model import CameraModel
 from services.sensors.model import parted
 from services.sensors.rendering.eye import Eye
 from services.sensors.stereo_camera.model import StereoCameraModel
@@ -88,6 +90,64 @@ def test_eyes_are_synchronised_and_rectified() -> None:
         assert not np.frombuffer(info.distortion).any()
         tx = [[-k[0, 0] * baseline_m], [0.0], [0.0]]
         assert np.array_equal(np.frombuffer(info.projection).reshape(3, 4), np.hstack([k, tx]))
+
+
+LENS = Lens(distortion=(-0.25, 0.06, 0.002, -0.001), vignetting=0.4, aperture_m=0.02, focus_m=2.0)
+GRAIN = Imager(full_well_electrons=3000.0, read_noise_electrons=5.0)
+
+
+@pytest.mark.parametrize("imager", [Imager(), GRAIN], ids=["quiet", "noisy"])
+def test_the_left_eye_is_a_camera_with_the_same_lens_and_image_sensor(imager: Imager) -> None:
+    """Bit for bit, with the same noise."""
+    made, sensor = world(), spec(lens=LENS, imager=imager)
+    streams = taken(resting(1), made, sensor)
+    camera = Camera(
+        **{"name": "stereo", "topic": "/stereo/image_raw", "frame": "eye", "publish": "raw"},
+        **{"width": 320, "height": 240, "mount": MOUNT, "lens": LENS, "imager": imager},
+    )
+    alone = [
+        message
+        for state in resting(1)
+        for output, message in map(
+            parted, CameraModel(made, made.vehicles[0], camera).readings(state)
+        )
+        if output == "image"
+    ]
+    assert np.array_equal(pixels(streams[""][0]), pixels(alone[0]))
+
+
+def test_each_eye_has_its_own_noise() -> None:
+    made = world()
+    clean, noisy = (
+        taken(resting(1), made, spec(lens=LENS, imager=imager)) for imager in (Imager(), GRAIN)
+    )
+    noise = [
+        pixels(noisy[name][0]).astype(float) - pixels(clean[name][0]) for name in ("", "right")
+    ]
+    for one in noise:
+        assert 0.5 < one.std() < 10.0
+    left, right = (one[60:200].ravel() for one in noise)
+    assert abs(np.corrcoef(left, right)[0, 1]) < 0.01
+
+
+def test_camera_info_rectifies_pictures_of_a_lens_that_bends() -> None:
+    """By D, K, R and P of CameraInfo, the crate's near edges come to where P puts them."""
+    bent = Lens(distortion=(-0.25, 0.06, 0.002, -0.001))
+    streams = taken(resting(1), world(), spec(encoding="mono8", lens=bent))
+    for info, name in (("camera_info", ""), ("right_camera_info", "right")):
+        told = streams[info][0]
+        d, k = np.frombuffer(told.distortion), np.frombuffer(told.intrinsic).reshape(3, 3)
+        r = np.frombuffer(told.rectification).reshape(3, 3)
+        p = np.frombuffer(told.projection).reshape(3, 4)
+        assert told.distortion_model == "plumb_bob"
+        assert tuple(d) == bent.coefficients
+        maps = cv2.initUndistortRectifyMap(k, d, r, p, (320, 240), cv2.CV_32FC1)
+        row = cv2.remap(pixels(streams[name][0]), *maps, cv2.INTER_LINEAR)[120].astype(int)
+        corners = np.array([[0.56, 0.0, 3.8, 1.0], [-0.44, 0.0, 3.8, 1.0]])
+        u = sorted((p @ corner)[0] / (p @ corner)[2] for corner in corners)
+        inside, outside = row[160], row[[20, 300]].mean()
+        is_inside = np.flatnonzero(np.abs(row - inside) < np.abs(row - outside))
+        assert [is_inside[0], is_inside[-1]] == pytest.approx([u[0] + 0.5, u[1] - 0.5], abs=0.8)
 
 
 def test_projections_lead_to_both_pictures() -> None:
