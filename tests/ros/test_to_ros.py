@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from udp_bridge import Link, Message
+
 from . import bodies
 from .conftest import LATCHED, RELIABLE, SENSOR_DATA, FarEnd, Ros
 from .processes import Process
@@ -152,13 +154,17 @@ def test_what_ros_can_not_take_is_refused_and_the_rest_goes_on(ros: Ros) -> None
 
 
 def test_only_the_peer_is_listened_to(ros: Ros) -> None:
-    process, address = ros.bridge("--ros-args", "-p", "peer:=localhost:9")
-    stranger = FarEnd(address)
-    stranger.send(2, "/imu", NANOS, bodies.imu(NANOS))
-    # The report tells that it was received.
-    wait_until(lambda: stranger.of_type(64), "a report")
-    stranger.close()
-    process.end()
+    heard: list[Message] = []
+    with Link(("127.0.0.1", 0), on_message=lambda got, _: heard.append(got)) as peer:
+        name = f"localhost:{peer.address[1]}"
+        process, address = ros.bridge("--ros-args", "-p", f"peer:={name}")
+        stranger = FarEnd(address)
+        stranger.send(2, "/imu", NANOS, bodies.imu(NANOS))
+        peer.send(2, "/imu", "", NANOS, bodies.imu(NANOS), address)
+        wait_until(lambda: heard, "a report")  # what the stranger sent came before
+        assert not stranger.of_type(64)
+        stranger.close()
+        process.end()
     assert process.output.endswith("refused 1")
 
 
