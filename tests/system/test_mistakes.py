@@ -135,6 +135,7 @@ def test_sensors_that_the_run_does_not_have(it: Rig) -> None:
             taken.bind(it.bind)
             line = run(it, "-m", "services.gateway", "--bind", it.address(it.bind), *join)
             assert "in use" in line
+            assert line.count("bind to") == line.count("gateway: ") == 1
         Counterfeit(bus, "two")
         line = run(it, "-m", "services.sensors.imu", "--name", "rover/imu", *join)
         assert "--run" in line

@@ -270,7 +270,7 @@ def test_a_bag_for_ros_1(run: Path, tmp_path: Path) -> None:
         (("up", str(TOUR), "--record", "{run}"), "exists already"),
         (("convert", "{run}", "{new}"), "ends with .bag"),
         (("convert", "{new}", "{new}.bag"), "no such file"),
-        (("replay", str(TOUR)), "no recording of a run"),
+        (("replay", str(TOUR)), "not a recording of a run"),
     ],
     ids=["existing", "no folder", "no time", "existing too", "no bag", "nothing", "no recording"],
 )

@@ -221,9 +221,9 @@ def test_ctrl_c_ends_all_of_it(run: tuple[Path, Path], tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("{scenario}", "{scenario}"), "no recording of a run"),
+        (("{scenario}", "{scenario}"), "not a recording of a run"),
         (("{run}", "{folder}/nothing.yaml"), "no such file"),
-        (("{folder}/cut.mcap", "{scenario}"), "no recording of a run"),
+        (("{folder}/cut.mcap", "{scenario}"), "not a recording of a run"),
         (("{folder}/nothing.mcap", "{scenario}"), "no such file"),
     ],
     ids=["no recording", "no scenario", "cut off", "nothing"],
