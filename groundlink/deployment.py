@@ -95,7 +95,7 @@ class Deployment:
     sources
         the folder that images are built from.
     router
-        where processes on other hosts than the router's join.
+        where processes on other hosts than the router's join; needed for those.
     overload
         what gives way where the environment says nothing; None: as the scenario says.
     """
@@ -106,7 +106,7 @@ class Deployment:
         file: Path,
         *,
         sources: str,
-        router: str = ROUTER,
+        router: str | None = None,
         overload: str | None = None,
     ) -> None:
         self._scenario, self._file, self._sources, self._router = scenario, file, sources, router
@@ -123,16 +123,15 @@ class Deployment:
         Raises
         ------
         UserError
-            when nothing of the scenario is there.
+            when nothing of the scenario is there, or it needs to know the router.
         """
-        if host not in self.hosts():
-            raise UserError(f"nothing has `host: {host}`; {nearest(host, self.hosts())}")
+        router = self._router_of(host)
         services = dict(self._services(host))
         used = {network for service in services.values() for network in service["networks"]}
         rest: dict[str, Any] = {"networks": {network: {} for network in sorted(used)}}
         if host == MAIN:
             rest["volumes"] = {"recordings": {}}
-        head = HEAD.replace("$ROUTER", ROUTER if host == MAIN else self._router)
+        head = HEAD.replace("$ROUTER", router)
         head = head.replace("$INTERVAL", f"{max(2, math.ceil(len(services) / LOOKS_HZ))}s")
         blocks = [f"name: groundlink\n\n{head}", "services:"]
         blocks += [_indented(name, service) for name, service in services.items()]
@@ -142,9 +141,14 @@ class Deployment:
         """Return what is laid over that file where strangers reach the bus or the bridge.
 
         `folder` is that of the credentials, as the written file names it.
+
+        Raises
+        ------
+        UserError
+            as `compose`.
         """
         services: dict[str, Any] = {}
-        router = (ROUTER if host == MAIN else self._router).replace("tcp/", "tls/")
+        router = self._router_of(host).replace("tcp/", "tls/")
         for name, service in self._services(host):
             image = service["image"].removeprefix("groundlink-")
             fields: dict[str, Any] = {"environment": {}, "volumes": []}
@@ -161,6 +165,19 @@ class Deployment:
                 fields["volumes"] += [f"{folder}/{BRIDGE_KEY}:/run/bridge.key:ro"]
             services[name] = {field: value for field, value in fields.items() if value}
         return yaml.safe_dump({"services": services}, sort_keys=False)
+
+    def _router_of(self, host: str) -> str:
+        """Return where the processes of a host join."""
+        if host not in self.hosts():
+            raise UserError(f"nothing has `host: {host}`; {nearest(host, self.hosts())}")
+        if host == MAIN:
+            return ROUTER
+        if self._router is None:
+            raise UserError(
+                f"--host {host}: expected --router ENDPOINT as well, where that host finds the "
+                "router of the main host, such as tcp/sim.example:7447"
+            )
+        return self._router
 
     def _services(self, host: str) -> Iterator[tuple[str, Service]]:
         if host == MAIN:

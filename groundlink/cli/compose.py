@@ -10,7 +10,7 @@ from groundlink.deployment import MAIN, Deployment
 from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
 
-from .running import SCENARIO_HELP, router_for
+from .running import SCENARIO_HELP
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -46,7 +46,7 @@ def compose(options: argparse.Namespace) -> int:
         load(file),
         file.absolute(),
         sources=options.sources,
-        router=router_for(options.host, options.router),
+        router=options.router,
         overload=options.overload,
     )
     sys.stdout.write(deployment.compose(options.host))

@@ -15,7 +15,6 @@ from rich.console import Console
 
 from groundlink import topics
 from groundlink.bus import DEFAULT_ENDPOINT
-from groundlink.deployment import MAIN, ROUTER
 from groundlink.errors import LackingError, UserError
 from groundlink.process import address
 from groundlink.scenario import Scenario
@@ -66,22 +65,6 @@ def joining(run: str, endpoint: str) -> list[str]:
 def recorder(out: str, run: str, endpoint: str) -> list[str]:
     """Return the command of a recorder."""
     return ["-m", "services.recorder", "--out", out, *joining(run, endpoint)]
-
-
-def router_for(host: str, router: str | None) -> str:
-    """Return the endpoint of the router that the processes of a host join.
-
-    Raises
-    ------
-    UserError
-        when another host than the router's is to join, and no endpoint was given.
-    """
-    if host != MAIN and router is None:
-        raise UserError(
-            f"--host {host}: expected --router ENDPOINT as well, where that host finds the router "
-            "of the main host, such as tcp/sim.example:7447"
-        )
-    return router or ROUTER
 
 
 def check_new_file(option: str, path: Path) -> None:

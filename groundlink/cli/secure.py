@@ -21,7 +21,7 @@ from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
 from groundlink.whole_file import whole
 
-from .running import SCENARIO_HELP, router_for
+from .running import SCENARIO_HELP
 
 USER = 65532
 """Whose files they become where root makes them: the user of the images."""
@@ -56,7 +56,6 @@ def secure(options: argparse.Namespace) -> int:
         from groundlink.certificates import Authority
     file = scenario_file(options.scenario)
     scenario, folder = load(file), options.folder
-    router = router_for(options.host, options.router)
     if folder.exists():
         raise UserError(f"{folder}: it exists already; delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))
@@ -76,7 +75,7 @@ def secure(options: argparse.Namespace) -> int:
             _write(own / ABOUT, about_text(process, rules).encode())
             _give(own)
         _write(part / BRIDGE_KEY, secrets.token_hex(32).encode() + b"\n")
-        deployment = Deployment(scenario, file.absolute(), sources=".", router=router)
+        deployment = Deployment(scenario, file.absolute(), sources=".", router=options.router)
         over = folder / "compose.yaml"
         (part / over.name).write_text(
             deployment.secured(str(folder.absolute()), options.host), encoding="utf-8"

@@ -62,7 +62,7 @@ def test_scenarios_that_cannot_be_run(it: Rig) -> None:
     for wrong, words in [
         (text.replace("seed: 1", "sede: 1"), ["sede", "did you mean `seed`?", ":4:"]),
         (text.replace("seed: 1", "seed: x"), ["seed", "int", ":4:"]),
-        (text.replace("vehicles/rover.yaml", "rovr"), ["rovr", "rover.yaml"]),
+        (text.replace("vehicles/rover.yaml", "rovr"), ["rovr", "did you mean `rover`?"]),
         (text.replace("kind: encoders", "kind: encoder"), ["encoder", "`encoders`?"]),
     ]:
         assert wrong != text

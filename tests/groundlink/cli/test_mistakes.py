@@ -36,8 +36,14 @@ def on_gpu(folder: Path) -> Path:
 def test_another_host_needs_the_router_of_the_main_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], command: list[str]
 ) -> None:
-    words = [*command, str(on_gpu(tmp_path)), *(["out"] if command[0] == "secure" else [])]
+    words = [
+        *command,
+        str(on_gpu(tmp_path)),
+        *([str(tmp_path / "out")] if command[0] == "secure" else []),
+    ]
     assert "--host gpu: expected --router ENDPOINT" in line(capsys, *words, "--host", "gpu")
+    assert "nothing has `host: gpo`; did you mean `gpu`?" in line(capsys, *words, "--host", "gpo")
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
