@@ -117,7 +117,8 @@ def stream(rng: random.Random, first: int) -> list[bytes]:
     found = []
     for seq in range(first, first + rng.randint(1, 4)):
         body = rng.randbytes(size if rng.random() < 0.8 else rng.randint(1, size))
-        whole = Message(1, rng.choice("ab"), "l", seq * 10**9, seq, body)
+        stamp_nanos = seq % (1 << 30) * 10**9
+        whole = Message(1, rng.choice("ab"), "l", stamp_nanos, seq % (1 << 32), body)
         found += [head + bytes(part) for head, part in fragments(whole, cut)]
     return found
 
@@ -162,6 +163,8 @@ def run_batch(seed: int) -> Pair:
     while pair.datagrams < BATCH:
         cut = spoilt(rng, again(rng, stream(rng, first)), rng.choice([0, 0, 0.03, 0.3, 1]))
         first += rng.choice([1, 2, 4, 4, 4, -3 if first > 3 else 0])
+        if rng.random() < 0.05:  # far ahead, or farther behind than anything is overtaken
+            first = max(0, first + rng.choice([2990, 5000, -150, 1 << 30])) % (1 << 32)
         if rng.random() < 0.05:  # restarted, and silent before
             first = rng.randrange(4)
             pair.feed([], PAUSES_NANOS[-1])

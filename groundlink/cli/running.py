@@ -63,7 +63,19 @@ def joining(run: str, endpoint: str) -> list[str]:
 
 
 def recorder(out: str, run: str, endpoint: str) -> list[str]:
-    """Return the command of a recorder."""
+    """Return the command of a recorder.
+
+    Raises
+    ------
+    LackingError
+        when a package of the extra `record` is not installed; a run would wait for its recorder.
+    """
+    for package in ("mcap", "rosbags", "zstandard"):
+        if importlib.util.find_spec(package) is None:
+            raise LackingError(
+                f"the Python package `{package}` is not installed. "
+                "Fix: pip install 'groundlink[record]'"
+            )
     return ["-m", "services.recorder", "--out", out, *joining(run, endpoint)]
 
 

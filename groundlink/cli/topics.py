@@ -7,6 +7,7 @@ import argparse
 
 from rich.console import Console
 
+from groundlink.bus_reference import reference
 from groundlink.topics import ROOT, TOPICS
 
 from .tables import Column, FittingTable
@@ -18,11 +19,17 @@ WIDTH = 180
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("topics", help="list the streams of the bus")
+    parser.add_argument(
+        "--markdown", action="store_true", help="print keys and messages as in docs/bus.md"
+    )
     parser.set_defaults(command=topics)
 
 
 def topics(options: argparse.Namespace) -> int:
     """Print the table of topics."""
+    if options.markdown:
+        print(reference(), end="")
+        return 0
     table = FittingTable(
         f"keys under {ROOT}/<run>/",
         (

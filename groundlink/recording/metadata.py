@@ -10,8 +10,10 @@ how many messages of each topic came faster than they could be written.
 from __future__ import annotations
 
 import platform
+import re
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 import msgspec
 
@@ -24,6 +26,11 @@ TOPICS_RECORD = "groundlink.topics"
 END_RECORD = "groundlink.end"
 DROPPED_RECORD = "groundlink.dropped"
 JOURNAL_ATTACHMENT = "groundlink.journal"
+
+_UNKNOWN = re.compile(
+    r"Object contains unknown field `(?P<field>[^`]+)`(?: - at `\$(?P<path>(?:\.\w+|\[\d+\])*)`)?"
+)
+"""What msgspec says of a field that a type does not have, where its place can be told."""
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "pybullet", "embreex", "rosbags")
 
@@ -89,15 +96,34 @@ def run_entries(run: RunFacts) -> dict[str, str]:
 def run_facts(entries: Mapping[str, str]) -> RunFacts:
     """Return the facts that a metadata record holds.
 
+    Fields of a scenario that another version wrote and this one does not have are left out.
+
     Raises
     ------
     msgspec.MsgspecError
         when it does not hold them.
     """
-    plain: dict[str, object] = dict(entries)
+    plain: dict[str, Any] = dict(entries)
     for name in ("scenario", "versions"):
         plain[name] = msgspec.json.decode(entries.get(name, ""))
-    return msgspec.convert(plain, RunFacts, strict=False)
+    while True:
+        try:
+            return msgspec.convert(plain, RunFacts, strict=False)
+        except msgspec.ValidationError as error:
+            if not _drop_unknown(plain, str(error)):
+                raise
+
+
+def _drop_unknown(plain: dict[str, Any], error: str) -> bool:
+    """Delete the field that msgspec calls unknown; return False for any other error."""
+    found = _UNKNOWN.fullmatch(error)
+    if found is None:
+        return False
+    holder: Any = plain
+    for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", found["path"] or ""):
+        holder = holder[name] if name else holder[int(index)]
+    del holder[found["field"]]
+    return True
 
 
 def topic_entries(topics: Mapping[str, TopicFacts]) -> dict[str, str]:

@@ -13,33 +13,33 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 from numpy.typing import NDArray
+
+from groundlink.world.terrain import Ground
 
 from .energy import Energy
 from .ink import (
     BLUE,
     BODY,
     FAINT,
-    FURNITURE,
     GREEN,
     INK,
     ORANGE,
     RED,
     SERIES,
-    WALL,
     axes,
     style,
     svg,
 )
 from .motion import Motion
 from .plan import Outline
+from .plan_figure import heights, plan
 from .said import StreamWords
 from .streams import StreamTrack
 
 WIDTH_IN = 8.6
-TALL_M = 1.6
-"""What is higher is drawn as a wall."""
+LEFT_IN = 0.65
+"""Of a plan, for its numbers."""
 
 MARGIN_M = 0.4
 MIN_EXTENT_M = 4.0
@@ -54,6 +54,9 @@ SPEED_COLOURS = LinearSegmentedColormap.from_list(
 )
 """Slow to fast; each stands out from a light and from a dark page."""
 
+LETTER_IN = 0.073
+"""A letter of an axis, on average at most."""
+
 Span = tuple[float, float]
 
 
@@ -63,32 +66,31 @@ def trajectory(
     energies: Sequence[Energy],
     route_m: Sequence[NDArray[np.float64]],
     checkpoints_m: Mapping[str, tuple[float, float]],
+    ground: Ground | None = None,
 ) -> str:
-    """Return the ways of all vehicles over the plan of the world, coloured by speed."""
+    """Return the ways of all vehicles over the plan of the world, coloured by speed.
+
+    Parameters
+    ----------
+    ground
+        terrain whose heights are drawn below.
+    """
     tracks = [motion.track() for motion in motions]
     places = np.vstack([track[:, 1:3] for track in tracks])
     low, high = _shown(outlines, places)
     width, height = high - low
     with style():
         # In inches: the plan, room for numbers to its left and below, the scale of speed beside.
-        plan_width = min(WIDTH_IN - 1.35, 7.0 * width / height)
+        plan_width = min(WIDTH_IN - 1.5, 7.0 * width / height)
         plan_height = plan_width * height / width
         figure = Figure(figsize=(WIDTH_IN, plan_height + 0.62))
-        box = np.array([0.5, 0.52, plan_width, plan_height])
+        box = np.array([LEFT_IN, 0.52, plan_width, plan_height])
         inches = np.array([WIDTH_IN, plan_height + 0.62] * 2)
         plot = figure.add_axes(tuple(box / inches))
         plot.set_axisbelow(True)
-        for outline in outlines:
-            tall = outline.high_m > TALL_M
-            plot.add_patch(
-                Polygon(
-                    outline.corners_m,
-                    facecolor=WALL if tall else FURNITURE,
-                    edgecolor=BODY,
-                    linewidth=0.5,
-                    alpha=1.0 if tall or outline.low_m < 0.1 else 0.75,
-                )
-            )
+        if ground is not None:
+            heights(plot, ground, low, high)
+        plan(plot, outlines)
         for line in route_m:
             plot.plot(*line.T, color=FAINT, linewidth=0.9, linestyle=(0, (4, 3)), label="route")
         top = max((motion.top_speed_mps for motion in motions), default=0.0) or 1.0
@@ -117,7 +119,7 @@ def trajectory(
         plot.set_ylabel("y (north), m")
         if drawn is not None:
             beside = np.array(
-                [0.5 + plan_width + 0.15, 0.52 + 0.15 * plan_height, 0.13, 0.7 * plan_height]
+                [LEFT_IN + plan_width + 0.15, 0.52 + 0.15 * plan_height, 0.13, 0.7 * plan_height]
             )
             bar = figure.colorbar(drawn, cax=figure.add_axes(tuple(beside / inches)))
             bar.set_label("speed, m/s", color=FAINT)
@@ -218,8 +220,12 @@ def rates(streams: Sequence[StreamTrack], span: Span) -> str:
     with style():
         figure = Figure(figsize=(WIDTH_IN, 0.55 + 0.24 * len(rows)))
         plot = axes(figure, span)
+        letters = max((len(stream.topic) for stream, _ in rows), default=0)
         figure.subplots_adjust(
-            left=0.17, right=0.985, bottom=0.42 / (0.55 + 0.24 * len(rows)), top=0.98
+            left=(LETTER_IN * letters + 0.15) / WIDTH_IN,
+            right=0.985,
+            bottom=0.42 / (0.55 + 0.24 * len(rows)),
+            top=0.98,
         )
         plot.grid(visible=False)
         for number, (_, bins) in enumerate(rows):
@@ -278,7 +284,7 @@ def energy(energies: Sequence[Energy], span: Span) -> str:
     with style():
         figure = Figure(figsize=(WIDTH_IN, 2.6))
         plot = axes(figure, span)
-        figure.subplots_adjust(left=0.085, right=0.985, bottom=0.18, top=0.9)
+        figure.subplots_adjust(left=0.11, right=0.985, bottom=0.18, top=0.9)
         for number, one in enumerate(energies):
             times, work, braked = np.array(one.rows).reshape(-1, 3).T
             name = f"{one.vehicle}: " if len(energies) > 1 else ""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """All that the page needs of a recording, in one pass over it.
 
-Rule: streaming, and of each topic no more is decoded than is shown: clouds and IMU samples are only
-counted. Memory does not grow with the file.
+Rule: streaming, and of each topic no more is decoded than is shown: one cloud of each LiDAR, every
+n-th sample of an IMU. Memory does not grow with the file.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from groundlink.ros_gaps import from_gaps
 from groundlink.ros_streams import faults_topic, gaps_topic
 from groundlink.ros_types import STORE
 from groundlink.ros_vitals import from_vitals
+from groundlink.scenario.every_sensor import SensorSpec
 
 from .accounts import StreamAccount, accounts
 from .energy import MAX_POINTS as ENERGY_POINTS
@@ -30,6 +31,7 @@ from .energy import Energy
 from .failures import Failures
 from .motion import Motion, stride
 from .said import Said
+from .sensors import MAX_SAMPLES, Cloud, Readings, readings_of
 from .streams import StreamTrack
 from .thumbnails import IMAGE_TYPES, Camera
 
@@ -50,6 +52,9 @@ class Gathered:
     streams: list[StreamTrack]
     motions: list[Motion]
     energies: list[Energy]
+    readings: dict[str, list[Readings]]
+    """What is plotted of each vehicle's sensors."""
+
     cameras: list[Camera]
     failures: list[Failures]
     accounts: list[StreamAccount]
@@ -101,18 +106,19 @@ class _Taking:
             streams=list(streams.values()),
             motions=[],
             energies=[],
+            readings={},
             cameras=[],
             failures=[],
             accounts=accounts(run.scenario, **times, epoch_nanos=run.epoch_nanos),
             said=Said(),
             undecodable=0,
         )
+        self._counted = expected = {name: facts.messages for name, facts in counted.items()}
         for vehicle in run.scenario.vehicles:
             truth, vitals = (
                 run.scenario.ground_truth_topic(vehicle),
                 run.scenario.vitals_topic(vehicle),
             )
-            expected = {name: facts.messages for name, facts in counted.items()}
             motion = Motion(vehicle.name, stride(expected.get(truth, 0)))
             energy = Energy(vehicle.name, -(-expected.get(vitals, 0) // ENERGY_POINTS) or 1)
             asked = stride(expected.get(vehicle.command_topic, 0))
@@ -121,6 +127,8 @@ class _Taking:
             self._decode(truth, motion.moved, motion.stride)
             self._decode(vehicle.command_topic, motion.was_asked, asked)
             self._on_vitals(vitals, energy)
+            kept = [reading for s in vehicle.sensors if (reading := self._reading(s))]
+            self.gathered.readings[vehicle.name] = kept
         self._accounts = {account.topic: account for account in self.gathered.accounts}
         for account in self.gathered.accounts:
             account.dropped(recording.dropped.get(account.topic, 0))
@@ -156,6 +164,27 @@ class _Taking:
                 use(self.gathered.seconds(message.nanos), _decoded(message))
 
         self._handlers[topic] = handler
+
+    def _reading(self, sensor: SensorSpec) -> Readings | None:
+        """Keep what is plotted of a sensor's topic, if it has a plot and is in the file."""
+        run = self.gathered
+        middle = (run.seconds(run.first_nanos) + run.seconds(run.last_nanos)) / 2
+        reading = readings_of(sensor, run.run.scenario.world.datum, middle)
+        stream = None if reading is None else self._streams.get(reading.topic)
+        if reading is None or stream is None:
+            return None
+        if isinstance(reading, Cloud):
+            self._handlers[reading.topic] = lambda message: self._cloud(reading, message)
+        else:
+            counted = self._counted.get(reading.topic, 0)
+            self._decode(reading.topic, reading.add, -(-counted // MAX_SAMPLES) or 1)
+        return reading
+
+    def _cloud(self, cloud: Cloud, message: Recorded) -> None:
+        """Decode a cloud only where it is shown."""
+        seconds = self.gathered.seconds(message.nanos)
+        if cloud.is_due(seconds):
+            cloud.add(seconds, _decoded(message))
 
     def _on_vitals(self, topic: str, energy: Energy) -> None:
         def use(seconds: float, array: Any) -> None:

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .sensors import heading
+
 MAX_POINTS = 20_000
 """Of a trajectory: 400 s at 50 Hz are kept whole."""
 
@@ -26,24 +28,26 @@ class Motion:
     stride: int
     """Every n-th message is decoded."""
 
-    rows: list[tuple[float, float, float, float, float]] = field(default_factory=list)
-    """Time (s of the run), x, y (m, world), speed (m/s, ahead positive), yaw rate (rad/s)."""
+    rows: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
+    """Time (s of the run), x, y (m, world), speed (m/s, ahead positive), yaw rate (rad/s), heading
+    (rad)."""
 
     asked: list[tuple[float, float, float]] = field(default_factory=list)
     """Time (s of the run), speed (m/s) and yaw rate (rad/s) of commands."""
 
     def moved(self, seconds: float, odometry: Any) -> None:
         """Take a nav_msgs/Odometry of the ground truth."""
-        place, twist = odometry.pose.pose.position, odometry.twist.twist
-        self.rows.append((seconds, place.x, place.y, twist.linear.x, twist.angular.z))
+        pose, twist = odometry.pose.pose, odometry.twist.twist
+        place, turn = pose.position, heading(pose.orientation)
+        self.rows.append((seconds, place.x, place.y, twist.linear.x, twist.angular.z, turn))
 
     def was_asked(self, seconds: float, twist: Any) -> None:
         """Take a geometry_msgs/Twist."""
         self.asked.append((seconds, twist.linear.x, twist.angular.z))
 
     def track(self) -> NDArray[np.float64]:
-        """Return `rows` as an array, shape (N, 5)."""
-        return np.array(self.rows, np.float64).reshape(-1, 5)
+        """Return `rows` as an array, shape (N, 6)."""
+        return np.array(self.rows, np.float64).reshape(-1, 6)
 
     @property
     def distance_m(self) -> float:

@@ -7,6 +7,7 @@ those of the tables that `groundlink up` shows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.resources import files
 from math import radians
@@ -15,9 +16,11 @@ from string import Template
 import msgspec
 import yaml
 
+from groundlink.assets import MissingAsset
 from groundlink.clock import NANOS
 from groundlink.routes import line
-from groundlink.run_monitor import NOT_REPORTED, RATE_TOLERANCE
+from groundlink.run_monitor import NOT_REPORTED
+from groundlink.world import terrain as terrains
 from groundlink.world.build import solids
 
 from . import figures
@@ -36,10 +39,12 @@ from .html import (
     text,
     tiles,
 )
-from .missing import missing_lines, what_is_missing
-from .plan import outlines
+from .missing import what_is_missing
+from .plan import Outline, outlines
+from .plan_figure import TALL_M
 from .said import CAUSES, PROCESS_FIELDS
-from .streams import StreamTrack
+from .sensor_sections import sensors
+from .verdict import keeps_rate, verdict
 
 Span = tuple[float, float]
 
@@ -49,7 +54,10 @@ def page(run: Gathered) -> str:
     scenario = run.run.scenario
     span = run.seconds(run.first_nanos), run.seconds(run.last_nanos)
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
-    sections = [_way(run), *_vehicles(run, span), _streams(run, span), _link(run, span)]
+    level = scenario.world.terrain is None
+    around = outlines(solids(scenario), level=level)
+    sections = [_way(run, around), *_vehicles(run, span), *sensors(run, around, span)]
+    sections += [_streams(run, span), _link(run, span)]
     sections += [
         _cameras(run),
         _failures(run),
@@ -60,7 +68,7 @@ def page(run: Gathered) -> str:
     return template.substitute(
         title=text(f"Run {run.run.run}"),
         subtitle=text(" · ".join(filter(None, (scenario.description, _when(run))))),
-        verdict=_verdict(run),
+        verdict=verdict(run),
         facts=_facts(run),
         sections=joined(part for part in sections if part),
         footer=text(f"{run.path.name}, made into a page by groundlink report"),
@@ -72,53 +80,6 @@ def _when(run: Gathered) -> str:
         return "stamps count from zero"
     begun = datetime.fromtimestamp(run.run.epoch_nanos / NANOS, UTC)
     return f"sim time zero is {begun:%Y-%m-%d %H:%M:%S} UTC"
-
-
-def _faults(run: Gathered) -> list[str]:
-    """Return what a person should know first, as lines."""
-    lines = []
-    for stream in run.streams:
-        if not _keeps_rate(stream):
-            measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
-            lines.append(f"{stream.topic}: declared {stream.declared_hz:g} Hz, recorded {measured}")
-        if stream.gaps:
-            gaps = "1 gap" if stream.gaps == 1 else f"{stream.gaps} gaps"
-            longest = stream.largest_gaps[0].nanos / 1e6
-            lines.append(f"{stream.topic}: {gaps}, the longest of {longest:.0f} ms")
-    lines += missing_lines(run.accounts)
-    for (topic, direction), words in run.said.streams.items():
-        lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
-        if lost != "0":
-            lines.append(f"{topic}: {lost} of {sent} lost on the way {direction}")
-    for energy in run.energies:
-        if energy.events:
-            names = ", ".join(dict.fromkeys(event.name for event in energy.events))
-            lines.append(f"{energy.vehicle} touched {names}")
-    for failures in run.failures:
-        if failures.all:
-            kinds = ", ".join(dict.fromkeys(failure.fault.kind for failure in failures.all))
-            lines.append(f"{failures.sensor} was made to fail: {kinds}")
-    if run.undecodable:
-        lines.append(f"{run.undecodable} messages could not be read")
-    return lines
-
-
-def _keeps_rate(stream: StreamTrack) -> bool:
-    if stream.declared_hz is None:
-        return True
-    measured = stream.measured_hz
-    return measured is not None and abs(measured / stream.declared_hz - 1) <= RATE_TOLERANCE
-
-
-def _verdict(run: Gathered) -> Markup:
-    faults = _faults(run)
-    if not faults:
-        return Markup(
-            '<div class="verdict">Every declared rate was kept from the first message to the last, '
-            "without a gap, and nothing was touched.</div>"
-        )
-    items = "".join(f"<li>{text(fault)}</li>" for fault in faults)
-    return Markup(f'<div class="verdict bad">What to look at:<ul>{items}</ul></div>')
 
 
 def _facts(run: Gathered) -> Markup:
@@ -139,7 +100,7 @@ def _joules(value: float) -> str:
     return f"{value / 1e3:.2f} kJ" if value >= 1e3 else f"{value:.1f} J"
 
 
-def _way(run: Gathered) -> Markup:
+def _way(run: Gathered, around: Sequence[Outline]) -> Markup:
     moved = [(m, e) for m, e in zip(run.motions, run.energies, strict=True) if m.rows]
     if not moved:
         return section("Way", paragraph("The file holds no ground truth, so no way is known."))
@@ -154,17 +115,20 @@ def _way(run: Gathered) -> Markup:
         if vehicle.route is not None
     ]
     checkpoints = scenario.world.checkpoints
+    terrain, heights = scenario.world.terrain, ""
+    try:
+        ground = terrains.ground(terrain) if terrain else None
+    except MissingAsset:
+        ground, heights = None, " The heights of its terrain are not on this machine."
     drawn = figures.trajectory(
-        outlines(solids(scenario), level=scenario.world.terrain is None),
-        [m for m, _ in moved],
-        [e for _, e in moved],
-        routes,
-        checkpoints,
+        around, [m for m, _ in moved], [e for _, e in moved], routes, checkpoints, ground
     )
     caption = (
         "From above, by the ground truth of the base, coloured by speed. In stronger grey: what "
-        f"is taller than {figures.TALL_M:g} m; in weaker: lower things, table tops among them."
+        f"is taller than {TALL_M:g} m; in weaker: lower things, table tops among them."
     )
+    if terrain:
+        caption += heights or " Lines are of equal height of the ground."
     parts = [figure(drawn, caption)]
     if checkpoints:
         columns = ("vehicle", "checkpoint", "passed at", "apart")
@@ -217,12 +181,13 @@ def _streams(run: Gathered, span: Span) -> Markup:
     if not run.streams:
         return Markup("")
     rows, off = [], []
-    for number, stream in enumerate(run.streams):
+    shown = [stream for stream in run.streams if stream.messages or stream.declared_hz]
+    for number, stream in enumerate(shown):
         gaps = stream.largest_gaps
         rows.append(
             (
                 stream.topic,
-                stream.ros_type,
+                stream.ros_type.rpartition("/")[2],
                 _hz(stream.declared_hz, 0),
                 _hz(stream.measured_hz, 2),
                 str(stream.messages),
@@ -231,7 +196,7 @@ def _streams(run: Gathered, span: Span) -> Markup:
                 f"{stream.bytes / 1e6:.1f} MB",
             )
         )
-        if not _keeps_rate(stream) or stream.gaps:
+        if not keeps_rate(stream) or stream.gaps or stream.unkept():
             off.append(number)
     columns = ("topic", "type", "declared", "recorded", "messages", "gaps", "longest", "size")
     parts = [table(columns, rows, numbers=range(2, 8), code=(0, 1), off=off)]
@@ -241,6 +206,10 @@ def _streams(run: Gathered, span: Span) -> Markup:
             "where it does not, red where there are none. A gap is more than 1.5 periods."
         )
         parts.insert(0, figure(figures.rates(run.streams, span), caption))
+    if silent := [stream.topic for stream in run.streams if stream not in shown]:
+        parts.append(
+            paragraph(f"Nothing came on {', '.join(silent)}; nothing was declared for it.")
+        )
     return section("Rates and gaps", *parts)
 
 

@@ -122,6 +122,18 @@ class StreamTrack:
         kept[-1] |= lack[-1] < 1 + 1e-6
         return Bins(edges, kept, self.counts == 0)
 
+    def unkept(self) -> list[tuple[float, float]]:
+        """Return the spans of bins that lack messages or have too many, in seconds."""
+        found: list[tuple[float, float]] = []
+        if (bins := self.bins()) is None:
+            return found
+        for i in np.flatnonzero(~bins.kept).tolist():
+            begin, end = bins.edges_s[i : i + 2].tolist()
+            if found and found[-1][1] == begin:
+                begin, _ = found.pop()
+            found.append((begin, end))
+        return found
+
 
 def bin_nanos(span_nanos: int) -> int:
     """Return the width of bins for a recording: whole seconds, and not more than `MAX_BINS`."""

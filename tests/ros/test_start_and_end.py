@@ -18,6 +18,8 @@ from .conftest import Ros
         (["--bind", "127.0.0.1:65536"], "bind is '127.0.0.1:65536', which is no HOST:PORT"),
         (["--ros-args", "-p", "peer:=x:y"], "peer is 'x:y', which is no HOST:PORT"),
         (["--ros-args", "-p", "bind:=7511"], "'bind'"),
+        (["--bind", "0.0.0.0:0"], "bind 0.0.0.0:0: other hosts can reach this socket; expected"),
+        (["--ros-args", "-p", "allow_any_peer:=7"], "allow_any_peer is '7'; expected true or f"),
     ],
 )
 def test_bad_addresses(ros: Ros, arguments: list[str], complaint: str) -> None:
@@ -26,6 +28,22 @@ def test_bad_addresses(ros: Ros, arguments: list[str], complaint: str) -> None:
     assert len(process.lines) == 1
     assert process.output.startswith("udp_bridge_ros2: ")
     assert complaint in process.output
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--allow-any-peer"],
+        ["--peer", "127.0.0.1:0"],
+        ["--ros-args", "-p", "allow_any_peer:=true"],
+    ],
+)
+def test_a_port_that_others_reach_is_opened_for_whom_the_user_names(
+    ros: Ros, arguments: list[str]
+) -> None:
+    process = ros.start("-m", "udp_bridge_ros2", "--bind", "0.0.0.0:0", *arguments)
+    process.wait_for("receiving at 0.0.0.0:")
+    assert process.end(signal.SIGTERM, timeout_s=5.0) == 0
 
 
 def test_a_port_in_use(ros: Ros) -> None:

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 from tests.udp_bridge.vectors import FOLDER
 from udp_bridge import Header, Message, fragments, parse
-from udp_bridge.control import Credit, LinkReport, TopicReport
+from udp_bridge.control import Credit, LinkReport, Subscribe, TopicReport
 from udp_bridge.receiving import Inbox
-from udp_bridge.types import CONTROL, REPAIR, RESEND
+from udp_bridge.types import CONTROL, REPAIR, RESEND, SUBSCRIBE
 
 Arrival = tuple[int, int, bytes]
 REPORT = 255
@@ -36,6 +36,8 @@ class Reported(NamedTuple):
     refused: list[str]
     credits: list[tuple[int, str, int, Credit]]
     """To whom, topic, stamp and body."""
+    subscribes: list[Subscribe]
+    """What was handed over of type 7."""
 
 
 def credited(to: int, datagram: bytes) -> tuple[int, str, int, Credit]:
@@ -55,7 +57,7 @@ def told(to: int, datagram: bytes) -> tuple[int, str, str, int, TopicReport]:
 def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = True) -> Reported:
     """Return what the library reports; without `drops` the user takes every message."""
     inbox = Inbox(receive_buffer=receive_buffer, on_credit=lambda *_: None)
-    found = Reported([], [], [])
+    found = Reported([], [], [], [])
     refused = inbox.reassembler.counters.refused
     for now, sender, datagram in arrivals:
         if sender == REPORT:
@@ -69,6 +71,8 @@ def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = Tru
         message, answer = inbox.receive(memoryview(datagram), address, now, 0)
         if answer is not None:
             found.credits.append(credited(sender, answer[0]))
+        if message is not None and message.msg_type == SUBSCRIBE:
+            found.subscribes.append(Subscribe.parse(message.body))
         if message is not None and message.msg_type != CONTROL:
             if drops and message.link == REFUSED:
                 inbox.dropped(message, address)
@@ -142,7 +146,7 @@ def controls() -> list[Arrival]:
     rows = [head + body for body in bodies]
     rows += [Header(CONTROL, 0, part, 2, 1, 0, "/a").pack() + report.pack() for part in (0, 1)]
     rows.append(Header(CONTROL, 0, 0, 2, 1, 0, "/a").pack())
-    return [(now, 1, row) for now, row in enumerate(rows)]
+    return [(now, 2, row) for now, row in enumerate(rows)]
 
 
 def challenges() -> tuple[list[Arrival], list[bytes]]:
@@ -216,12 +220,14 @@ def _texts() -> list[bytes]:
             for more in (b"\x80", b"\xbf", b"\x7f", b"\xc0"):
                 names += [bytes([lead, second]) + more, bytes([lead, second]) + more * 2]
     names += [b"\0", b"a\0", b"\0a", b"ab"]
+    pairs = [pair for name in names for pair in ((name, b"l"), (b"t", name))]
+    # What a name lacks stands behind it: in the link, or in the padding.
+    pairs += [(b"\xc2", b"\x80"), (b"\xe0\xa0", b"\x80"), (b"\xf0\x90\x80", b"\x80")]
     rows = []
-    for name in names:
-        for topic, link in ((name, b"l"), (b"t", name)):
-            pad = -(18 + len(topic) + len(link)) % 4
-            head = struct.pack("<BBIBBii", 1, 18 + len(topic) + len(link) + pad, 0, 0, 1, 1, 0)
-            rows.append(head + bytes([len(topic), len(link)]) + topic + link + bytes(pad) + b"x")
+    for topic, link in pairs:
+        pad = -(18 + len(topic) + len(link)) % 4
+        head = struct.pack("<BBIBBii", 1, 18 + len(topic) + len(link) + pad, 0, 0, 1, 1, 0)
+        rows.append(head + bytes([len(topic), len(link)]) + topic + link + bytes(pad) + b"x")
     return rows
 
 
@@ -230,6 +236,7 @@ def _subscribes() -> list[bytes]:
     bodies = [struct.pack("<BBHf", 1, 1, 0, rate) for rate in rates]
     bodies += [struct.pack("<BBHf", kind, 1, 0, 0.0) for kind in range(256)]
     bodies += [struct.pack("<BBHf", 1, action, 0, 0.0) for action in (0, 1, 2, 255)]
+    bodies += [struct.pack("<BBHf", 1, 1, lease, 2.5) for lease in (1, 255, 256, 65535)]
     bodies += [bodies[0][:-1], bodies[0] + b"\0", b""]
     return [Header(7, n, 0, 1, 1, 0, "/a").pack() + body for n, body in enumerate(bodies)]
 
@@ -261,6 +268,7 @@ def _counts() -> Iterator[list[Arrival]]:
     for count in (3, 4, 5, 6):  # open messages of a topic
         rows = [part(0, 2, 9, seq) for seq in range(count)]
         yield at_once(rows + [part(1, 2, 9, seq) for seq in range(count)])
+        yield at_once([*rows, single(count), *(part(1, 2, 9, seq) for seq in range(count))])
     for count in (63, 64, 65):  # finished ones that are remembered
         yield at_once([single(seq, 1 + seq) for seq in range(count)] + [single(0, 1)])
     for count in (63, 64, 65, 66):  # senders
@@ -272,6 +280,9 @@ def _counts() -> Iterator[list[Arrival]]:
         rows = [(now, 1, single(topic=f"/{now}")) for now in range(count)]
         yield [*rows, (count, 1, single(topic="/0")), (count, REPORT, b"")]
         yield [*rows[1:], (count, 2, single(topic="/0")), (count, REPORT, b"")]
+    tie = [(0, who, single(topic=f"/{n}")) for who in (1, 2) for n in range(512)]
+    back = [(0, who, single(topic="/0")) for who in (3, 2, 1)]
+    yield [*tie, *back, (1, REPORT, b"")]
     for ahead in (1, 2, 1022, 1023, 1024, 1025, 2**31 - 1, 2**31):  # fates that are remembered
         rows = [part(0, 2, 9, 0), part(0, 2, 9, ahead), part(1, 2, 9, 0), single(ahead + 1, 2)]
         yield at_once(rows)
@@ -294,7 +305,22 @@ def _counts() -> Iterator[list[Arrival]]:
     yield at_once([other, Header(1, 0, 1, 2, 1, 0, "/a", "y").pack() + b"abc", part(1, 2, 3)])
 
 
+def _memory() -> Iterator[list[Arrival]]:
+    """Yield arrivals at the bounds of memory: a sender has 16 MiB of 64."""
+    quarter = [part(0, 128, 1 << 15, seq, topic="/large") for seq in range(4)]
+    small = part(0, 2, 9, topic="/small"), part(1, 2, 9, topic="/small")
+    rests = [part(n, 128, 1 << 15, 0, topic="/large") for n in range(1, 128)]
+    for count in (3, 4):
+        yield at_once([*quarter[:count], *small, *rests])
+    for sizes in ((1,), (1, 1)):
+        rows = [(0, who, row) for who in (1, 2, 3, 4) for row in quarter]
+        rows += [(0, 5, part(0, 2, size, topic=f"/{n}")) for n, size in enumerate(sizes)]
+        rows += [(0, who, row) for who in (1, 2, 3, 4) for row in rests]
+        rows += [(0, 5, part(1, 2, size, topic=f"/{n}")) for n, size in enumerate(sizes)]
+        yield [*rows, (SECOND, REPORT, b"")]
+
+
 def boundaries() -> list[list[Arrival]]:
     """Return arrivals at the bounds of PROTOCOL.md, each list for a receiver of its own."""
     alone = [at_once([row]) for row in (*_headers(), *_texts(), *_subscribes())]
-    return [*alone, *_times(), *_counts()]
+    return [*alone, *_times(), *_counts(), *_memory()]

@@ -251,6 +251,7 @@ SEND = ("send", "--to", "127.0.0.1:9", "--type", "9", "--body")
         (("decode", "no/such.bin"), "no/such.bin: No such file or directory"),
         (("decode", "."), ".: Is a directory"),
         (("listen",), "required: --bind"),
+        (("listen", "--bind", "0.0.0.0:0"), "Fix: --peer HOST:PORT, --key-file FILE, or --allow-"),
         (("listen", "--bind", "4000"), "'4000' is not HOST:PORT"),
         (("listen", "--bind", "127.0.0.1:65536"), "with a port of 0..65535"),
         (("listen", "--bind", "nowhere.invalid:0"), "can't bind to nowhere.invalid:0: "),

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from udp_bridge import parse
 from udp_bridge.header import Header
 from udp_bridge.receiving import Inbox
@@ -31,7 +33,8 @@ def requested(datagrams: list[bytes]) -> set[tuple[int, int, int, tuple[int, ...
             header, offset = parse(answer)
             request = parse_resend(answer[offset:])
             assert isinstance(request, Request)
-            found.add((header.seq_number, header.time_sec, request.parts_max, request.parts))
+            for seq in range(header.seq_number, header.seq_number + request.messages):
+                found.add((seq, header.time_sec, request.parts_max, request.parts))
     return found
 
 
@@ -41,3 +44,23 @@ def test_two_messages_of_one_number_are_requested_each_by_its_own_stamp_and_part
     assert (5, 100, 2, (1,)) in found
     assert (5, 99, 30, tuple(range(20))) in found
     assert (5, 99, 30, tuple(range(21, 30))) in found
+
+
+FAR = 1005 + (1 << 20)
+POISONS = {
+    "a part": [part(FAR, 0, 2, 2**31 - 1)],
+    "a whole message": [part(FAR, number, 2, 2**31 - 1) for number in (0, 1)],
+    "an Offer": [offer(FAR, 2, 2**31 - 1)],
+    "an Offer before all else": [],
+}
+
+
+@pytest.mark.parametrize("poison", POISONS.values(), ids=POISONS)
+def test_a_poison_number_does_not_end_repair(poison: list[bytes]) -> None:
+    before = [part(1005, number, 2, 100) for number in (0, 1)] if poison else []
+    first = offer(1005, 2, 100) if poison else offer(FAR, 2, 2**31 - 1)
+    after = []
+    for seq in (1006, 1007, 1009, 1010):  # of 1008 nothing comes
+        after += [part(seq, 0, 2, seq - 905), offer(seq, 2, seq - 905)]
+    found = requested([*before, first, *poison, *after])
+    assert {(1008, 0, 0, ()), (1009, 104, 2, (1,)), (1010, 105, 2, (1,))} <= found

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import Header, Limits, Message, Reassembler
+from udp_bridge.types import STAMP_ORDERED
 
 PART = 100
 POINTS = Header(1, 10, 0, 4, 1000, 0, "/points", "lidar")
@@ -197,7 +198,8 @@ def test_the_last_64_finished_messages_are_remembered() -> None:
 
 def test_ahead_is_handed_over_whatever_its_stamp() -> None:
     receiver = Receiver()
-    assert receiver.seqs(imu(5, 1000), imu(6, 999), imu(7, 500), imu(9, 1000)) == [5, 6, 7, 9]
+    headers = [cloud(*row, 1) for row in ((5, 1000), (6, 999), (7, 500), (9, 1000))]
+    assert receiver.seqs(*headers) == [5, 6, 7, 9]
     assert receiver.counts == {"messages": 4, "missing": 1}
 
 
@@ -218,12 +220,97 @@ def test_numbers_wrap() -> None:
     assert receiver.counts == {"messages": 4, "missing": 1}
 
 
-@pytest.mark.parametrize(("seq", "is_ahead"), [(2**31 - 1, True), (2**31, False)])
-def test_half_the_numbers_are_ahead(seq: int, is_ahead: bool) -> None:
+@pytest.mark.parametrize(
+    ("ahead", "handed_over"),
+    [(2999, 3), (3000, 2), (2**31 - 1, 2), (2**31, 2), (-103, 2), (-100, 0)],
+)
+def test_numbers_jump_from_3000_ahead_and_beyond_100_behind(ahead: int, handed_over: int) -> None:
     receiver = Receiver()
-    receiver.seqs(imu(0))
-    assert receiver.seqs(imu(seq)) == ([seq] if is_ahead else [])
-    assert receiver.counts.get("late", 0) == (not is_ahead)
+    in_a_row = [(7 + ahead + more) % 2**32 for more in range(3)]
+    receiver.seqs(cloud(7, 1000, 1))
+    got = receiver.seqs(*(cloud(seq, 990, 1) for seq in in_a_row))
+    assert got == in_a_row[3 - handed_over :]
+    assert receiver.counts.get("late", 0) == 3 - handed_over
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+@pytest.mark.parametrize("ahead", [1, 50, 2999, 3000, 1 << 30, 2**31 - 1, 2**31, -1000, -50])
+@pytest.mark.parametrize("poisons", [1, 2])
+def test_a_poison_number_costs_some_messages_and_silences_nothing(
+    ahead: int, parts: int, poisons: int
+) -> None:
+    """One of the year 2038, or two in a row, with numbers far ahead of those of the sender."""
+    receiver = Receiver()
+    for number in range(5000, 5010):
+        receiver.parts(cloud(number, 1000 + number, parts), range(parts))
+    for more in range(poisons):
+        poison = cloud((5009 + ahead + more) % 2**32, 2**31 - 1, parts)
+        receiver.parts(poison, range(parts))
+    got = []
+    for number in range(5010, 5210):
+        got += receiver.parts(cloud(number, 1000 + number, parts), range(parts))
+    assert [message.seq_number for message in got][-96:] == list(range(5114, 5210))
+
+
+def test_a_jump_alone_leaves_no_trace_in_the_reports() -> None:
+    receiver = Receiver()
+    receiver.seqs(imu(5), imu(6), imu(6 + 2**20), imu(7))
+    ((_, _, report),) = receiver.reassembler.reports("a", 0)
+    assert (report.numbers, report.missing) == (3, 0)
+    assert receiver.counts == {"messages": 3, "late": 1}
+
+
+def test_what_an_outage_of_thousands_skipped_is_missing() -> None:
+    receiver = Receiver()
+    assert receiver.seqs(imu(5), imu(9000, 1009), imu(9001, 1010), imu(9002, 1011)) == [
+        *(5, 9001, 9002)
+    ]
+    assert receiver.counts == {"messages": 3, "late": 1, "missing": 8995}
+
+
+def test_two_jumps_with_a_message_in_between_are_not_in_a_row() -> None:
+    receiver = Receiver()
+    assert receiver.seqs(imu(5), imu(9000), imu(6), imu(9001), imu(7)) == [5, 6, 7]
+
+
+def test_parts_of_an_open_message_do_not_jump() -> None:
+    receiver = Receiver()
+    receiver.parts(cloud(5, 1000), (0, 1, 2))
+    receiver.parts(cloud(2000, 1001), range(4))
+    receiver.parts(cloud(4500, 1002), range(4))
+    receiver.parts(cloud(5, 1000), (3,))
+    assert receiver.counts == {"messages": 2, "missing": 2499, "late": 1}
+
+
+# Stale stamps.
+
+
+@pytest.mark.parametrize("msg_type", sorted(STAMP_ORDERED))
+def test_a_stale_command_or_measurement_is_dropped_though_its_number_is_ahead(
+    msg_type: int,
+) -> None:
+    receiver = Receiver()
+    rows = [(5, 1000.0), (6, 999.9), (7, 1000.1), (8, 1000.1), (9, 998.1)]
+    headers = [imu(seq, stamp)._replace(msg_type=msg_type) for seq, stamp in rows]
+    assert receiver.seqs(*headers) == [5, 7, 8]
+    assert receiver.counts == {"messages": 3, "late": 2, "missing": 1}
+
+
+def test_a_clock_that_was_set_back_costs_one_message_at_most() -> None:
+    receiver = Receiver()
+    assert receiver.seqs(imu(5, 1000), imu(6, 997.9)) == [5, 6]  # by more than anything is held
+    assert receiver.seqs(imu(7, 997.4), imu(8, 997.5), imu(9, 997.6)) == [8, 9]
+
+
+def test_transforms_may_mix_their_stamps() -> None:
+    receiver = Receiver()
+    headers = [imu(seq, 1000 - seq / 10)._replace(msg_type=35) for seq in range(5)]
+    assert receiver.seqs(*headers) == [0, 1, 2, 3, 4]
+
+
+def test_late_messages_are_kept_where_that_is_wanted_also_stale_ones() -> None:
+    receiver = Receiver(keep_late=True)
+    assert receiver.seqs(imu(5, 1000), imu(6, 999.9), imu(7, 1000.1)) == [5, 6, 7]
 
 
 @pytest.mark.parametrize("stamp", [999.0, 1000.0])
@@ -271,7 +358,7 @@ def test_a_low_number_after_a_second_of_silence_is_a_restarted_sender() -> None:
 
 def test_silence_is_the_time_without_a_hand_over_not_without_datagrams() -> None:
     receiver = Receiver()
-    receiver.seqs(imu(1000, 1000))
+    receiver.seqs(imu(100, 1000))
     for tenth in range(1, 10):
         receiver.now_s = tenth / 10
         assert receiver.seqs(imu(tenth, 5)) == []

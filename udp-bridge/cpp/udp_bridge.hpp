@@ -639,6 +639,29 @@ class Receiver {
     std::uint64_t heard = 0, duplicates = 0;
     std::string link;  // the one last seen
     detail::Arrivals arrivals;
+    bool has_suspect = false;
+    std::uint32_t suspect_seq = 0;  // the last number that jumped, or was of a stale message
+
+    /// Whether a number is too far from the last one to be believed alone (RFC 3550, A.1).
+    bool is_jump(const Key& key) const {
+      const std::int32_t ahead = ahead_by(key.seq_number);
+      return ahead >= 3000 || (ahead < -100 && key.stamp_nanos <= last_stamp);
+    }
+    /// Whether a message is older than the newest one, where stamps order a topic.
+    bool is_stale(std::uint8_t msg_type, const Key& key) const {
+      const std::int64_t older_by = last_stamp - key.stamp_nanos;
+      const bool is_ordered = msg_type == 2 || msg_type == 5 || msg_type == 9 || msg_type == 36 ||
+                              msg_type == 38;
+      return has_handed && is_ordered && older_by > 0 && older_by <= 2 * kNanos;
+    }
+    bool is_second(std::uint32_t seq) const { return has_suspect && seq == suspect_seq + 1; }
+    /// Remember a number that is not believed; return whether it is another than before.
+    bool suspect(std::uint32_t seq) {
+      const bool is_new = !has_suspect || seq != suspect_seq;
+      has_suspect = true;
+      suspect_seq = seq;
+      return is_new;
+    }
 
     bool is_finished(const Key& key) const {
       return std::find(finished.begin(), finished.end(), key) != finished.end();
@@ -692,9 +715,20 @@ class Receiver {
       credit(peer, h, datagram_size, h.part_number + 1 == h.parts_max, reply);
       return Refusal::none;
     }
+    auto open = find(topic, key);
+    if (open == topic.open.end() && topic.is_jump(key)) {
+      if (!topic.is_second(h.seq_number)) {
+        const bool is_new = topic.suspect(h.seq_number);
+        counters.late += is_new;
+        credit(peer, h, datagram_size, is_new || h.part_number + 1 == h.parts_max, reply);
+        return Refusal::none;
+      }
+      const std::int32_t ahead = topic.ahead_by(h.seq_number);
+      counters.missing += static_cast<std::uint64_t>(std::max(0, ahead - 1));
+      forget(topic, kNever);
+    }
     topic.link = h.link;
     topic.arrivals.seen(h);
-    auto open = find(topic, key);
     if (h.parts_max == 1 && open == topic.open.end()) {
       Message message{h, {part, part + size}};
       finish(topic, key, std::move(message), now_nanos, hand_over);
@@ -805,8 +839,11 @@ class Receiver {
               HandOver&& hand_over) {
     topic.finish(key);
     const std::int32_t ahead = topic.ahead_by(key.seq_number);
-    if (ahead <= 0) {
-      if (key.stamp_nanos <= topic.last_stamp) {
+    const bool is_stale = ahead > 0 && topic.is_stale(message.header.msg_type, key) &&
+                          !topic.is_second(key.seq_number);
+    if (is_stale) topic.suspect(key.seq_number);
+    if (ahead <= 0 || is_stale) {
+      if (is_stale || key.stamp_nanos <= topic.last_stamp) {
         ++counters.late;
         topic.arrivals.fates.settle(key.seq_number, &detail::Fates::late);
         return;
@@ -821,6 +858,7 @@ class Receiver {
     topic.last_seq = key.seq_number;
     topic.last_stamp = key.stamp_nanos;
     topic.last_handed_nanos = now_nanos;
+    topic.has_suspect = false;
     ++counters.messages;
     const std::size_t size = message.body.size();
     bool is_taken = true;
@@ -839,7 +877,7 @@ class Receiver {
       if (open->key.stamp_nanos < before_nanos) give_up(*open);
       open = next;
     }
-    topic.has_handed = false;
+    topic.has_handed = topic.has_suspect = false;
     topic.finished.clear();
     topic.arrivals = {};
   }

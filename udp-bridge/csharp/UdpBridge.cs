@@ -604,6 +604,9 @@ namespace UdpBridge
         private const int FinishedRemembered = 64;
         private const int RestartNumbers = 256;
         private const long ReportedNanos = 5 * Wire.Nanos;  // behind a sender's last datagram
+        private const int MostAhead = 3000, MostBehind = 100;  // MAX_DROPOUT, MAX_MISORDER
+        private const long StaleNanos = 2 * Wire.Nanos;
+        private static readonly int[] StampOrdered = { 2, 5, 9, 36, 38 };
 
         private readonly Limits limits;
         private readonly Dictionary<object, Peer> peers = new Dictionary<object, Peer>();
@@ -781,6 +784,7 @@ namespace UdpBridge
             public long LastHandedNanos, Heard, Duplicates;
             public string Link = "";  // the one last seen
             public Arrivals Arrivals = new Arrivals();
+            public uint? Suspect;  // the last number that jumped, or was of a stale message
 
             public Open Find(Key key)
             {
@@ -805,6 +809,28 @@ namespace UdpBridge
                 if (IsFinished(key)) return;
                 Finished.Enqueue(key);
                 if (Finished.Count > FinishedRemembered) Finished.Dequeue();
+            }
+
+            // Whether a number is too far from the last one to be believed alone (RFC 3550, A.1).
+            public bool IsJump(Key key)
+            {
+                int ahead = AheadBy(key.SeqNumber);
+                return ahead >= MostAhead
+                    || (ahead < -MostBehind && key.StampNanos <= LastHanded.StampNanos);
+            }
+
+            // Whether a message is older than the newest one, where stamps order a topic.
+            public bool IsStale(Datagram d)
+            {
+                if (!HasHanded) return false;
+                long olderBy = LastHanded.StampNanos - d.Header.StampNanos;
+                return olderBy > 0 && olderBy <= StaleNanos
+                    && Array.IndexOf(StampOrdered, (int)d.Header.Type) >= 0;
+            }
+
+            public bool IsSecond(uint seqNumber)
+            {
+                return Suspect.HasValue && seqNumber == unchecked(Suspect.Value + 1);
             }
 
             public int AheadBy(uint seqNumber)
@@ -851,6 +877,19 @@ namespace UdpBridge
                 ++topic.Duplicates;
                 credit = CreditIfDue(peer, d, d.IsLast);
                 return null;
+            }
+            if (topic.IsJump(d.Key) && topic.Find(d.Key) == null)
+            {
+                if (!topic.IsSecond(d.Header.SeqNumber))
+                {
+                    bool isNew = topic.Suspect != d.Header.SeqNumber;
+                    topic.Suspect = d.Header.SeqNumber;
+                    if (isNew) ++Counters.Late;
+                    credit = CreditIfDue(peer, d, isNew || d.IsLast);
+                    return null;
+                }
+                Counters.Missing += Math.Max(0, topic.AheadBy(d.Header.SeqNumber) - 1);
+                Forget(topic, long.MaxValue);
             }
             topic.Link = d.Header.Link;
             topic.Arrivals.Seen(d.Key.SeqNumber, d.Key.StampNanos);
@@ -961,7 +1000,14 @@ namespace UdpBridge
         {
             topic.Finish(d.Key);
             int ahead = topic.AheadBy(d.Header.SeqNumber);
-            if (ahead > 0)
+            if (ahead > 0 && topic.IsStale(d) && !topic.IsSecond(d.Header.SeqNumber))
+            {
+                topic.Suspect = d.Header.SeqNumber;
+                ++Counters.Late;
+                topic.Arrivals.Settle(d.Key.SeqNumber, Arrivals.Fate.Late);
+                return null;
+            }
+            else if (ahead > 0)
             {
                 Counters.Missing += ahead - 1;
             }
@@ -980,6 +1026,7 @@ namespace UdpBridge
             topic.HasHanded = true;
             topic.LastHanded = d.Key;
             topic.LastHandedNanos = d.NowNanos;
+            topic.Suspect = null;
             ++Counters.Messages;
             topic.Arrivals.Publish(d.Key.SeqNumber, d.Key.StampNanos, body.Length, d.NowNanos);
             return new Message(d.Header, body);
@@ -993,6 +1040,7 @@ namespace UdpBridge
                 if (open.Key.StampNanos < beforeNanos) GiveUp(open);
             }
             topic.HasHanded = false;
+            topic.Suspect = null;
             topic.Finished.Clear();
             topic.Arrivals = new Arrivals();
         }

@@ -70,10 +70,10 @@ def content(gathered: Gathered) -> str:
 def test_everything_has_its_section(content: str) -> None:
     reader = read(content)
     assert reader.headings == [
-        *("Way", "Speed", "Energy and contacts", "Rates and gaps", "Ages and losses", "Cameras"),
-        *("Missing readings", "Processes", "Where it comes from"),
+        *("Way", "Speed", "Energy and contacts", "Sensors", "Rates and gaps", "Ages and losses"),
+        *("Cameras", "Missing readings", "Processes", "Where it comes from"),
     ]
-    assert reader.tags["svg"] == 5
+    assert reader.tags["svg"] == 6
     assert reader.tags["img"] == 12
 
 
@@ -136,6 +136,7 @@ def test_what_a_run_did_not_have_is_not_there(gathered: Gathered) -> None:
         gathered,
         motions=[Motion("rover", 1)],
         energies=[Energy("rover", 1)],
+        readings={"rover": []},
         cameras=[],
         accounts=[],
         said=Said(),

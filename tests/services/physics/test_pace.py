@@ -93,6 +93,15 @@ def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_hold_up(
     assert run.lines == []
 
 
+def test_without_catching_up_a_run_stays_behind_and_owes_nothing() -> None:
+    run = Paced(Time(catch_up=0.0))
+    run.join()
+    run.run(10.0, pause=1.0)
+    assert run.sim_seconds == pytest.approx(9.2, abs=0.01)
+    assert run.pace.behind_seconds(run.tick) == 0.0
+    assert run.lines == []
+
+
 def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
     run = Paced(Time(deadline_s=5.0))
     run.join()

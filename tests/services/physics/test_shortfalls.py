@@ -132,9 +132,27 @@ def test_a_pause_is_no_shortfall() -> None:
     run = Run()
     run.go(30)
     run.shortfalls.rest()
-    run.now += 60.0
+    run.now += 5.0
     run.go(30)
     assert run.lines == []
+
+
+def test_a_sensor_at_the_limit_is_not_told_of_again_and_again() -> None:
+    run = Run()
+    run.go(20)
+    for _ in range(10):
+        run.go(15, missing=6, cause="overloaded")
+        run.go(15, missing=2, cause="overloaded")
+    assert len(run.lines) == 1
+
+
+def test_looks_between_two_health_messages_cost_nothing() -> None:
+    """Physics looks at every step."""
+    run = Run()
+    run.go(60)
+    for _ in range(1000):
+        run.shortfalls.look(run.tick, run.now + 0.5, DECLARED, {})
+    assert len(run.shortfalls._ticks) <= 12
 
 
 def test_an_unknown_process_is_not_judged() -> None:

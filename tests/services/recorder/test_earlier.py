@@ -3,16 +3,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from groundlink.clock import NANOS, TICK_NANOS
 from groundlink.messages import Clock, Imu, Message, WheelEncoders
 from groundlink.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
 from groundlink.recording.missing import left_out
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros1 import write_bag
@@ -111,3 +113,21 @@ def test_a_report_is_made_of_it(earlier: Recording) -> None:
 def test_it_becomes_a_bag(earlier: Recording, tmp_path: Path) -> None:
     count = write_bag(tmp_path / "earlier.bag", earlier.types, earlier.read())
     assert count == earlier.messages == 1 + 5 * STEPS
+
+
+def test_a_field_that_is_no_more_keeps_no_recording_from_being_read() -> None:
+    entries = run_entries(facts(LAB, RUN, EPOCH))
+    scenario = json.loads(entries["scenario"])
+    scenario["vehicles"][0]["sensors"][1]["retired"] = None
+    scenario["world"]["weather_of_old"] = {"rain": 1}
+    scenario["old"] = [1]
+    found = run_facts(entries | {"scenario": json.dumps(scenario), "mood": "good"})
+    assert found.scenario == LAB
+
+
+def test_what_is_wrong_otherwise_is_still_refused() -> None:
+    entries = run_entries(facts(LAB, RUN, EPOCH))
+    scenario = json.loads(entries["scenario"])
+    scenario["seed"] = "many"
+    with pytest.raises(msgspec.ValidationError):
+        run_facts(entries | {"scenario": json.dumps(scenario)})

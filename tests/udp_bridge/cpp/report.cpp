@@ -52,7 +52,16 @@ int main(int, char** argv) {
     const auto before = receiver.counters.refused;
     receiver.take(
         data + at, size, sender, now,
-        [](udp_bridge::Message&& message) { return message.header.link != "refused"; },
+        [](udp_bridge::Message&& message) {
+          udp_bridge::Subscribe told;
+          if (message.header.msg_type == udp_bridge::kSubscribe &&
+              udp_bridge::Subscribe::parse(message.body.data(), message.body.size(), told) ==
+                  udp_bridge::Refusal::none) {
+            std::printf("subscribe %d %d %d %a\n", told.wanted_type, told.wanted, told.lease_s,
+                        static_cast<double>(told.max_rate_hz));
+          }
+          return message.header.link != "refused";
+        },
         [&](const std::uint8_t* answer, std::size_t bytes) {
           print("answer", sender, answer, bytes);
         });

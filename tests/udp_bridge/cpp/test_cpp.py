@@ -146,6 +146,26 @@ def test_what_arrives_late_twice_or_never_means_the_same_to_both(
     means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
 
 
+@pytest.mark.parametrize("parts", [1, 2])
+def test_numbers_that_jump_mean_the_same_to_both(receive: Path, tmp_path: Path, parts: int) -> None:
+    jumping = [5, 3005, 6, 3006, 7, 3007, 10, 2**31, 2**31 + 1, 11, 12, 13, 4000, 3800, 3801, 3802]
+    datagrams = [
+        Header(1, seq, number, parts, 1, 0, "/a").pack() + bytes(9)
+        for seq in jumping
+        for number in range(parts)
+    ]
+    means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
+
+
+def test_stamps_that_go_back_mean_the_same_to_both(receive: Path, tmp_path: Path) -> None:
+    tenths = [100, 99, 101, 100, 100, 70, 69, 68, 67]
+    datagrams = [
+        Header(9, seq, 0, 1, tenth // 10, tenth % 10 * 10**8, "/a").pack() + b"x"
+        for seq, tenth in enumerate(tenths)
+    ]
+    means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
+
+
 def test_who_goes_beyond_the_memory_gives_his_own(receive: Path, tmp_path: Path) -> None:
     """Of all memory, where others hold more than he does: his first is given up, none of theirs."""
 

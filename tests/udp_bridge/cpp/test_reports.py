@@ -19,9 +19,12 @@ from tests.udp_bridge.reported import (
     controls,
     credited,
     journey,
+    part,
     told,
 )
-from udp_bridge import parse
+from udp_bridge import BadMessage, parse
+from udp_bridge.control import Subscribe
+from udp_bridge.fragments import split
 
 from .test_cpp import SANITIZERS, compiled
 
@@ -33,11 +36,13 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled("report", tmp_path_factory.mktemp("cpp"), *SANITIZERS)
 
 
-def lines_of(program: Path, arrivals: list[Arrival], folder: Path) -> list[list[str]]:
+def lines_of(
+    program: Path, arrivals: list[Arrival], folder: Path, *, buffer: int = BUFFER
+) -> list[list[str]]:
     file = folder / "arrivals.bin"
     rows = [struct.pack("<qBI", now, sender, len(d)) + d for now, sender, d in arrivals]
     file.write_bytes(b"".join(rows))
-    command = [str(program), str(file), str(WALL_NANOS), str(BUFFER)]
+    command = [str(program), str(file), str(WALL_NANOS), str(buffer)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
     return [line.split() for line in done.stdout.splitlines()]
@@ -48,12 +53,15 @@ def by_cpp(program: Path, arrivals: list[Arrival], folder: Path) -> Reported:
 
 
 def reported(lines: list[list[str]]) -> Reported:
-    found = Reported([], [], [])
+    found = Reported([], [], [], [])
     for word, *rest in lines:
         if word == "report":
             found.reports.append(told(int(rest[0]), bytes.fromhex(rest[1])))
         elif word == "refused":
             found.refused.append(rest[0])
+        elif word == "subscribe":
+            fields = *map(int, rest[:3]), float.fromhex(rest[3])
+            found.subscribes.append(Subscribe(*fields))
         elif word == "answer":
             found.credits.append(credited(int(rest[0]), bytes.fromhex(rest[1])))
     return found
@@ -88,10 +96,53 @@ def test_at_every_bound_it_does_what_python_does(program: Path, tmp_path: Path) 
         end = lines.index(["end"])
         theirs, lines = reported(lines[:end]), lines[end + 1 :]
         ours = by_python(case, BUFFER)
-        same = Reported(sorted(theirs.reports), theirs.refused, theirs.credits)
-        if same != ours._replace(reports=sorted(ours.reports)):
+        if theirs._replace(reports=sorted(theirs.reports)) != ours._replace(
+            reports=sorted(ours.reports)
+        ):
             differ.append((case, ours, theirs))
     assert not differ
+
+
+def cut_by_python(size: int, header: int, largest: int) -> int:
+    try:
+        return split(size, header, largest or "loopback").part_size
+    except BadMessage:  # or TooLarge, which is one
+        return 0
+
+
+def test_a_body_is_cut_as_python_cuts_it_at_every_bound(tmp_path: Path) -> None:
+    rows = []
+    sizes = (0, 1, 255, 256, 257, 1471, 1472, 1473, 2951, 2952, 2953, 9000, 65_506, 65_507, 65_508)
+    grown = [*range(1472, 65_507, 1480), 65_507]
+    for largest in sizes:
+        for header in (20, 24, 224, 228, 252):
+            parts = {cut_by_python(0, header, largest), *(most - header for most in grown)}
+            bodies = {255 * part + more for part in parts for more in (-1, 0, 1)}
+            rows += [(body, header, largest) for body in bodies if body >= 0]
+    asked = "".join(f"{body} {header} {largest}\n" for body, header, largest in rows)
+    command = [str(compiled("cut", tmp_path))]
+    done = subprocess.run(command, input=asked, capture_output=True, text=True, check=True)
+    theirs = list(map(int, done.stdout.split()))
+    differ = [
+        (row, ours, found)
+        for row, found in zip(rows, theirs, strict=True)
+        if (ours := cut_by_python(*row)) != found
+    ]
+    assert not differ
+
+
+@pytest.mark.parametrize("size", [16_383, 16_384, 16_385])
+def test_a_credit_is_due_beyond_an_eighth_of_the_buffer(
+    program: Path, tmp_path: Path, size: int
+) -> None:
+    """Each datagram counts as the kernel accounts it (PROTOCOL.md, section 8)."""
+    head = len(part(0, 9, 0))
+    cost = size + 1024 + (size if size <= 16_384 else 0)
+    arrivals = [(0, 1, part(number, 9, size - head)) for number in range(8)]
+    for buffer, after in ((8 * 3 * cost - 8, 3), (8 * 3 * cost, 4), (8 * 3 * cost + 8, 4)):
+        lines = lines_of(program, arrivals, tmp_path, buffer=buffer)
+        found = reported(lines).credits
+        assert [credit.part_number for *_, credit in found] == list(range(after - 1, 8, after))
 
 
 def test_only_a_peer_that_is_sent_messages_has_its_challenges_answered(

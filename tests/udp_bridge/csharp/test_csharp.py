@@ -235,9 +235,18 @@ def part(
     return Header(1, seq, number, of, sec, 0, topic).pack() + bytes(size)
 
 
+def twist(seq: int, tenths: int) -> bytes:
+    return Header(9, seq, 0, 1, tenths // 10, tenths % 10 * 10**8, "/a").pack() + b"x"
+
+
+JUMPING = [5, 3005, 6, 3006, 7, 3007, 10, 2**31, 2**31 + 1, 11, 12, 13, 4000, 3800, 3801, 3802]
+STALE = [(5, 100), (6, 99), (7, 101), (8, 100), (9, 100), (10, 70), (11, 69), (12, 68), (13, 67)]
 LARGE = 65_000
 CASES: dict[str, list[bytes]] = {
     "behind with an equal stamp": [part(0, 1, 1, seq=5), part(0, 1, 1, seq=3)],
+    "numbers that jump": [part(0, 1, 1, seq=seq) for seq in JUMPING],
+    "messages that jump": [part(i, 2, 9, seq=seq) for seq in JUMPING for i in (0, 1)],
+    "a clock that is set back": [twist(*row) for row in STALE],
     "last part first, and too large": [part(2, 3, 9), part(0, 3, 8), part(1, 3, 8), part(2, 3, 7)],
     "more open messages than a topic has": [part(0, 2, 1, seq=i) for i in range(6)],
     "more than a sender's share": [part(0, 255, LARGE, topic=f"/{i}") for i in (1, 2, 1)],

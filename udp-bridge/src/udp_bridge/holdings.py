@@ -13,8 +13,8 @@ from typing import Callable, Hashable, Iterable, NamedTuple, Optional, Tuple
 from .arrivals import TopicArrivals
 from .assembly import Assembly
 from .counters import Counters
-from .header import NANOS
-from .ordering import Key, Order
+from .header import NANOS, SEQ_NUMBERS, Header
+from .ordering import MOST_BEHIND, Key, Order
 from .reports import TopicReport
 from .resend_asking import Asking
 
@@ -80,6 +80,17 @@ class Topic:
         self.arrived = TopicArrivals()
         if self.asking is not None:
             self.asking.forget()
+
+    def is_jump(self, header: Header, *, is_offer: bool = False) -> bool:
+        """Tell whether a message's number is too far from those that came to be believed alone.
+
+        What was sent again is behind, too, so that in an offered topic only an Offer jumps back.
+        """
+        asking = self.asking
+        behind = MOST_BEHIND if asking is None or is_offer else SEQ_NUMBERS
+        return self.order.is_jump(header, behind) or (
+            asking is not None and asking.is_jump(header.seq_number, behind)
+        )
 
     def report(self, msg_type: int, wall_nanos: int) -> TopicReport:
         """Return what is so at this moment of the wall clock."""

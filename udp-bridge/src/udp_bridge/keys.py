@@ -88,9 +88,13 @@ MISFITS: Dict[str, str] = {
     "bad_tag": "the other end has another key, or bits were flipped on the way",
     "unsealed": "this end has a key and the other one has none",
     "sealed": "the other end has a key and this one has none",
+    "unvalidated": "a sender asks for messages and does not prove its address, as older versions "
+    "can't; name it as the peer, or give both ends a key",
     "stale": "the clocks of the two ends differ by more than 10 s, or somebody repeats old ones",
 }
 """Why an end refuses all that comes, by the reason that it counts."""
+TOLERATED: Dict[str, int] = {"unvalidated": 100}
+"""How many may be refused before that is told: a sender asks some times before it is validated."""
 
 
 class Misfits:
@@ -101,7 +105,11 @@ class Misfits:
 
     def new(self, refused: Mapping[str, int]) -> List[str]:
         """Return lines for reasons that are new among those counted so far."""
-        found = {why: text for why, text in MISFITS.items() if refused.get(why, 0)}
+        found = {
+            why: text
+            for why, text in MISFITS.items()
+            if refused.get(why, 0) > TOLERATED.get(why, 0)
+        }
         lines = [
             f"refuses datagrams as {why}: {text}"
             for why, text in found.items()

@@ -105,6 +105,8 @@ class Reassembler:
         if topic.order.is_finished(header):
             topic.count("duplicates")
             return None
+        if self._verdicts.is_jump(topic, header, now_nanos):
+            return None
         topic.link = header.link
         topic.arrived.seen(header)
         if header.parts_max == 1 and key_of(header) not in topic.open:
@@ -189,6 +191,9 @@ class Reassembler:
         if asking is not None:
             self._verdicts.notice_new_life(topic, asking, header, now_nanos)
             is_finished = topic.order.is_finished(header)
+            named = header._replace(parts_max=body.parts_max)
+            if not is_finished and self._verdicts.is_jump(topic, named, now_nanos, is_offer=True):
+                return None
             asking.offered(header, body, is_finished=is_finished, now_nanos=now_nanos)
             self._ask(asking, header, body.msg_type, sender, now_nanos)
         return None
@@ -210,7 +215,7 @@ class Reassembler:
             fec_parts.check(known, symbol, data)
         topic = self._holdings.topic(sender, (source.msg_type, source.topic))
         self._verdicts.notice_restart(topic, source, now_nanos)
-        if topic.order.is_finished(source):
+        if topic.order.is_finished(source) or self._verdicts.is_jump(topic, source, now_nanos):
             return None
         key = key_of(source)
         assembly = topic.open.get(key) or Assembly(source, now_nanos, self.pool)

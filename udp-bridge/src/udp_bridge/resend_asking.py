@@ -13,6 +13,7 @@ from collections import OrderedDict
 from typing import Iterator, List, NamedTuple, Optional, Tuple
 
 from .header import SEQ_NUMBERS, Header
+from .ordering import MOST_AHEAD
 from .repair_wire import WHOLE_MAX, Offer, Request, parts_of
 from .resend_want import Want
 from .round_trip import RoundTrip
@@ -73,6 +74,12 @@ class Asking:
         newest = self._newest
         is_ahead = newest is None or _ahead(header.seq_number, newest) > 0
         return not is_ahead and header.stamp_nanos > self._newest_stamp_nanos
+
+    def is_jump(self, seq_number: int, most_behind: int) -> bool:
+        """Tell whether a number is too far from the newest one to be believed alone."""
+        if self._newest is None:
+            return False
+        return not -most_behind <= _ahead(seq_number, self._newest) < MOST_AHEAD
 
     def spans(self, nanos: int) -> bool:
         """Tell whether a message may be sent again when this much time has passed."""

@@ -103,7 +103,7 @@ class RunReassembler(Reassembler):
         self, topic: Topic, header: Header, place: Place, now_nanos: int
     ) -> Optional[Assembly]:
         """Return the message that lies at a place, if nothing is special about it."""
-        if topic.order.is_restart_by_silence(header, now_nanos):
+        if topic.order.is_restart_by_silence(header, now_nanos) or topic.is_jump(header):
             return None
         assembly = topic.open.get(key_of(header))
         if assembly is not None:

@@ -74,6 +74,11 @@ def type_number(name: str) -> int:
         raise ValueError(f"unknown message type {name!r}; known are {known}") from None
 
 
+STAMP_ORDERED = frozenset(
+    map(type_number, ("Imu", "WheelEncoders", "Twist", "Odometry", "TwistStamped"))
+)
+"""Types whose users integrate or obey: a message older than the newest one does harm. Topics of
+other types may mix stamps of several sources (TFMessage), or a late message is still of use."""
 SEALED = 68
 """An envelope around a datagram (`seal`), no message, so not in the table."""
 SUBSCRIBE = type_number("Subscribe")

@@ -14,7 +14,7 @@ from .counters import Counters
 from .header import NANOS, Header
 from .holdings import Holdings, Topic
 from .message import Message
-from .ordering import key_of
+from .ordering import MOST_AHEAD, key_of
 from .resend_asking import Asking
 
 
@@ -52,6 +52,31 @@ class Verdicts:
         self._holdings.give_up_topic(topic, before_nanos=header.stamp_nanos)
         topic.restart()
 
+    def is_jump(
+        self, topic: Topic, header: Header, now_nanos: int, *, is_offer: bool = False
+    ) -> bool:
+        """Tell whether a datagram is to be dropped because its message's number jumps.
+
+        Two numbers in a row that jump are believed: the topic begins anew with the second one.
+        Parts of open messages and of those that are asked for do not jump. Offers leave numbers
+        out, so that in a row means nearly so.
+        """
+        order, asking = topic.order, topic.asking
+        if not topic.is_jump(header, is_offer=is_offer):
+            return False
+        if not is_offer and key_of(header) in topic.open:
+            return False
+        if not is_offer and asking is not None and asking.is_wanted(header, now_nanos):
+            return False
+        if not order.is_second(header.seq_number, MOST_AHEAD if is_offer else 1):
+            if order.suspect(header.seq_number):
+                topic.count("late")
+            return True
+        self._totals.missing += max(0, order.ahead_by(header.seq_number) - 1)
+        self._holdings.give_up_topic(topic)
+        topic.restart()
+        return False
+
     def finish(
         self, topic: Topic, header: Header, body: memoryview, now_nanos: int
     ) -> Optional[Message]:
@@ -69,7 +94,7 @@ class Verdicts:
             topic.arrived.seen(header)
             is_ahead = True
         order.finish(header)
-        if is_ahead:
+        if is_ahead and not self._is_stale(topic, header):
             self._totals.missing += order.hand_over(header, now_nanos)
         elif not self._keep_late and not is_wanted:
             topic.count("late")
@@ -79,6 +104,17 @@ class Verdicts:
             topic.count("repaired")
             topic.arrived.fates.mended(header.seq_number)
         return self.handed(topic, header, body)
+
+    @staticmethod
+    def _is_stale(topic: Topic, header: Header) -> bool:
+        """Tell whether a message is too old; two in a row show that the clock was set back."""
+        order = topic.order
+        if topic.asking is not None or not order.is_stale(header):
+            return False
+        if order.is_second(header.seq_number):
+            return False
+        order.suspect(header.seq_number)
+        return True
 
     def handed(self, topic: Topic, header: Header, body: memoryview) -> Message:
         """Return a message to be handed over; `take_note` tells its topic."""
