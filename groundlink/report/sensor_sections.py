@@ -38,10 +38,12 @@ def _vehicle(
         told = [(each.topic, each.beside(truth)) for each in trajectories]
         drawn = sensor_figures.trajectories(truth, told, motion.vehicle, span)
         worst = "; ".join(f"{topic} by at most {rows[:, 3].max():.2f} m" for topic, rows in told)
-        caption = (
-            "Wheel odometry is laid on the truth at its first pose, a fix is compared with where "
-            f"the antenna is. Off the truth: {worst}."
-        )
+        words = [f"Off the truth: {worst}."]
+        if any(each.datum is not None for each in trajectories):
+            words.insert(0, "A fix is compared with the place of the antenna.")
+        if any(each.datum is None for each in trajectories):
+            words.insert(0, "Odometry is laid on the truth at its first pose.")
+        caption = " ".join(words)
         parts += [heading("Odometry and GNSS"), figure(drawn, caption)]
     for each in readings:
         if isinstance(each, ImuSamples) and each.rows:

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.system
 
 TOUR = REPOSITORY / "scenarios" / "indoor_lab_tour.yaml"
 DOCS = REPOSITORY / "docs" / "report.png"
-WIDTH, HEIGHT = 1040, 2300
+WIDTH, HEIGHT = 1040, 4200
 
 
 def groundlink(*words: str) -> None:
