@@ -20,7 +20,7 @@ from groundlink.scenario.sensors import Optics
 from groundlink.supervisor import Supervisor
 from groundlink.topics import driver_names, process_names
 
-from . import running, supervised, terminal
+from . import picture_files, running, supervised, terminal
 
 TEND_SECONDS = 0.02
 
@@ -52,6 +52,10 @@ def snapshot(options: argparse.Namespace) -> int:
         ]
         hint = nearest(options.camera, cameras) if cameras else "it has none at all"
         raise UserError(f"scenario `{scenario.name}` has no camera `{options.camera}`; {hint}")
+    if picture_files.is_picture(options.out):
+        raise UserError(
+            f"--out {options.out}: expected a folder, in which color, depth and labels become PNGs"
+        )
     if not options.at >= 0:
         raise UserError(f"--at {options.at:g}: expected seconds of sim time, 0 or more")
     run, endpoint = f"snapshot_{os.getpid()}", running.free_endpoint()

@@ -23,6 +23,8 @@ from groundlink.importing.terrain import BadTerrain
 from groundlink.importing.terrain_specs import HeightmapFile
 from groundlink.whole_file import whole
 
+from . import picture_files
+
 S = TypeVar("S", MeshFile, HeightmapFile)
 
 MOST_PIXELS = 4096
@@ -49,7 +51,9 @@ def add_show_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what", metavar="WORLD|VEHICLE|SCENARIO", help="file (YAML), or the name of a shipped one"
     )
-    parser.add_argument("--out", type=Path, metavar="FILE.png", help="default WHAT.png")
+    parser.add_argument(
+        *("--out",), type=_picture, metavar="FILE.png|FILE.jpg", help="default WHAT.png"
+    )
     parser.add_argument(
         *("--from",),
         type=_direction,
@@ -73,6 +77,13 @@ def show(options: argparse.Namespace) -> int:
     words += ["--from={:g},{:g}".format(*options.point)] if options.point else []
     module = "services.sensors.rendering.portrait"
     return subprocess.run([sys.executable, "-m", module, *words], check=False).returncode
+
+
+def _picture(text: str) -> Path:
+    if not picture_files.is_picture(Path(text)):
+        endings = ", ".join(picture_files.ENDINGS)
+        raise argparse.ArgumentTypeError(f"`{text}`: expected a file that ends in {endings}")
+    return Path(text)
 
 
 def _direction(text: str) -> tuple[float, float]:

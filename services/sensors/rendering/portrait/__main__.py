@@ -38,7 +38,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     out = options.out or Path(f"{Path(options.what).stem}.png")
     picture = portrait(kind, scenario, options.point or FROM_DEG[kind], options.size)
     try:
-        out.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
+        out.write_bytes(cv2.imencode(out.suffix.lower(), picture[..., ::-1])[1].tobytes())
     except OSError as error:
         raise UserError(f"--out {out}: {(error.strerror or str(error)).lower()}") from None
     print(out)

@@ -142,8 +142,18 @@ def test_the_command_writes_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "begins"), [("rover.jpg", b"\xff\xd8\xff"), ("rover.PNG", b"\x89PNG")]
+)
+def test_the_file_is_what_its_ending_says(name: str, begins: bytes, tmp_path: Path) -> None:
+    done = show("rover", "--size", "200x160", "--out", name, folder=tmp_path)
+    assert (done.returncode, done.stdout) == (0, f"{name}\n"), done.stderr
+    assert (tmp_path / name).read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize(
     ("words", "said"),
     [
+        (["rover", "--out", "rover.gif"], "`rover.gif`: expected a file that ends in .png, .jpg"),
         (["labb"], "no world, vehicle or scenario `labb` is shipped; did you mean `lab`?"),
         (["no.yaml"], "no.yaml: no such file"),
         (["odd.yaml"], "odd.yaml:1: this is no scenario (`vehicles`), no vehicle"),
