@@ -20,6 +20,7 @@ SOURCES = (
     "ros/ros2",
     "benchmarks",
     "experiments",
+    "tools",
 )
 FILES = [
     file
@@ -52,7 +53,7 @@ def test_style() -> None:
 
 
 def test_types() -> None:
-    run("-m", "mypy", "groundlink", "services", "benchmarks", "experiments")
+    run("-m", "mypy", "groundlink", "services", "benchmarks", "experiments", "tools")
     run("-m", "mypy", "udp-bridge/src/udp_bridge")
     run("-m", "mypy", "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1")
     run("-m", "mypy", "ros/ros2/udp_bridge_ros2/udp_bridge_ros2")
