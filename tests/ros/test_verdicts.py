@@ -94,6 +94,50 @@ def test_a_topic_that_leaves() -> None:
     assert NO_AGE < 0
 
 
+class SilentPeer:
+    """A link to a peer of which Clock comes, and that reports of the topics given alone."""
+
+    receive_buffer = GOOD_BUFFER_BYTES
+
+    def __init__(self, *reported: str) -> None:
+        self._reported = reported
+
+    def counters(self) -> dict[str, Any]:
+        return COUNTS
+
+    def arrivals(self) -> list[Any]:
+        return [(("a", 1), "/clock", "", report_of(8))]
+
+    def accounts(self, _: Any) -> list[Account]:
+        return [
+            Account(
+                kind, topic, 10, 0, 0, 0, 0, 0, 0, 9, 1, 0, 0, report_of(kind) if told else None
+            )
+            for kind, topic in ((9, "/cmd_vel"), (10, "/pose"))
+            for told in [topic in self._reported]
+        ]
+
+
+def report_of(kind: int) -> TopicReport:
+    return TopicReport(**dict.fromkeys(TopicReport._fields, 0) | {"msg_type": kind})
+
+
+def leaving(*reported: str) -> dict[str, tuple[int, str, str, str]]:
+    judged = Verdicts().all_of(SilentPeer(*reported), 0)  # type: ignore[arg-type]
+    return {
+        row.name: (row.level, row.message, row.values["missing"], row.values["in flight"])
+        for row in judged
+        if row.values.get("direction") == "from ROS"
+    }
+
+
+def test_what_a_peer_never_reports_is_not_lost() -> None:
+    unknown = OK, "not reported", "0", "10"
+    assert leaving() == {"/cmd_vel": unknown, "/pose": unknown}
+    lost = WARN, "9 lost; in all 9 missing", "9", "1"
+    assert leaving("/pose") == {"/cmd_vel": lost, "/pose": lost}
+
+
 def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:
     verdicts = Verdicts()
 

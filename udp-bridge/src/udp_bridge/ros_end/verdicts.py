@@ -9,7 +9,7 @@ diagnostic_msgs/DiagnosticStatus, and these are their rules:
   datagrams were refused or dropped by the kernel, or a thread of the link raised an exception; or
   the receive buffer is smaller than `GOOD_BUFFER_BYTES`;
 - ERROR: the receiving thread has made no turn for 5 s;
-- OK: none of that.
+- OK: none of that; "not reported" where the peer has never reported what arrives.
 """
 
 from __future__ import annotations
@@ -79,9 +79,13 @@ class Verdicts:
                 of = lost(topic or MSG_TYPES[report.msg_type].default_topic)
                 judged.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
         for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
-            for account in link.accounts((host, port)):
+            accounts = link.accounts((host, port))
+            # A peer that reports one topic reports every topic of which something arrived.
+            reported = any(account.report is not None for account in accounts)
+            for account in accounts:
                 if MSG_TYPES[account.msg_type].ros_type is not None:
-                    judged.append(self.leaving(account, f"{host}:{port}", now_nanos))
+                    peer = f"{host}:{port}"
+                    judged.append(self.leaving(account, peer, now_nanos, reported=reported))
         return judged
 
     def arriving(
@@ -112,8 +116,12 @@ class Verdicts:
         key = ("to ROS", topic, values["type"], sender)
         return self._judge(key, topic, causes, report.published, values, now_nanos)
 
-    def leaving(self, account: Account, peer: str, now_nanos: int) -> Verdict:
-        """Return what is so of a topic that goes to a peer."""
+    def leaving(
+        self, account: Account, peer: str, now_nanos: int, *, reported: bool = True
+    ) -> Verdict:
+        """Return what is so of a topic that goes to a peer, which may have reported nothing yet."""
+        if not reported:
+            account = account._replace(missing=0, in_flight=account.sent)
         causes = {name: getattr(account, name) for name in _CAUSES}
         report = account.report
         values = {
@@ -130,6 +138,8 @@ class Verdicts:
             "age p50 (ms)": _milliseconds(report.age_p50_nanos if report else NO_AGE),
             "age p99 (ms)": _milliseconds(report.age_p99_nanos if report else NO_AGE),
         }
+        if not reported:
+            return Verdict(OK, account.topic, "not reported", values)
         key = ("from ROS", account.topic, values["type"], peer)
         return self._judge(key, account.topic, causes, account.delivered, values, now_nanos)
 
