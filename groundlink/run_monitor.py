@@ -94,8 +94,11 @@ class RunMonitor:
 
     def everything_is_sent(self) -> bool:
         """Return whether something of every declared stream was sent to the ROS side."""
-        declared = [s for s in self.streams if s.declared_hz is not None]
-        return bool(declared) and all(s.sent for s in declared)
+        return self._has_declared and not self.not_sent()
+
+    def not_sent(self) -> list[str]:
+        """Return the topics of declared streams of which nothing was sent to the ROS side."""
+        return [s.topic for s in self.streams if s.declared_hz is not None and not s.sent]
 
     def not_arrived(self) -> list[str]:
         """Return the topics of declared streams of which nothing has arrived on the ROS side."""
@@ -103,8 +106,11 @@ class RunMonitor:
 
     def everything_arrives(self) -> bool:
         """Return whether every declared stream has arrived on the ROS side."""
-        has_declared = any(s.declared_hz is not None for s in self.streams)
-        return has_declared and not self.not_arrived()
+        return self._has_declared and not self.not_arrived()
+
+    @property
+    def _has_declared(self) -> bool:
+        return any(s.declared_hz is not None for s in self.streams)
 
     def faults(self, *, needs_reports: bool = True) -> list[str]:
         """Return what is wrong with the run as lines; none when every declared rate was kept.

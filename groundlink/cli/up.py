@@ -170,7 +170,11 @@ class Duration:
 
     def _tell(self, is_counted: bool, late: bool) -> None:
         """Say once what is waited for, and once what the time is counted without."""
-        missing = ", ".join(self._monitor.not_arrived()) or "the ROS side's first report"
+        monitor = self._monitor
+        if self._needs_reports or monitor.is_reported:
+            missing = ", ".join(monitor.not_arrived()) or "the ROS side's first report"
+        else:
+            missing = ", ".join(monitor.not_sent()) or "the gateway"
         waited = time.monotonic() - self._begun
         if not is_counted and not self._is_told and waited > TELL_SECONDS:
             self._is_told = True

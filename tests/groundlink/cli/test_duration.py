@@ -53,3 +53,19 @@ def test_what_a_duration_waits_for_is_said_once(monkeypatch: pytest.MonkeyPatch)
     for clock[0] in (21.0, 22.0):
         duration.is_over()
     assert said[1:] == ["--duration: counting without /t"]
+
+
+def test_without_a_ros_side_a_duration_waits_for_what_is_not_sent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("groundlink.cli.up.time.monotonic", lambda: clock[0])
+    said: list[str] = []
+    monitor = RunMonitor()
+    duration = Duration(monitor, 3.0, needs_reports=False, say=said.append)
+    clock[0] = 5.0
+    assert not duration.is_over()
+    assert said == ["--duration: waiting for the gateway, 20 s at most"]
+    monitor.heard(Health("gateway", 2, 0, {}, (stream(9),)), 0.0)
+    assert not duration.is_over()
+    assert len(said) == 1
