@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import MSG_TYPES, Message, fec, fragments, parse
+from udp_bridge.assembly import OVERHEAD_BYTES
 from udp_bridge.fragments import plan
 from udp_bridge.header import Refused
 from udp_bridge.reassembly import Reassembler
@@ -223,10 +224,10 @@ def test_symbols_count_as_memory_and_are_given_up_with_their_message() -> None:
     out = datagrams(cloud(2500), share=1.0)
     for datagram in out[:2]:
         reassembler.receive(datagram, "", 0)
-    assert reassembler.memory_bytes == 10 * 256
+    assert reassembler.memory_bytes == OVERHEAD_BYTES + 10 * 256
     for datagram in out[10:14]:
         reassembler.receive(datagram, "", 0)
-    assert reassembler.memory_bytes == 14 * 256
+    assert reassembler.memory_bytes == OVERHEAD_BYTES + 14 * 256
     reassembler.expire(3 * SECOND)
     assert reassembler.memory_bytes == 0
     assert reassembler.counters.incomplete == 1

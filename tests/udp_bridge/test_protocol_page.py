@@ -143,6 +143,8 @@ def test_limits_on_the_page_are_those_in_code() -> None:
     for text in (
         f"{limits.memory_bytes >> 20} MiB in all",
         f"{limits.open_per_topic} open messages a topic",
+        f"{limits.open_per_sender} open messages a sender",
+        f"begin {limits.incomplete_per_s} messages of several parts a second",
         f"{limits.senders} senders, {limits.topics} topics",
         f"{limits.time_limit_nanos // 10**9} s after its first part",
         f"bursts of {token_bucket.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),

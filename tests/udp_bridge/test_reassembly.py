@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import Header, Limits, Message, Reassembler
+from udp_bridge.assembly import OVERHEAD_BYTES
 from udp_bridge.types import STAMP_ORDERED
 
 PART = 100
@@ -481,28 +482,36 @@ def test_the_oldest_of_five_open_messages_of_a_topic_is_given_up() -> None:
     assert len(receiver.parts(cloud(1), (1, 2, 3))) == 1
 
 
-def test_memory_counts_what_a_message_announces() -> None:
+def test_memory_counts_what_a_message_takes() -> None:
     receiver = Receiver()
     receiver.part(cloud(1, parts=200), 0)
-    assert receiver.reassembler.memory_bytes == 200 * PART
+    first = OVERHEAD_BYTES + 200 * PART
+    assert receiver.reassembler.memory_bytes == first
     receiver.part(cloud(1, parts=200), 7)
-    assert receiver.reassembler.memory_bytes == 200 * PART
-    receiver.part(cloud(2, parts=10), 9, 30)  # a last part tells the least that is to come
-    assert receiver.reassembler.memory_bytes == 200 * PART + 10 * 30
+    assert receiver.reassembler.memory_bytes == first
+    receiver.part(cloud(2, parts=10), 9, 30)  # a last part alone is kept aside
+    assert receiver.reassembler.memory_bytes == first + OVERHEAD_BYTES + 30
     receiver.part(cloud(2, parts=10), 0)
-    assert receiver.reassembler.memory_bytes == 210 * PART
+    assert receiver.reassembler.memory_bytes == first + OVERHEAD_BYTES + 10 * PART
+    receiver.part(cloud(3, parts=200), 0, 1000)  # large blocks are those of the pool
+    assert receiver.reassembler.memory_bytes - first - OVERHEAD_BYTES - 10 * PART == (
+        OVERHEAD_BYTES + 4 * 65_536
+    )
     receiver.reassembler.give_up_all()
     assert receiver.reassembler.memory_bytes == 0
 
 
 def test_a_sender_holds_a_quarter_and_loses_its_own_oldest() -> None:
-    receiver = Receiver(memory_bytes=4000)
+    size = OVERHEAD_BYTES + 5 * PART
+    receiver = Receiver(memory_bytes=4 * (2 * size + 100))
+    for sender in "ab":
+        receiver.part(IMU, sender=sender)
     receiver.part(cloud(1, parts=5)._replace(topic="/b"), 0, sender="b")
     receiver.part(cloud(1, parts=5), 0)
     receiver.part(cloud(2, parts=5), 0)
-    assert receiver.counts == {}
+    assert receiver.counts == {"messages": 2}
     receiver.part(cloud(3, parts=2), 0)
-    assert receiver.counts == {"incomplete": 1}
+    assert receiver.counts == {"messages": 2, "incomplete": 1}
     assert receiver.parts(cloud(1, parts=5), range(1, 5)) == []
     assert len(receiver.parts(cloud(2, parts=5), range(1, 5))) == 1
 
@@ -515,19 +524,19 @@ def test_a_message_larger_than_a_share_is_given_up_at_once() -> None:
 
 
 def test_all_senders_together_keep_to_the_memory() -> None:
-    receiver = Receiver(memory_bytes=4000)
-    for sender in range(4):
+    receiver = Receiver(memory_bytes=5 * OVERHEAD_BYTES + 4000)
+    for sender in range(5):
+        receiver.part(IMU, sender=sender)
         receiver.part(cloud(1, parts=6 + sender), 0, sender=sender)
-    receiver.part(cloud(1, parts=10), 0, sender="e")  # 600 to 900 and 1000: that is all of it
-    assert receiver.counts == {}
+    assert receiver.counts == {"messages": 5}  # 600 to 1000: that is all of it
     receiver.part(cloud(2, parts=2), 0, sender=0)
-    assert receiver.counts == {"incomplete": 1}
+    assert receiver.counts == {"messages": 5, "incomplete": 1}
     assert receiver.part(cloud(1, parts=6), 1, sender=0) is None  # its own oldest gave way
-    assert receiver.counts == {"incomplete": 1, "duplicates": 1}
+    assert receiver.counts == {"messages": 5, "incomplete": 1, "duplicates": 1}
     receiver.part(cloud(1, parts=6), 0, sender="newcomer")  # takes from who holds most
-    assert receiver.counts == {"incomplete": 2, "duplicates": 1}
-    receiver.part(cloud(1, parts=10), 1, sender="e")
-    assert receiver.counts == {"incomplete": 2, "duplicates": 2}
+    assert receiver.counts == {"messages": 5, "incomplete": 2, "duplicates": 1}
+    receiver.part(cloud(1, parts=10), 1, sender=4)
+    assert receiver.counts == {"messages": 5, "incomplete": 2, "duplicates": 2}
 
 
 def test_the_largest_message_fits_into_a_senders_share() -> None:

@@ -172,7 +172,8 @@ def test_who_goes_beyond_the_memory_gives_his_own(receive: Path, tmp_path: Path)
     def part(number: int, parts: int, size: int, topic: str = "/a") -> bytes:
         return Header(1, 1, number, parts, 1, 0, topic).pack() + bytes(size)
 
-    rows = [(part(0, 255, 65_000), sender) for sender in (1, 2, 3)]
+    rows = [(part(0, 1, 1, "/known"), sender) for sender in (1, 2, 3, 4, 5)]
+    rows += [(part(0, 255, 65_000), sender) for sender in (1, 2, 3)]
     rows += [(part(0, 240, 65_000), 4), (part(0, 40, 32_000, "/first"), 5)]
     rows += [(part(0, 60, 32_000, "/second"), 5)]
     rows += [(part(number, 40, 32_000, "/first"), 5) for number in range(1, 40)]

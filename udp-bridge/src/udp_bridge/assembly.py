@@ -2,7 +2,8 @@
 """One message's parts on their way to a body. No other message, no order, no time limit.
 
 The first copy of a part counts, and the first part that is not the last fixes the part size.
-The body lies in a block of a pool, as large as the message announces; `holdings` bounds that.
+The body lies in a block of a pool, as large as the message announces; `holdings` bounds what is
+held.
 A part that was received into its place in this very block is not moved.
 """
 
@@ -11,10 +12,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, Optional
 
 from .header import Buffer, Header, Refused
-from .pool import Pool
+from .pool import Pool, block_bytes
 
 if TYPE_CHECKING:
     from .fec_parts import Symbols
+
+
+OVERHEAD_BYTES = 1536
+"""What an open message takes besides bodies: its objects here and its places in `holdings`."""
 
 
 class Added(NamedTuple):
@@ -63,11 +68,14 @@ class Assembly:
         return self.parts_in == self.header.parts_max
 
     @property
-    def announced_bytes(self) -> int:
-        """What the message will take at most, or, while only its last part is in, at least."""
-        size = self._part_size if self._part_size is not None else len(self._aside or b"")
-        held = self.symbols.bytes_held if self.symbols is not None else 0
-        return size * self.header.parts_max + held
+    def held_bytes(self) -> int:
+        """Memory that the message takes now: its whole block as soon as the part size is known."""
+        if self._part_size is not None:
+            body = block_bytes(self._part_size * self.header.parts_max)
+        else:
+            body = len(self._aside or b"")
+        symbols = self.symbols.bytes_held if self.symbols is not None else 0
+        return OVERHEAD_BYTES + body + symbols
 
     @property
     def body(self) -> memoryview:

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a receiver holds: senders, their topics, their open messages; and what gives way.
 
-Every bound of `Limits` is kept here and nowhere else. No datagram is looked into: the rules by
-which messages are joined and ordered are in `reassembly`.
+Every bound of `Limits` is kept here and nowhere else. A sender is a stranger until a message of it
+was handed over; all strangers together get what one known sender gets, and give way to known ones.
+No datagram is looked into: the rules by which messages are joined and ordered are in `reassembly`.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Callable, Hashable, Iterable, NamedTuple, Optional, Tuple
+from typing import Hashable, Iterable, NamedTuple, Optional, Tuple
 
 from .arrivals import TopicArrivals
 from .assembly import Assembly
@@ -23,8 +24,9 @@ class Limits(NamedTuple):
     """What a receiver spends at most; each is a guard against peers that err or attack."""
 
     memory_bytes: int = 64 << 20
-    """Announced size of all open messages; a quarter of it, which is one sender's share, holds
-    the largest possible message (255 parts of 65,487 bytes)."""
+    """What all open messages take; a quarter of it, which is one sender's share, holds the largest
+    possible message (255 parts of 65,487 bytes). The pool of free blocks and one message that is
+    just begun come on top."""
     share: int = 4
     """A sender holds at most one part in this many of the memory."""
     time_limit_nanos: int = 2 * NANOS
@@ -33,6 +35,10 @@ class Limits(NamedTuple):
     """Open messages of a topic: older ones can hardly become whole any more."""
     open_per_offered_topic: int = 16
     """The same where lost parts can be asked for, which takes some round trips."""
+    open_per_sender: int = 256
+    incomplete_per_s: int = 1000
+    """Messages of several parts that a sender may begin a second and that do not become whole: what
+    they cost in processor time. More are refused until time has passed."""
     offered_topics: int = 128
     """Topics of all senders for which lost parts are asked."""
     senders: int = 64
@@ -42,18 +48,31 @@ class Limits(NamedTuple):
 
     @property
     def most_of_a_sender(self) -> int:
-        """Announced bytes that one sender's open messages take at most."""
+        """Bytes that one sender's open messages take at most."""
         return self.memory_bytes // self.share
+
+
+class Share:
+    """What one known sender holds and has spent, or all strangers together."""
+
+    __slots__ = ("memory_bytes", "open", "spent_nanos")
+
+    def __init__(self) -> None:
+        self.memory_bytes = 0
+        self.open: OrderedDict[Place, int] = OrderedDict()
+        """Open messages, oldest first, and their bytes."""
+        self.spent_nanos = 0
+        """The time up to which `Limits.incomplete_per_s` is spent."""
 
 
 class Sender:
     """What is known of one sender; its topics in the order in which they were last heard."""
 
-    __slots__ = ("memory_bytes", "topics")
+    __slots__ = ("share", "topics")
 
-    def __init__(self) -> None:
+    def __init__(self, share: Share) -> None:
         self.topics: OrderedDict[Tuple[int, str], Topic] = OrderedDict()
-        self.memory_bytes = 0
+        self.share = share
 
 
 class Topic:
@@ -102,16 +121,21 @@ class Topic:
             setattr(counters, what, getattr(counters, what) + count)
 
 
+Place = Tuple[Topic, Key]
+
+
 class Holdings:
     """All that is known of all senders."""
 
     def __init__(self, limits: Limits, totals: Counters) -> None:
         self.memory_bytes = 0
-        """Announced size of all open messages."""
+        """What all open messages take."""
         self._limits = limits
         self._totals = totals
         self._senders: OrderedDict[Hashable, Sender] = OrderedDict()
-        self._open: OrderedDict[Tuple[Topic, Key], int] = OrderedDict()  # announced, oldest first
+        self._strangers = Share()
+        self._open: OrderedDict[Place, None] = OrderedDict()  # of all senders, oldest first
+        self._cost_nanos = NANOS // limits.incomplete_per_s
         self._topic_count = 0
         self._offered_count = 0
 
@@ -120,14 +144,14 @@ class Holdings:
         sender = self._senders.get(address)
         if sender is None:
             if len(self._senders) >= self._limits.senders:
-                self._forget_sender(next(iter(self._senders)))
-            sender = self._senders[address] = Sender()
+                silent = (a for a, other in self._senders.items() if self._is_stranger(other))
+                self._forget_sender(next(silent, next(iter(self._senders))))
+            sender = self._senders[address] = Sender(self._strangers)
         self._senders.move_to_end(address)
         topic = sender.topics.get(key)
         if topic is None:
             if self._topic_count >= self._limits.topics:
-                # Its own oldest; a newcomer takes from the one who holds the most.
-                loser = sender if sender.topics else self._most(lambda s: len(s.topics))
+                loser = self._loser_of_a_topic(sender)
                 self._forget_topic(loser, next(iter(loser.topics)))
             topic = sender.topics[key] = Topic(sender, self._totals)
             self._topic_count += 1
@@ -155,37 +179,66 @@ class Holdings:
                     topic.asking.saw(came, is_whole=False, now_nanos=assembly.since_nanos)
         return topic.asking
 
+    def may_begin(self, address: Hashable, now_nanos: int) -> bool:
+        """Tell whether a sender may begin another message of several parts."""
+        sender = self._senders.get(address)
+        share = sender.share if sender is not None else self._strangers
+        return share.spent_nanos - now_nanos < NANOS
+
+    def know(self, sender: Sender) -> None:
+        """Take note that a message of a sender was handed over: it is a stranger no more."""
+        if not self._is_stranger(sender):
+            return
+        sender.share = Share()
+        for place in [place for place in self._strangers.open if place[0].sender is sender]:
+            size = self._strangers.open.pop(place)
+            self._strangers.memory_bytes -= size
+            sender.share.open[place] = size
+            sender.share.memory_bytes += size
+
     def takes_alone(self, announced_bytes: int) -> bool:
         """Tell whether nothing is open and a message of this size is not too large."""
         return not self.memory_bytes and announced_bytes <= self._limits.most_of_a_sender
 
     def hold(self, topic: Topic, key: Key, assembly: Assembly) -> None:
-        """Keep an unfinished message; where it announces too much, the oldest give way."""
+        """Keep an unfinished message; where it takes too much, the oldest give way."""
+        share, place = topic.sender.share, (topic, key)
         if key not in topic.open:
             most = self._limits.open_per_topic
             if topic.asking is not None:
                 most = max(most, self._limits.open_per_offered_topic)
             while len(topic.open) >= most:
                 self.give_up(topic, next(iter(topic.open)))
+            while len(share.open) >= self._limits.open_per_sender:
+                self._give_up_oldest(share)
             topic.open[key] = assembly
-        sender = topic.sender
-        more = assembly.announced_bytes - self._open.get((topic, key), 0)
-        self._open[topic, key] = assembly.announced_bytes
-        sender.memory_bytes += more
+            share.open[place], self._open[place] = 0, None
+            share.spent_nanos = max(share.spent_nanos, assembly.since_nanos) + self._cost_nanos
+        size = assembly.held_bytes
+        more = size - share.open[place]
+        share.open[place] = size
+        share.memory_bytes += more
         self.memory_bytes += more
-        while sender.memory_bytes > self._limits.most_of_a_sender:
-            self._give_up_oldest(sender)
+        while share.memory_bytes > self._limits.most_of_a_sender:
+            self._give_up_oldest(share)
         while self.memory_bytes > self._limits.memory_bytes:
             # Who holds nothing else to give takes from the one who holds the most.
-            has_others = sender.memory_bytes > self._open.get((topic, key), 0)
-            self._give_up_oldest(sender if has_others else self._most(lambda s: s.memory_bytes))
+            has_others = share.memory_bytes > share.open.get(place, 0)
+            shares = (sender.share for sender in self._senders.values())
+            largest = max(shares, key=lambda other: other.memory_bytes)
+            self._give_up_oldest(share if has_others else largest)
 
     def release(self, topic: Topic, key: Key) -> None:
-        """Let go of a message that is whole."""
-        if topic.open.pop(key, None) is not None:
-            announced_bytes = self._open.pop((topic, key))
-            topic.sender.memory_bytes -= announced_bytes
-            self.memory_bytes -= announced_bytes
+        """Let go of a message that is whole; it costs its sender nothing."""
+        if key in topic.open:
+            self._let_go(topic, key)
+            topic.sender.share.spent_nanos -= self._cost_nanos
+
+    def _let_go(self, topic: Topic, key: Key) -> None:
+        del topic.open[key], self._open[topic, key]
+        size = topic.sender.share.open.pop((topic, key))
+        topic.sender.share.memory_bytes -= size
+        self.memory_bytes -= size
 
     def give_up(self, topic: Topic, key: Key) -> None:
         """Count an open message as incomplete and let go of it."""
@@ -194,7 +247,7 @@ class Holdings:
             topic.asking.finished(topic.open[key].header)
         topic.count("incomplete")
         topic.arrived.fates.settle(topic.open[key].header.seq_number, "incomplete")
-        self.release(topic, key)
+        self._let_go(topic, key)
 
     def give_up_topic(self, topic: Topic, *, before_nanos: Optional[int] = None) -> None:
         """Give up a topic's open messages, or only those with a stamp before `before_nanos`."""
@@ -215,11 +268,18 @@ class Holdings:
         for address in list(self._senders):
             self._forget_sender(address)
 
-    def _give_up_oldest(self, sender: Sender) -> None:
-        self.give_up(*next(place for place in self._open if place[0].sender is sender))
+    def _is_stranger(self, sender: Sender) -> bool:
+        return sender.share is self._strangers
 
-    def _most(self, measure: Callable[[Sender], int]) -> Sender:
-        return max(self._senders.values(), key=measure)
+    def _give_up_oldest(self, share: Share) -> None:
+        self.give_up(*next(iter(share.open)))
+
+    def _loser_of_a_topic(self, sender: Sender) -> Sender:
+        """Return who gives a topic: a stranger to a known sender, else itself, or the largest."""
+        strangers = [s for s in self._senders.values() if self._is_stranger(s) and s.topics]
+        if sender.topics and (self._is_stranger(sender) or not strangers):
+            return sender
+        return max(strangers or self._senders.values(), key=lambda other: len(other.topics))
 
     def _forget_topic(self, sender: Sender, key: Tuple[int, str]) -> None:
         topic = sender.topics.pop(key)

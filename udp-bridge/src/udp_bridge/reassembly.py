@@ -47,7 +47,7 @@ class Reassembler:
 
     @property
     def memory_bytes(self) -> int:
-        """Announced size of all open messages."""
+        """What all open messages take."""
         return self._holdings.memory_bytes
 
     def receive(self, datagram: Buffer, sender: Hashable, now_nanos: int) -> Optional[Message]:
@@ -165,10 +165,12 @@ class Reassembler:
         return found.arrived if found is not None else None
 
     def _check(self, header: Header, size: int, sender: Hashable, now_nanos: int) -> None:
-        """Refuse a part that contradicts its message, before it changes anything."""
+        """Refuse a part that contradicts its message, or that begins one too many."""
         assembly = self._open(header, sender, now_nanos)
         if assembly is not None:
             assembly.check(header, size)
+        elif header.parts_max > 1 and not self._holdings.may_begin(sender, now_nanos):
+            raise Refused("busy")
 
     def _open(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
         """Return what has come of the message in a header, if anything has."""
@@ -213,6 +215,8 @@ class Reassembler:
             if source.link != known.header.link:
                 raise Refused("link")
             fec_parts.check(known, symbol, data)
+        elif not self._holdings.may_begin(sender, now_nanos):
+            raise Refused("busy")
         topic = self._holdings.topic(sender, (source.msg_type, source.topic))
         self._verdicts.notice_restart(topic, source, now_nanos)
         if topic.order.is_finished(source) or self._verdicts.is_jump(topic, source, now_nanos):

@@ -43,7 +43,8 @@ class RunReassembler(Reassembler):
                 self._verdicts.notice_restart(topic, header, now_nanos)
                 if run.asked and not topic.order.is_finished(header):
                     topic.asking.has_asked(header, run.asked, run.asked_nanos, now_nanos)
-            assembly = self._placed_at(topic, header, place, now_nanos)
+            if place.is_open or self._holdings.may_begin(sender, now_nanos):
+                assembly = self._placed_at(topic, header, place, now_nanos)
         if topic is None or assembly is None:
             return self._accept_each(header, place, run, sender, now_nanos)
         self._holdings.topic(sender, (header.msg_type, header.topic))  # it was heard
@@ -54,7 +55,7 @@ class RunReassembler(Reassembler):
             assembly.placed(first, count, run.last_size)
         if key not in topic.open:
             self._holdings.hold(topic, key, assembly)
-            if key not in topic.open:  # it announced too much
+            if key not in topic.open:  # it took too much
                 topic.count("duplicates", run.parts_count - 1)
                 return None
         message = None
