@@ -37,6 +37,7 @@ class Assembly:
         "_arrived",
         "_aside",
         "_block",
+        "_body_bytes",
         "_part_size",
         "_pool",
         "_size",
@@ -58,6 +59,7 @@ class Assembly:
         self._view = memoryview(b"")  # of the block, which stays taken as long as there is one
         self._size = 0  # of the whole body; known with the last part
         self._part_size: Optional[int] = None
+        self._body_bytes = 0  # that the body's block takes, once the part size is known
         self._aside: Optional[bytes] = None  # a last part that came before the size was known
         self.symbols: Optional[Symbols] = None
         """Repair symbols that came for it; `fec_parts` keeps and uses them."""
@@ -70,10 +72,7 @@ class Assembly:
     @property
     def held_bytes(self) -> int:
         """Memory that the message takes now: its whole block as soon as the part size is known."""
-        if self._part_size is not None:
-            body = block_bytes(self._part_size * self.header.parts_max)
-        else:
-            body = len(self._aside or b"")
+        body = self._body_bytes or len(self._aside or b"")
         symbols = self.symbols.bytes_held if self.symbols is not None else 0
         return OVERHEAD_BYTES + body + symbols
 
@@ -112,7 +111,7 @@ class Assembly:
             self._aside = bytes(part)
         else:
             if self._part_size is None:
-                self._part_size = len(part)
+                self._fix_part_size(len(part))
                 refused = self._place_aside()
             self._check_size(len(part), is_last)
             self._place(number, part)
@@ -144,7 +143,8 @@ class Assembly:
         """Take the offered block, where parts lie already; return whether `block` is it."""
         if self._pool.take_offered(block, part_size * self.header.parts_max) is None:
             return False
-        self._block, self._view, self._part_size = block, memoryview(block), part_size
+        self._block, self._view = block, memoryview(block)
+        self._fix_part_size(part_size)
         return True
 
     def placed(self, first: int, count: int, last_size: int) -> None:
@@ -181,8 +181,12 @@ class Assembly:
             return
         if self._aside is not None and len(self._aside) > part_size:
             raise Refused("part_size")
-        self._part_size = part_size
+        self._fix_part_size(part_size)
         self._place_aside()
+
+    def _fix_part_size(self, part_size: int) -> None:
+        self._part_size = part_size
+        self._body_bytes = block_bytes(part_size * self.header.parts_max)
 
     def _place_aside(self) -> str:
         """Judge a last part that came before the size was known; return why it is refused."""

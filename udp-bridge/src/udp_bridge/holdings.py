@@ -68,9 +68,10 @@ class Share:
 class Sender:
     """What is known of one sender; its topics in the order in which they were last heard."""
 
-    __slots__ = ("share", "topics")
+    __slots__ = ("is_stranger", "share", "topics")
 
     def __init__(self, share: Share) -> None:
+        self.is_stranger = True
         self.topics: OrderedDict[Tuple[int, str], Topic] = OrderedDict()
         self.share = share
 
@@ -144,7 +145,7 @@ class Holdings:
         sender = self._senders.get(address)
         if sender is None:
             if len(self._senders) >= self._limits.senders:
-                silent = (a for a, other in self._senders.items() if self._is_stranger(other))
+                silent = (a for a, other in self._senders.items() if other.is_stranger)
                 self._forget_sender(next(silent, next(iter(self._senders))))
             sender = self._senders[address] = Sender(self._strangers)
         self._senders.move_to_end(address)
@@ -187,8 +188,7 @@ class Holdings:
 
     def know(self, sender: Sender) -> None:
         """Take note that a message of a sender was handed over: it is a stranger no more."""
-        if not self._is_stranger(sender):
-            return
+        sender.is_stranger = False
         sender.share = Share()
         for place in [place for place in self._strangers.open if place[0].sender is sender]:
             size = self._strangers.open.pop(place)
@@ -216,6 +216,8 @@ class Holdings:
             share.spent_nanos = max(share.spent_nanos, assembly.since_nanos) + self._cost_nanos
         size = assembly.held_bytes
         more = size - share.open[place]
+        if not more:
+            return
         share.open[place] = size
         share.memory_bytes += more
         self.memory_bytes += more
@@ -268,16 +270,13 @@ class Holdings:
         for address in list(self._senders):
             self._forget_sender(address)
 
-    def _is_stranger(self, sender: Sender) -> bool:
-        return sender.share is self._strangers
-
     def _give_up_oldest(self, share: Share) -> None:
         self.give_up(*next(iter(share.open)))
 
     def _loser_of_a_topic(self, sender: Sender) -> Sender:
         """Return who gives a topic: a stranger to a known sender, else itself, or the largest."""
-        strangers = [s for s in self._senders.values() if self._is_stranger(s) and s.topics]
-        if sender.topics and (self._is_stranger(sender) or not strangers):
+        strangers = [s for s in self._senders.values() if s.is_stranger and s.topics]
+        if sender.topics and (sender.is_stranger or not strangers):
             return sender
         return max(strangers or self._senders.values(), key=lambda other: len(other.topics))
 

@@ -105,11 +105,12 @@ class Reassembler:
         if topic.order.is_finished(header):
             topic.count("duplicates")
             return None
-        if self._verdicts.is_jump(topic, header, now_nanos):
+        is_open = key_of(header) in topic.open
+        if not is_open and self._verdicts.is_jump(topic, header, now_nanos):
             return None
         topic.link = header.link
         topic.arrived.seen(header)
-        if header.parts_max == 1 and key_of(header) not in topic.open:
+        if header.parts_max == 1 and not is_open:
             message = self._verdicts.finish(topic, header, part, now_nanos)
         else:
             message = self._add(topic, header, part, now_nanos)

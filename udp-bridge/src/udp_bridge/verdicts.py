@@ -120,7 +120,8 @@ class Verdicts:
         """Return a message to be handed over; `take_note` tells its topic."""
         if self._handed:
             self.take_note()
-        self._holdings.know(topic.sender)
+        if topic.sender.is_stranger:
+            self._holdings.know(topic.sender)
         self._totals.messages += 1
         message = message_of(header, body)
         self._handed.append((topic.arrived, (message.seq_number, message.stamp_nanos), body.nbytes))
