@@ -82,7 +82,7 @@ def nobody(scenario: Scenario) -> Outlets:
     def each() -> dict[str, Callable[[Message], bytes]]:
         return {vehicle.name: encode for vehicle in scenario.vehicles}
 
-    return Outlets(encode, encode, encode, each(), each(), each())
+    return Outlets(encode, encode, encode, each(), each(), each(), each())
 
 
 def tick_us(scenario: Scenario, publish: Outlets) -> float:

@@ -34,6 +34,8 @@ from .topics import (
     GAPS,
     GROUND_TRUTH,
     HEALTH,
+    JOINT_COMMAND,
+    JOINTS,
     RELAYED,
     ROOT,
     STATE,
@@ -75,7 +77,7 @@ class Grant(NamedTuple):
 
 def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     """Yield every process of a scenario, and the others that may come, with what it may do."""
-    told = (STATE, CLOCK, BODIES, GROUND_TRUTH, TRUE_WHEELS, VITALS)
+    told = (STATE, CLOCK, BODIES, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
     served = (*(key("*") for key in _ASKED_BY_ALL), control_key("*"))
     yield "physics", Grant((*_own("physics"), *(row.key_in("*") for row in told)), served)
     for vehicle in scenario.vehicles:
@@ -88,8 +90,9 @@ def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     for name in driver_names(scenario):
         vehicle_name = name.partition("/")[0]
         yield name, Grant((*_own(name), COMMAND.key_in("*", vehicle=vehicle_name)))
-    commands = (COMMAND.key_in("*"), WHEEL_COMMAND.key_in("*"))
-    heard = (row.key_in("*") for row in (*FROM_ROS.values(), RELAYED))
+    commands = tuple(row.key_in("*") for row in (COMMAND, WHEEL_COMMAND, JOINT_COMMAND))
+    told_by_ros = (*FROM_ROS.values(), RELAYED)
+    heard = (row.key_in("*") for row in told_by_ros if row is not JOINT_COMMAND)
     yield "gateway", Grant((*_own("gateway"), *commands, *heard), (link_key("*"),))
     for name in ONLOOKERS:
         yield name, Grant((*_own(name), *_own(f"{name}/*")))

@@ -28,6 +28,7 @@ from msgspec.structs import replace
 from .control import Remove, Spawn
 from .errors import UserError
 from .messages import Ack, Command, State, WheelCommand, encode
+from .navigation import JointState
 from .scenario import Scenario
 from .whole_file import whole
 
@@ -73,13 +74,21 @@ class WheelsCommanded(Entry, frozen=True, tag="wheels"):
     """As above."""
 
 
+class JointsCommanded(Entry, frozen=True, tag="joints"):
+    """Where joints were asked to go."""
+
+    vehicle: str
+    command: JointState
+    """As above."""
+
+
 class Changed(Entry, frozen=True, tag="world"):
     """Something that was put into the world or taken out."""
 
     wish: Spawn | Remove
 
 
-AnyEntry = Commanded | WheelsCommanded | Changed
+AnyEntry = Commanded | WheelsCommanded | JointsCommanded | Changed
 
 _ENTRY = msgspec.msgpack.Decoder(AnyEntry)
 

@@ -75,7 +75,7 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     link_poses: memoryview
     """float64, rows of x, y, z, qx, qy, qz, qw: world_from_link, in the order of the model's links
-    (base first)."""
+    (base first, then wheels, then other joints)."""
 
     base_velocity: memoryview
     """float64, 6: linear (m/s), then angular (rad/s) velocity of the base's origin, in world."""
@@ -86,11 +86,19 @@ class VehicleState(msgspec.Struct, frozen=True):
     joint_velocities: memoryview
     """float64, rad/s, in the same order."""
 
+    servo_positions: memoryview = memoryview(b"")
+    """float64, one a joint that is none of a wheel, in the model's order: rad, or m."""
+
+    servo_velocities: memoryview = memoryview(b"")
+    """float64, rad/s or m/s, in the same order."""
+
     def __post_init__(self) -> None:
         whole(self.link_poses, 7 * 8, "link_poses")
         whole(self.base_velocity, 6 * 8, "base_velocity")
         whole(self.joint_positions, 8, "joint_positions")
         whole(self.joint_velocities, 8, "joint_velocities")
+        whole(self.servo_positions, 8, "servo_positions")
+        whole(self.servo_velocities, 8, "servo_velocities")
 
     def poses(self) -> NDArray[np.float64]:
         """Return world_from_link, shape (links, 7): position xyz in m, quaternion xyzw."""

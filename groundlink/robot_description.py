@@ -11,10 +11,12 @@ Masses are left out, since KDL takes a base link that has one for a mistake; a m
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from math import isinf
 from xml.etree import ElementTree
 
 from .frames import IDENTITY_QUATERNION, matrix_from_quaternion, rpy_from_matrix
 from .navigation import Transform
+from .scenario.joints import Joint
 from .scenario.vehicle import VehicleModel, Wheel
 from .world.solids import Box, Cylinder, Material, Mesh, Quaternion, Shape, Solid, Sphere, Vector3
 
@@ -57,6 +59,10 @@ def urdf(
         for solid in wheel.visuals or (tread,):
             _show(link, "visual", solid, colours)
         _show(link, "collision", tread, {})
+    for part in model.joints:
+        link = _part(robot, model.base_frame, part)
+        for solid in part.visuals:
+            _show(link, "visual", solid, colours)
     for mount in mounts:
         joint = _sub(robot, "joint", name=f"{mount.child}_joint", type="fixed")
         _sub(joint, "parent", link=mount.parent)
@@ -76,6 +82,21 @@ def _wheel(robot: Element, base: str, wheel: Wheel, *, turns: bool) -> Element:
     if turns:
         _sub(joint, "axis", xyz="0 1 0")
     return _sub(robot, "link", name=f"{wheel.name}_link")
+
+
+def _part(robot: Element, base: str, part: Joint) -> Element:
+    """Add a joint that is none of a wheel; return its link."""
+    low, high = part.limits
+    endless = isinf(low) or isinf(high)
+    kind = "continuous" if part.kind == "revolute" and endless else part.kind
+    joint = _sub(robot, "joint", name=part.name, type=kind)
+    _sub(joint, "parent", link=f"{part.parent}_link" if part.parent else base)
+    _sub(joint, "child", link=f"{part.name}_link")
+    _origin(joint, part.at_m, IDENTITY_QUATERNION)
+    _sub(joint, "axis", xyz=_text(*part.unit_axis))
+    bounds = {} if endless else {"lower": _text(low), "upper": _text(high)}
+    _sub(joint, "limit", **bounds, effort="0", velocity=_text(part.max_speed))
+    return _sub(robot, "link", name=f"{part.name}_link")
 
 
 def _show(link: Element, tag: str, solid: Solid, colours: dict[str, Material]) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from msgspec.structs import replace
 
 from .clock import NANOS
 from .frames import IDENTITY_QUATERNION, Floats
@@ -25,7 +26,7 @@ from .ros_streams import TF_STATIC_TOPIC, TF_TOPIC, TRUE_TF_TOPIC, mounts, stati
 from .scenario.schema import Scenario, Vehicle
 from .scenario.sensors import Encoders, WheelOdometry
 from .tf_tree import TopFromTruth, stamped
-from .topics import ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
+from .topics import ENCODERS, GROUND_TRUTH, JOINTS, WHEEL_ODOMETRY
 
 S = TypeVar("S")
 
@@ -74,6 +75,9 @@ class Base:
             key = ENCODERS.key_in(run, vehicle=vehicle.name, sensor=self._encoders.name)
             self.keys["encoders"] = key
             self.places.append(Place(self._joints_topic, JointState, self._encoders.rate_hz))
+        if vehicle.model.joints:
+            self.keys["joints"] = JOINTS.key_in(run, vehicle=vehicle.name)
+            self.places.append(Place(self._joints_topic, JointState, vehicle.ground_truth.rate_hz))
         tf_hz = 0.0
         if odometry is not None:
             key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
@@ -106,6 +110,8 @@ class Base:
             if len(message.ticks) != len(self._vehicle.model.counted):
                 return  # of a replayed run, or a stranger's
             yield Told(self._joints_topic, self._joint_state(message), measured_nanos(message))
+        elif role == "joints" and isinstance(message, JointState):
+            yield Told(self._joints_topic, replace(message, frame=""), message.stamp_nanos)
         elif role is not None and isinstance(message, Odometry):
             if role == "odometry":
                 moved = stamped(

@@ -18,7 +18,7 @@ from rosbags.serde import SerdeError
 
 from .clock import NANOS
 from .messages import BadMessage, Command, Message, Quaternion, packed
-from .navigation import OccupancyGrid, Odometry, PoseStamped
+from .navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from .relayed import Relayed
 from .ros_types import STORE, nanos, xyz, xyzw
 
@@ -97,12 +97,30 @@ def occupancy_grid(body: Body, now_nanos: int) -> OccupancyGrid:
     )
 
 
+def joint_state(body: Body, now_nanos: int) -> JointState:
+    """Return the positions of a sensor_msgs/JointState, asked for at `now_nanos`."""
+    found = _decoded(body, "sensor_msgs/msg/JointState")
+    _finite(*found.position, *found.velocity)
+    count = len(found.name)
+    if len(found.position) != count or len(found.velocity) not in {0, count}:
+        raise BadMessage(f"{count} joints with {len(found.position)} positions")
+    return JointState(
+        stamp_nanos=now_nanos,
+        frame="",
+        names=tuple(map(_name, found.name)),
+        positions=packed(np.asarray(found.position, np.float64)),
+        velocities=packed(np.asarray(found.velocity, np.float64)),
+        efforts=memoryview(b""),
+    )
+
+
 READERS: dict[str, Callable[[Body, int], Message]] = {
     "geometry_msgs/msg/Twist": twist,
     "geometry_msgs/msg/TwistStamped": twist_stamped,
     "geometry_msgs/msg/PoseStamped": pose_stamped,
     "nav_msgs/msg/Odometry": odometry,
     "nav_msgs/msg/OccupancyGrid": occupancy_grid,
+    "sensor_msgs/msg/JointState": joint_state,
 }
 """By ROS type: a body, and the run's time for what has none of its own, to a message of the bus.
 All of them raise `BadMessage`."""

@@ -107,10 +107,6 @@ COMMAND = Topic(
     delivery=Delivery.ALL,
 )
 
-WHEEL_COMMAND = replace(
-    COMMAND, name="command.wheels", key="{vehicle}/command/wheels", message=WheelCommand
-)
-
 
 def _of_sensor(
     name: str, message: type[Message], rate: str = "rate_hz", *, bulky: bool = False
@@ -135,6 +131,7 @@ def _beside(main: Topic, **messages: type[Message]) -> dict[str, Topic]:
     }
 
 
+WHEEL_COMMAND, JOINT_COMMAND = _beside(COMMAND, wheels=WheelCommand, joints=JointState).values()
 POINTS = _of_sensor("lidar", PointCloud, "rotation_rate_hz", bulky=True)
 SCAN = _of_sensor("lidar_2d", LaserScan, "rotation_rate_hz")
 IMU = _of_sensor("imu", Imu)
@@ -180,12 +177,7 @@ GROUND_TRUTH = Topic(
     rate="ground_truth.rate_hz",
     delivery=Delivery.NEWEST,
 )
-TRUE_WHEELS = replace(
-    GROUND_TRUTH,
-    name="ground_truth.wheels",
-    key="{vehicle}/ground_truth/wheels",
-    message=JointState,
-)
+TRUE_WHEELS, JOINTS = _beside(GROUND_TRUTH, wheels=JointState, joints=JointState).values()
 TRUE_POINTS = replace(
     POINTS,
     name="lidar.truth",
@@ -220,6 +212,7 @@ FROM_ROS = {
     "pose": _from_ros("pose", PoseStamped),
     "odometry": _from_ros("odometry", Odometry),
     "map": _from_ros("map", OccupancyGrid),
+    "joints": JOINT_COMMAND,
 }
 """By field of the scenario's `from_ros`."""
 
@@ -294,6 +287,7 @@ TOPICS = (
     *(topic for sides in SIDE_TOPICS.values() for topic in sides.values()),
     GROUND_TRUTH,
     TRUE_WHEELS,
+    JOINTS,
     TRUE_POINTS,
     BODIES,
     VITALS,

@@ -87,12 +87,15 @@ class FromRos(Spec, frozen=True):
     map: RosTopic | None = None
     """nav_msgs/OccupancyGrid."""
 
+    joints: RosTopic | None = None
+    """sensor_msgs/JointState: where the vehicle's `joints` are to go; it commands them."""
+
     topics: dict[RosTopic, RosType] = field(default_factory=dict)
     """Any others, by topic with their types, such as {/plan: nav_msgs/Path}."""
 
     def all_topics(self) -> list[str]:
         """Return every topic that is wished for."""
-        named = (self.pose, self.odometry, self.map)
+        named = (self.pose, self.odometry, self.map, self.joints)
         return [*(topic for topic in named if topic is not None), *self.topics]
 
 

@@ -27,6 +27,8 @@ from groundlink.world.solids import (
 
 from .drives import Ackermann, Battery, Differential, Drive, Shaft, SkidSteer, Tracked
 from .every_sensor import Frame, Mount, Name
+from .joints import Joint
+from .joints import check as check_joints
 
 ROUNDED = 1.01
 """Moments of inertia of flat things add up but for the digits that are left out."""
@@ -135,6 +137,9 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     battery: Battery | None = None
     """None: never empty."""
 
+    joints: tuple[Joint, ...] = ()
+    """Others than those of the wheels, parents before their children."""
+
     mounts: dict[str, Mount] = field(default_factory=dict)
     """Places for sensors, by name."""
 
@@ -165,6 +170,7 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
                     f"expected `stiffness_npm` of at most {most:.0f}, or a heavier wheel"
                 )
         self.drive.check(self.wheels)
+        check_joints(self.joints, names)
 
     @property
     def base_height_m(self) -> float:
@@ -176,8 +182,9 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
         return wheel.radius_m - wheel.center_m[2] > self.base_height_m - LOADED_M
 
     def link_names(self) -> tuple[str, ...]:
-        """Return the links in the order of `VehicleState.link_poses`: base, then wheels."""
-        return (self.base_frame, *(f"{wheel.name}_link" for wheel in self.wheels))
+        """Return the links in the order of `VehicleState.link_poses`: base, wheels, joints."""
+        names = [part.name for parts in (self.wheels, self.joints) for part in parts]
+        return (self.base_frame, *(f"{name}_link" for name in names))
 
     @property
     def counted(self) -> tuple[Shaft, ...]:
@@ -202,6 +209,7 @@ __all__ = [
     "Battery",
     "Chassis",
     "Differential",
+    "Joint",
     "Mount",
     "SkidSteer",
     "Suspension",

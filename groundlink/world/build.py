@@ -164,6 +164,10 @@ def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
             for j, visual in enumerate(wheel.visuals):
                 path = ("vehicles", v, "model", "wheels", i, "visuals", j, "material")
                 yield path, visual.material
+        for i, joint in enumerate(vehicle.model.joints):
+            for j, visual in enumerate(joint.visuals):
+                path = ("vehicles", v, "model", "joints", i, "visuals", j, "material")
+                yield path, visual.material
 
 
 def _of_form(form: Form) -> Iterator[tuple[Path, str]]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a vehicle's links look like, for those who cast rays at them or draw them.
 
-Rule: base links are their visuals; so are wheels that have some, others are cylinders about their
-link's y axis.
+Rule: base links are their visuals, and so are links of joints and wheels that have some; other
+wheels are cylinders about their link's y axis.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 def links(model: VehicleModel) -> list[list[Solid]]:
     """Return the solids of each link in its frame, in the order of `VehicleState.link_poses`."""
-    return [list(model.visuals), *(list(wheel.visuals) or [_tyre(wheel)] for wheel in model.wheels)]
+    wheels = (list(wheel.visuals) or [_tyre(wheel)] for wheel in model.wheels)
+    return [list(model.visuals), *wheels, *(list(joint.visuals) for joint in model.joints)]
 
 
 def _tyre(wheel: Wheel) -> Solid:

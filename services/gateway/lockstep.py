@@ -263,6 +263,8 @@ class Lockstep:
             taken = self._gateway.take(message)
             if taken is not None and isinstance(taken[1], Command):
                 self._commanded[taken[0].split("/")[2]] = word.tick
+            elif taken is not None and taken[0].endswith("/command/joints"):
+                self._commanded[taken[0].split("/")[2] + "/joints"] = word.tick
         self._acknowledge(Ack(word.life, word.tick, word.tick, commanded=dict(self._commanded)))
 
     def _take_up(self, ack: Ack, state: State) -> None:

@@ -13,8 +13,9 @@ from collections.abc import Iterable
 from groundlink.bus import Bus
 from groundlink.inbox import Inbox
 from groundlink.messages import Ack, Command, WheelCommand
+from groundlink.navigation import JointState
 from groundlink.scenario import Scenario
-from groundlink.topics import ACK, COMMAND, HEALTH, WHEEL_COMMAND
+from groundlink.topics import ACK, COMMAND, HEALTH, JOINT_COMMAND, WHEEL_COMMAND
 
 from .life import Life
 
@@ -30,7 +31,7 @@ class Company:
 
     def __init__(self, bus: Bus, run: str) -> None:
         self._bus, self._run = bus, run
-        self._commands: Inbox[Command | WheelCommand] = Inbox(depth=1024)
+        self._commands: Inbox[Command | WheelCommand | JointState] = Inbox(depth=1024)
         self._acks: Inbox[Ack] = Inbox(depth=1024)
         self._vehicles: dict[str, str] = {}
         self._gone: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -44,7 +45,11 @@ class Company:
     def obey(self, scenario: Scenario) -> None:
         """Take commands for a scenario's vehicles, where they are not taken yet."""
         for vehicle in scenario.vehicles:
-            for row, message in ((COMMAND, Command), (WHEEL_COMMAND, WheelCommand)):
+            for row, message in (
+                (COMMAND, Command),
+                (WHEEL_COMMAND, WheelCommand),
+                (JOINT_COMMAND, JointState),
+            ):
                 key = row.key_in(self._run, vehicle=vehicle.name)
                 if key not in self._vehicles:
                     self._vehicles[key] = vehicle.name

@@ -18,6 +18,7 @@ from groundlink.journal import (
     AnyEntry,
     Changed,
     Commanded,
+    JointsCommanded,
     Journal,
     WheelsCommanded,
     encode_entry,
@@ -25,6 +26,7 @@ from groundlink.journal import (
     this_machine,
 )
 from groundlink.messages import Ack, Clock, Command, State, WheelCommand, decode, encode
+from groundlink.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.fast_fit import HISTORY_TICKS
@@ -141,7 +143,7 @@ class Life:
         if ack.life == self.number and process not in self._cut_off:
             self._promises.given(process, ack)
 
-    def command(self, vehicle: str, command: Command | WheelCommand) -> bool:
+    def command(self, vehicle: str, command: Command | WheelCommand | JointState) -> bool:
         """Give a vehicle a command; return whether it will act, or is stale.
 
         Raises
@@ -153,14 +155,20 @@ class Life:
         if isinstance(command, Command):
             velocity = replace(command, stamp_nanos=stamp_nanos)
             return self._take_in(Commanded(self.tick, vehicle, velocity))
+        if isinstance(command, JointState):
+            joints = replace(command, stamp_nanos=stamp_nanos)
+            return self._take_in(JointsCommanded(self.tick, vehicle, joints))
         wheels = replace(command, stamp_nanos=stamp_nanos)
         return self._take_in(WheelsCommanded(self.tick, vehicle, wheels))
 
-    def _take_in(self, entry: Commanded | WheelsCommanded) -> bool:
+    def _take_in(self, entry: Commanded | WheelsCommanded | JointsCommanded) -> bool:
         if isinstance(entry, Commanded):
             # It is of these that drivers give their word.
             tick = entry.command.stamp_nanos // TICK_NANOS
             self._promises.commanded(entry.vehicle, tick)
+        elif isinstance(entry, JointsCommanded):
+            tick = entry.command.stamp_nanos // TICK_NANOS
+            self._promises.commanded(f"{entry.vehicle}/joints", tick)
         will_act = self._simulation.command(entry.vehicle, entry.command)
         self._entries.append(encode_entry(entry))
         return will_act
@@ -256,6 +264,8 @@ class Life:
                 torques = simulation.motor_torques(truth.vehicle)
                 publish.truth[truth.vehicle](truth.odometry(vehicle, stamp))
                 publish.wheels[truth.vehicle](truth.wheels(vehicle, torques, stamp))
+                if len(vehicle.servo_positions):
+                    publish.joints[truth.vehicle](truth.joints(vehicle, stamp))
         if bodies := self._bodies.poses(state):
             publish.bodies(bodies)
         if simulation.tick % VITALS_TICKS == 0:

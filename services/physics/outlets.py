@@ -13,7 +13,7 @@ from typing import NamedTuple
 from groundlink.bus import Bus
 from groundlink.messages import Message, encode
 from groundlink.scenario import Scenario
-from groundlink.topics import BODIES, CLOCK, GROUND_TRUTH, STATE, TRUE_WHEELS, VITALS, Topic
+from groundlink.topics import BODIES, CLOCK, GROUND_TRUTH, JOINTS, STATE, TRUE_WHEELS, VITALS, Topic
 
 Publish = Callable[[Message], bytes]
 
@@ -26,6 +26,7 @@ class Outlets(NamedTuple):
     bodies: Publish
     truth: dict[str, Publish]
     wheels: dict[str, Publish]
+    joints: dict[str, Publish]
     vitals: dict[str, Publish]
 
 
@@ -43,10 +44,11 @@ def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None
         state, clock, bodies = (
             bus.publisher(row.key_in(run), row.delivery) for row in (STATE, CLOCK, BODIES)
         )
-        known = Outlets(state, clock, bodies, {}, {}, {})
+        known = Outlets(state, clock, bodies, {}, {}, {}, {})
     return known._replace(
         truth=each(GROUND_TRUTH, known.truth),
         wheels=each(TRUE_WHEELS, known.wheels),
+        joints=each(JOINTS, known.joints),
         vitals=each(VITALS, known.vitals),
     )
 
@@ -58,4 +60,4 @@ def unheard() -> Outlets:
         return b""
 
     nowhere: defaultdict[str, Publish] = defaultdict(lambda: none)
-    return Outlets(encode, none, none, nowhere, nowhere, nowhere)
+    return Outlets(encode, none, none, nowhere, nowhere, nowhere, nowhere)

@@ -14,6 +14,7 @@ from typing import Self
 
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import Command, VehicleState, WheelCommand
+from groundlink.navigation import JointState
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.vitals import Vitals
@@ -188,8 +189,10 @@ class Simulation:
         """Sim time of the present tick."""
         return self.tick * TICK_NANOS
 
-    def command(self, vehicle_name: str, command: Command | WheelCommand) -> bool:
-        """Ask a vehicle, or its wheels, for a velocity; return whether it will act.
+    def command(self, vehicle_name: str, command: Command | WheelCommand | JointState) -> bool:
+        """Ask a vehicle or its wheels for a velocity, or its joints for positions.
+
+        Return whether it will act.
 
         It acts in the first step at or after its stamp; not where its time is over.
 
@@ -200,7 +203,10 @@ class Simulation:
         ValueError
             when a velocity is not finite, or commands from the future pile up.
         """
-        return self._vehicles[vehicle_name].drive.command(command)
+        vehicle = self._vehicles[vehicle_name]
+        if isinstance(command, JointState):
+            return vehicle.servos.command(command)
+        return vehicle.drive.command(command)
 
     def step(self) -> None:
         """Go on by one tick."""

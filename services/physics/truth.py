@@ -81,6 +81,7 @@ class Truth:
         self.vehicle = vehicle.name
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
         self._wheels = tuple(wheel.name for wheel in vehicle.model.wheels)
+        self._joints = tuple(joint.name for joint in vehicle.model.joints)
         self._events = _Events(vehicle.ground_truth.rate_hz, from_tick)
         self._before: VehicleState | None = None
 
@@ -101,6 +102,8 @@ class Truth:
             base_velocity=_between(before.base_velocity, after.base_velocity, at),
             joint_positions=_between(before.joint_positions, after.joint_positions, at),
             joint_velocities=_between(before.joint_velocities, after.joint_velocities, at),
+            servo_positions=_between(before.servo_positions, after.servo_positions, at),
+            servo_velocities=after.servo_velocities,
         )
 
     def odometry(self, vehicle: VehicleState, stamp_nanos: int) -> Odometry:
@@ -133,6 +136,17 @@ class Truth:
             positions=vehicle.joint_positions,
             velocities=vehicle.joint_velocities,
             efforts=torques,
+        )
+
+    def joints(self, vehicle: VehicleState, stamp_nanos: int) -> JointState:
+        """Return where the joints other than wheels' are, as their servos say."""
+        return JointState(
+            stamp_nanos=stamp_nanos,
+            frame=self._child_frame,
+            names=self._joints,
+            positions=vehicle.servo_positions,
+            velocities=vehicle.servo_velocities,
+            efforts=memoryview(b""),
         )
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import VehicleState
+from groundlink.scenario.joints import product
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.mesh_asset import surface
@@ -31,6 +32,7 @@ from .engine import GRAVITY_MPS2, Engine
 from .gear import RunningGear, Touch
 from .hull import hull
 from .ledger import Ledger
+from .servos import Servos
 from .statics import CHASSIS, MEETS, WHEEL
 from .urdf import hull_file, suspension_joint, urdf
 
@@ -84,6 +86,7 @@ class SimulatedVehicle:
         self._model = model = vehicle.model
         self._friction = friction
         self.drive = Controller(model, epoch_nanos=epoch_nanos)
+        self.servos = Servos(model.joints, epoch_nanos=epoch_nanos)
         self.ledger = Ledger()
         self.body = body = _load(engine, vehicle, ground)
         indices = {
@@ -111,7 +114,7 @@ class SimulatedVehicle:
         self._com = model.chassis.center_m
         self._centers = [wheel.center_m for wheel in model.wheels]
         self._air = air(model)
-        self._pack_links = Struct(f"<{7 * (count + 1)}d").pack
+        self._pack_links = Struct(f"<{7 * (count + 1 + len(model.joints))}d").pack
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
         self._set_dynamics()
@@ -160,9 +163,7 @@ class SimulatedVehicle:
     @property
     def fastest(self) -> float:
         """The largest component of its velocities: m/s, rad/s, and m/s of springs."""
-        springs = [velocity for _, velocity, *_ in self._sprung]
-        fastest: float = max(map(abs, (*self._velocity, *self._turn, *springs)))
-        return fastest
+        return float(max(map(abs, (*self._velocity, *self._turn, *(s[1] for s in self._sprung)))))
 
     def stop(self) -> None:
         """Take all velocities away."""
@@ -174,10 +175,9 @@ class SimulatedVehicle:
 
     def at_rest(self) -> Rest:
         """Return how it rests, its velocities taken as zero."""
-        center, orientation = self._engine.getBasePositionAndOrientation(self.body)
         return Rest(
-            center,
-            orientation,
+            self._engine.getBasePositionAndOrientation(self.body)[0],
+            self._quaternion,
             tuple(position for position, *_ in self._sprung),
             tuple(wheel.tyre.deflection_m for wheel in self.gear.wheels),
             self._touches(0),
@@ -213,6 +213,7 @@ class SimulatedVehicle:
             springs=self._sprung,
             touches=self._touches(sim_nanos // TICK_NANOS),
         )
+        self.servos.step(sim_nanos)
         self.ledger.worked(gear.driving_w, gear.braking_w)
         if self._air:
             (x, y, z), torque = self._air.slow((x, y, z), torque, (vx, vy, vz), turn)
@@ -286,11 +287,19 @@ class SimulatedVehicle:
                 uz * cosine + ux * sine,
                 uw * cosine - uy * sine,
             )
+        for (cx, cy, cz), turn in self.servos.poses:
+            poses += (
+                x + a * cx + b * cy + c * cz,
+                y + d * cx + e * cy + f * cz,
+                z + g * cx + h * cy + i * cz,
+                *product(self._quaternion, turn),
+            )
         return VehicleState(
             memoryview(self._pack_links(*poses)),
             memoryview(self._pack_velocity(*self._velocity, *self._turn)),
             memoryview(self._pack_wheels(*[wheel.angle_rad for wheel in wheels])),
             memoryview(self._pack_wheels(*[wheel.speed_radps for wheel in wheels])),
+            *self.servos.state,
         )
 
 

@@ -32,6 +32,7 @@ from msgspec.structs import replace
 
 from groundlink.clock import NANOS
 from groundlink.scenario import Scenario
+from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle
 from groundlink.world import actors
 from groundlink.world.build import solids
@@ -67,9 +68,15 @@ def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
 
 def _body(vehicle: Vehicle) -> list[Solid]:
     """Return a vehicle with its wheels, in its base frame."""
-    base, *wheels = links(vehicle.model)
-    for wheel, parts in zip(vehicle.model.wheels, wheels, strict=True):
+    model = vehicle.model
+    base, *others = links(model)
+    for wheel, parts in zip(model.wheels, others, strict=False):
         base += [replace(part, position_m=wheel.center_m) for part in parts]
+    still = base_from_links(model.joints, [0.0] * len(model.joints))
+    for ((x, y, z), _), parts in zip(still, others[len(model.wheels) :], strict=True):
+        for part in parts:
+            px, py, pz = part.position_m
+            base.append(replace(part, position_m=(x + px, y + py, z + pz)))
     return base
 
 

@@ -31,6 +31,7 @@ from groundlink.messages import (
 from groundlink.navigation import JointState, Odometry
 from groundlink.ros_streams import Outgoing, RosStream
 from groundlink.scenario import Scenario
+from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle
 from groundlink.world.build import world_hash
 
@@ -123,7 +124,11 @@ class _Links:
         self._placed_at: Floats = self.angles
         self._base_from_link = np.zeros((len(self.names), 7))
         self._base_from_link[:, 6] = 1.0
-        self._base_from_link[1:, :3] = [wheel.center_m for wheel in model.wheels]
+        wheels, last = [wheel.center_m for wheel in model.wheels], len(model.wheels) + 1
+        self._base_from_link[1:last, :3] = wheels
+        still = base_from_links(model.joints, [0.0] * len(model.joints))
+        for row, (place, turn) in enumerate(still, last):
+            self._base_from_link[row] = *place, *turn
 
     def turn(self, angles: Floats) -> None:
         """Take note of the wheels' angles; those of a replay by another version may not fit."""
@@ -143,7 +148,8 @@ class _Links:
         turned = self.angles - self._placed_at  # about the link's y
         spin = np.zeros((len(self.names), 4))
         spin[:, 3] = 1.0
-        spin[1:, 1], spin[1:, 3] = np.sin(turned / 2), np.cos(turned / 2)
+        wheels = slice(1, len(turned) + 1)
+        spin[wheels, 1], spin[wheels, 3] = np.sin(turned / 2), np.cos(turned / 2)
         rotation = matrix_from_quaternion(truth.orientation)
         poses = np.empty_like(self._base_from_link)
         poses[:, :3] = truth.position_m + self._base_from_link[:, :3] @ rotation.T

@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -16,6 +17,7 @@ from groundlink.journal import (
     BLOCK_ENTRIES,
     Changed,
     Commanded,
+    JointsCommanded,
     Journal,
     JournalError,
     Machine,
@@ -30,7 +32,8 @@ from groundlink.journal import (
     this_machine,
     write,
 )
-from groundlink.messages import Ack, Command, State, WheelCommand
+from groundlink.messages import Ack, Command, State, WheelCommand, packed
+from groundlink.navigation import JointState
 from groundlink.scenario import load
 from groundlink.scenario.spawned import KINDS
 
@@ -39,6 +42,9 @@ SCENARIO = load(str(Path(__file__).parents[2] / "scenarios" / "indoor_lab.yaml")
 ENTRIES = (
     Commanded(0, "rover", Command(2_500_000, (0.5, 0.0, 0.0), (0.0, 0.0, -0.25))),
     WheelsCommanded(3, "rover", WheelCommand(7_500_000, {"wheel": 1.5}, {"fork": 0.1})),
+    JointsCommanded(
+        4, "tank", JointState(10_000_000, "", ("gun",), *3 * (packed(np.array([0.1])),))
+    ),
     Changed(3, Spawn(KINDS["person"])),
     Changed(9, Remove("person")),
 )

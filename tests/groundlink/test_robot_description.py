@@ -47,7 +47,8 @@ def test_links_are_a_tree_below_the_base(name: str, place: int) -> None:
         parents[child.attrib["link"]] = parent.attrib["link"]
     assert len(set(links)) == len(links)
     assert {*links} == {*parents, vehicle.model.base_frame}
-    assert {*parents.values()} == {vehicle.model.base_frame}
+    carriers = {f"{joint.parent}_link" for joint in vehicle.model.joints if joint.parent}
+    assert {*parents.values()} == {vehicle.model.base_frame} | carriers
     assert robot.find("link/visual") is not None
     for element in robot.iter():
         for word in (w for value in element.attrib.values() for w in value.split()):

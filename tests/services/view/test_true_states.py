@@ -70,8 +70,9 @@ def test_links_are_where_they_were_also_between_the_poses_of_all_bodies() -> Non
         state = driving(tick)
         stamp = state.stamp_nanos
         came = [clock(tick)]
-        odometry = tell.odometry(state, stamp)
-        wheels = tell.wheels(state, packed(np.zeros(4)), stamp)
+        rover = state.vehicles["rover"]
+        odometry = tell.odometry(rover, stamp)
+        wheels = tell.wheels(rover, packed(np.zeros(4)), stamp)
         came.append(drawable("rover/ground_truth/wheels", wheels))
         if poses := bodies.poses(state):  # at 10 Hz
             came.append(drawable("bodies", poses))

@@ -13,6 +13,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.frames import Floats, transform
+from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.part import Kind
 from groundlink.scenario.schema import Scenario, Vehicle, World
 from groundlink.world import motion
@@ -121,7 +122,10 @@ def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
     """Return world_from_link of a vehicle on its springs where it starts, shape (links, 7)."""
     position, turn = start(vehicle, terrain)
     base = transform(position, turn)
-    in_base = np.array([(0.0, 0.0, 0.0), *(wheel.center_m for wheel in vehicle.model.wheels)])
+    joints = vehicle.model.joints
+    still = (place for place, _ in base_from_links(joints, [0.0] * len(joints)))
+    wheels = (wheel.center_m for wheel in vehicle.model.wheels)
+    in_base = np.array([(0.0, 0.0, 0.0), *wheels, *still])
     positions = in_base @ base[:3, :3].T + base[:3, 3]
     return np.hstack([positions, np.tile(turn, (len(positions), 1))])
 

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints of a vehicle other than those of its wheels: a turret, a gun, a mast.
+
+Rule: a servo holds each joint where it is commanded to be. The links have no mass of their own, as
+their weight belongs to the chassis, so they do not push the base. They collide with nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, hypot, sin
+from typing import Literal
+
+from groundlink.frames import IDENTITY_QUATERNION
+from groundlink.world.solids import Positive, Quaternion, Solid, Spec, Vector3
+
+from .every_sensor import Name
+
+Pose = tuple[Vector3, Quaternion]
+
+
+class Joint(Spec, frozen=True, kw_only=True):
+    """One joint; its link is `<name>_link`."""
+
+    name: Name
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    parent: Name | None = None
+    """An earlier joint, whose link carries this one; none: the base."""
+
+    at_m: Vector3
+    """Of the link's origin in the parent's frame, at position zero; the axes are parallel there."""
+
+    axis: Vector3 = (0.0, 0.0, 1.0)
+    lower: float | None = None
+    """Smallest position, rad or m; none: no limit."""
+
+    upper: float | None = None
+    max_speed: Positive
+    """Of the servo, rad/s or m/s."""
+
+    visuals: tuple[Solid, ...] = ()
+    """What the link looks like, in its frame."""
+
+    def __post_init__(self) -> None:
+        if not hypot(*self.axis):
+            raise ValueError("`axis` is zero; expected a direction")
+        low, high = self.limits
+        if not low <= 0.0 <= high:
+            raise ValueError("`lower` to `upper` leaves out 0, where a joint starts")
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest position, rad or m."""
+        low = float("-inf") if self.lower is None else self.lower
+        return low, float("inf") if self.upper is None else self.upper
+
+    @property
+    def unit_axis(self) -> Vector3:
+        """Of unit length."""
+        x, y, z = self.axis
+        size = hypot(x, y, z)
+        return x / size, y / size, z / size
+
+
+def check(joints: Sequence[Joint], others: Sequence[str]) -> None:
+    """Refuse joints with the names of others, or whose parents do not come before them.
+
+    Raises
+    ------
+    ValueError
+        with what was expected.
+    """
+    known: set[str] = set()
+    for joint in joints:
+        if joint.name in known or joint.name in others:
+            raise ValueError(f"two joints or wheels are called `{joint.name}`; expected own names")
+        if joint.parent is not None and joint.parent not in known:
+            raise ValueError(
+                f"`joints`: `{joint.name}` has the parent `{joint.parent}`; expected an earlier "
+                "joint, or none for the base"
+            )
+        known.add(joint.name)
+
+
+def base_from_links(joints: Sequence[Joint], positions: Sequence[float]) -> list[Pose]:
+    """Return where each joint's link is in the base frame, at positions in rad or m."""
+    poses: dict[str | None, Pose] = {None: ((0.0, 0.0, 0.0), IDENTITY_QUATERNION)}
+    for joint, position in zip(joints, positions, strict=True):
+        origin, turn = poses[joint.parent]
+        x, y, z = joint.unit_axis
+        at = joint.at_m
+        if joint.kind == "prismatic":
+            at = at[0] + x * position, at[1] + y * position, at[2] + z * position
+        moved = _rotated(turn, at)
+        place = origin[0] + moved[0], origin[1] + moved[1], origin[2] + moved[2]
+        if joint.kind == "revolute":
+            s = sin(position / 2)
+            turn = product(turn, (x * s, y * s, z * s, cos(position / 2)))
+        poses[joint.name] = place, turn
+    return [poses[joint.name] for joint in joints]
+
+
+def product(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Return the rotation by `second`, then by `first`; on floats, as it is done in every tick."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def _rotated(turn: Quaternion, vector: Vector3) -> Vector3:
+    x, y, z, w = turn
+    vx, vy, vz, _ = product(product(turn, (*vector, 0.0)), (-x, -y, -z, w))
+    return vx, vy, vz

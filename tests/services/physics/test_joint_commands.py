@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands of joints from ROS to the states: read, taken in, journaled, done again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from groundlink.journal import JointsCommanded
+from groundlink.messages import BadMessage, State, floats, packed
+from groundlink.navigation import JointState
+from groundlink.ros_base import Bases
+from groundlink.ros_incoming import joint_state
+from groundlink.ros_messages import to_cdr
+from groundlink.ros_streams import incoming
+from groundlink.scenario import load
+from groundlink.scenario.load import SHIPPED
+from groundlink.topics import JOINT_COMMAND, JOINTS
+from services.physics.life import Life
+from services.physics.outlets import unheard
+from services.sensors.surroundings import Surroundings
+
+from .grounds import drive, put, shipped
+
+NOTHING = memoryview(b"")
+OUTDOORS = load(SHIPPED / "outdoor_paper.yaml")
+
+
+def command(stamp_nanos: int = 0, **positions: float) -> JointState:
+    at = packed(np.array([*positions.values()]))
+    return JointState(stamp_nanos, "", tuple(positions), at, NOTHING, NOTHING)
+
+
+def test_a_joint_state_of_ros_is_a_command_of_the_run() -> None:
+    (stream,) = (s for s in incoming(OUTDOORS, "run") if s.message is JointState)
+    assert stream.topic == "/joint_commands"
+    assert stream.key == JOINT_COMMAND.key_in("run", vehicle="tank")
+    found = joint_state(to_cdr(command(7, turret=0.5, gun=0.1)), 11)
+    assert found == command(11, turret=0.5, gun=0.1)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        to_cdr(JointState(0, "", ("gun",), NOTHING, NOTHING, NOTHING)),
+        to_cdr(command(gun=float("nan"))),
+        to_cdr(command(gun=0.1))[:-4],
+    ],
+    ids=["no positions", "not finite", "cut off"],
+)
+def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
+    with pytest.raises(BadMessage):
+        joint_state(body, 0)
+
+
+def test_a_life_that_is_done_again_moves_its_joints_again() -> None:
+    def life() -> Life:
+        made = Life(OUTDOORS, "run", unheard(), others=(), wall_nanos=10**18)
+        made.begin(0, 0.0)
+        return made
+
+    first = life()
+    try:
+        assert first.command("tank", command(first.epoch_nanos + 5_000_000, turret=0.4))
+        with pytest.raises(ValueError, match="no joint `door`"):
+            first.command("tank", command(first.epoch_nanos, door=0.4))
+        for _ in range(40):
+            first.step()
+        journal = first.journal()
+    finally:
+        first.end()
+    (entry,) = journal.read()
+    assert isinstance(entry, JointsCommanded)
+    assert entry.command.stamp_nanos == 5_000_000
+    second = life()
+    try:
+        second.follow(entry)
+        for _ in range(40):
+            second.step()
+        assert second.journal().digest == journal.digest
+    finally:
+        second.end()
+
+
+def test_joint_states_tell_where_joints_are() -> None:
+    bases = Bases(OUTDOORS, "run")
+    said = command(10**18, turret=0.25)
+    (told,) = bases.hear(JOINTS.key_in("run", vehicle="tank"), said)
+    assert (told.topic, told.message) == ("/joint_states", said)
+    (place,) = (p for p in bases.places if p.topic == "/joint_states")
+    assert place.declared_hz == OUTDOORS.vehicles[0].ground_truth.rate_hz
+
+
+def test_rays_and_pictures_see_the_joint_where_it_is() -> None:
+    with put(shipped("tank")) as simulation:
+        simulation.command("it", command(turret=0.2))
+        drive(simulation, 1.0)
+        vehicle = simulation.vehicle_states()["it"]
+    tank = OUTDOORS.vehicles[0]
+    around = Surroundings(OUTDOORS, tank, (0.0, 0.0, 0.0))
+    around.take(
+        State(
+            "t",
+            0,
+            0,
+            0,
+            0,
+            "",
+            {"tank": vehicle},
+            packed(np.zeros((len(OUTDOORS.world.actors), 7))),
+        )
+    )
+    names = tank.model.link_names()
+    place = names.index("turret_link")
+    assert {solid.name for solid in around.links[place]} >= {"turret_wall", "antenna"}
+    assert around.motion(0, 0)[0, place, 5] == pytest.approx(np.sin(0.1), abs=1e-3)
+    assert floats(vehicle.servo_positions).tolist() == pytest.approx([0.2, 0.0])
