@@ -33,31 +33,61 @@ ALLOWED = (
     "pytest.skip('the program would have to send billions before')\n"
 )
 EXPECTED_FAILURE = "import pytest\n@pytest.mark.xfail\ndef test_it():\n    assert False\n"
+MODULES = {
+    "in_a_test": IN_A_TEST,
+    "by_a_mark": BY_A_MARK,
+    "of_a_module": OF_A_MODULE,
+    "in_a_fixture": IN_A_FIXTURE,
+    "allowed": ALLOWED,
+    "expected_failure": EXPECTED_FAILURE,
+}
+FORBIDDEN = list(MODULES)[:4]
 
 
-def outcome(folder: Path, text: str, every: str) -> str:
-    """Return what pytest prints for a module of tests, with GROUNDLINK_EVERY_TEST as given."""
-    (folder / "test_it.py").write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.strict_skips", "-c", os.devnull]
-    done = subprocess.run(
-        [*command, "--rootdir", str(folder), str(folder / "test_it.py")],
-        cwd=ROOT,
-        env=os.environ | {"GROUNDLINK_EVERY_TEST": every, "PYTEST_ADDOPTS": ""},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return done.stdout
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+    """Return what pytest prints of each module, without and with GROUNDLINK_EVERY_TEST."""
+    folder = tmp_path_factory.mktemp("modules")
+    for name, text in MODULES.items():
+        (folder / f"test_{name}.py").write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-rA", "-p", "tests.strict_skips"]
+    command += ["--continue-on-collection-errors", "-c", os.devnull]
+    found = {}
+    for every in ("", "1"):
+        done = subprocess.run(
+            [*command, "--rootdir", str(folder), str(folder)],
+            cwd=ROOT,
+            env=os.environ
+            | {
+                "GROUNDLINK_EVERY_TEST": every,
+                "PYTEST_ADDOPTS": "",
+                "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+            },
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        lines = done.stdout.splitlines()
+        found[every] = {
+            name: "\n".join(line for line in lines if f"test_{name}.py" in line) for name in MODULES
+        }
+    return found
 
 
-@pytest.mark.parametrize("text", [IN_A_TEST, BY_A_MARK, OF_A_MODULE, IN_A_FIXTURE])
-def test_a_skip_fails_where_every_test_must_run(tmp_path: Path, text: str) -> None:
-    assert "a skip is a failure here: " in outcome(tmp_path, text, every="1")
-    lenient = outcome(tmp_path, text, every="")
-    assert "1 skipped" in lenient
+@pytest.mark.parametrize("name", FORBIDDEN)
+def test_a_skip_fails_where_every_test_must_run(
+    outcomes: dict[str, dict[str, str]], name: str
+) -> None:
+    assert "a skip is a failure here: " in outcomes["1"][name]
+    lenient = outcomes[""][name]
+    assert "SKIPPED [1]" in lenient
     assert "failure" not in lenient
 
 
-@pytest.mark.parametrize(("text", "count"), [(ALLOWED, "1 skipped"), (EXPECTED_FAILURE, "1 xf")])
-def test_what_is_allowed_or_expected_fails_nowhere(tmp_path: Path, text: str, count: str) -> None:
-    assert count in outcome(tmp_path, text, every="1")
+@pytest.mark.parametrize(
+    ("name", "told"), [("allowed", "SKIPPED [1]"), ("expected_failure", "XFAIL")]
+)
+def test_what_is_allowed_or_expected_fails_nowhere(
+    outcomes: dict[str, dict[str, str]], name: str, told: str
+) -> None:
+    assert told in outcomes["1"][name]
