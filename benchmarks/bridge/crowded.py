@@ -22,7 +22,7 @@ _WARM_UP = 3
 
 def processes(quick: bool, folder: Path) -> Part:
     """Count what is lost while two processes compute beside; print."""
-    count = 10 if quick else 100
+    count = 5 if quick else 100
     rows, lost, drops = [], 0, 0
     print(f"\n{SIZE} bytes without privileges; lost is what has not arrived:")
     print(
@@ -74,7 +74,7 @@ def thread(quick: bool, folder: Path) -> Part:
         ("ROS node", "node", ("--busy-thread",), {}),
     ):
         with closing(UdpBridge(receiver, *options, environment=environment)) as ours:
-            took = [ours.send(SIZE) for _ in range(_WARM_UP + (5 if quick else 21))][_WARM_UP:]
+            took = [ours.send(SIZE) for _ in range(_WARM_UP + (3 if quick else 21))][_WARM_UP:]
         rows.append({"what": what, "ms": statistics.median(took), "count": len(took)})
         print(f"{what:30} {rows[-1]['ms']:8.2f}", flush=True)
     return Part(rows, [])

@@ -40,7 +40,7 @@ def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> Part:
         print("\nUntil ROS's publish call (C program: until whole), medians in ms:")
         print(" ".join([f"{'bytes':>9}", *(f"{n:>12}" for n in names), "  ROS#/ours  messages"]))
         for size in QUICK_SIZES if quick else SIZES:
-            count = 8 if quick else max(21, min(100, 100_000_000 // size))
+            count = 3 if quick else max(21, min(100, 100_000_000 // size))
             took = measure(ways, size, count)
             medians = dict(zip(names, map(statistics.median, took), strict=True))
             ratio = medians[RosSharp.name] / medians[UdpBridge.name]

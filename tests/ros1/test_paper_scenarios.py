@@ -31,7 +31,7 @@ from tests.system.rig import REPOSITORY, rig
 
 from .conftest import Ros1
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 
 NANOS = 1_000_000_000
 SIM_SECONDS = 2

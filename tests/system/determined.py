@@ -23,7 +23,7 @@ from groundlink.topics import process_names, sensor_outputs
 
 from .rig import Rig, rig, wait_for
 
-UNTIL_NANOS = 20_000_000_000
+UNTIL_NANOS = 10_000_000_000
 RUN = "every_sensor"
 HEARD = "heard.json"
 PATIENCE_SECONDS = 100.0

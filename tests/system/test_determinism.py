@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """In lockstep every sensor gives the same bytes, wherever, whenever and however slowly it runs.
 
-A run of 20 s with every kind of sensor, undisturbed and in fast mode, is what all others have to
+A run of 10 s with every kind of sensor, undisturbed and in fast mode, is what all others have to
 equal. Two that keep to the wall clock go on beside the others.
 """
 
@@ -62,8 +62,8 @@ def expected(paced: dict[float, Run], tmp_path_factory: pytest.TempPathFactory) 
 
 def test_every_stream_is_complete(expected: Heard) -> None:
     counts = {key.removeprefix(f"groundlink/{RUN}/rover/"): len(b) for key, b in expected.items()}
-    assert 160 < counts.pop("lidar") < 200, "a fault drops some"
-    assert counts.pop("imu") in (7998, 7999, 8000)
+    assert 60 < counts.pop("lidar") < 100, "a fault drops some"
+    assert counts.pop("imu") in (3998, 3999, 4000)
     rates_hz = {
         "truth": 10,
         "scanner": 10,
@@ -73,7 +73,7 @@ def test_every_stream_is_complete(expected: Heard) -> None:
         "gnss": 5,
         "sonar": 15,
     }
-    declared = {name: 20 * rates_hz.get(name.rpartition("/")[2], 4) for name in counts}
+    declared = {name: 10 * rates_hz.get(name.rpartition("/")[2], 4) for name in counts}
     assert counts == declared
     assert all(len({body for _, body in bodies}) > 1 for bodies in expected.values())
 
@@ -95,7 +95,10 @@ def test_started_in_any_order_and_killed(expected: Heard, tmp_path: Path) -> Non
         names = random.Random(8).sample(it.names, len(it.names))
         assert names.index("physics") > 2, "some are there before it"
         it.start(*names)
-        for victim, at_nanos in (("rover/lidar", UNTIL_NANOS // 4), ("rover/odometry", 10**10)):
+        for victim, at_nanos in (
+            ("rover/lidar", UNTIL_NANOS // 4),
+            ("rover/odometry", UNTIL_NANOS // 2),
+        ):
             it.witness.wait(at_nanos)
             os.kill(it.pids[victim], signal.SIGKILL)
             it.start(victim)

@@ -18,7 +18,7 @@ from groundlink.ros_types import STORE
 
 from .rig import REPOSITORY, Observer, Rig, rig, wait_for
 
-pytestmark = [pytest.mark.system, pytest.mark.alone]
+pytestmark = pytest.mark.system
 
 
 def fault(it: Rig, *words: str, code: int = 0) -> str:
@@ -60,6 +60,7 @@ def times(path: Path, topic: str) -> list[float]:
         return [(message.nanos - epoch) / 1e9 for message in recording.read([topic])]
 
 
+@pytest.mark.alone
 def test_sensors_fail_and_recover_in_ros_and_in_a_recording(tmp_path: Path) -> None:
     out = tmp_path / "run.mcap"
     with rig(tmp_path) as it:

@@ -59,19 +59,18 @@ def it(tmp_path: Path) -> Iterator[Rig]:
 
 def test_scenarios_that_cannot_be_run(it: Rig) -> None:
     text = LAB.read_text(encoding="utf-8")
-    for wrong, words in [
-        (text.replace("seed: 1", "sede: 1"), ["sede", "did you mean `seed`?", ":4:"]),
-        (text.replace("seed: 1", "seed: x"), ["seed", "int", ":4:"]),
-        (text.replace("vehicles/rover.yaml", "rovr"), ["rovr", "did you mean `rover`?"]),
-        (text.replace("kind: encoders", "kind: encoder"), ["encoder", "`encoders`?"]),
+    check = ("-m", "groundlink", "check", str(it.scenario))
+    up = ("-m", "groundlink", "up", str(it.scenario))
+    physics = ("-m", "services.physics", str(it.scenario))
+    for wrong, words, commands in [
+        (text.replace("seed: 1", "sede: 1"), ["sede", "did you mean `seed`?", ":4:"], [check, up]),
+        (text.replace("seed: 1", "seed: x"), ["seed", "int", ":4:"], [check, physics]),
+        (text.replace("vehicles/rover.yaml", "rovr"), ["rovr", "did you mean `rover`?"], [up]),
+        (text.replace("kind: encoders", "kind: encoder"), ["encoder", "`encoders`?"], [physics]),
     ]:
         assert wrong != text
         it.scenario.write_text(wrong, encoding="utf-8")
-        for command in (
-            ("-m", "groundlink", "check", str(it.scenario)),
-            ("-m", "groundlink", "up", str(it.scenario)),
-            ("-m", "services.physics", str(it.scenario)),
-        ):
+        for command in commands:
             line = run(it, *command)
             for word in [*words, str(it.scenario)]:
                 assert word in line, line

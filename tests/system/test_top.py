@@ -26,13 +26,13 @@ from groundlink.topics import GROUND_TRUTH
 from .rig import REPOSITORY, Rig, rig, wait_for
 from .test_alone import start_sensor
 
-pytestmark = [pytest.mark.system, pytest.mark.alone]
+pytestmark = pytest.mark.system
 
 
-@pytest.fixture
-def alone(tmp_path: Path) -> Iterator[tuple[Rig, int]]:
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Rig, int]]:
     """Physics and one sensor, in real time; with the sensor's process id."""
-    with rig(tmp_path) as it:
+    with rig(tmp_path_factory.mktemp("run")) as it:
         physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
         it.start(*physics, log="physics.log")
         wait_for(it.is_answered, 20, "physics listens")
@@ -45,20 +45,7 @@ def states(it: Rig) -> dict[str, dict[str, Any]]:
     return {row["name"]: row for row in json.loads(lines[-1])["processes"]} if lines else {}
 
 
-def test_a_process_that_dies_is_gone_within_two_seconds(alone: tuple[Rig, int]) -> None:
-    it, imu = alone
-    it.start("-m", "groundlink", "top", "--json", "--connect", it.endpoint, log="top.log")
-    wait_for(lambda: states(it).get("rover/imu", {}).get("measured_hz"), 20, "a rate is measured")
-    now = states(it)
-    assert now["rover/imu"]["state"] == "alive"
-    assert now["rover/imu"]["measured_hz"] == pytest.approx(400.0, rel=0.02)
-    assert now["rover/imu"]["pid"] == imu
-    assert now["physics"]["host"] == os.uname().nodename
-    assert now["rover/lidar"]["state"] == "missing"
-    os.kill(imu, signal.SIGKILL)
-    wait_for(lambda: states(it)["rover/imu"]["state"] == "gone", 2.0, "it is gone")
-
-
+@pytest.mark.alone
 def test_once_is_a_picture_and_ends(alone: tuple[Rig, int]) -> None:
     it, _ = alone
     command = [sys.executable, "-m", "groundlink", "top", "--once", "--connect", it.endpoint]
@@ -179,3 +166,19 @@ def test_a_route_is_driven_from_where_the_vehicle_stands(alone: tuple[Rig, int])
     wrong = it.start(*command, "--route", "triangle", log="wrong.log")
     assert wrong.wait(20) == 2
     assert "no figure `triangle`" in it.log("wrong.log")
+
+
+@pytest.mark.alone
+def test_a_process_that_dies_is_gone_within_two_seconds(alone: tuple[Rig, int]) -> None:
+    """The last test of this run, for the sensor is not started again."""
+    it, imu = alone
+    it.start("-m", "groundlink", "top", "--json", "--connect", it.endpoint, log="top.log")
+    wait_for(lambda: states(it).get("rover/imu", {}).get("measured_hz"), 20, "a rate is measured")
+    now = states(it)
+    assert now["rover/imu"]["state"] == "alive"
+    assert now["rover/imu"]["measured_hz"] == pytest.approx(400.0, rel=0.02)
+    assert now["rover/imu"]["pid"] == imu
+    assert now["physics"]["host"] == os.uname().nodename
+    assert now["rover/lidar"]["state"] == "missing"
+    os.kill(imu, signal.SIGKILL)
+    wait_for(lambda: states(it)["rover/imu"]["state"] == "gone", 2.0, "it is gone")

@@ -149,7 +149,6 @@ def by_hand(text: str) -> str:
     return re.sub(r"(?m)^    route: .*\n", "", text)
 
 
-@pytest.mark.alone
 def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> None:
     """Commands and faults at any instant, sensors that come late or never, a recorder killed."""
     scenario, out = write_scenario(tmp_path, by_hand), tmp_path / "run.mcap"
