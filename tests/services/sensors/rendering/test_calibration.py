@@ -34,7 +34,7 @@ CORNERS = np.array(
     [((x - 5) * SQUARE_M, (y - 3.5) * SQUARE_M, 0.0) for y in range(INNER[1]) for x in range(11)],
     np.float32,
 )
-VIEWS = 28
+VIEWS = 12
 LEAST_STEP_PX = 20.0
 """Between corners of a view: of smaller squares the detector takes one corner for another."""
 
