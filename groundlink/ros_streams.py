@@ -27,6 +27,8 @@ from .topics import (
     FROM_ROS,
     GAPS,
     GROUND_TRUTH,
+    JOINT_COMMAND,
+    JOINTS,
     RELAYED,
     STREAM_TOPICS,
     TRUE_WHEELS,
@@ -53,6 +55,9 @@ class RosStream:
 
     ros_type: str = ""
     """Where it is not that of `ros_messages`."""
+
+    is_command: bool = False
+    """Messages are commands of the run; they act at their stamps, which are of the run's time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +140,7 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
                 topic=topic,
                 declared_hz=None,
                 ros_type=ros_type,
+                is_command=row in (COMMAND, JOINT_COMMAND),
             )
             for row, topic, ros_type in rows
             if topic is not None
@@ -181,10 +187,8 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
             repair=spec.repair,
             in_blocks=_in_blocks(vehicle, spec),
         )
-    truths = (
-        (GROUND_TRUTH, scenario.ground_truth_topic(vehicle)),
-        (TRUE_WHEELS, scenario.true_wheels_topic(vehicle)),
-    )
+    # A vehicle without joints has no topic for them.
+    truths = zip((GROUND_TRUTH, TRUE_WHEELS, JOINTS), scenario.true_topics(vehicle), strict=False)
     for row, place in truths:
         yield Outgoing(
             key=row.key_in(run, vehicle=vehicle.name),

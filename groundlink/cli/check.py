@@ -91,7 +91,7 @@ def _described(scenario: Scenario) -> Iterator[str]:
             name = f"{vehicle.name}/{stream.name} ({stream.kind})"
             yield f"stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz"
         truth = vehicle.ground_truth
-        for topic in (scenario.ground_truth_topic(vehicle), scenario.true_wheels_topic(vehicle)):
+        for topic in scenario.true_topics(vehicle):
             yield f"truth    {topic}, {truth.rate_hz:g} Hz, {_asked(truth.push)}"
     bodies = scenario.bodies
     yield f"truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}"

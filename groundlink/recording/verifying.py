@@ -15,8 +15,16 @@ from msgspec.structs import replace
 from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.errors import UserError
 from groundlink.faults import Faults
-from groundlink.journal import Changed, Commanded, Journal, encode_entry, this_machine
+from groundlink.journal import (
+    Changed,
+    Commanded,
+    JointsCommanded,
+    Journal,
+    encode_entry,
+    this_machine,
+)
 from groundlink.messages import Command
+from groundlink.navigation import JointState
 from groundlink.ros_base import made_topics
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros_readings import Moment, from_cdr
@@ -99,8 +107,8 @@ def not_compared(recording: Recording) -> dict[str, str]:
     found = {DIAGNOSTICS_TOPIC: "what processes counted, and how long they took"}
     found |= dict.fromkeys(made_topics(scenario), "made of the scenario and of what is compared")
     for stream in incoming(scenario, run):
-        told = stream.message is Command
-        found[stream.topic] = "what the run was told, and is told again" if told else "from ROS"
+        told = "what the run was told, and is told again" if stream.is_command else "from ROS"
+        found[stream.topic] = told
     for vehicle in scenario.vehicles:
         found |= dict.fromkeys((s.topic for s in vehicle.streams), "from another process")
     for name in scenario.sensor_names():
@@ -184,12 +192,19 @@ def journal_again(recording: Recording, scenario: Scenario) -> Journal:
 def _guessed(recording: Recording) -> Journal:
     """Return a journal in which each command was taken in at its stamp, as in fast runs."""
     run, entries = recording.run, []
-    vehicles = {vehicle.command_topic: vehicle.name for vehicle in run.scenario.vehicles}
-    for recorded in recording.read([*vehicles]):
-        moment = Moment(recorded.nanos - run.epoch_nanos, 0)
-        command = from_cdr(recorded.cdr, Command, moment)
-        tick = command.stamp_nanos // TICK_NANOS
-        entries.append(encode_entry(Commanded(tick, vehicles[recorded.topic], command)))
+    streams = {s.topic: s for s in incoming(run.scenario, run.run) if s.is_command}
+    for recorded in recording.read([*streams]):
+        stream = streams[recorded.topic]
+        vehicle = stream.key.split("/")[2]
+        nanos = recorded.nanos - run.epoch_nanos
+        tick = nanos // TICK_NANOS
+        if stream.message is JointState:
+            joints = from_cdr(recorded.cdr, JointState, Moment(nanos, 0))
+            joints = replace(joints, stamp_nanos=nanos)
+            entries.append(encode_entry(JointsCommanded(tick, vehicle, joints)))
+        else:
+            command = from_cdr(recorded.cdr, Command, Moment(nanos, 0))
+            entries.append(encode_entry(Commanded(tick, vehicle, command)))
     return Journal(
         made_on=this_machine(),
         run=run.run,

@@ -102,8 +102,8 @@ def _sent(scenario: Scenario) -> Iterator[_Use]:
     yield _Use(scenario.bodies.topic, ("bodies",), "`bodies`")
     for v, vehicle in enumerate(scenario.vehicles):
         truth, whose = ("vehicles", v, "ground_truth"), f"`ground_truth` of `{vehicle.name}`"
-        yield _Use(scenario.ground_truth_topic(vehicle), truth, whose)
-        yield _Use(scenario.true_wheels_topic(vehicle), truth, whose)
+        for topic in scenario.true_topics(vehicle):
+            yield _Use(topic, truth, whose)
     for v, vehicle in enumerate(scenario.vehicles):
         for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
             for s, spec in enumerate(specs):

@@ -108,6 +108,9 @@ class GroundTruth(Spec, frozen=True):
     wheels_topic: RosTopic | None = None
     """Of the wheels' angles, speeds and torques: `ground_truth/wheels`, in the same way."""
 
+    joints_topic: RosTopic | None = None
+    """Of positions and speeds of the vehicle's other joints: `ground_truth/joints`, likewise."""
+
     rate_hz: Rate = 50.0
     push: bool = False
 
@@ -271,6 +274,15 @@ class Scenario(Spec, frozen=True, kw_only=True):
     def true_wheels_topic(self, vehicle: Vehicle) -> str:
         """Return the ROS topic of a vehicle's true wheel states."""
         return vehicle.ground_truth.wheels_topic or f"{vehicle.namespace}/ground_truth/wheels"
+
+    def true_joints_topic(self, vehicle: Vehicle) -> str:
+        """Return the ROS topic of the true positions of a vehicle's joints, other than wheels."""
+        return vehicle.ground_truth.joints_topic or f"{vehicle.namespace}/ground_truth/joints"
+
+    def true_topics(self, vehicle: Vehicle) -> list[str]:
+        """Return the ROS topics of a vehicle's ground truth."""
+        joints = [self.true_joints_topic(vehicle)] if vehicle.model.joints else []
+        return [self.ground_truth_topic(vehicle), self.true_wheels_topic(vehicle), *joints]
 
     def vitals_topic(self, vehicle: Vehicle) -> str:
         """Return the topic of a vehicle's vitals in a recording."""

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Protocol
 
 from groundlink.clock import NANOS, Schedule, exact
-from groundlink.messages import BadMessage, Clock, Command, Health, Message, measured_nanos
+from groundlink.messages import BadMessage, Clock, Health, Message, measured_nanos
 from groundlink.ros_base import Bases
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros_messages import ros_type_of, to_cdr
@@ -183,11 +183,11 @@ class Recorder:
         return measured_nanos(message) > self.clock.stamp_nanos + AHEAD_NANOS
 
     def _take(self, key: str, message: Message) -> None:
-        if key in self._incoming:
+        if (stream := self._incoming.get(key)) is not None:
             assert self.clock is not None
-            # What a stack stamps is its own business; a command has the run's time.
-            timed = message if isinstance(message, Command) else self.clock
-            self._write(key, message, max(timed.stamp_nanos, self._first_nanos))
+            # A command has the run's time; other stamps from ROS may be of another clock.
+            nanos = measured_nanos(message) if stream.is_command else self.clock.stamp_nanos
+            self._write(key, message, max(nanos, self._first_nanos))
             return
         stamp = measured_nanos(message)
         if stamp <= self._reached.get(key, self._first_nanos - 1):

@@ -7,7 +7,6 @@ stack told of itself is left out: the stack that is tested tells it anew.
 
 from __future__ import annotations
 
-from groundlink.messages import Command
 from groundlink.recording.playback import Playback
 from groundlink.recording.reading import Recording
 from groundlink.ros_streams import incoming, outgoing, recorded_only
@@ -24,6 +23,6 @@ class Player(Playback):
 
     def __init__(self, recording: Recording, run: str) -> None:
         scenario = recording.run.scenario
-        commands = [stream for stream in incoming(scenario, run) if stream.message is Command]
+        commands = [stream for stream in incoming(scenario, run) if stream.is_command]
         streams = (*commands, *outgoing(scenario, run), *recorded_only(scenario, run))
         super().__init__(recording, streams)

@@ -78,6 +78,8 @@ class TrueStates:
                 self._take_bodies(message)
             elif isinstance(message, JointState) and rest == "ground_truth/wheels":
                 self._links[name].turn(floats(message.positions))
+            elif isinstance(message, JointState) and rest == "ground_truth/joints":
+                self._links[name].move(floats(message.positions))
             elif isinstance(message, Odometry) and rest == "ground_truth":
                 at = vehicles.setdefault(message.stamp_nanos, {})
                 at[name] = self._links[name].state(message)
@@ -126,14 +128,20 @@ class _Links:
         self._base_from_link[:, 6] = 1.0
         wheels, last = [wheel.center_m for wheel in model.wheels], len(model.wheels) + 1
         self._base_from_link[1:last, :3] = wheels
-        still = base_from_links(model.joints, [0.0] * len(model.joints))
-        for row, (place, turn) in enumerate(still, last):
-            self._base_from_link[row] = *place, *turn
+        self._joints = model.joints
+        self._base_from_joint = self._base_from_link[last:]
+        self.move(np.zeros(len(model.joints)))
 
     def turn(self, angles: Floats) -> None:
         """Take note of the wheels' angles; those of a replay by another version may not fit."""
         if len(angles) == len(self.angles):
             self.angles = angles
+
+    def move(self, positions: Floats) -> None:
+        """Move the links of joints other than wheels to positions, in rad or m."""
+        if len(positions) == len(self._joints):
+            for row, pose in enumerate(base_from_links(self._joints, positions.tolist())):
+                self._base_from_joint[row] = *pose[0], *pose[1]
 
     def place(self, world_from_link: Floats) -> None:
         """Take note of where all links were at an instant, shape (links, 7), base first."""
@@ -142,6 +150,7 @@ class _Links:
         found[:, :3] = (world_from_link[:, :3] - position) @ matrix_from_quaternion(turn)
         found[:, 3:] = multiply(conjugate(turn), world_from_link[:, 3:])
         self._base_from_link, self._placed_at = found, self.angles
+        self._base_from_joint = found[len(self.angles) + 1 :]
 
     def state(self, truth: Odometry) -> VehicleState:
         """Return where all links are when the base is where the truth says."""

@@ -9,7 +9,7 @@ import pytest
 
 from groundlink.access import OPERATOR, access_control, grants
 from groundlink.scenario import Scenario, load
-from groundlink.topics import COMMAND, IMU, STATE, process_names
+from groundlink.topics import COMMAND, IMU, JOINT_COMMAND, STATE, WHEEL_COMMAND, process_names
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -38,9 +38,9 @@ def test_a_sensor_alone_says_its_readings(tour: Scenario) -> None:
 
 def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None:
     own = COMMAND.key_in("*", vehicle="rover")
-    every = COMMAND.key_in("*")
-    assert who_says(tour, every) == {"gateway", OPERATOR}
     assert who_says(tour, own) == {"rover/driver"}
+    for row in (COMMAND, WHEEL_COMMAND, JOINT_COMMAND):
+        assert who_says(tour, row.key_in("*")) == {"gateway", OPERATOR}
 
 
 def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> None:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from groundlink.navigation import Odometry
+from groundlink.ros_base import Base
 from groundlink.ros_streams import outgoing, static_transforms
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
@@ -15,3 +16,13 @@ def test_odometry_goes_out_and_its_frame_is_no_place_on_the_vehicle() -> None:
     assert placed is not None
     assert "odom" not in {transform.child for transform in placed.transforms}
     assert "imu_link" in {transform.child for transform in placed.transforms}
+
+
+def test_all_that_joint_states_and_tf_are_made_of_is_carried() -> None:
+    for file in sorted(SHIPPED.glob("*.yaml")):
+        scenario = load(file)
+        carried = {stream.key for stream in outgoing(scenario, "run")}
+        for vehicle in scenario.vehicles:
+            needed = Base(scenario, vehicle, "run").keys
+            assert {*needed.values()} <= carried, file.name
+            assert ("joints" in needed) == bool(vehicle.model.joints)

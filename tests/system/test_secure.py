@@ -202,13 +202,14 @@ def test_who_comes_twice_says_who_is_there_and_ends(
     assert len(done.stderr.splitlines()) == 1, done.stderr
 
 
-FROM_ROS_KEYS = {f"rover/from_ros/{name}" for name in (*FROM_ROS, "topics/**")}
+COMMANDS = {"rover/command", "rover/command/wheels", "rover/command/joints"}
+FROM_ROS_KEYS = {row.key_in("", vehicle="rover").split("/", 2)[2] for row in FROM_ROS.values()}
 OWN: dict[str, set[str]] = {
     "rover/imu": {"rover/imu", "faults/rover/imu", "gaps/rover/imu"},
     "rover/driver": {"rover/command"},
-    "gateway": {"rover/command", "rover/command/wheels"} | FROM_ROS_KEYS,
+    "gateway": COMMANDS | FROM_ROS_KEYS | {"rover/from_ros/topics/**"},
     "view": set(),
-    "operator": {"rover/command", "rover/command/wheels"},
+    "operator": COMMANDS,
 }
 """What holders of a certificate may say, beside how they are."""
 

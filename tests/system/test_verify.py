@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
@@ -23,11 +24,12 @@ from groundlink.bus import Bus
 from groundlink.clock import NANOS
 from groundlink.faults import CLEAR
 from groundlink.inbox import Inbox
-from groundlink.messages import Clock, Command
+from groundlink.messages import Clock, Command, floats, packed
+from groundlink.navigation import JointState
 from groundlink.questions import faults_key
 from groundlink.recording.mcap_file import McapFile
 from groundlink.scenario.faults import Bias, Stuck
-from groundlink.topics import CLOCK, COMMAND
+from groundlink.topics import CLOCK, COMMAND, JOINT_COMMAND, JOINTS
 
 from .determined import SCENARIO
 from .rig import REPOSITORY, children_of, free_port, rig, wait_for
@@ -201,6 +203,64 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
     assert "faults of `rover/imu` were changed by hand and happen again: stuck, bias" in done.stdout
     assert "the recording was ended early: compared up to " in done.stdout
     assert re.search(r"equal to the byte: \d{4} messages of \d\d topics", done.stdout)
+
+
+TANK = """\
+name: turret
+seed: 3
+world: worlds/yard.yaml
+vehicles:
+  - name: tank
+    model: vehicles/tank.yaml
+    from_ros: {joints: /joint_commands}
+    sensors:
+      - {kind: lidar_2d, datasheet: sensors/rplidar_a2.yaml, name: scanner, topic: /scan,
+         frame: scan_link, mount: {xyz_m: [0.22, 1.4, 1.4]}}
+"""
+
+
+def test_joints_that_were_commanded_on_the_bus_turn_again(tmp_path: Path) -> None:
+    """The scanner beside the turret sees it turn."""
+    scenario, out = tmp_path / "turret.yaml", tmp_path / "run.mcap"
+    scenario.write_text(TANK, encoding="utf-8")
+    with rig(tmp_path) as it:
+        joining = ("--connect", it.endpoint, "--run", it.run)
+        it.start(
+            *("-m", "services.physics", str(scenario), "--listen", it.endpoint, "--run", it.run),
+            log="physics.log",
+        )
+        wait_for(it.is_answered, 20, "physics listens")
+        it.start("-m", "services.sensors", "--name", "tank/scanner", *joining, log="scanner")
+        recorder = it.start(
+            *("-m", "services.recorder", "--out", str(out)), *joining, log="recorder.log"
+        )
+        wait_for(out.exists, 20, "it records")
+        with Bus(connect=it.endpoint) as bus:
+            key = JOINT_COMMAND.key_in(it.run, vehicle="tank")
+            command = bus.publisher(key, JOINT_COMMAND.delivery)
+            truths: Inbox[JointState] = Inbox(depth=1)
+            bus.subscribe(JOINTS.key_in(it.run, vehicle="tank"), JointState, truths)
+            nothing, wanted, turned = packed(np.zeros(0)), [(0.3, 0.1), (-0.2, 0.0)], False
+            while arrived := truths.get(seconds=20):
+                now = arrived[1]
+                at = floats(now.positions).tolist()
+                if turned and at == [*wanted[0]]:
+                    wanted.pop(0)
+                    turned = False
+                if not wanted:
+                    break
+                if not turned:
+                    positions = packed(np.array(wanted[0]))
+                    command(JointState(now.stamp_nanos, "", now.names, positions, *2 * (nothing,)))
+                    turned = True
+        recorder.send_signal(signal.SIGINT)
+        recorder.wait(20)
+    done = groundlink("verify", str(out), str(scenario))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"equal to the byte: \d+ messages of \d+ topics", done.stdout)
+    for topic in ("/ground_truth/joints", "/scan"):
+        assert topic in done.stdout, done.stdout
+    assert "what the run was told, and is told again" in done.stdout
 
 
 def test_ctrl_c_ends_all_of_it(run: tuple[Path, Path], tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -14,8 +15,16 @@ from groundlink.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.errors import UserError
 from groundlink.faults import Faults
 from groundlink.gaps import Cause, Gap, Gaps
-from groundlink.journal import Commanded, Journal, dumped, encode_entry, this_machine
-from groundlink.messages import Clock, Command, Imu, Message
+from groundlink.journal import (
+    Commanded,
+    JointsCommanded,
+    Journal,
+    dumped,
+    encode_entry,
+    this_machine,
+)
+from groundlink.messages import Clock, Command, Imu, Message, packed
+from groundlink.navigation import JointState
 from groundlink.recording import missing, verifying
 from groundlink.recording.comparison import Extent
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
@@ -240,6 +249,23 @@ def test_without_a_journal_commands_are_taken_at_their_stamps(
         Commanded(tick, "rover", Command(tick * TICK_NANOS, (0.01 * tick, 0.0, 0.0), STILL))
         for tick in (40, 80)
     ]
+
+
+def test_commands_of_joints_are_taken_again_as_those_of_the_vehicle(tmp_path: Path) -> None:
+    tank = load(SHIPPED / "outdoor_paper.yaml")
+
+    def command(stamp_nanos: int) -> JointState:
+        at, nothing = packed(np.array([0.5])), memoryview(b"")
+        return JointState(stamp_nanos, "", ("turret",), at, nothing, nothing)
+
+    sent = ("/joint_commands", command(EPOCH + 40 * TICK_NANOS))
+    where = ("/ground_truth/joints", command(EPOCH))
+    with record(tmp_path / "a.mcap", tank, [sent, where]) as recording:
+        again = verifying.journal_again(recording, tank)
+        why = verifying.not_compared(recording)
+    assert list(again.read()) == [JointsCommanded(40, "tank", command(40 * TICK_NANOS))]
+    assert why["/joint_commands"] == "what the run was told, and is told again"
+    assert where[0] not in why
 
 
 @pytest.mark.parametrize("rate_hz", [400.0, 100.0, 30.0])

@@ -168,6 +168,29 @@ def test_times_of_what_comes_from_ros(rig: Rig) -> None:
     assert pose.header.stamp.nanosec == 17
 
 
+def test_joints_stand_in_a_recording_when_they_were_commanded_and_where_they_were(
+    tmp_path: Path,
+) -> None:
+    rig = Rig(load(SHIPPED / "outdoor_paper.yaml"), tmp_path / "run.mcap")
+
+    def joints(tick: int, turret: float) -> JointState:
+        at = packed(np.array([turret, 0.0]))
+        return JointState(EPOCH + tick * TICK_NANOS, "", ("turret", "gun"), at, at, NO_BYTES)
+
+    rig.clock(0)
+    rig.clock(40)
+    rig.recorder.take(f"groundlink/{RUN}/tank/command/joints", joints(38, 0.5))
+    rig.recorder.take(f"groundlink/{RUN}/tank/ground_truth/joints", joints(40, 0.01))
+    written = rig.written()
+    for topic, tick, turret in (
+        ("/joint_commands", 38, 0.5),
+        ("/ground_truth/joints", 40, 0.01),
+        ("/joint_states", 40, 0.01),
+    ):
+        ((found, message),) = written[topic]
+        assert (found, [*message.position]) == (tick, [turret, 0.0]), topic
+
+
 def test_nothing_is_logged_before_the_recording_begins(rig: Rig) -> None:
     """A command may still be under way whose stamp is before the first clock."""
     rig.clock(40)

@@ -21,7 +21,7 @@ from groundlink.messages import (
     measured_nanos,
     packed,
 )
-from groundlink.navigation import PoseStamped
+from groundlink.navigation import JointState, PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
@@ -138,6 +138,24 @@ def test_from_an_instant_it_begins_with_a_clock(recorded: Recorded) -> None:
 def test_commands_are_played_and_what_the_stack_told_is_not(recorded: Recorded) -> None:
     messages = [clock(0), command(4), pose(6), clock(10)]
     assert [key for _, key, _ in played(recorded(messages))] == ["clock", "rover/command", "clock"]
+
+
+def test_commands_of_joints_are_played_with_where_they_were(tmp_path: Path) -> None:
+    at, nothing = packed(np.array([0.5])), memoryview(b"")
+    joints = JointState(EPOCH + 4 * MS, "", ("turret",), at, nothing, nothing)
+    file = RosFile(tmp_path / "run.mcap")
+    scenario = load(SHIPPED / "outdoor_paper.yaml")
+    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "tank", EPOCH)))
+    file.topic("/clock", "rosgraph_msgs/msg/Clock").write(EPOCH, to_cdr(clock(0)))
+    for topic in ("/joint_commands", "/ground_truth/joints", "/joint_states"):
+        file.topic(topic, "sensor_msgs/msg/JointState").write(EPOCH + 4 * MS, to_cdr(joints))
+    file.mcap.commit("topics", {})
+    file.mcap.close()
+    assert played(Recording(tmp_path / "run.mcap")) == [
+        (0, "clock", clock(0)),
+        (4, "tank/command/joints", joints),
+        (4, "tank/ground_truth/joints", joints),
+    ]
 
 
 def test_a_damaged_message_is_counted_and_passed_over(recorded: Recorded, tmp_path: Path) -> None:

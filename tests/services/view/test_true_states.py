@@ -162,3 +162,28 @@ def test_wheels_of_another_vehicle_turn_nothing() -> None:
         ]
     )
     assert not floats(states[0].vehicles["rover"].joint_positions).any()
+
+
+def test_joints_are_where_the_truth_says_also_between_the_poses_of_bodies() -> None:
+    scenario = load(SHIPPED / "outdoor_paper.yaml")
+    model, streams = scenario.vehicles[0].model, streams_of(scenario, "run")
+    names, empty = body_names(scenario, ()), memoryview(b"")
+    poses = np.zeros((len(names), 7))
+    poses[:, 6] = 1.0
+    states = TrueStates(scenario, "run")
+
+    def told(path: str, message: Any) -> Drawable:
+        return Drawable(path, streams[path], message)
+
+    def seen(turn: float) -> Any:
+        at = packed(np.array([turn, 0.0]))
+        joints = JointState(EPOCH, "", ("turret", "gun"), at, at, empty)
+        came = [told("tank/ground_truth/joints", joints), told("tank/ground_truth", truth(0))]
+        (state,), _ = states.follow(came)
+        return state.vehicles["tank"].poses()[model.link_names().index("turret_link")]
+
+    states.follow([told("clock", clock(0).message)])
+    for turn in (0.0, 0.4):
+        assert seen(turn)[5] == np.sin(turn / 2)
+    states.follow([told("bodies", Bodies(EPOCH, names, packed(poses)))])
+    assert seen(0.6)[5] == np.sin(0.3)
