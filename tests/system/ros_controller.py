@@ -3,7 +3,9 @@
 
 Run as ``python -m tests.system.ros_controller WAY LONGEST_DELAY_S``. WAY is `odom`: it answers each
 message on /odom with one on /cmd_vel; or `timer`: a timer of sim time does so, every 20 ms, with
-the newest odometry. Delays are random, on the wall clock, and differ from run to run.
+the newest odometry; or `joints`: it answers each message on /clock with one on /joint_commands, and
+prints what /joint_states says of them. Delays are random, on the wall clock, and differ from run
+to run.
 """
 
 from __future__ import annotations
@@ -23,6 +25,14 @@ from geometry_msgs.msg import Twist  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+
+
+def delay(longest_s: float) -> None:
+    """Wait now and then."""
+    if longest_s and random.random() < 0.2:
+        time.sleep(random.uniform(0.0, longest_s))
 
 
 class Controller(Node):  # type: ignore[misc]
@@ -45,8 +55,7 @@ class Controller(Node):  # type: ignore[misc]
             self._steer()
 
     def _steer(self) -> None:
-        if self._longest_delay_s and random.random() < 0.2:
-            time.sleep(random.uniform(0.0, self._longest_delay_s))
+        delay(self._longest_delay_s)
         pose = self._odometry.pose.pose
         yaw = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
         stamp = self._odometry.header.stamp
@@ -58,9 +67,30 @@ class Controller(Node):  # type: ignore[misc]
         self._publisher.publish(twist)
 
 
+class Gunner(Node):  # type: ignore[misc]
+    """Turns a turret to and fro, and raises the gun as far as the turret has turned."""
+
+    def __init__(self, longest_delay_s: float) -> None:
+        super().__init__("gunner")
+        self._longest_delay_s = longest_delay_s
+        self._publisher = self.create_publisher(JointState, "/joint_commands", 10)
+        self.create_subscription(Clock, "/clock", self._aim, 10)
+        self.create_subscription(JointState, "/joint_states", self._take, 10)
+
+    def _aim(self, clock: Clock) -> None:
+        delay(self._longest_delay_s)
+        turret = math.sin(clock.clock.sec + 1e-9 * clock.clock.nanosec)
+        self._publisher.publish(JointState(name=["gun", "turret"], position=[0.2 * turret, turret]))
+
+    def _take(self, joints: JointState) -> None:
+        stamp = joints.header.stamp.sec + 1e-9 * joints.header.stamp.nanosec
+        print(f"{stamp:.3f}", *joints.name, *joints.position)
+
+
 def main(way: str, longest_delay_s: float) -> None:
     rclpy.init()
-    rclpy.spin(Controller(way, longest_delay_s))
+    node = Gunner(longest_delay_s) if way == "joints" else Controller(way, longest_delay_s)
+    rclpy.spin(node)
 
 
 if __name__ == "__main__":

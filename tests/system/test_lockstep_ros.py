@@ -8,6 +8,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 
 from groundlink.bus import Bus
 from groundlink.inbox import Inbox
-from groundlink.messages import State, encode
+from groundlink.messages import State, encode, floats
 from groundlink.topics import STATE
 
 from .rig import Rig, children_of, rig, wait_for
@@ -36,27 +37,43 @@ vehicles:
       - {kind: encoders, name: encoders, topic: /wheel_encoders, frame: base_link, rate_hz: 50.0}
       - {kind: wheel_odometry, name: odometry, encoders: encoders, topic: /odom, frame: odom}
 """
+TANK = """
+vehicles:
+  - name: tank
+    model: vehicles/tank.yaml
+    from_ros: {joints: /joint_commands}
+    sensors:
+      - {kind: imu, datasheet: sensors/imu_mti1.yaml, name: imu, topic: /imu, frame: imu_link,
+         mount: imu}
+"""
+ANSWERS = {
+    "odom": "/cmd_vel: /odom",
+    "timer": "/cmd_vel: /clock",
+    "joints": "/joint_commands: /clock",
+}
 LOSS = ", link: {seed: 3, to_ros: {loss: 0.05}, from_ros: {loss: 0.05}}"
 
 
-def write(it: Rig, *, answers: str, link: str = "") -> None:
+def write(it: Rig, *, way: str, link: str = "") -> None:
     it.scenario.write_text(
         "name: loop\nseed: 7\nworld: worlds/lab.yaml\n"
         "time: {mode: fast, lockstep: ros, epoch: zero, clock_rate_hz: 50.0, "
-        f"answers: {{/cmd_vel: {answers}}}}}\n"
-        f"gateway: {{bind: {it.address(it.bind)}, peer: {it.address(it.peer)}{link}}}\n" + VEHICLES,
+        f"answers: {{{ANSWERS[way]}}}}}\n"
+        f"gateway: {{bind: {it.address(it.bind)}, peer: {it.address(it.peer)}{link}}}\n"
+        + (TANK if way == "joints" else VEHICLES),
         encoding="utf-8",
     )
 
 
 class Way:
-    """Listens to where the rover is, from tick 0 to the end."""
+    """Listens to where the vehicle and its joints are, from tick 0 to the end."""
 
     def __init__(self, bus: Bus, run: str) -> None:
         self._states: Inbox[State] = Inbox(depth=1 << 16)
         self._digest = hashlib.sha256()
         self.tick = -1
         self.end_m = (0.0, 0.0)
+        self.joints: list[float] = []
         bus.subscribe(STATE.key_in(run), State, self._states)
 
     def has_come_to(self, tick: int) -> bool:
@@ -66,8 +83,10 @@ class Way:
             assert state.tick == self.tick + 1, "the test itself has missed states"
             self.tick = state.tick
             self._digest.update(encode(State("", 0, 0, state.tick, 0, "", state.vehicles)))
-            x, y, *_ = state.vehicles["rover"].poses()[0].tolist()
+            (vehicle,) = state.vehicles.values()
+            x, y, *_ = vehicle.poses()[0].tolist()
             self.end_m = x, y
+            self.joints = floats(vehicle.servo_positions).tolist()
         return self.tick >= tick
 
     @property
@@ -82,7 +101,7 @@ def driving(
     """A run with a controller; yields it, and the way that is driven."""
     folder.mkdir()
     with rig(folder) as it:
-        write(it, answers="/odom" if way == "odom" else "/clock", link=link)
+        write(it, way=way, link=link)
         it.start("-m", "tests.system.ros_controller", way, str(delay_s), log="controller.log")
         it.up()
         wait_for(it.is_answered, 60, "a router")
@@ -111,6 +130,26 @@ def test_the_way_is_the_same_whatever_delays_and_losses(
     undisturbed = driven(tmp_path / "undisturbed", way=way, ticks=ticks)
     assert driven(tmp_path / "delayed", way=way, ticks=ticks, delay_s=0.03) == undisturbed
     assert driven(tmp_path / "lossy", way=way, ticks=ticks, link=LOSS) == undisturbed
+
+
+def test_joints_turn_as_ros_says_and_joint_states_say_so(tmp_path: Path) -> None:
+    """Each tick that ROS answers waits for the command of the joints, whenever it comes."""
+    digests = []
+    for delay_s, link in ((0.0, ""), (0.03, LOSS)):
+        folder = tmp_path / str(delay_s)
+        with driving(folder, way="joints", delay_s=delay_s, link=link) as (it, seen):
+            come = partial(seen.has_come_to, 400)
+            wait_for(come, 120, f"a second: {it.log('up.log')}")
+            turret, gun = seen.joints
+            rows = [line.split() for line in it.log("controller.log").splitlines()]
+        digests.append(seen.digest)
+        # It is slower than what it is told, and has gone at its top speed.
+        assert turret > 0.1
+        assert gun > 0.02
+        told = {row[0]: [float(word) for word in row[3:]] for row in rows if len(row) == 5}
+        assert [row[1:3] for row in rows] == [["turret", "gun"]] * len(rows)
+        assert max(told.values())[0] == pytest.approx(turret, abs=0.05)
+    assert digests[0] == digests[1]
 
 
 @pytest.mark.parametrize("module", ["udp_bridge_ros2", "services.gateway"])
