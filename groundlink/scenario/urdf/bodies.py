@@ -2,13 +2,14 @@
 """The rigid bodies of a URDF: what moves as one is one.
 
 Rule: wheels turn, all else of the robot is its base. Links on fixed joints merge with what carries
-them, and so do those on other joints, which are held at zero.
+them. Links on joints with a servo move by themselves, but their mass and collisions are the base's,
+at position zero. All other joints are held at zero, and so are those that carry wheels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,10 +53,28 @@ class WheelBody:
     """In a frame at that place with the axes of the base's."""
 
 
+@dataclass(frozen=True, eq=False)
+class MovingBody:
+    """Links that a servo moves; their masses and collisions are the base's."""
+
+    joint: Joint
+    parent: str | None
+    """The joint that carries this one; None for the base."""
+
+    at_m: Floats
+    """Of the joint in its parent's frame at position zero, shape (3,)."""
+
+    axis: Floats
+    """Of unit length, shape (3,)."""
+
+    visuals: tuple[Placed, ...]
+    """In a frame at the joint that has the axes of the base's at position zero."""
+
+
 def bodies(
     robot: Robot, wheels: Sequence[str], casters: Container[str]
-) -> tuple[str, Body, dict[str, WheelBody]]:
-    """Return the base link's name, the base, and the wheels by their joints' names.
+) -> tuple[str, Body, dict[str, WheelBody], dict[str, MovingBody]]:
+    """Return the base link's name, the base, and wheels and moving bodies by their joints' names.
 
     Casters may hang on a joint of any type: however they turn, they are balls that slide.
 
@@ -98,7 +117,37 @@ def bodies(
         raise body.element.mistake(
             "neither it nor what is fixed to it has a mass; give it an <inertial>"
         )
-    return base, body, turning
+    mover = _movers(robot, joints, still)
+    body = replace(body, visuals=_visuals(robot, {k: v for k, v in still.items() if not mover[k]}))
+    moving = {}
+    for name in dict.fromkeys(filter(None, mover.values())):
+        joint, by = robot.joints[name], mover[robot.joints[name].parent]
+        center = base_from[joint.child][:3, 3]
+        at = np.eye(4)
+        at[:3, 3] = -center
+        own = {link: at @ still[link] for link in still if mover[link] == name}
+        moving[name] = MovingBody(
+            joint=joint,
+            parent=by,
+            at_m=center - base_from[robot.joints[by].child][:3, 3] if by else center,
+            axis=base_from[joint.child][:3, :3] @ joint.axis,
+            visuals=_visuals(robot, own),
+        )
+    return base, body, turning, moving
+
+
+def _movers(robot: Robot, wheels: Sequence[Joint], still: Container[str]) -> dict[str, str | None]:
+    """Return by link the joint whose servo moves it; None on the base and on wheels."""
+    above = {joint.child: joint for joint in robot.joints.values()}
+    held, ahead = set(), [*wheels]
+    while ahead:  # Joints between the base and a wheel are held, such as those that steer.
+        held.add(joint := ahead.pop())
+        ahead += [above[joint.parent]] if joint.parent in above else []
+    mover: dict[str, str | None] = {robot.root: None}
+    for joint in robot.joints.values():
+        moves = joint.motion is not None and joint not in held and joint.child in still
+        mover[joint.child] = joint.name if moves else mover[joint.parent]
+    return mover
 
 
 def _wheel_joint(robot: Robot, name: str, *, is_caster: bool) -> Joint:
@@ -135,8 +184,17 @@ def _merged(robot: Robot, name: str, body_from: dict[str, Floats]) -> Body:
         robot.links[name].element,
         body_from,
         _sum([(pose, link.inertial) for pose, link in links if link.inertial]),
-        tuple((pose @ g.link_from_shape, g) for pose, link in links for g in link.visuals),
+        _visuals(robot, body_from),
         tuple((pose @ g.link_from_shape, g) for pose, link in links for g in link.collisions),
+    )
+
+
+def _visuals(robot: Robot, body_from: dict[str, Floats]) -> tuple[Placed, ...]:
+    """Return what links look like, with the poses that they have in a body."""
+    return tuple(
+        (pose @ shape.link_from_shape, shape)
+        for link, pose in body_from.items()
+        for shape in robot.links[link].visuals
     )
 
 

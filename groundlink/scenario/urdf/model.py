@@ -29,7 +29,7 @@ from groundlink.scenario.document import DataPath, Document, Mark, ScenarioError
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import Material, Solid
 
-from .bodies import Body, WheelBody, bodies
+from .bodies import Body, MovingBody, WheelBody, bodies
 from .meshes import Meshes
 from .robot import Robot, read
 from .shapes import round_about_y, solids
@@ -59,8 +59,9 @@ def must_not_be_alone(document: Document, path: DataPath) -> None:
     if not isinstance(given, str) or not given.endswith((".urdf", ".xacro")):
         return
     robot = read(_file(document, path))
-    _, whole, _ = bodies(robot, (), ())
-    solids((*whole.visuals, *whole.collisions), robot.name, Meshes(silent))
+    _, whole, _, moving = bodies(robot, (), ())
+    moved = (visual for part in moving.values() for visual in part.visuals)
+    solids((*whole.visuals, *moved, *whole.collisions), robot.name, Meshes(silent))
     wheels = ", ".join(f"{joint}: {{}}" for joint in _turning(robot) or ["JOINT"])
     raise ScenarioError(
         f"{document.mark(path)}: `{path[-1]}`: a URDF does not say how it is driven; write "
@@ -84,8 +85,11 @@ def expand(document: Document, path: DataPath, tell: Tell) -> None:
     robot = read(_file(document, (*path, "urdf")))
     own = _wheels(document, (*path, "wheels"), robot)
     casters = [joint for joint, fields in own.items() if fields.get("caster") is True]
-    base_frame, base, turning = bodies(robot, list(own), casters)
-    model = _model(robot, base_frame, base, turning, Meshes(tell))
+    base_frame, base, turning, moving = bodies(robot, list(own), casters)
+    model = _model(robot, base_frame, base, turning, meshes := Meshes(tell))
+    model["joints"] = _joints(moving, model["materials"], meshes)
+    for index, moved in enumerate(moving.values()):
+        document.marks[*path, "joints", index] = moved.joint.element.mark
     for index, (joint, wheel) in enumerate(zip(own, model["wheels"], strict=True)):
         wheel.update(own[joint])
         at, origin = (*path, "wheels", index), turning[joint].joint.element.mark
@@ -176,6 +180,27 @@ def _model(
     }
 
 
+def _joints(moving: Mapping[str, MovingBody], materials: Plain, meshes: Meshes) -> list[Plain]:
+    """Return the joints that servos move; add the materials of what they look like."""
+    joints = []
+    for name, part in moving.items():
+        visuals, own_materials = solids(part.visuals, name, meshes)
+        materials |= msgspec.to_builtins(own_materials)
+        motion = part.joint.motion
+        joints.append(
+            {
+                "name": _name(name, "joint"),
+                "kind": "prismatic" if part.joint.kind == "prismatic" else "revolute",
+                "parent": _name(part.parent, "joint") if part.parent else None,
+                "at_m": part.at_m.tolist(),
+                "axis": part.axis.tolist(),
+                **msgspec.to_builtins(motion),
+                "visuals": msgspec.to_builtins(visuals),
+            }
+        )
+    return joints
+
+
 def _wheel(
     joint: str, wheel: WheelBody, meshes: Meshes, *, least_kg: float
 ) -> tuple[Plain, dict[str, Material]]:
@@ -190,7 +215,7 @@ def _wheel(
     offset = np.array([0.0, middle_y_m, 0.0])
     inertial = wheel.body.inertial
     made = {
-        "name": _name(joint),
+        "name": _name(joint, "wheel"),
         "center_m": (wheel.center_m + offset).tolist(),
         "radius_m": radius_m,
         "width_m": width_m,
@@ -226,7 +251,7 @@ def _size(center_m: Floats, parts: Sequence[Solid]) -> list[float]:
     return [float(high[0] - low[0]), float(high[1] - low[1]), float(2 * depth)]
 
 
-def _name(joint: str) -> str:
-    """Return a joint's name as wheels are called: in lower case, `_` for what no name has."""
+def _name(joint: str, kind: str) -> str:
+    """Return a joint's name as scenarios allow it: in lower case, `_` for what no name has."""
     plain = re.sub(r"[^a-z0-9_]", "_", joint.lower())
-    return plain if plain[0].isalpha() else f"wheel{plain}"
+    return plain if plain[0].isalpha() else f"{kind}{plain}"

@@ -22,6 +22,9 @@ from groundlink.world.solids import Vector3
 
 from .elements import EXPAND, Element, parse
 
+UNSAID_SPEED_RADPS = 1.0
+"""Of a continuous joint whose URDF does not say how fast it turns."""
+
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 """Of joints, http://wiki.ros.org/urdf/XML/joint."""
 
@@ -64,6 +67,18 @@ class Link:
     collisions: tuple[Geometry, ...]
 
 
+@dataclass(frozen=True)
+class Motion:
+    """How far and how fast a joint moves."""
+
+    lower: float | None
+    """Smallest position, rad or m; None for no limit."""
+
+    upper: float | None
+    max_speed: float
+    """In rad/s or m/s."""
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint between two links."""
@@ -78,6 +93,9 @@ class Joint:
 
     axis: Floats
     """Of unit length, in the child's frame, shape (3,)."""
+
+    motion: Motion | None
+    """None where a servo cannot move it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +232,24 @@ def _joint(element: Element, links: Iterable[str]) -> Joint:
             raise (at or element).mistake("an axis of no length; give it a direction")
         axis, length = np.array([1.0, 0.0, 0.0]), np.float64(1)
     name = element.text("name")
-    return Joint(element, name, kind, ends[0], ends[1], _pose(element), axis / length)
+    pose, motion = _pose(element), _motion(element, kind)
+    return Joint(element, name, kind, ends[0], ends[1], pose, axis / length, motion)
+
+
+def _motion(element: Element, kind: str) -> Motion | None:
+    """Return how a joint moves on its own; None where it does not, or where 0 is out of limits."""
+    if kind not in ("revolute", "continuous", "prismatic") or element.first("mimic"):
+        return None
+    limit, endless = element.first("limit"), kind == "continuous"
+    if limit is None:
+        return Motion(None, None, UNSAID_SPEED_RADPS) if endless else None
+    speed = limit.number("velocity", UNSAID_SPEED_RADPS if endless else 0.0)
+    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    if speed <= 0:
+        return None
+    if endless:
+        return Motion(None, None, speed)
+    return Motion(lower, upper, speed) if lower <= 0.0 <= upper and lower < upper else None
 
 
 def _pose(element: Element) -> Floats:

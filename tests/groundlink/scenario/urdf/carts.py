@@ -95,6 +95,47 @@ CART = f"""\
 {LINKS}{JOINTS}</robot>
 """
 
+TURRET = CART.replace(
+    "</robot>",
+    """\
+  <link name="turret">
+    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
+    <visual><geometry><cylinder radius="0.1" length="0.1"/></geometry></visual>
+    <collision><geometry><cylinder radius="0.1" length="0.1"/></geometry></collision>
+  </link>
+  <link name="gun">
+    <inertial><mass value="0.2"/><inertia ixx="0.001" iyy="0.001" izz="0.001"/></inertial>
+    <visual><origin xyz="0.25 0 0"/><geometry><box size="0.5 0.02 0.02"/></geometry></visual>
+  </link>
+  <link name="ram">
+    <inertial><mass value="0.1"/><inertia ixx="0.001" iyy="0.001" izz="0.001"/></inertial>
+  </link>
+  <joint name="turret" type="continuous">
+    <parent link="base_link"/>
+    <child link="turret"/>
+    <origin xyz="0 0 0.1" rpy="0 0 0.5"/>
+    <axis xyz="0 0 2"/>
+    <limit effort="9" velocity="0.5"/>
+  </joint>
+  <joint name="gun" type="revolute">
+    <parent link="turret"/>
+    <child link="gun"/>
+    <origin xyz="0.2 0 0.1" rpy="-1.5707963267948966 0 0"/>
+    <axis xyz="0 0 -1"/>
+    <limit lower="-0.1" upper="0.4" effort="9" velocity="0.2"/>
+    <!-- gun -->
+  </joint>
+  <joint name="ram" type="prismatic">
+    <parent link="gun"/>
+    <child link="ram"/>
+    <origin xyz="0.3 0 0"/>
+    <axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.3" effort="9" velocity="0.1"/>
+  </joint>
+</robot>""",
+)
+"""A cart with a turret, on it a gun that goes up, on this a ram that goes out."""
+
 MODEL = """\
 urdf: cart.urdf
 wheels:

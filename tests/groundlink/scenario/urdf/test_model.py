@@ -3,18 +3,22 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec.structs import astuple
+from scipy.spatial.transform import Rotation
 
+from groundlink.frames import matrix_from_quaternion
 from groundlink.scenario import load
+from groundlink.scenario.joints import base_from_links
 from groundlink.world.mesh_asset import surface
 from groundlink.world.solids import Cylinder, Mesh
 from tests.groundlink.importing.files import COLORS, png, write
-from tests.groundlink.scenario.urdf.carts import CART, MODEL, scenario, vehicle
+from tests.groundlink.scenario.urdf.carts import CART, MODEL, TURRET, scenario, vehicle
 
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], np.float32)
 TETRAHEDRON = np.array([[0, 2, 4], [0, 1, 2], [0, 4, 1], [1, 4, 2]])
@@ -203,3 +207,90 @@ def test_a_missing_picture_of_a_mesh_is_told(tmp_path: Path) -> None:
     load(scenario(tmp_path, urdf), tell=told.append)
     assert len(told) == 1
     assert "gone.png" in told[0]
+
+
+def test_its_joints_move_with_their_limits_and_speeds(tmp_path: Path) -> None:
+    model = vehicle(tmp_path, TURRET).model
+    found = [(j.name, j.kind, j.parent, j.lower, j.upper, j.max_speed) for j in model.joints]
+    assert found == [
+        ("pan", "revolute", None, -1.0, 1.0, 1.0),
+        ("turret", "revolute", None, None, None, 0.5),
+        ("gun", "revolute", "turret", -0.1, 0.4, 0.2),
+        ("ram", "prismatic", "gun", 0.0, 0.3, 0.1),
+    ]
+    assert {wheel.name for wheel in model.wheels} == {
+        *("left_wheel_joint", "right_wheel_joint", "caster_joint")
+    }
+
+
+def test_its_moving_links_are_where_the_urdf_says(tmp_path: Path) -> None:
+    """Forward kinematics by the file's own numbers, whose frames are turned."""
+    model = vehicle(tmp_path, TURRET).model
+    pan, turn, lift, slide = 0.0, 0.7, 0.3, 0.2
+    poses = base_from_links(model.joints, (pan, turn, lift, slide))
+
+    def pose(xyz: tuple[float, ...], *turns: Rotation) -> np.ndarray:
+        made = np.eye(4)
+        made[:3, 3] = xyz
+        for each in turns:
+            made[:3, :3] = made[:3, :3] @ each.as_matrix()
+        return made
+
+    about = Rotation.from_rotvec
+    turret = pose((0, 0, 0.1), Rotation.from_euler("xyz", (0, 0, 0.5)), about((0, 0, turn)))
+    gun = turret @ pose((0.2, 0, 0.1), about((-np.pi / 2, 0, 0)), about((0, 0, -lift)))
+    ram = gun @ pose((0.3, 0, 0)) @ pose((slide, 0, 0))
+    for (place, _), expected in zip(poses[1:], (turret, gun, ram), strict=True):
+        np.testing.assert_allclose(place, expected[:3, 3], atol=1e-9)
+    # The barrel's visual in the base frame: with the link's frame turned as the base's at zero.
+    (barrel,) = model.joints[2].visuals
+    place, turned = poses[2]
+    at = np.add(place, matrix_from_quaternion(np.array(turned)) @ barrel.position_m)
+    np.testing.assert_allclose(at, (gun @ (0.25, 0, 0, 1))[:3], atol=1e-9)
+    assert not {part.name for part in model.visuals} & {barrel.name}
+
+
+def test_the_mass_and_collisions_of_what_moves_are_the_bases(tmp_path: Path) -> None:
+    moving = vehicle(tmp_path, TURRET).model
+    fixed = vehicle(
+        tmp_path,
+        re.sub('type="(revolute|prismatic)"', 'type="fixed"', TURRET).replace(
+            '"turret" type="continuous"', '"turret" type="fixed"'
+        ),
+    ).model
+    assert fixed.joints == ()
+    assert moving.chassis == fixed.chassis
+    assert moving.collisions == fixed.collisions
+    assert moving.mounts == fixed.mounts
+    assert len(moving.visuals) + 2 == len(fixed.visuals)
+
+
+HELD = {
+    "no speed": ('velocity="0.2"', 'velocity="0"'),
+    "limits without zero": ('lower="-0.1"', 'lower="0.1"'),
+    "equal limits": ('lower="-0.1" upper="0.4"', 'lower="0" upper="0"'),
+    "no limit": ('<limit lower="-0.1" upper="0.4" effort="9" velocity="0.2"/>', ""),
+    "another's shadow": ("<!-- gun -->", '<mimic joint="pan"/>'),
+}
+
+
+@pytest.mark.parametrize(("old", "new"), HELD.values(), ids=HELD)
+def test_joints_that_no_servo_can_move_are_held(tmp_path: Path, old: str, new: str) -> None:
+    assert old in TURRET
+    model = vehicle(tmp_path, TURRET.replace(old, new)).model
+    assert [(j.name, j.parent) for j in model.joints] == [
+        *(("pan", None), ("turret", None), ("ram", "turret"))
+    ]
+    # What hung on the gun hangs on the turret now, turned as the file says.
+    assert len(model.joints[1].visuals) == 2
+
+
+def test_joints_that_carry_wheels_are_held(tmp_path: Path) -> None:
+    steered = CART.replace(
+        """    <parent link="base_link"/>
+    <child link="left_wheel"/>""",
+        """    <parent link="mast"/>
+    <child link="left_wheel"/>""",
+    )
+    assert steered != CART
+    assert vehicle(tmp_path, steered).model.joints == ()
