@@ -21,6 +21,7 @@ from udp_bridge_ros2.environment import apply_defaults
 apply_defaults(os.environ)
 
 import rclpy  # noqa: E402
+from builtin_interfaces.msg import Time  # noqa: E402
 from geometry_msgs.msg import Twist  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.node import Node  # noqa: E402
@@ -78,6 +79,8 @@ class Gunner(Node):  # type: ignore[misc]
         self.create_subscription(JointState, "/joint_states", self._take, 10)
 
     def _aim(self, clock: Clock) -> None:
+        if clock.clock == Time():
+            return  # the first clock of a run needs no answer
         delay(self._longest_delay_s)
         turret = math.sin(clock.clock.sec + 1e-9 * clock.clock.nanosec)
         self._publisher.publish(JointState(name=["gun", "turret"], position=[0.2 * turret, turret]))
