@@ -15,7 +15,7 @@ import os
 import platform
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -25,6 +25,7 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
+from .clock import TICK_NANOS
 from .control import Remove, Spawn
 from .errors import UserError
 from .messages import Ack, Command, State, WheelCommand, encode
@@ -162,6 +163,32 @@ class Journal(Struct, frozen=True, kw_only=True):
         if later.life != self.life or later.left_out > len(self.entries):
             raise ValueError("not the continuation of this journal")
         return replace(later, entries=self.entries[: later.left_out] + later.entries, left_out=0)
+
+
+def acting_before(
+    tick: int, entries: Iterable[bytes]
+) -> tuple[tuple[bytes, ...], tuple[bytes, ...]]:
+    """Split entries into those that act before a tick, and the others as they were.
+
+    A command is moved to the tick of its stamp, from which it acts, but never beyond a change of
+    the world. So the first part does not depend on how early commands arrived.
+    """
+    placed = []
+    part, limit = 0, 2**63
+    for raw in reversed(tuple(entries)):
+        entry = _ENTRY.decode(raw)
+        if isinstance(entry, Changed):
+            limit = entry.tick
+            placed.append(((part - 1, limit, ""), raw, raw))
+            part -= 2
+            continue
+        acts = min(max(entry.tick, entry.command.stamp_nanos // TICK_NANOS), limit)
+        moved = encode_entry(replace(entry, tick=acts))
+        placed.append(((part, acts, entry.vehicle), moved, raw))
+    placed.reverse()
+    later = tuple(raw for (_, acts, _), _, raw in placed if acts >= tick)
+    earlier = sorted((p for p in placed if p[0][1] < tick), key=lambda p: p[0])
+    return tuple(moved for _, moved, _ in earlier), later
 
 
 class JournalError(UserError):

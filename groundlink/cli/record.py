@@ -63,6 +63,7 @@ def record(options: argparse.Namespace) -> int:
     commands[running.RECORDER] = [
         *running.recorder(options.out, run, options.listen),
         *("--duration", f"{options.duration:g}"),
+        *(() if options.realtime else ("--ordered",)),
     ]
     for name in commands:
         if name != "physics":

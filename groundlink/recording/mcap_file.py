@@ -248,8 +248,7 @@ class McapFile:
         OSError
             when it cannot be written, say for want of room; the file is then what it was before.
         """
-        if self._chunk.index:
-            self.close_chunk()
+        self.close_chunk()
         place = self._end
         tail = self._new_tail(name, entries)
         new = tail.at(place)
@@ -277,8 +276,10 @@ class McapFile:
         self._end += len(record)
 
     def close_chunk(self) -> None:
-        """Compress what the chunk holds and append it with its indexes."""
+        """Compress what the chunk holds and append it with its indexes; without messages, wait."""
         chunk = self._chunk
+        if not chunk.index:
+            return
         plain = chunk.plain()
         compressed = self._compressor.compress(plain)
         start = self._end

@@ -17,6 +17,7 @@ from groundlink.topics import RECORDER as NAME
 
 with process_needs(NAME, "record"):
     from .files import Files
+    from .ordered import OrderedFiles
     from .shell import record
 
 JOURNAL_SECONDS = 0.5
@@ -32,6 +33,12 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         "--out", type=Path, required=True, metavar="FILE.mcap", help="what to write"
     )
     parser.add_argument("--duration", type=float, metavar="S", help="end after S s of sim time")
+    parser.add_argument(
+        "--ordered",
+        action="store_true",
+        help="write equal files of equal runs: in the order of log times and topics, without "
+        "/diagnostics; for runs that do not follow the wall clock",
+    )
     options = parser.parse_args(arguments)
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
@@ -42,9 +49,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def journal(question: str) -> bytes:
             return b"".join(bus.ask(journal_key(run), question, seconds=JOURNAL_SECONDS).values())
 
-        files = Files(options.out, scenario, run, journal)
+        keeper = OrderedFiles if options.ordered else Files
+        files = keeper(options.out, scenario, run, journal)
         try:
-            record(bus, scenario, run, files, duration, stop)
+            record(bus, scenario, run, files, duration, stop, ordered=options.ordered)
         except OSError as error:
             problem = f"cannot write {files.path}: {(error.strerror or str(error)).lower()}"
             if files.has_begun:

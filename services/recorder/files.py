@@ -15,12 +15,12 @@ from msgspec.structs import replace
 
 from groundlink.clock import NANOS
 from groundlink.errors import UserError
-from groundlink.journal import dumped, loaded
+from groundlink.journal import Journal, dumped, loaded
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.scenario import Scenario
 
-from .recorder import Recorder
+from .recorder import File, Recorder
 
 JOURNAL_NANOS = 2 * NANOS
 """Of sim time, from one part of the journal to the next."""
@@ -54,7 +54,7 @@ class Files:
         """Whether there is a file that is not complete."""
         return self._file is not None
 
-    def begin(self, epoch_nanos: int) -> RosFile:
+    def begin(self, epoch_nanos: int) -> File:
         """Open the next file, whole and without messages; what exists is never overwritten."""
         for number in itertools.count(1):
             if number > 1:
@@ -96,15 +96,23 @@ class Files:
         """Put what is new in the journal of the file's life into the file."""
         if self._file is None or recorder.clock is None:
             return
-        content = self._ask(f"{recorder.clock.life}/{self._entries}")
+        journal = self._asked(recorder.clock.life, self._entries)
+        if journal is not None:
+            self._attach(recorder.clock.stamp_nanos, journal)
+
+    def _asked(self, life: int, left_out: int) -> Journal | None:
+        """Return physics' journal of a life without its first entries; None for no answer."""
+        content = self._ask(f"{life}/{left_out}")
         if not content:
-            return
+            return None
         try:
             journal = loaded(content, "physics")
         except UserError:  # of another version
-            return
-        if journal.life == recorder.clock.life and journal.left_out == self._entries:
-            # A life's number is the wall clock's, which would make equal recordings differ.
-            part = dumped(replace(journal, acks={}, life=0))
-            self._file.add_journal(recorder.clock.stamp_nanos, part)
-            self._entries += len(journal.entries)
+            return None
+        return journal if (journal.life, journal.left_out) == (life, left_out) else None
+
+    def _attach(self, nanos: int, journal: Journal) -> None:
+        assert self._file is not None
+        # A life's number is the wall clock's, which would make equal recordings differ.
+        self._file.add_journal(nanos, dumped(replace(journal, acks={}, life=0)))
+        self._entries += len(journal.entries)

@@ -15,8 +15,8 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Protocol
 
-from groundlink.clock import NANOS, Schedule, exact
-from groundlink.messages import BadMessage, Clock, Health, Message, measured_nanos
+from groundlink.clock import NANOS, TICK_NANOS, Schedule, exact
+from groundlink.messages import Ack, BadMessage, Clock, Health, Message, measured_nanos
 from groundlink.ros_base import Bases
 from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros_messages import ros_type_of, to_cdr
@@ -75,6 +75,8 @@ class Recorder:
         what came before the first clock, as an earlier recorder's `early`.
     absent
         sensors, as `vehicle/sensor`, from which nothing will come.
+    acknowledging
+        sensors, as `vehicle/sensor`, whose acknowledgements are given to `acknowledged`.
     dropped
         how many messages of each key came faster than this could take them, as it is by now.
     """
@@ -88,6 +90,7 @@ class Recorder:
         duration_nanos: int | None = None,
         early: Iterable[tuple[str, Message]] = (),
         absent: Collection[str] = (),
+        acknowledging: Collection[str] = (),
         dropped: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self._scenario = scenario
@@ -131,6 +134,7 @@ class Recorder:
         self._reached: dict[str, int] = {}
         """By stream: the stamp of the newest message."""
 
+        self._settled_ticks = dict.fromkeys(acknowledging, -1)
         self._committed = 0
         self._first_nanos = 0
         self._next_diagnostics_nanos = 0
@@ -204,6 +208,11 @@ class Recorder:
         """Remember a process's word for the next diagnostics."""
         self._health[health.process] = health
 
+    def acknowledged(self, sensor: str, ack: Ack) -> None:
+        """Take note of how far a sensor has come."""
+        if sensor in self._settled_ticks and self.clock and ack.life == self.clock.life:
+            self._settled_ticks[sensor] = ack.settled_tick
+
     def is_another_life(self, message: Message) -> bool:
         """Return whether a clock is of another life of physics than this file."""
         if not isinstance(message, Clock) or self.clock is None:
@@ -214,21 +223,32 @@ class Recorder:
     @property
     def is_whole(self) -> bool:
         """Whether all that physics and the sensors publish has come to the recording's end."""
-        end = self.end_nanos
-        if end is None or self.clock is None or self.clock.stamp_nanos < end:
+        return self.end_nanos is not None and self._is_whole_to(self.end_nanos)
+
+    def _is_whole_to(self, nanos: int) -> bool:
+        if self.clock is None or self.clock.stamp_nanos < nanos:
             return False
-        return all(
-            self._reached.get(key, 0) + period_nanos >= end
+        tick = (nanos - self.clock.epoch_nanos) / TICK_NANOS
+        return all(settled >= tick for settled in self._settled_ticks.values()) and all(
+            self._reached.get(key, 0) + period_nanos >= nanos
             for key, period_nanos in self._period_nanos.items()
         )
+
+    def has_come(self, nanos: int) -> bool:
+        """Return whether nothing earlier is waited for."""
+        if self.clock is None:
+            return False
+        return self.clock.stamp_nanos >= nanos + PATIENCE_NANOS or self._is_whole_to(nanos)
 
     @property
     def is_complete(self) -> bool:
         """Whether there is nothing more to wait for."""
-        end = self.end_nanos
-        if end is None or self.clock is None:
-            return False
-        return self.clock.stamp_nanos >= end + PATIENCE_NANOS or self.is_whole
+        return self.end_nanos is not None and self.has_come(self.end_nanos)
+
+    @property
+    def first_nanos(self) -> int:
+        """Of the first clock; 0 before it."""
+        return self._first_nanos
 
     @property
     def end_nanos(self) -> int | None:
@@ -261,7 +281,7 @@ class Recorder:
         while clock.stamp_nanos >= self._next_diagnostics_nanos:
             stamp = self._next_diagnostics_nanos
             self._next_diagnostics_nanos += DIAGNOSTICS_NANOS
-            if not self._is_beyond(stamp):
+            if self._health and not self._is_beyond(stamp):
                 topic = self._topic(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE)
                 topic.write(stamp, diagnostics(stamp, self._health.values()))
                 self.counts["messages"] += 1

@@ -57,6 +57,7 @@ def record(
     stop: threading.Event,
     *,
     absent: Collection[str] = (),
+    ordered: bool = False,
 ) -> None:
     """Write file after file, one for each life of physics, until `stop` or the duration's end.
 
@@ -64,6 +65,9 @@ def record(
     ----------
     absent
         sensors for which nobody shall wait.
+    ordered
+        whether the keeper writes in an order that does not depend on arrival: the recorder then
+        takes acknowledgements of sensors, and no health, which measures the machine.
     """
 
     def new(early: Iterable[tuple[str, Message]] = ()) -> Recorder:
@@ -72,6 +76,7 @@ def record(
             duration_nanos=duration_nanos,
             early=early,
             absent=absent,
+            acknowledging=scenario.sensor_names() if ordered else (),
             dropped=inbox.dropped_of,
         )
 
@@ -80,7 +85,9 @@ def record(
     streams = (*outgoing(scenario, run), *recorded_only(scenario, run), *incoming(scenario, run))
     for stream in streams:
         bus.subscribe(stream.key, stream.message, inbox)
-    bus.subscribe(HEALTH.key_in(run), Health, inbox)
+    row = ACK if ordered else HEALTH
+    bus.subscribe(row.key_in(run), row.message, inbox)
+    ack_prefix = ACK.key_in(run, process="")
     heartbeat = process.Heartbeat(bus, run, NAME)
     publishers = [
         bus.publisher(ACK.key_in(run, process=name), ACK.delivery) for name in (NAME, *absent)
@@ -108,6 +115,9 @@ def record(
                 key, message = arrived
                 if isinstance(message, Health):
                     recorder.heard(message)
+                    continue
+                if isinstance(message, Ack):
+                    recorder.acknowledged(key.removeprefix(ack_prefix), message)
                     continue
                 if recorder.is_another_life(message):
                     keeper.finish(recorder)
