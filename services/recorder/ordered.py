@@ -87,23 +87,26 @@ class OrderedFile:
 class OrderedFiles(Files):
     """Files of runs that do not follow the wall clock (a `Keeper`)."""
 
+    _ordered: OrderedFile
+    _written_nanos = 0
+    """Everything before this instant was written."""
+
+    _waiting: tuple[bytes, ...] = ()
+    """Entries of the journal that act after what was written."""
+
     def begin(self, epoch_nanos: int) -> File:
         """Open the next file."""
         super().begin(epoch_nanos)
         assert self._file is not None
         self._ordered = OrderedFile(self._file)
-        self._written_nanos = 0
-        """Everything before this instant was written."""
-
-        self._waiting: tuple[bytes, ...] = ()
-        """Entries of the journal that act after what was written."""
-
+        self._written_nanos, self._waiting = 0, ()
         return self._ordered
 
     def tend(self, recorder: Recorder) -> None:
         """Write the slices that are complete."""
+        before = self._written_nanos
         self._write_slices(recorder)
-        recorder.commit()
+        recorder.commit(anyway=self._written_nanos != before)
 
     def finish(self, recorder: Recorder) -> None:
         """Write the rest, and complete the file, if one was begun."""

@@ -22,6 +22,7 @@ from groundlink.journal import (
     JournalError,
     Machine,
     WheelsCommanded,
+    acting_before,
     dumped,
     encode_entry,
     is_saved_run,
@@ -169,3 +170,26 @@ def test_who_was_taken_out_is_there_no_more() -> None:
     assert SAVED.still_there() == SCENARIO
     gone = encode_entry(Changed(12, Remove("rover")))
     assert replace(SAVED, entries=(gone,)).still_there().vehicles == ()
+
+
+def test_what_acts_before_a_tick_does_not_depend_on_when_it_came() -> None:
+    def commanded(came: int, acts: int, vehicle: str = "rover") -> bytes:
+        command = Command(acts * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        return encode_entry(Commanded(came, vehicle, command))
+
+    came = [commanded(0, 8), commanded(0, 8, "a"), commanded(3, 16), commanded(20, 16)]
+    later = [commanded(5, 8), commanded(5, 8, "a"), commanded(16, 16), commanded(20, 16)]
+    earlier, rest = acting_before(20, came)
+    assert earlier == (commanded(8, 8, "a"), commanded(8, 8), commanded(16, 16))
+    assert rest == (commanded(20, 16),)  # as late as it came
+    assert acting_before(20, reversed(later[:2]))[0] == earlier[:2]
+    assert acting_before(20, later) == (earlier, rest)
+
+
+def test_a_command_is_not_moved_beyond_a_change_of_the_world() -> None:
+    command = Command(40 * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    removed = encode_entry(Changed(9, Remove("rover")))
+    entries = (encode_entry(Commanded(5, "rover", command)), removed)
+    moved = encode_entry(Commanded(9, "rover", command))
+    assert acting_before(10, entries) == ((moved, removed), ())
+    assert acting_before(9, entries) == ((), entries)
