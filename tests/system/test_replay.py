@@ -135,7 +135,7 @@ def test_a_factor_and_a_start(recorded: tuple[Rig, Path, Sent]) -> None:
 def test_a_loop_goes_through_the_gateway_again_and_again(
     recorded: tuple[Rig, Path, Sent],
 ) -> None:
-    """A round is longer than 2 s: what is older by less is stale to a receiver (PROTOCOL, "Stale")."""
+    """A round is longer than 2 s: what is older by less is stale to a receiver (see PROTOCOL)."""
     it, out, _ = recorded
     with Recording(out) as recording:
         # In a fast run streams end at different times, up to a second apart.
