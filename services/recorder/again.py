@@ -28,6 +28,7 @@ from groundlink.recording.verifying import (
     with_later_vehicles,
 )
 from groundlink.ros_base import made_topics
+from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros_streams import outgoing
 
 from .recorder import Recorder
@@ -67,8 +68,10 @@ class Again:
         self, recording: Recording, comparison: Comparison, promised: Collection[str]
     ) -> None:
         self._recording, self._comparison, self._promised = recording, comparison, promised
-        # Earlier versions recorded less of what is made of the rest.
-        self._ignored = {*not_compared(recording), *made_topics(recording.run.scenario)}
+        # Earlier versions recorded less of what is made of the rest, and ordered recordings have no
+        # diagnostics.
+        made = made_topics(recording.run.scenario)
+        self._ignored = {DIAGNOSTICS_TOPIC, *not_compared(recording), *made}
         self._topics: dict[str, _Topic | _Ignored] = {}
         self._has_begun = False
 

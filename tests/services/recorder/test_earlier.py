@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.messages import Clock, Imu, Message, WheelEncoders
+from groundlink.messages import Clock, Health, Imu, Message, WheelEncoders
 from groundlink.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
@@ -22,6 +22,7 @@ from groundlink.recording.ros_channels import RosFile
 from groundlink.recording.verifying import compared, extent
 from groundlink.report.gather import gather
 from groundlink.report.page import page
+from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros_messages import RECORDED_FORMS, to_cdr
 from groundlink.ros_streams import outgoing, static_transforms
 from groundlink.scenario import load
@@ -88,6 +89,9 @@ def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
     recorder = Recorder(LAB, RUN, again.begin, duration_nanos=STEPS * 8 * TICK_NANOS)
     for topic, message in told():
         recorder.take(keys[topic], message)
+    # Nor have ordered recordings any of these.
+    told_now = diagnostics(EPOCH, [Health("physics", 7, 5, {})])
+    again.topic(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE).write(EPOCH, told_now)
     verdicts = {verdict.topic: verdict for verdict in comparison.verdicts()}
     assert {topic for topic, verdict in verdicts.items() if not verdict.is_equal} == set()
     assert {topic: verdict.equal for topic, verdict in verdicts.items()} == dict.fromkeys(
