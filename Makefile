@@ -29,11 +29,11 @@ test-units: setup ## run what starts no whole run: units, architecture, style, t
 	@$(BIN)/python -m pytest -m "not system and not stack" --numprocesses=auto --dist=loadfile
 
 environments: setup ## install the programs of others that a test of the experiments uses
-	@$(BIN)/python -m experiments --install yag-slam --install evo
+	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install evo
 
 test-system: environments ## run the tests of the real system that may go on beside each other
 	@$(BIN)/python -m pytest -m "system and not alone and not stack" --durations=20 \
-		--numprocesses=2 --dist=loadfile
+		--numprocesses=3 --dist=loadfile
 
 test-alone: setup ## run the tests that look at rates in real time, one by one
 	@$(BIN)/python -m pytest -m "alone" --durations=20

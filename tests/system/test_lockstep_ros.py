@@ -24,8 +24,8 @@ from .rig import Rig, children_of, rig, wait_for
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 pytestmark = pytest.mark.system
 
-TICKS = 2400
-"""Six seconds."""
+TICKS = 1200
+"""Three seconds."""
 
 VEHICLES = """
 vehicles:
