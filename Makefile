@@ -8,7 +8,7 @@ READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
-.PHONY: help setup run test test-units test-system test-alone test-stack environments benchmarks experiments clean
+.PHONY: help setup run test test-units test-system test-alone test-stack environments mutants benchmarks experiments clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -51,6 +51,9 @@ benchmarks: setup ## measure what the documents claim
 	@$(BIN)/python -m benchmarks.loss
 	@$(BIN)/python -m benchmarks.freshness
 	@$(BIN)/python -m benchmarks.recording
+
+mutants: setup ## plant faults in the sources; fail where the tests find fewer than 97 % of them
+	@$(BIN)/python -m tests.mutants
 
 experiments: setup ## the paper's experiments, with SLAM programs of others (NAMES=..., SHORT=1)
 	@$(BIN)/python -m experiments $(if $(SHORT),--short) $(NAMES)

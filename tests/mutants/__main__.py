@@ -16,18 +16,17 @@ import sys
 import sysconfig
 import tempfile
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from queue import SimpleQueue
 
+from . import warm
 from .catalog import ROOT, Mutant, catalog
 
 DEMANDED = 0.97
 """The share of mutants that tests must kill."""
-
-SECONDS = 300
-"""After this long a test run counts as failed: a mutant that hangs is noticed."""
 
 
 class Copy:
@@ -43,25 +42,32 @@ class Copy:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / name, folder / name, follow_symlinks=False)
 
-    def fails(self, tests: Iterable[str]) -> bool:
-        """Return whether a test fails, or does not end."""
-        path = os.pathsep.join((str(self._folder), str(self._folder / "udp-bridge/src")))
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-        try:
-            done = subprocess.run(
-                # The same examples each time, or a survivor would be a matter of luck.
-                [*command, "--hypothesis-seed=0", *tests],
-                cwd=self._folder,
-                env=os.environ | {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
-                capture_output=True,
-                timeout=SECONDS,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            return True
-        if done.returncode not in (0, 1, 2):  # 2: a module of tests cannot be imported
-            raise RuntimeError(f"pytest {' '.join(tests)}: {done.stdout.decode()[-2000:]}")
-        return done.returncode != 0
+        path = os.pathsep.join((str(folder), str(folder / "udp-bridge/src")))
+        self._pytest = subprocess.Popen(
+            [sys.executable, "-m", "tests.mutants.warm"],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def close(self) -> None:
+        """End what runs the tests."""
+        self._pytest.communicate()
+
+    def failure(self, tests: Iterable[str]) -> str:
+        """Return what pytest says of the first test that fails or does not end; "" if none does."""
+        assert self._pytest.stdin
+        assert self._pytest.stdout
+        # The same examples each time, or a survivor would be a matter of luck.
+        options = "-x -q -p no:cacheprovider --hypothesis-seed=0"
+        print(options, *tests, file=self._pytest.stdin, flush=True)
+        code = int(self._pytest.stdout.readline())
+        said = (self._folder / warm.SAID).read_text(encoding="utf-8", errors="replace")[-2000:]
+        if code > 2:  # 1: a test fails; 2: a module of tests cannot be imported
+            raise RuntimeError(f"pytest {' '.join(tests)}: {said}")
+        return f"{said}\nexit code {code}" if code else ""
 
     def kills(self, mutant: Mutant) -> bool:
         """Plant a mutant, run its tests, take it out again; return whether one failed."""
@@ -69,20 +75,20 @@ class Copy:
         text = source.read_text(encoding="utf-8")
         try:
             source.write_text(mutant.planted(text), encoding="utf-8")
-            if source.suffix in (".c", ".h"):
-                self._build(mutant.file)
-            return self.fails(mutant.tests.split())
+            with self._compiled(mutant.file) if source.suffix == ".c" else nullcontext():
+                return bool(self.failure(mutant.tests.split()))
         finally:
             source.write_text(text, encoding="utf-8")
-            if source.suffix in (".c", ".h"):
-                self._build(mutant.file)
 
-    def _build(self, file: str) -> None:
+    @contextmanager
+    def _compiled(self, file: str) -> Iterator[None]:
         """Compile the extension module that a source belongs to, as its distribution would."""
         base = self._folder / ("udp-bridge" if file.startswith("udp-bridge/") else "")
         project = tomllib.loads((base / "pyproject.toml").read_text(encoding="utf-8"))
         [module] = project["tool"]["setuptools"]["ext-modules"]
-        [out] = (path for path in _built(base) if path.name.startswith(_stem(module["name"])))
+        stem = module["name"].rpartition(".")[2] + "."
+        [out] = (path for path in _built(base) if path.name.startswith(stem))
+        before = out.read_bytes()
         include = f"-I{sysconfig.get_path('include')}"
         command = ["cc", "-shared", "-fPIC", include, *module["extra-compile-args"]]
         libraries = module.get("extra-link-args", [])
@@ -92,10 +98,10 @@ class Copy:
             check=True,
             capture_output=True,
         )
-
-
-def _stem(module: str) -> str:
-    return module.rpartition(".")[2] + "."
+        try:
+            yield
+        finally:
+            out.write_bytes(before)
 
 
 def _built(base: Path) -> list[Path]:
@@ -116,9 +122,10 @@ def survivors(mutants: Sequence[Mutant], jobs: int) -> list[Mutant]:
         when a test fails without any mutant: then nothing can be judged.
     """
     with tempfile.TemporaryDirectory(prefix="mutants-") as place:
+        copies = [Copy(Path(place) / str(job)) for job in range(jobs)]
         free: SimpleQueue[Copy] = SimpleQueue()
-        for job in range(jobs):
-            free.put(Copy(Path(place) / str(job)))
+        for copy in copies:
+            free.put(copy)
 
         def judged(mutant: Mutant) -> bool:
             copy = free.get()
@@ -129,19 +136,22 @@ def survivors(mutants: Sequence[Mutant], jobs: int) -> list[Mutant]:
             print(f"{'killed  ' if killed else 'SURVIVED'}  {mutant.name}", flush=True)
             return killed
 
-        def sound(tests: str) -> bool:
+        def unsound(tests: Sequence[str]) -> str:
             copy = free.get()
             try:
-                return not copy.fails(tests.split())
+                return copy.failure(tests)
             finally:
                 free.put(copy)
 
         with ThreadPoolExecutor(jobs) as pool:
-            asked = sorted({mutant.tests for mutant in mutants})
-            for tests, passed in zip(asked, pool.map(sound, asked), strict=True):
-                if not passed:
-                    raise RuntimeError(f"without any mutant, {tests} fails")
+            asked = sorted({test for mutant in mutants for test in mutant.tests.split()})
+            shares = filter(None, (asked[job::jobs] for job in range(jobs)))
+            if failures := "\n".join(filter(None, pool.map(unsound, shares))):
+                raise RuntimeError(f"a test fails without any mutant:\n{failures}")
+            print(f"{len(asked)} tests pass without a mutant", flush=True)
             verdicts = list(pool.map(judged, mutants))
+        for copy in copies:
+            copy.close()
     return [mutant for mutant, killed in zip(mutants, verdicts, strict=True) if not killed]
 
 

@@ -44,5 +44,5 @@ def test_a_place_that_is_not_there_once_is_refused() -> None:
 
 def test_a_list_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "broken.yaml").write_text("- {file: a.py, wass: x}\n", encoding="utf-8")
-    with pytest.raises(ValueError, match="broken.yaml"):
+    with pytest.raises(ValueError, match=r"broken\.yaml"):
         catalog(tmp_path)
