@@ -8,7 +8,6 @@ the sum over those that are, so a curve of a few centimetres may be cut short in
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import hypot
 from typing import Any
 
 import numpy as np
@@ -67,12 +66,6 @@ class Motion:
     def top_speed_mps(self) -> float:
         """The largest speed, ahead or back."""
         return max((abs(row[3]) for row in self.rows), default=0.0)
-
-    @property
-    def displacement_m(self) -> float:
-        """From the first place to the last."""
-        track = self.track()
-        return hypot(*(track[-1, 1:3] - track[0, 1:3])) if len(track) else 0.0
 
 
 def stride(messages: int) -> int:

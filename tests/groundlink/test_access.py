@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.access import OPERATOR, access_control, grants
+from groundlink.questions import control_key, faults_key, link_key
 from groundlink.scenario import Scenario, load
 from groundlink.topics import COMMAND, IMU, JOINT_COMMAND, STATE, WHEEL_COMMAND, process_names
 
@@ -41,6 +42,24 @@ def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None
     assert who_says(tour, own) == {"rover/driver"}
     for row in (COMMAND, WHEEL_COMMAND, JOINT_COMMAND):
         assert who_says(tour, row.key_in("*")) == {"gateway", OPERATOR}
+
+
+@pytest.mark.parametrize(
+    ("key", "process"),
+    [
+        (control_key("*"), "physics"),
+        (link_key("*"), "gateway"),
+        (faults_key("*", "rover/imu"), "rover/imu"),
+    ],
+)
+def test_a_question_is_answered_by_the_process_that_knows(
+    tour: Scenario, key: str, process: str
+) -> None:
+    assert {name for name, grant in grants(tour) if key in grant.answers} == {process}
+    rules = {rule["id"]: rule for rule in access_control(tour)["rules"]}
+    answering = rules[f"{process} answers"]
+    assert f"{key}/**" in answering["key_exprs"]
+    assert set(answering["messages"]) == {"declare_queryable", "reply"}
 
 
 def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> None:

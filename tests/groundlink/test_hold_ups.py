@@ -14,6 +14,10 @@ CASES = [
         "time stretched by 2.3 s (rover/lidar 2.0 s, physics 0.2 s)",
     ),
     (
+        HoldUps((), {}, {"physics": 0.6, "rover/lidar": 0.05, "rover/imu": 0.049}),
+        "time stretched by 0.7 s (physics 0.6 s, rover/lidar 0.1 s)",  # none reads 0.0
+    ),
+    (
         HoldUps((), {}, {"physics": 0.6}, 0.25),
         "time stretched by 0.6 s (physics 0.6 s), 0.2 s still to catch up",
     ),

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -13,10 +13,12 @@ from msgspec.structs import replace
 from groundlink.cli.check import check
 from groundlink.errors import UserError
 from groundlink.ground_truth import TRUE_POINT, TruePoints
+from groundlink.imagery import Image
 from groundlink.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.messages import packed
 from groundlink.ros_messages import to_cdr
 from groundlink.scenario import load
+from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar
@@ -63,6 +65,18 @@ def test_the_truth_is_cut_like_any_message(gateway: Gateway, block_deg: float) -
     planned = plan(message, gateway.datagram, signed_peer=gateway.signed_peer)
     assert found.body_bytes == len(message.body)
     assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
+
+
+@pytest.mark.parametrize(("publish", "bytes_a_pixel"), [("raw", 3), (None, 2)])
+def test_the_largest_picture_of_a_depth_camera_counts(
+    publish: Literal["raw"] | None, bytes_a_pixel: int
+) -> None:
+    color = ColorStream(topic="/color", publish=publish) if publish else None
+    camera = DepthCamera(name="eye", topic="/depth", frame="eye", color=color)
+    pixels = camera.width * camera.height
+    depth = Image(0, "eye", 0, 0, "16UC1", 0, memoryview(b""))
+    of_fields = len(to_cdr(depth))
+    assert cut(ROVER, camera, Gateway()).body_bytes == of_fields + bytes_a_pixel * pixels
 
 
 def test_two_returns_and_a_part_of_the_view_count() -> None:

@@ -164,6 +164,19 @@ def test_an_ideal_localisation_makes_up_for_the_wheels(order: str) -> None:
     np.testing.assert_allclose(map_from_base, expected, atol=1e-6)
 
 
+def test_an_ideal_localisation_turns_odometry_about_the_axes_of_the_map() -> None:
+    """A base that leans is where the truth has it, though its odometry is level."""
+    _, (base,) = of("indoor_paper", map="truth")
+    turned = quaternion_from_rpy(0.3, -0.2, 1.0)
+    truth = replace(odometry(PERIOD, 3.0, 0.0, frame="world"), orientation=turned)
+    rows = told(base, [("odometry", odometry(PERIOD, 0.5, 0.4)), ("truth", truth)])
+    (moved,) = [row for row in rows if row.parent == "map"]
+    map_from_base = transform(moved.translation_m, moved.rotation) @ transform(
+        (0.5, 1.0, 0.0), quaternion_from_rpy(0, 0, 0.4)
+    )
+    np.testing.assert_allclose(map_from_base, transform((3.0, 1.0, 0.0), turned), atol=1e-6)
+
+
 def test_another_life_knows_nothing_of_the_one_before() -> None:
     _, (base,) = of("indoor_paper", map="truth")
     told(base, [("truth", odometry(9 * PERIOD, 3.0, 0.2))])

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import pytest
+from msgspec.structs import replace
+
 from groundlink.navigation import Odometry
 from groundlink.ros_base import Base
 from groundlink.ros_streams import outgoing, static_transforms
@@ -26,3 +29,14 @@ def test_all_that_joint_states_and_tf_are_made_of_is_carried() -> None:
             needed = Base(scenario, vehicle, "run").keys
             assert {*needed.values()} <= carried, file.name
             assert ("joints" in needed) == bool(vehicle.model.joints)
+
+
+@pytest.mark.parametrize("block_deg", [0.0, 15.0])
+def test_a_cloud_in_blocks_says_of_which_lidar_it_is(block_deg: float) -> None:
+    lab = load(SHIPPED / "indoor_lab.yaml")
+    (rover,) = lab.vehicles
+    lidar = replace(rover.sensors[0], block_deg=block_deg)
+    rover = replace(rover, sensors=(lidar, *rover.sensors[1:]))
+    streams = outgoing(replace(lab, vehicles=(rover,)), "run")
+    in_blocks = {s.topic: s.in_blocks for s in streams if s.in_blocks is not None}
+    assert in_blocks == ({lidar.topic: (rover, lidar)} if block_deg else {})

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
 from groundlink.messages import Health, StreamReport
 from groundlink.run_monitor import RunMonitor
@@ -41,6 +42,13 @@ def test_three_lives_add_up() -> None:
 def test_a_gateway_that_counts_anew_in_the_same_process_is_another_life() -> None:
     total = heard((7, report(300)), (7, report(20)), (7, report(40)))
     assert (total.sent, total.messages, total.delivered_bytes) == (340, 340, 3400)
+
+
+@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize("now", [False, True])
+def test_what_one_life_was_told_of_is_reported(before: bool, now: bool) -> None:
+    lives = (replace(report(100), reported=told) for told in (before, now))
+    assert heard(*enumerate(lives)).reported is (before or now)
 
 
 def test_the_rate_is_that_over_all_lives() -> None:

@@ -114,7 +114,9 @@ def test_what_was_not_sent_yet_or_is_another_message_is_not_sent() -> None:
     assert outbox.resender.resent == 2
 
 
-@pytest.mark.parametrize("other", [{"time_nsec": 9}, {"parts_max": 9}])
+@pytest.mark.parametrize(
+    "other", [{"time_nsec": 6}, {"time_nsec": 9}, {"parts_max": 3}, {"parts_max": 9}]
+)
 def test_parts_of_another_message_of_the_number_are_not_sent(other: dict[str, int]) -> None:
     outbox = box()
     sent = put(outbox, 0)
@@ -281,6 +283,13 @@ def test_a_pause_starves_nobody() -> None:
     # What was told so long ago as what was spent for it counts no more.
     now = SECOND // 2 + WINDOW_S * SECOND
     assert spent(budget, 1_500_000, now) == 10_000_000 // WINDOW_S - 1_000_000
+
+
+def test_what_arrived_before_the_window_counts_no_more() -> None:
+    budget, now = Budget(), WINDOW_S * SECOND
+    budget.told(90_000_000, 0)
+    budget.left(400_000_000, now)
+    assert spent(budget, 0, now, 100_000) <= BURST_BYTES
 
 
 def test_who_tells_ever_less_fills_no_memory() -> None:

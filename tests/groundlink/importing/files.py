@@ -31,9 +31,11 @@ def sixteen_bits() -> np.ndarray:
     return np.rint(HEIGHTS / 100 * 65535).astype(np.uint16)
 
 
-def tiff(array: np.ndarray = HEIGHTS, *, degrees: bool = False, **saved: Any) -> bytes:
+def tiff(
+    array: np.ndarray = HEIGHTS, *, degrees: bool = False, along_m: float = 2.5, **saved: Any
+) -> bytes:
     tags = TiffImagePlugin.ImageFileDirectory_v2()
-    tags[33550] = (2.5, 2.5, 0.0)
+    tags[33550] = (2.5, along_m, 0.0)
     tags.tagtype[33550] = 12
     tags[34735] = (1, 1, 0, 1, 1024, 0, 1, 2 if degrees else 1)
     tags.tagtype[34735] = 3

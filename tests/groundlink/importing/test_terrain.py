@@ -97,12 +97,18 @@ def test_fields_that_do_not_fit_the_file(
     assert caught.value.field == field
 
 
-def test_a_map_in_degrees_needs_the_length_of_its_cells(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [({"degrees": True}, "cells in degrees"), ({"along_m": 2.6}, "cells of 2.5 x 2.6 m")],
+)
+def test_a_map_whose_cells_are_no_squares_in_meters_needs_their_length(
+    tmp_path: Path, scale: dict[str, Any], words: str
+) -> None:
     told: list[str] = []
-    write(tmp_path, "map.tif", tiff(degrees=True))
+    write(tmp_path, "map.tif", tiff(**scale))
     with pytest.raises(BadTerrain, match="does not say it"):
         terrain.build(HeightmapFile(file="map.tif", material="grass"), tmp_path, told.append)
-    assert "cells in degrees" in told[0]
+    assert words in told[0]
 
 
 def test_a_surface_map_names_materials_of_cells(tmp_path: Path) -> None:

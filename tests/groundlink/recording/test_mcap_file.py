@@ -239,7 +239,7 @@ def test_attachments_are_found_by_all_readers(file: McapFile, tmp_path: Path) ->
         assert rosbag.message_count == len(first + later)
 
 
-def test_the_index_of_a_chunk_says_when_it_begins_and_ends(file: McapFile, tmp_path: Path) -> None:
+def test_a_chunk_and_its_index_say_when_it_begins_and_ends(file: McapFile, tmp_path: Path) -> None:
     expected = []
     for part in range(3):
         times = [row[1] for row in write(file, 50 * part, 50 * part + 50)]
@@ -251,6 +251,10 @@ def test_the_index_of_a_chunk_says_when_it_begins_and_ends(file: McapFile, tmp_p
     assert summary is not None
     indexes = summary.chunk_indexes
     assert [(i.message_start_time, i.message_end_time) for i in indexes] == expected
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        records = StreamReader(stream, emit_chunks=True).records
+        chunks = [record for record in records if isinstance(record, Chunk)]
+    assert [(chunk.message_start_time, chunk.message_end_time) for chunk in chunks] == expected
     assert summary.statistics is not None
     assert summary.statistics.message_start_time == expected[0][0]
     assert summary.statistics.message_end_time == expected[-1][1]

@@ -13,6 +13,7 @@ from groundlink.clock import NANOS
 from groundlink.report import figures
 from groundlink.report.energy import Energy
 from groundlink.report.motion import Motion
+from groundlink.report.plan import Outline
 from groundlink.report.said import StreamWords
 from groundlink.report.streams import StreamTrack
 from groundlink.world.terrain import Ground
@@ -138,3 +139,16 @@ def test_terrain_is_drawn_below_the_way() -> None:
     assert len(lines) >= 4
     assert all(np.ptp(line.x) < 0.05 * max(np.ptp(line.y), 1) for line in lines)  # uphill to x
     assert re.search(r">0\.[0-9]+ m<", drawn)
+
+
+def test_of_a_large_world_what_is_near_the_path_is_shown_on_every_side() -> None:
+    places = np.array([[0.0, 0.0], [3.0, 2.0]])
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    sides = ((-2.0, 1.0), (5.0, 1.0), (1.5, -2.0), (1.5, 4.0))
+    near = [Outline("near", square + side, 0.0, 1.0) for side in sides]
+    far = Outline("far", square + 2 * figures.WHOLE_M, 0.0, 1.0)
+    low, high = figures._shown([*near, far], places)
+    for outline in near:
+        assert (outline.corners_m >= low).all()
+        assert (outline.corners_m <= high).all()
+    assert (high < far.corners_m.min(axis=0)).all()

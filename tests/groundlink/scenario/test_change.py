@@ -16,7 +16,7 @@ from groundlink.scenario import Scenario, load
 from groundlink.scenario.change import Addition, with_more, without
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Placement
-from groundlink.scenario.spawned import KINDS, At, addition
+from groundlink.scenario.spawned import KINDS, At, _placed, addition
 from groundlink.world.actors import Along, Free
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids, world_hash
@@ -112,6 +112,10 @@ def test_things_are_put_on_the_ground_at_their_place() -> None:
     assert isinstance(motion, Free)
     # Of actors and vehicles, z counts from the ground anyway.
     assert (motion.at_m, motion.yaw_deg) == (pytest.approx((1.0, 2.0, 0.5)), 90.0)
+    turned = replace(crates.actors[0], motion=replace(motion, yaw_deg=30.0))
+    placed = _placed(replace(crates, actors=(turned,)), at, ground).actors[0].motion
+    assert isinstance(placed, Free)
+    assert placed.yaw_deg == 120.0
     with pytest.raises(UserError, match="--at 9,0 is beside the terrain"):
         addition("box", at=At(9.0, 0.0), name=None, taken=(), ground=ground)
 

@@ -108,6 +108,12 @@ MISTAKES = [
     ("mount: mast", "mount: most", 13, ["no mount `most`", "did you mean `mast`?"]),
     ("name: imu,", "name: lidar,", 14, ["`lidar` is taken"]),
     (
+        "rate_hz: 100}\n",
+        "rate_hz: 100}\n    streams:\n      - {kind: pose, name: imu, topic: /pose, rate_hz: 1}\n",
+        16,
+        ["`imu` is taken"],
+    ),
+    (
         *("topic: /imu", "topic: /points", 14),
         ["`rover/imu`: the topic `/points` is taken by `rover/lidar` (", "test.yaml:11)"],
     ),
@@ -160,7 +166,7 @@ MISTAKES = [
         "rate_hz: 100}\n"
         "      - {kind: camera, name: eye, topic: /eye, frame: eye, rate_hz: 5.0,\n"
         "         imager: {exposure_s: 0.1, readout_s: 0.1, poses: 4},\n"
-        "         faults: [{kind: delay, delay_s: 1.0}]}\n"
+        "         faults: [{kind: delay, delay_s: 0.5}, {kind: delay, delay_s: 1.0}]}\n"
         "time:\n  window_ticks: 600\n",
         19,
         ["600 and a measurement of `eye`", "expected 542 or less"],
@@ -219,6 +225,17 @@ def test_a_mistake_is_one_line_with_its_place(
     assert text.startswith(f"{file}:{line}: "), text
     for word in words:
         assert word in text
+
+
+@pytest.mark.parametrize("window", [40, 982, 983])
+def test_a_window_is_as_wide_as_what_is_kept_for_a_restart(tmp_path: Path, window: int) -> None:
+    """1024 states, less the two around an instant and the 40 of a revolution at 10 Hz."""
+    file = write(tmp_path, GOOD + f"  window_ticks: {window}\n")
+    if window <= 982:
+        assert load(file).time.window_ticks == window
+    else:
+        with pytest.raises(ScenarioError, match="expected 982 or less"):
+            load(file)
 
 
 def test_a_mistake_in_a_referenced_file_names_that_file(tmp_path: Path) -> None:

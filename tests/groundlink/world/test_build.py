@@ -18,7 +18,14 @@ from groundlink.frames import quaternion_from_rpy
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.schema import Placement
 from groundlink.world.bounds import bounds, intersect, overlap
-from groundlink.world.build import UnknownMaterial, WorldError, solids, world_hash
+from groundlink.world.build import (
+    STRIP_M,
+    UnknownMaterial,
+    WorldError,
+    _strips,
+    solids,
+    world_hash,
+)
 from groundlink.world.room import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
 from groundlink.world.starts import check_starts
@@ -346,3 +353,24 @@ def test_a_world_may_be_empty_but_for_its_solids(lab: Scenario) -> None:
         materials={"m": Material()},
     )
     assert solids(replace(lab, world=world, vehicles=())) == (ground,)
+
+
+def test_the_strips_along_the_walls_are_inside_the_room_and_go_all_around() -> None:
+    length, width = 6.0, 4.3
+    strips = _strips(Room(size_m=(length, width, 2.5)))
+    corners = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
+    for strip in strips:
+        turn = np.radians(strip.yaw_deg)
+        rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        at = corners * (strip.length_m, strip.width_m) @ rotation.T + strip.center_m[:2]
+        assert (np.abs(at) <= np.array([length, width]) / 2 + 1e-9).all()
+    area = sum(strip.length_m * strip.width_m for strip in strips)
+    inner = (length - 2 * STRIP_M) * (width - 2 * STRIP_M)
+    assert area == pytest.approx(length * width - inner)
+
+
+def test_a_room_may_have_no_door() -> None:
+    scenario = load(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml")
+    assert scenario.world.room is not None
+    closed = replace(scenario.world, room=replace(scenario.world.room, door=None))
+    assert solids(replace(scenario, world=closed))

@@ -12,7 +12,7 @@ from groundlink.scenario.schema import Placement
 from groundlink.world.build import WorldError, solids
 from groundlink.world.solids import Box, Solid
 from groundlink.world.start import start
-from groundlink.world.starts import check_starts
+from groundlink.world.starts import beside_floor, check_starts
 from groundlink.world.terrain import Terrain, ground
 from tests.services.physics.grounds import VEHICLES, shipped
 from tests.services.physics.terrains import hills, terrain, world
@@ -107,3 +107,21 @@ def test_a_place_where_nothing_can_stand_is_refused(place: Placement, problem: s
     scenario = replace(scenario, world=replace(scenario.world, solids=(hut,)))
     with pytest.raises(WorldError, match=problem):
         check_starts(scenario, solids(scenario))
+
+
+@pytest.mark.parametrize(("z_m", "stands"), [(0.0, True), (0.5, True), (-0.01, False)])
+def test_only_what_is_not_higher_than_a_place_can_carry_something_there(
+    z_m: float, stands: bool
+) -> None:
+    plate = Solid("plate", Box(size_m=(2.0, 2.0, 0.5)), "plaster", (0.0, 0.0, 0.25))
+    assert (beside_floor(0.5, 0.5, z_m, [plate]) == "") is stands
+    assert "nothing is below it" in beside_floor(1.5, 0.5, z_m, [plate])
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_where_a_wheel_is_beside_the_map_the_ground_is_as_high_as_its_edge(side: int) -> None:
+    flat = ground(terrain(np.full((41, 41), 2.0)))
+    edge = flat.x0_m + (flat.cell_m * 40 if side > 0 else 0.0)
+    vehicle = world(None, (shipped("rover"), Placement(x_m=edge))).vehicles[0]
+    origin, _ = start(vehicle, flat)
+    assert origin[2] == pytest.approx(2.0 + vehicle.model.base_height_m)

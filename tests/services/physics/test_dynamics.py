@@ -350,3 +350,24 @@ def test_the_sprockets_radius() -> None:
         with put(it) as simulation:
             speeds.append(drive(simulation, 4.0, (50.0, 0.0)).speed)
     assert speeds == pytest.approx([1.0, 2.0], rel=0.02)
+
+
+def test_the_wheels_of_a_track_roll_and_share_its_work() -> None:
+    it = model("tank", drive={"sprocket_radius_m": 0.2, "max_wheel_speed_radps": 5.0})
+    with put(it) as simulation:
+        drive(simulation, 0.3, (0.5, 0.0))
+        gear = simulation._vehicles[NAME].gear
+        power_w = sum(wheel.torque_nm * wheel.speed_radps for wheel in gear.wheels)
+        assert gear.driving_w > 1.0
+        assert power_w == pytest.approx(gear.driving_w - gear.braking_w, rel=0.01)
+        driven = drive(simulation, 2.0, (0.5, 0.0))
+    speeds = [
+        one.speed_radps * wheel.radius_m for one, wheel in zip(gear.wheels, it.wheels, strict=True)
+    ]
+    assert speeds == pytest.approx([driven.speed] * len(it.wheels), rel=0.02)
+
+
+def test_in_the_air_wheels_that_are_turned_forward_turn_the_base_back() -> None:
+    with put(model(), at=HIGH) as simulation:
+        driven = drive(simulation, 0.2, (1.0, 0.0))
+    assert driven.velocity[-1, 4] < -0.01

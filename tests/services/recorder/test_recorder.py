@@ -377,3 +377,11 @@ def test_a_file_tells_what_came_too_fast(lab: Scenario, tmp_path: Path) -> None:
     file.close()
     with Recording(tmp_path / "run.mcap") as recording:
         assert recording.dropped == {"/imu": 2}
+
+
+def test_without_a_duration_a_recording_is_never_whole(lab: Scenario, tmp_path: Path) -> None:
+    rig = Rig(lab, tmp_path / "run.mcap")
+    rig.clock(0)
+    rig.clock(4000)
+    assert not rig.recorder.is_whole
+    assert not rig.recorder.is_complete

@@ -66,3 +66,7 @@ def test_slip_grows_with_the_root_of_the_angle() -> None:
 
 def test_a_wheel_at_rest_does_not_slip() -> None:
     assert counted(0.0, slip_stddev=1.0, scale_stddev=0.1, missed_ticks=0.5) == (0, 0)
+
+
+def test_a_reset_counts_from_where_the_wheels_are_then() -> None:
+    assert counted(10.0, resets_s=(0.5,)) == pytest.approx((500_000, 500_000), abs=2)

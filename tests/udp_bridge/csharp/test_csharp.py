@@ -22,11 +22,11 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.udp_bridge.reported import by_python, challenges, controls, journey
+from tests.udp_bridge.reported import by_python, challenges, controls, edge, journey, single
 from tests.udp_bridge.reported import told as reported
 from tests.udp_bridge.vectors import IN_ORDER, NAMES, VECTORS, Vector, load
 from udp_bridge import Header, Message, Reassembler, fragments, parse
-from udp_bridge.control import Credit, CreditRequest, TopicReport
+from udp_bridge.control import Credit, CreditRequest, Subscribe, TopicReport
 from udp_bridge.receiving import Inbox
 
 FOLDER = Path(__file__).parents[3] / "udp-bridge/csharp"
@@ -250,6 +250,13 @@ CASES: dict[str, list[bytes]] = {
     "messages that jump": [part(i, 2, 9, seq=seq) for seq in JUMPING for i in (0, 1)],
     "a clock that is set back": [twist(*row) for row in STALE],
     "last part first, and too large": [part(2, 3, 9), part(0, 3, 8), part(1, 3, 8), part(2, 3, 7)],
+    "padding of a header": [
+        edge(single(topic="/a") + bytes(8), header_size=size) for size in (20, 24, 28)
+    ],
+    "rates of subscriptions": [
+        Header(7, 0, 0, 1, 1, 0, "/a").pack() + Subscribe(1, max_rate_hz=rate).pack()
+        for rate in (0.0, 1.0)
+    ],
     "more open messages than a topic has": [part(0, 2, 1, seq=i) for i in range(6)],
     "more than a sender's share": [part(0, 255, LARGE, topic=f"/{i}") for i in (1, 2, 1)],
     "more topics than are remembered": [part(0, 1, 1, topic=f"/{i % 1025}") for i in range(1030)],

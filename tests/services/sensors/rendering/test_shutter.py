@@ -86,3 +86,9 @@ def test_every_row_gets_all_its_light(poses: int, exposure_s: float, readout_s: 
         assert shares.sum(axis=0) == pytest.approx(np.ones(height), abs=1e-4)
         still = np.full((height, 8, 3), 77, np.uint8)
         assert np.array_equal(Shutter(spec, height).exposed(lambda _, s=still: s), still)
+
+
+def test_a_picture_of_one_view_is_still() -> None:
+    assert Shutter(Imager(), SHAPE[0]).is_still
+    assert Shutter(Imager(exposure_s=0.02), SHAPE[0]).is_still
+    assert not Shutter(Imager(exposure_s=0.02, poses=4), SHAPE[0]).is_still

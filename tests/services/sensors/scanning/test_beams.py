@@ -64,7 +64,9 @@ SCREEN, WALL = (NEAR_M, 1), (FAR_M, 2)
         (1.0, {"returns": "dual"}, [WALL]),
         (-1.0, {"returns": "dual"}, [SCREEN]),
         (-1.0, {"returns": "last"}, [SCREEN]),
-        # A pulse of 30 ns is 4.5 m half its length: both are one.
+        # Half the length of a pulse is 2.85 m in 19 ns, 3.15 m in 21 ns, 4.5 m in 30 ns.
+        (0.0, {"returns": "dual", "pulse_length_ns": 19.0}, [WALL, SCREEN]),
+        (0.0, {"returns": "dual", "pulse_length_ns": 21.0}, [(11.12, 1)]),
         (0.0, {"returns": "dual", "pulse_length_ns": 30.0}, [(11.12, 1)]),
     ],
 )
