@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from groundlink.imagery import Range
 from groundlink.messages import BadMessage, Clock, Command, Message, packed
-from groundlink.navigation import OccupancyGrid, Odometry, PoseStamped
+from groundlink.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.relayed import Relayed
 from groundlink.ros_incoming import READERS, reader
 from groundlink.ros_messages import ROS_FORMS, to_cdr
@@ -161,6 +161,7 @@ def test_garbled_bodies_raise_nothing_else(data: st.DataObject, ros_type: str) -
         PATH: body("path"),
         TWIST: b"\0\1\0\0" + bytes(48),
         TWIST_STAMPED: body("twist-stamped"),
+        "sensor_msgs/msg/JointState": body("joint-state"),
     }[ros_type]
     garbled = bytearray(whole)
     for _ in range(data.draw(st.integers(0, 4))):
@@ -172,4 +173,6 @@ def test_garbled_bodies_raise_nothing_else(data: st.DataObject, ros_type: str) -
         message = read(bytes(garbled[cut:] if data.draw(st.booleans()) else garbled), 7)
     except BadMessage:
         return
-    assert isinstance(message, Command | PoseStamped | Odometry | OccupancyGrid | Relayed)
+    assert isinstance(
+        message, Command | JointState | PoseStamped | Odometry | OccupancyGrid | Relayed
+    )

@@ -312,12 +312,17 @@ def _memory() -> Iterator[list[Arrival]]:
     rests = [part(n, 128, 1 << 15, 0, topic="/large") for n in range(1, 128)]
     for count in (3, 4):
         yield at_once([*quarter[:count], *small, *rests])
-    for sizes in ((1,), (1, 1)):
-        rows = [(0, who, row) for who in (1, 2, 3, 4) for row in quarter]
-        rows += [(0, 5, part(0, 2, size, topic=f"/{n}")) for n, size in enumerate(sizes)]
-        rows += [(0, who, row) for who in (1, 2, 3, 4) for row in rests]
-        rows += [(0, 5, part(1, 2, size, topic=f"/{n}")) for n, size in enumerate(sizes)]
-        yield [*rows, (SECOND, REPORT, b"")]
+
+
+def full_memory(sizes: tuple[int, ...]) -> list[Arrival]:
+    """Return arrivals of four senders that announce 64 MiB, and of one with small messages."""
+    quarter = [part(0, 128, 1 << 15, seq, topic="/large") for seq in range(4)]
+    rests = [part(n, 128, 1 << 15, 0, topic="/large") for n in range(1, 128)]
+    rows = [(0, who, row) for who in (1, 2, 3, 4) for row in quarter]
+    rows += [(0, 5, part(0, 2, size, topic=f"/{n}")) for n, size in enumerate(sizes)]
+    rows += [(0, who, row) for who in (1, 2, 3, 4) for row in rests]
+    rows += [(0, 5, part(1, 2, size, topic=f"/{n}")) for n, size in enumerate(sizes)]
+    return [*rows, (SECOND, REPORT, b"")]
 
 
 def boundaries() -> list[list[Arrival]]:

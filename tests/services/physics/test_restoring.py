@@ -127,8 +127,8 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
             said.append(encode(plain))
             return encode(message)
 
-        everywhere = {"rover": publish}
-        return said, Outlets(publish, publish, publish, everywhere, everywhere, everywhere)
+        vehicles = {name: {"rover": publish} for name in ("truth", "wheels", "joints", "vitals")}
+        return said, Outlets(publish, publish, publish, **vehicles)
 
     said, outlets = heard()
     with life_of(scenario, publish=outlets) as life:

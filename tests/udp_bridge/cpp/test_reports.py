@@ -18,6 +18,7 @@ from tests.udp_bridge.reported import (
     challenges,
     controls,
     credited,
+    full_memory,
     journey,
     part,
     told,
@@ -101,6 +102,18 @@ def test_at_every_bound_it_does_what_python_does(program: Path, tmp_path: Path) 
         ):
             differ.append((case, ours, theirs))
     assert not differ
+
+
+@pytest.mark.parametrize(("sizes", "given_up"), [((), 0), ((1,), 1), ((1, 1), 1)])
+def test_beyond_its_memory_one_of_the_largest_gives_way(
+    program: Path, tmp_path: Path, sizes: tuple[int, ...], given_up: int
+) -> None:
+    """Python counts what is held instead of what is announced (`test_flood.py`)."""
+    found = by_cpp(program, full_memory(sizes), tmp_path).reports
+    large = [row[-1] for row in found if row[1] == "/large"]
+    assert sum(report.incomplete for report in large) == given_up
+    assert sum(report.published for report in large) == 4 - given_up
+    assert [row[-1].published for row in found if row[0] == 5] == [1] * len(sizes)
 
 
 def cut_by_python(size: int, header: int, largest: int) -> int:

@@ -44,7 +44,7 @@ _ROWS = (
     MessageType(34, "CameraInfo", "sensor_msgs/msg/CameraInfo", "/camera_info", "to ROS"),
     MessageType(35, "TFMessage", "tf2_msgs/msg/TFMessage", "/tf", "to ROS"),
     MessageType(36, "Odometry", "nav_msgs/msg/Odometry", "/odom", "both"),
-    MessageType(37, "JointState", "sensor_msgs/msg/JointState", "/joint_states", "to ROS"),
+    MessageType(37, "JointState", "sensor_msgs/msg/JointState", "/joint_states", "both"),
     MessageType(38, "TwistStamped", "geometry_msgs/msg/TwistStamped", "/cmd_vel", "from ROS"),
     MessageType(39, "String", "std_msgs/msg/String", "/robot_description", "to ROS"),
     MessageType(40, "Path", "nav_msgs/msg/Path", "/plan", "from ROS"),
