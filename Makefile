@@ -33,7 +33,7 @@ environments: setup ## install the programs of others that a test of the experim
 
 test-system: environments ## run the tests of the real system that may go on beside each other
 	@$(BIN)/python -m pytest -m "system and not alone and not stack" --durations=20 \
-		--numprocesses=3 --dist=loadfile
+		--numprocesses=2 --dist=loadfile
 
 test-alone: setup ## run the tests that look at rates in real time, one by one
 	@$(BIN)/python -m pytest -m "alone" --durations=20
