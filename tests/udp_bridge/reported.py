@@ -257,6 +257,9 @@ def _times() -> Iterator[list[Arrival]]:
                 rows += [(now, 1, single(number, sec)) for sec in (5, 4, 6)]
                 rows += [(now, 1, first), (now, 1, part(1, 2, 9, (last + 5) % 2**32, sec=6))]
                 yield [*rows, (now, REPORT, b"")]
+        sec, nanos = divmod(3 * SECOND + later, SECOND)  # stale, or a clock that was set back
+        imu = [Header(2, 5, 0, 1, 5, 0, "/imu"), Header(2, 6, 0, 1, sec, nanos, "/imu")]
+        yield [*((0, 1, header.pack() + b"body") for header in imu), (SECOND, REPORT, b"")]
         for bound in (5 * SECOND, 10 * SECOND):  # of reporting, and of ages
             yield [(0, 1, single()), (bound + later, REPORT, b"")]
             heard = [(0, 1, single()), (bound + later, 1, single(1, 2))]

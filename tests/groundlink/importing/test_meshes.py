@@ -268,3 +268,5 @@ def test_lzf_refers_back_into_what_it_is_writing() -> None:
     packed = lzf(data)
     size = np.array([len(packed), len(data)], "<u4").tobytes()
     assert pcd._decompressed(size + packed) == data
+    # Three bytes as they are, then three from the very first one on.
+    assert pcd._decompressed(b"\6\0\0\0\6\0\0\0" + b"\2abc" + bytes([1 << 5, 2])) == b"abcabc"

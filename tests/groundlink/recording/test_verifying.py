@@ -342,6 +342,15 @@ def test_what_was_missed_before_a_recorder_joined_is_not_known(
         assert missing.counting_on(recording).keys() == expected
 
 
+def test_a_recording_that_begins_late_says_from_when_it_is_compared(
+    tmp_path: Path, lab: Scenario
+) -> None:
+    with record(tmp_path / "a.mcap", lab, [], begin_s=2.0) as recording:
+        extent = Extent(EPOCH + 2 * NANOS, EPOCH + 9 * NANOS, EPOCH, EPOCH)
+        said = list(verifying.otherwise(recording, lab, extent))
+    assert "recorded from 2.000 s on: what is earlier runs, and is not compared" in said
+
+
 def test_only_what_bytes_may_depend_on_tells_scenarios_apart(lab: Scenario) -> None:
     paced = replace(lab, name="other", time=replace(lab.time, mode="fast", factor=3.0))
     assert verifying.scenario_difference(lab, paced) is None

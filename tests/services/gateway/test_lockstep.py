@@ -53,6 +53,7 @@ class StandIn:
         return dict(self.counts)
 
     def flush(self, seconds: float) -> bool:
+        assert 0 < seconds <= LIMIT_MS / 1e3, "the run stands still meanwhile"
         return not self.is_busy
 
     @property

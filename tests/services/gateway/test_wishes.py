@@ -120,6 +120,20 @@ def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
     began.join()
 
 
+def test_so_many_wait_and_no_more(bench: Bench) -> None:
+    bench.answers.clear()
+    bench.wishes.take(Wish(0, wishing.PAUSE))
+    while not bench.asked:  # until it is with physics and waits no longer
+        time.sleep(0.001)
+    for number in range(1, WISHES_WAITING + 10):
+        bench.wishes.take(Wish(number, wishing.PAUSE))
+    bench.answers.set()
+    bench.wait(lambda: len(bench.told) == WISHES_WAITING + 1)
+    bench.wishes.take(Wish(5000, wishing.PAUSE))
+    bench.wait(lambda: bench.told[-1].number == 5000)
+    assert [answer.number for answer in bench.told[:-1]] == list(range(WISHES_WAITING + 1))
+
+
 def test_what_is_kept_is_bounded(bench: Bench) -> None:
     bench.answers.clear()
     for number in range(1000):
