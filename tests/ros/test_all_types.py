@@ -48,7 +48,7 @@ def test_every_type_arrives_in_ros(ros: Ros, bridge: FarEnd) -> None:
         assert fields(got, type(message)) == fields(body, type(message)), name
 
 
-def test_poses_maps_and_odometry_come_back(ros: Ros, bridge: FarEnd) -> None:
+def test_poses_maps_odometry_and_joints_come_back(ros: Ros, bridge: FarEnd) -> None:
     """A map is published once, before anybody asks for it, and again to whoever asks anew."""
     bodies = {name: bytes(to_cdr(EXAMPLES[name].message)) for name in FROM_ROS}
     for name, body in bodies.items():
@@ -70,5 +70,5 @@ def test_poses_maps_and_odometry_come_back(ros: Ros, bridge: FarEnd) -> None:
 
 
 def test_the_table_is_covered() -> None:
-    assert sorted(FROM_ROS) == ["map", "odometry", "pose"]
+    assert sorted(FROM_ROS) == ["joint-state", "map", "odometry", "pose"]
     assert sorted(TO_ROS) == sorted(set(EXAMPLES) - {"map"})
