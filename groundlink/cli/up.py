@@ -189,7 +189,7 @@ def _summarise(
 ) -> None:
     console.print(dashboard("summary", monitor, children.values()))
     for fault in faults:
-        console.print(f"not kept: {fault}")
+        console.print(f"not kept: {fault}", soft_wrap=True)
     if monitor.streams and not monitor.is_reported:
         console.print(f"{NOT_REPORTED}: the ROS side sent no report of what arrived (TopicReport)")
     elif not faults:
