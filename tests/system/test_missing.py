@@ -17,7 +17,7 @@ from groundlink.bus import Bus
 from groundlink.inbox import Inbox
 from groundlink.messages import Clock
 from groundlink.recording.reading import Recording
-from groundlink.report.accounts import UNDER_WAY, StreamAccount
+from groundlink.report.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
 from groundlink.report.gather import gather
 from groundlink.topics import CLOCK
 
@@ -95,6 +95,9 @@ def test_skip_keeps_the_pace_and_marks_all_that_it_leaves_out(overloaded: Run) -
         missing = account.missing()
         print(topic, account.due, account.published, dict(missing))
         assert account.due == account.published + missing.total()
+        # What is under way is one second; a sensor that is so far behind may take longer to tell.
+        most_late = 0.02 * account.due if topic.removeprefix("/") in HEAVY else 0
+        assert missing.pop(NOT_TOLD, 0) <= most_late, topic
         assert missing.keys() <= {"overloaded", UNDER_WAY}, topic
     for name in HEAVY:
         assert overloaded.accounts[f"/{name}"].missing()["overloaded"] > 0
