@@ -8,7 +8,7 @@ READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
-.PHONY: help setup run test test-units test-system test-alone test-stack environments mutants benchmarks experiments clean
+.PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -41,19 +41,19 @@ test-alone: setup ## run the tests that look at rates in real time, one by one
 test-stack: setup ## bring the containers up on a Docker engine, break them, look
 	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy
 
-benchmarks: setup ## measure what the documents claim
-	@$(BIN)/python -m benchmarks.lidar
-	@$(BIN)/python -m benchmarks.camera
-	@$(BIN)/python -m benchmarks.physics
-	@$(BIN)/python -m benchmarks.lockstep
-	@$(BIN)/python -m benchmarks.drift
-	@$(BIN)/python -m benchmarks.bridge
-	@$(BIN)/python -m benchmarks.loss
-	@$(BIN)/python -m benchmarks.freshness
-	@$(BIN)/python -m benchmarks.recording
+benchmarks: setup ## measure what the documents promise; fail where a promise does not hold
+	@$(BIN)/python -m benchmarks
 
 mutants: setup ## plant faults in the sources; fail where the tests find fewer than 97 % of them
 	@$(BIN)/python -m tests.mutants
+
+nightly: setup ## what takes too long for every change: mutants, fuzzers, benchmarks
+	@$(MAKE) --no-print-directory --keep-going mutants fuzz benchmarks
+
+fuzz: setup ## a minute of each fuzzer
+	@$(BIN)/python -m fuzz.guided --seconds 60
+	@$(BIN)/python -m fuzz.runs --seconds 60
+	@$(BIN)/python -m fuzz.sequences --seconds 60
 
 experiments: setup ## the paper's experiments, with SLAM programs of others (NAMES=..., SHORT=1)
 	@$(BIN)/python -m experiments $(if $(SHORT),--short) $(NAMES)

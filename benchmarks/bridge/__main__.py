@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python -m benchmarks.bridge [--quick] [--only PART] [--figure FILE] [--json FILE]`.
+"""`python -m benchmarks.bridge [--quick] [--only PART] [--figure FILE] [--json FILE] [--check]`.
 
 Everything runs on this host over loopback and as an ordinary user would run it. Times are the
 machine's, so what the documents claim are ratios, and the last lines say which of them hold.
@@ -17,9 +17,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from benchmarks.claims import Claim, add_options, judge
+
 from . import cpp, crowded, latency, resending, throughput
-from .claims import Claim, Part
 from .figure import draw
+from .part import Part
 from .processes import stand_apart
 
 PARTS: dict[str, Callable[[bool, Path], Part]] = {
@@ -32,7 +34,7 @@ PARTS: dict[str, Callable[[bool, Path], Part]] = {
 }
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(arguments: Sequence[str]) -> int:
     """Measure, print, draw."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bridge")
     parser.add_argument("--quick", action="store_true", help="few messages of fewer sizes")
@@ -45,6 +47,7 @@ def main(arguments: Sequence[str]) -> None:
     )
     parser.add_argument("--figure", metavar="FILE", type=Path, help="draw the paper's Figure 9")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write what was measured")
+    add_options(parser)
     options = parser.parse_args(arguments)
     if options.figure is not None and options.only not in (None, "latency"):
         parser.error("--figure draws the part `latency`; leave out --only or name that one")
@@ -61,13 +64,15 @@ def main(arguments: Sequence[str]) -> None:
         for name in [options.only] if options.only else PARTS:
             parts[name] = runs[name](options.quick, Path(folder))
     claims: list[Claim] = [claim for part in parts.values() for claim in part.claims]
-    print("", *claims, f"\n{time.monotonic() - began:.0f} s", sep="\n")
+    code = judge(claims, options)
+    print(f"\n{time.monotonic() - began:.0f} s")
     if options.json is not None:
         options.json.write_text(json.dumps({n: part.rows for n, part in parts.items()}, indent=1))
     if options.figure is not None:
         draw(options.figure, parts["latency"].rows)
         print(f"drawn to {options.figure}")
+    return code
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    raise SystemExit(main(sys.argv[1:]))

@@ -13,8 +13,10 @@ import subprocess
 from contextlib import closing
 from pathlib import Path
 
-from .claims import Claim, Part
+from benchmarks.claims import Claim
+
 from .ours import UdpBridge
+from .part import Part
 from .processes import Program
 from .ways import HERE, RECEIVE_BUFFER
 

@@ -11,8 +11,10 @@ import statistics
 from contextlib import closing
 from pathlib import Path
 
-from .claims import Claim, Part
+from benchmarks.claims import Claim
+
 from .ours import PLAIN, Fates, UdpBridge
+from .part import Part
 from .processes import busy_processes
 
 SIZE = 10_000_000

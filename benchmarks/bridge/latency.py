@@ -13,8 +13,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from .claims import Claim, Part
+from benchmarks.claims import Claim
+
 from .ours import FromTheBus, UdpBridge
+from .part import Part
 from .ways import CProgram, Rosbridge, RosSharp, Tcp, Way
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 10_000_000, 16_000_000)

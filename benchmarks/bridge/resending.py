@@ -12,11 +12,12 @@ import statistics
 from contextlib import closing
 from pathlib import Path
 
+from benchmarks.claims import Claim
 from udp_bridge.repair import Resend
 
-from .claims import Claim, Part
 from .latency import measure
 from .ours import UdpBridge
+from .part import Part
 from .processes import Late
 
 SIZES = (100_000, 1_000_000, 10_000_000)

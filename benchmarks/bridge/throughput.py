@@ -11,8 +11,10 @@ import statistics
 from contextlib import closing
 from pathlib import Path
 
-from .claims import Claim, Part
+from benchmarks.claims import Claim
+
 from .ours import UdpBridge
+from .part import Part
 from .ways import CProgram, Streaming
 
 SIZES = (1_000_000, 16_000_000)

@@ -23,7 +23,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.bridge.claims import Claim
+from benchmarks.claims import Claim, add_options, judge
 from groundlink.errors import UserError
 from groundlink.frames import Floats
 from groundlink.messages import PointCloud, State
@@ -247,7 +247,7 @@ PARTS: dict[str, Callable[[int, Path], list[Claim]]] = {
 def main(arguments: Sequence[str]) -> int:
     """Measure, print, and with --check compare."""
     parser = argparse.ArgumentParser(prog="benchmarks.lidar", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="fail where a claim does not hold")
+    add_options(parser)
     parser.add_argument("--only", choices=PARTS, help="one part of it")
     parser.add_argument(
         "--scenario", type=Path, default=SHIPPED / "indoor_lab.yaml", help="of `room`"
@@ -257,8 +257,7 @@ def main(arguments: Sequence[str]) -> int:
     claims = []
     for name in [options.only] if options.only else PARTS:
         claims += PARTS[name](options.rounds, options.scenario)
-    print("", *claims, sep="\n")
-    return 1 if options.check and not all(claim.holds for claim in claims) else 0
+    return judge(claims, options)
 
 
 if __name__ == "__main__":

@@ -26,11 +26,11 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image
 
 from benchmarks.bridge import cpp
-from benchmarks.bridge.claims import Claim
 from benchmarks.bridge.latency import QUICK_SIZES
 from benchmarks.bridge.lossy import lossy_socket
 from benchmarks.bridge.processes import CAP_NET_ADMIN
 from benchmarks.bridge.ways import IMAGE_HEAD_BYTES, image_cdr
+from benchmarks.claims import Claim
 
 ROOT = Path(__file__).resolve().parents[2]
 WAYS = {"UDP Bridge", "from the bus", "C program", "TCP", "ROS# way"}
