@@ -129,7 +129,7 @@ def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
         )
     console.print(table)
     for fault in faults:
-        console.print(f"not kept: {fault}", highlight=False)
+        terminal.say(console, f"not kept: {fault}")
     return 1 if faults else 0
 
 

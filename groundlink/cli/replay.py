@@ -91,7 +91,7 @@ def replay(options: argparse.Namespace) -> int:
         return 0
     faults = monitor.faults(needs_reports=not options.no_ros)
     for fault in faults:
-        console.print(f"not kept: {fault}")
+        terminal.say(console, f"not kept: {fault}")
     return 1 if faults else 0
 
 

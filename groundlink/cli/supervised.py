@@ -23,7 +23,7 @@ from groundlink.run_monitor import RunMonitor
 from groundlink.supervisor import TOLD, Child, Supervisor
 from groundlink.topics import HEALTH
 
-from .terminal import display, stop_on_signals
+from .terminal import display, say, stop_on_signals
 
 LINES_SHOWN = 5
 """Newest lines of the processes, below the picture of a run."""
@@ -103,7 +103,7 @@ class SupervisedRun:
             finally:
                 self.killed = self._supervisor.stop()
                 for line in self._lines:
-                    self._print(line)
+                    say(self._shown, line)
             self._hear(inbox)
         return failed
 
@@ -134,15 +134,12 @@ class SupervisedRun:
         if self._shown.is_terminal:
             self._lines.append(line)
         else:
-            self._print(line)
+            say(self._shown, line)
 
     def _with_lines(self, picture: RenderableType) -> RenderableType:
         """Return the picture above the newest lines."""
         newest = list(self._lines)[-LINES_SHOWN:]
         return Group(picture, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
-
-    def _print(self, line: str) -> None:
-        self._shown.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def exit_code(child: Child) -> int:

@@ -27,6 +27,11 @@ def console() -> Console:
     return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
 
 
+def say(shown: Console, line: str) -> None:
+    """Print a line as it is: not wrapped, and nothing in it read as markup."""
+    shown.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
 def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[bool], None]:
     """Return a function that shows the run now; its argument says whether it is the last time."""
     if shown.is_terminal:

@@ -107,7 +107,7 @@ def up(options: argparse.Namespace) -> int:
     )
     if supervised_run.killed:
         names = ", ".join(supervised_run.killed)
-        console.print(f"killed, as they did not end in time: {names}")
+        terminal.say(console, f"killed, as they did not end in time: {names}")
     if failed and not failed.ended_run and monitor.first_tick is None:
         return supervised.exit_code(failed)
     needs_reports = not options.no_ros
@@ -189,11 +189,12 @@ def _summarise(
 ) -> None:
     console.print(dashboard("summary", monitor, children.values()))
     for fault in faults:
-        console.print(f"not kept: {fault}", soft_wrap=True)
+        terminal.say(console, f"not kept: {fault}")
     if monitor.streams and not monitor.is_reported:
-        console.print(f"{NOT_REPORTED}: the ROS side sent no report of what arrived (TopicReport)")
+        line = f"{NOT_REPORTED}: the ROS side sent no report of what arrived (TopicReport)"
+        terminal.say(console, line)
     elif not faults:
-        console.print("every declared rate was kept within 2 %")
+        terminal.say(console, "every declared rate was kept within 2 %")
 
 
 def _report(
