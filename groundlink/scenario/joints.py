@@ -12,6 +12,7 @@ from math import cos, hypot, sin
 from typing import Literal
 
 from groundlink.frames import IDENTITY_QUATERNION
+from groundlink.quaternions import multiply, rotate
 from groundlink.world.solids import Positive, Quaternion, Solid, Spec, Vector3
 
 from .every_sensor import Name
@@ -91,28 +92,10 @@ def base_from_links(joints: Sequence[Joint], positions: Sequence[float]) -> list
         at = joint.at_m
         if joint.kind == "prismatic":
             at = at[0] + x * position, at[1] + y * position, at[2] + z * position
-        moved = _rotated(turn, at)
+        moved = rotate(turn, at)
         place = origin[0] + moved[0], origin[1] + moved[1], origin[2] + moved[2]
         if joint.kind == "revolute":
             s = sin(position / 2)
-            turn = product(turn, (x * s, y * s, z * s, cos(position / 2)))
+            turn = multiply(turn, (x * s, y * s, z * s, cos(position / 2)))
         poses[joint.name] = place, turn
     return [poses[joint.name] for joint in joints]
-
-
-def product(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Return the rotation by `second`, then by `first`; on floats, as it is done in every tick."""
-    ax, ay, az, aw = first
-    bx, by, bz, bw = second
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def _rotated(turn: Quaternion, vector: Vector3) -> Vector3:
-    x, y, z, w = turn
-    vx, vy, vz, _ = product(product(turn, (*vector, 0.0)), (-x, -y, -z, w))
-    return vx, vy, vz

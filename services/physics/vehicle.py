@@ -18,7 +18,7 @@ import numpy as np
 
 from groundlink.clock import TICK_NANOS
 from groundlink.messages import VehicleState
-from groundlink.scenario.joints import product
+from groundlink.quaternions import multiply
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.mesh_asset import surface
@@ -292,7 +292,7 @@ class SimulatedVehicle:
                 x + a * cx + b * cy + c * cz,
                 y + d * cx + e * cy + f * cz,
                 z + g * cx + h * cy + i * cz,
-                *product(self._quaternion, turn),
+                *multiply(self._quaternion, turn),
             )
         return VehicleState(
             memoryview(self._pack_links(*poses)),

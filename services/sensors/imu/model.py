@@ -28,6 +28,7 @@ import numpy as np
 
 from groundlink import messages
 from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
+from groundlink.quaternions import from_rotation_vector, multiply
 from groundlink.scenario import sensors
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.schema import Scenario, Vehicle
@@ -36,7 +37,6 @@ from services.sensors.streams import RandomStreams
 from .errors import ImuErrors
 from .lowpass import Six, low_pass, weights
 from .motion import SensorMotion, TickMotion
-from .quaternions import from_rotation_vector, multiply
 
 
 class Window:

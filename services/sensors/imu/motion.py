@@ -22,9 +22,15 @@ from typing import NamedTuple
 from groundlink.clock import TICK_RATE_HZ
 from groundlink.frames import quaternion_from_rpy
 from groundlink.messages import Quaternion, Vector3
+from groundlink.quaternions import (
+    conjugate,
+    from_rotation_vector,
+    half_of,
+    multiply,
+    rotate,
+    rotation_vector,
+)
 from groundlink.scenario.sensors import Mount
-
-from .quaternions import conjugate, from_rotation_vector, half_of, multiply, rotate, rotation_vector
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 """Standard acceleration of gravity (ISO 80000-3), down along the world's z."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The few quaternion operations that an IMU needs 400 times a second, on single values.
+"""Quaternion operations on single values, for what is computed 400 times a second.
 
 Rule: the conventions of `groundlink.frames` (xyzw, unit length, names chain) on plain floats: for
 one value a numpy call costs ten times as much as the arithmetic. Arrays belong to `frames`.
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from groundlink.messages import Quaternion, Vector3
+from .messages import Quaternion, Vector3
 
 SMALL_SINE = 1e-150
 """Below it a squared component underflows; the rotation is none."""

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from groundlink import frames
+from groundlink import frames, quaternions
 from groundlink.messages import Quaternion, Vector3
-from services.sensors.imu import quaternions
 
 RANDOM = np.random.default_rng(3)
 UNIT: list[Quaternion] = [
