@@ -37,6 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         from rclpy.utilities import remove_ros_args
 
         from udp_bridge.memory import keep_memory
+        from udp_bridge.ros_end.options import add_options
 
         from .node import BridgeNode
     except ImportError as error:
@@ -47,26 +48,11 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog=PROGRAM, description="Publish in ROS 2 what arrives by UDP Bridge, and send back."
     )
-    parser.add_argument("--bind", metavar="HOST:PORT", help="where to receive (127.0.0.1:7511)")
-    parser.add_argument("--peer", metavar="HOST:PORT", help="the only sender to listen to")
-    parser.add_argument(
-        "--allow-any-peer",
-        action="store_const",
-        const="true",
-        help="listen to any sender, although other hosts can reach the port",
-    )
-    parser.add_argument("--key-file", metavar="FILE", help="key that both ends share")
-    parser.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
+    add_options(parser)
     try:
         arguments = parser.parse_args(remove_ros_args([PROGRAM, *argv])[1:])
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = BridgeNode(
-            bind=arguments.bind,
-            peer=arguments.peer,
-            allow_any_peer=arguments.allow_any_peer,
-            key_file=arguments.key_file,
-            key_env=arguments.key_env,
-        )
+        node = BridgeNode(**vars(arguments))
     except OSError as error:
         return _fail(error.strerror or str(error))
     except (ValueError, RuntimeError, InvalidParameterTypeException) as error:

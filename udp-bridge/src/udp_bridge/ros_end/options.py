@@ -6,11 +6,26 @@ Rule: text comes in, as parameters have it; who reads them is the node's busines
 
 from __future__ import annotations
 
+import argparse
 from typing import Any, Optional
 
 from udp_bridge.fragments import DatagramSize, check_datagram_size
 from udp_bridge.header import BadMessage
 from udp_bridge.repair import Mode, parse_mode
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that a node of either ROS has on its command line, each text or None."""
+    parser.add_argument("--bind", metavar="HOST:PORT", help="where to receive (127.0.0.1:7511)")
+    parser.add_argument("--peer", metavar="HOST:PORT", help="the only sender to listen to")
+    parser.add_argument(
+        "--allow-any-peer",
+        action="store_const",
+        const="true",
+        help="listen to any sender, although other hosts can reach the port",
+    )
+    parser.add_argument("--key-file", metavar="FILE", help="key that both ends share")
+    parser.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
 
 
 def parse_datagram(text: str) -> DatagramSize:

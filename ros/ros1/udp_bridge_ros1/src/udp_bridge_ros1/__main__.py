@@ -28,6 +28,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         import rospy
 
         from udp_bridge.memory import keep_memory
+        from udp_bridge.ros_end.options import add_options
 
         from .master import Watch, wait_for_master
         from .node import BridgeNode
@@ -39,28 +40,13 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser = argparse.ArgumentParser(
         prog=PROGRAM, description="Publish in ROS 1 what arrives by UDP Bridge, and send back."
     )
-    parser.add_argument("--bind", metavar="HOST:PORT", help="where to receive (127.0.0.1:7511)")
-    parser.add_argument("--peer", metavar="HOST:PORT", help="the only sender to listen to")
-    parser.add_argument(
-        "--allow-any-peer",
-        action="store_const",
-        const="true",
-        help="listen to any sender, although other hosts can reach the port",
-    )
-    parser.add_argument("--key-file", metavar="FILE", help="key that both ends share")
-    parser.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
+    add_options(parser)
     arguments = parser.parse_args(rospy.myargv([PROGRAM, *argv])[1:])
     if not wait_for_master(lambda: bool(signals), _say):
         return 0
     try:
         rospy.init_node("udp_bridge", argv=[PROGRAM, *argv], disable_signals=True)
-        node = BridgeNode(
-            bind=arguments.bind,
-            peer=arguments.peer,
-            allow_any_peer=arguments.allow_any_peer,
-            key_file=arguments.key_file,
-            key_env=arguments.key_env,
-        )
+        node = BridgeNode(**vars(arguments))
     except OSError as error:
         return _fail(error.strerror or str(error))
     except (ValueError, rospy.ROSException) as error:
