@@ -26,7 +26,7 @@ import numpy as np
 import pybullet
 from msgspec.structs import replace
 
-from groundlink.frames import Floats, matrix_from_quaternion, multiply, transform
+from groundlink.core.frames import Floats, matrix_from_quaternion, multiply, transform
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Vehicle

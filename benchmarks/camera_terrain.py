@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.frames import Floats, multiply, quaternion_from_rpy, transform
+from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
 from groundlink.importing import terrain
 from groundlink.importing.files import silent
 from groundlink.importing.terrain_specs import Hills, Where

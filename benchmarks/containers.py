@@ -25,14 +25,14 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_SECONDS
-from groundlink.deployment import Deployment
-from groundlink.gaps import parted
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GATEWAY, HEALTH, PHYSICS, process_names
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.deploy.compose import Deployment
+from groundlink.messages.base import Health
+from groundlink.messages.missing_readings import parted
 from groundlink.scenario import load
-from groundlink.topics import GATEWAY, HEALTH, PHYSICS, process_names
 
 ROOT = Path(__file__).parents[1]
 PROJECT = "groundlink-benchmark"

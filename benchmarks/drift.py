@@ -16,11 +16,11 @@ import sys
 import time
 from pathlib import Path
 
-from groundlink.bus import Bus
-from groundlink.clock import NANOS, TICK_RATE_HZ
-from groundlink.inbox import Inbox
-from groundlink.messages import State
-from groundlink.topics import STATE
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STATE
+from groundlink.core.clock import NANOS, TICK_RATE_HZ
+from groundlink.messages.base import State
 
 from .claims import Claim, add_options, judge
 

@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink import assets
-from groundlink.assets import VARIABLE
 from groundlink.importing.files import silent
 from groundlink.importing.hills import heights
 from groundlink.importing.terrain import build
 from groundlink.importing.terrain_specs import Hills
-from groundlink.messages import Command
+from groundlink.messages.base import Command
 from groundlink.scenario import load
 from groundlink.scenario.document import read
 from groundlink.scenario.explain import convert
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world import assets
+from groundlink.world.assets import VARIABLE
 from groundlink.world.mesh_asset import asset_of
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import ground

@@ -22,17 +22,17 @@ from pathlib import Path
 
 import yaml
 
-from groundlink import process
-from groundlink.bus import Bus
+from groundlink.bus.control_client import ask
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, HEALTH
 from groundlink.cli import running
-from groundlink.clock import TICK_SECONDS
-from groundlink.control import Reset
-from groundlink.control_query import ask
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Health, Message
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import Ack, Health, Message
+from groundlink.messages.control import Reset
+from groundlink.monitor.supervisor import Supervisor
+from groundlink.process import runner as process
 from groundlink.scenario import Scenario, load
-from groundlink.supervisor import Supervisor
-from groundlink.topics import ACK, HEALTH
 
 from .claims import Claim, add_options, judge
 

@@ -23,12 +23,12 @@ from pathlib import Path
 
 import numpy as np
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
-from groundlink.inbox import Inbox
-from groundlink.messages import Command, Message, State, encode
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STATE
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
+from groundlink.messages.base import Command, Message, State, encode
 from groundlink.scenario import Scenario, load
-from groundlink.topics import STATE
 from services.physics.life import Life
 from services.physics.outlets import Outlets, outlets
 

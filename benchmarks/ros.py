@@ -20,13 +20,13 @@ from typing import NamedTuple
 
 import msgspec
 
-from groundlink.bus import Bus
-from groundlink.questions import scenario_key
+from groundlink.bus.queries import scenario_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
-from groundlink.topics import HEALTH
 
 from .bridge.processes import PATIENCE_S, Late, Program, Silent, python, stand_apart
 from .ros_ends import CLOUD_BYTES, TOPICS

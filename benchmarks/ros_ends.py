@@ -15,9 +15,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from groundlink.messages import POINT, Imu, Message, PointCloud
-from groundlink.ros_messages import to_cdr
-from groundlink.topics import IMU, POINTS
+from groundlink.bus.topics import IMU, POINTS
+from groundlink.messages.base import POINT, Imu, Message, PointCloud
+from groundlink.ros.encoding import to_cdr
 
 TOPICS = {"imu": "/imu", "cloud": "/points"}
 PLAIN_TOPICS = {"imu": "/plain/imu", "cloud": "/plain/points"}
@@ -91,7 +91,7 @@ def sensor(endpoint: str, run: str, vehicle: str) -> None:
     """Publish on the bus as sensors do."""
     from msgspec.structs import replace
 
-    from groundlink.bus import Bus
+    from groundlink.bus.session import Bus
 
     filled = messages()
     with Bus(connect=endpoint) as bus:

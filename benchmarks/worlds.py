@@ -19,12 +19,12 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from groundlink.assets import VARIABLE
 from groundlink.importing import meshes, terrain
 from groundlink.importing.files import silent
 from groundlink.importing.hills import heights
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import HeightmapFile, Hills
+from groundlink.world.assets import VARIABLE
 from groundlink.world.terrain import Terrain, ground
 
 SIZE_M = 15_000.0

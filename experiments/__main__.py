@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from .environments import python_of
 from .evaluation import missed, write_csv

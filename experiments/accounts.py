@@ -16,9 +16,9 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
-from groundlink.ros_streams import outgoing
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.ros.streams import outgoing
 from groundlink.scenario import Scenario
 
 UNDER_WAY_NANOS = NANOS // 4

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import conjugate, matrix_from_quaternion, multiply, rotation_vector
+from groundlink.core.frames import conjugate, matrix_from_quaternion, multiply, rotation_vector
 from groundlink.world.solids import Solid
 
 from .surfaces import distances_m

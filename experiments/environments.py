@@ -15,8 +15,8 @@ import venv
 from collections.abc import Sequence
 from pathlib import Path
 
-from groundlink.errors import UserError
-from groundlink.supervisor import end_with_parent
+from groundlink.core.errors import UserError
+from groundlink.monitor.supervisor import end_with_parent
 
 from .programs import DEBIAN_PACKAGES, DRIVERS, Program
 from .say import Say

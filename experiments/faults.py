@@ -16,10 +16,10 @@ import numpy as np
 from mcap.reader import SeekingReader
 from numpy.typing import NDArray
 
-from groundlink.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
+from groundlink.core.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_streams import TF_STATIC_TOPIC
-from groundlink.ros_types import STORE, nanos, quaternion, time, vector, xyz, xyzw
+from groundlink.ros.streams import TF_STATIC_TOPIC
+from groundlink.ros.types import STORE, nanos, quaternion, time, vector, xyz, xyzw
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 STRETCH = 1.1

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 
-from groundlink.errors import UserError
-from groundlink.messages import POINT
-from groundlink.ros_types import STORE, nanos, xyz
+from groundlink.core.errors import UserError
+from groundlink.messages.base import POINT
+from groundlink.ros.types import STORE, nanos, xyz
 from groundlink.world.build import solids
 
 from .direct import Measured, Sweep, imu_quantities, scan_quantities

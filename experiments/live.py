@@ -19,14 +19,14 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from groundlink.bus import Bus, BusError
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus, BusError
+from groundlink.bus.topics import FROM_ROS
 from groundlink.cli.running import free_endpoint
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.navigation import OccupancyGrid, PoseStamped
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.messages.navigation import OccupancyGrid, PoseStamped
 from groundlink.scenario import Scenario
-from groundlink.topics import FROM_ROS
 from udp_bridge_ros2.environment import apply_defaults
 
 from . import figures

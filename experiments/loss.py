@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 from mcap.reader import make_reader
 
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_streams import TF_STATIC_TOPIC
+from groundlink.ros.streams import TF_STATIC_TOPIC
 
 from .estimators import GICP, LIDAR_INERTIAL, SLAM_2D, ran
 from .evaluation import Result, write_rows

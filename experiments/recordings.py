@@ -25,9 +25,9 @@ from pathlib import Path
 from typing import IO
 
 from groundlink.cli.running import free_endpoint
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
+from groundlink.monitor.supervisor import end_with_parent
 from groundlink.scenario import Scenario
-from groundlink.supervisor import end_with_parent
 
 from .accounts import Account, compare, lost, read_accounts, write_accounts
 from .say import Say

@@ -26,7 +26,7 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from std_msgs.msg import Empty  # noqa: E402
 
-from groundlink.clock import NANOS  # noqa: E402
+from groundlink.core.clock import NANOS  # noqa: E402
 from groundlink.recording.ros_channels import RosFile, Topic  # noqa: E402
 from udp_bridge_ros2.topics import message_class  # noqa: E402
 

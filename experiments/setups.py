@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import yaml
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario import Scenario, load
 
 ROOT = Path(__file__).resolve().parents[1]

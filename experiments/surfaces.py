@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import matrix_from_quaternion
+from groundlink.core.frames import matrix_from_quaternion
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 
 Floats = NDArray[np.float64]

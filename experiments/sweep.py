@@ -23,7 +23,7 @@ from typing import Any
 
 import yaml
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from .evaluation import Result, write_csv
 from .experiment import OUT, Options

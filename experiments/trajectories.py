@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import matrix_from_quaternion, multiply, nlerp
+from groundlink.core.errors import UserError
+from groundlink.core.frames import matrix_from_quaternion, multiply, nlerp
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from .evaluation import Result, write_rows
 from .experiment import Options

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 
-from groundlink.ros_streams import TF_STATIC_TOPIC
-from groundlink.ros_types import STORE, nanos
+from groundlink.ros.streams import TF_STATIC_TOPIC
+from groundlink.ros.types import STORE, nanos
 from groundlink.scenario import Scenario
 
 from .trajectories import Trajectory

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import hypothesis
 import pytest
 
-from groundlink.assets import VARIABLE
+from groundlink.world.assets import VARIABLE
 
 pytest_plugins = ["tests.strict_skips", "tests.machine_load"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.messages import Command
+from groundlink.messages.base import Command
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.world.build import solids

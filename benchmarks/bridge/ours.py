@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from groundlink.bus import Bus
-from groundlink.questions import scenario_key
+from groundlink.bus.queries import scenario_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH, STREAM_TOPICS
 from groundlink.scenario import load
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
-from groundlink.topics import HEALTH, STREAM_TOPICS
 from udp_bridge import Link, Message
 from udp_bridge.control import LinkReport, parse
 from udp_bridge.repair import Mode

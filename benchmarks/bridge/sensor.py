@@ -11,9 +11,9 @@ import random
 import sys
 import time
 
-from groundlink.bus import Bus
-from groundlink.imagery import Image
-from groundlink.topics import STREAM_TOPICS
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STREAM_TOPICS
+from groundlink.messages.imagery import Image
 
 
 def main(endpoint: str, key: str) -> None:

@@ -24,9 +24,9 @@ import msgspec
 import numpy as np
 
 from benchmarks.claims import Claim, add_options, judge
-from groundlink.errors import UserError
-from groundlink.frames import Floats
-from groundlink.messages import PointCloud, State
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
+from groundlink.messages.base import PointCloud, State
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED, read_datasheet
 from groundlink.scenario.sensors import Lidar

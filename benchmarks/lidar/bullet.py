@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 
-from groundlink.frames import Floats, matrix_from_quaternion, multiply
+from groundlink.core.frames import Floats, matrix_from_quaternion, multiply
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 from groundlink.world.triangles import Triangles
 from services.sensors.rays.scene import Reals

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from groundlink.clock import TICK_NANOS, TICK_SECONDS
-from groundlink.frames import Floats, matrix_from_quaternion, multiply, quaternion_from_rpy
-from groundlink.messages import State, VehicleState, packed
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.core.frames import Floats, matrix_from_quaternion, multiply, quaternion_from_rpy
+from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids
 from groundlink.world.links import links

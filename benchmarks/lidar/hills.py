@@ -12,9 +12,9 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 
-from groundlink.clock import TICK_NANOS, TICK_SECONDS
-from groundlink.frames import Floats
-from groundlink.messages import State, VehicleState, packed
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.core.frames import Floats
+from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario

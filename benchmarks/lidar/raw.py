@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, transform
+from groundlink.core.frames import Floats, transform
 from groundlink.world.triangles import Triangles
 from services.sensors.rays import embree
 from services.sensors.rays.engine import aligned

@@ -13,14 +13,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from groundlink import routes
-from groundlink.errors import UserError
-from groundlink.message_sizes import Cut, NeverFits, cut, fitting_block_deg
-from groundlink.ros_streams import answers_mistake
+from groundlink.bus.topics import SENSOR_TOPICS, driver_name
+from groundlink.core.errors import UserError
+from groundlink.ros.streams import answers_mistake
+from groundlink.run import routes
 from groundlink.scenario import load
+from groundlink.scenario.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz
-from groundlink.topics import SENSOR_TOPICS, driver_name
 from groundlink.world.build import solids, world_hash
 
 from .running import SCENARIO_HELP

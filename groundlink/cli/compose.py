@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from groundlink.deployment import MAIN, Deployment
+from groundlink.deploy.compose import MAIN, Deployment
 from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
 

@@ -11,16 +11,16 @@ import sys
 import threading
 import time
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.clock import TICK_SECONDS
-from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
-from groundlink.control_query import ask
-from groundlink.errors import UserError
-from groundlink.hold_ups import HoldUps
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.topics import HEALTH, PHYSICS
+from groundlink.bus.control_client import ask
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH, PHYSICS
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Health
+from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.messages.stalls import HoldUps
+from groundlink.process import runner as process
 
 POLL_SECONDS = 0.05
 """How often a run is asked whether its steps are done."""

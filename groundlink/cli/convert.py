@@ -9,9 +9,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from groundlink.errors import UserError
-from groundlink.extras import needs
-from groundlink.whole_file import whole
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.core.whole_file import whole
 
 from . import running
 

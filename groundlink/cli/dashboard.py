@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from groundlink import gaps
-from groundlink.faults import kinds_in
-from groundlink.messages import StreamReport
-from groundlink.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
-from groundlink.supervisor import Child
+from groundlink.messages import missing_readings as gaps
+from groundlink.messages.base import StreamReport
+from groundlink.messages.faults import kinds_in
+from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
+from groundlink.monitor.supervisor import Child
 
 from .tables import Column, FittingTable
 

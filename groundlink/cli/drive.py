@@ -17,18 +17,18 @@ import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.errors import UserError
-from groundlink.inbox import Inbox
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK, COMMAND, driver_name
+from groundlink.core.errors import UserError
 from groundlink.keyboard import HELP, Keyboard, keys
-from groundlink.messages import Clock, Command
+from groundlink.messages.base import Clock, Command
+from groundlink.process import runner as process
 from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.load import load_route, read_route
 from groundlink.scenario.route import FIGURES
 from groundlink.scenario.schema import Vehicle
-from groundlink.topics import CLOCK, COMMAND, driver_name
 
 from .running import joining
 from .terminal import stop_on_signals

@@ -14,12 +14,12 @@ from typing import Any
 
 import msgspec
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.clock import TICK_SECONDS
-from groundlink.errors import UserError
-from groundlink.faults import CLEAR, FaultAnswer
-from groundlink.questions import faults_key
+from groundlink.bus.queries import faults_key
+from groundlink.bus.session import Bus
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.messages.faults import CLEAR, FaultAnswer
+from groundlink.process import runner as process
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.fault_fit import mistake
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec

@@ -12,11 +12,11 @@ import sys
 
 import msgspec
 
-from groundlink import process
-from groundlink.bus import Bus
+from groundlink.bus.queries import link_key
+from groundlink.bus.session import Bus
+from groundlink.core.errors import UserError
 from groundlink.emulation.arguments import add_arguments, command_line, impairments
-from groundlink.errors import UserError
-from groundlink.questions import link_key
+from groundlink.process import runner as process
 
 ANSWER_SECONDS = 3.0
 """How long the gateway may take to answer."""

@@ -13,9 +13,9 @@ from pathlib import Path
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from groundlink.errors import UserError
-from groundlink.extras import needs
-from groundlink.run_monitor import RATE_TOLERANCE, RunMonitor
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
 from groundlink.scenario import load
 
 from . import running, supervised, terminal

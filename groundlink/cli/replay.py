@@ -11,10 +11,10 @@ import argparse
 import time
 from pathlib import Path
 
-from groundlink.extras import needs
+from groundlink.bus.topics import REPLAY
+from groundlink.core.extras import needs
+from groundlink.monitor.supervisor import Child
 from groundlink.scenario import load
-from groundlink.supervisor import Child
-from groundlink.topics import REPLAY
 
 from . import running, supervised, terminal
 from .dashboard import dashboard

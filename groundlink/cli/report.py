@@ -10,8 +10,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from groundlink.extras import needs
-from groundlink.whole_file import whole
+from groundlink.core.extras import needs
+from groundlink.core.whole_file import whole
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -13,13 +13,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from groundlink import topics
-from groundlink.bus import DEFAULT_ENDPOINT
-from groundlink.errors import LackingError, UserError
-from groundlink.process import address
+from groundlink.bus import topics
+from groundlink.bus.session import DEFAULT_ENDPOINT
+from groundlink.bus.topics import process_names
+from groundlink.core.errors import LackingError, UserError
+from groundlink.process.runner import address
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway
-from groundlink.topics import process_names
 
 RECORDER = topics.RECORDER
 

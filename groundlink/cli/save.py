@@ -13,13 +13,14 @@ import threading
 import time
 from pathlib import Path
 
-from groundlink import journal, process
-from groundlink.bus import Bus
-from groundlink.clock import TICK_SECONDS
-from groundlink.control import Restore
-from groundlink.control_query import ask
-from groundlink.errors import UserError
-from groundlink.questions import journal_key
+from groundlink.bus.control_client import ask
+from groundlink.bus.queries import journal_key
+from groundlink.bus.session import Bus
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.messages.control import Restore
+from groundlink.process import runner as process
+from groundlink.run import journal
 
 from .control import POLL_SECONDS, told
 from .running import check_new_file

@@ -12,14 +12,14 @@ import os
 import secrets
 from pathlib import Path
 
-from groundlink.access import OPERATOR, access_control, grants
-from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
-from groundlink.deployment import BRIDGE_KEY, MAIN, Deployment
-from groundlink.errors import UserError
-from groundlink.extras import needs
+from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.core.whole_file import whole
+from groundlink.deploy.access_control import OPERATOR, access_control, grants
+from groundlink.deploy.compose import BRIDGE_KEY, MAIN, Deployment
 from groundlink.scenario import load
 from groundlink.scenario.load import scenario_file
-from groundlink.whole_file import whole
 
 from .running import SCENARIO_HELP
 
@@ -53,7 +53,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def secure(options: argparse.Namespace) -> int:
     """Write a folder for each process, the bridge's key, and what is laid over the Compose file."""
     with needs("secure"):
-        from groundlink.certificates import Authority
+        from groundlink.deploy.certificates import Authority
     file = scenario_file(options.scenario)
     scenario, folder = load(file), options.folder
     if folder.exists():

@@ -16,12 +16,12 @@ from typing import Any
 
 import msgspec
 
-from groundlink.errors import UserError
-from groundlink.extras import needs
+from groundlink.bus.topics import SENSOR_TOPICS
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
 from groundlink.scenario.datasheets import FOLDER, Datasheet, datasheet, shipped
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import SensorSpec
-from groundlink.topics import SENSOR_TOPICS
 
 WIDTH = 110
 """Of lines where the output is no terminal."""
@@ -89,7 +89,7 @@ def show(options: argparse.Namespace) -> int:
 def _kind(spec: type[SensorSpec]) -> str:
     """Return what a kind of sensor is and what it sends to ROS."""
     with needs("gateway"):
-        from groundlink.ros_messages import ROS_FORMS
+        from groundlink.ros.encoding import ROS_FORMS
     topic = SENSOR_TOPICS[spec]
     about = " ".join((spec.__doc__ or "").partition("\n\n")[0].split())
     return f"{topic.name}, {ROS_FORMS[topic.message].ros_type.rpartition('/')[2]}: {about}"

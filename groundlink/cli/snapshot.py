@@ -12,13 +12,13 @@ import os
 import time
 from pathlib import Path
 
-from groundlink.bus import Bus
-from groundlink.errors import UserError
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import driver_names, process_names
+from groundlink.core.errors import UserError
+from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario import load
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.sensors import Optics
-from groundlink.supervisor import Supervisor
-from groundlink.topics import driver_names, process_names
 
 from . import picture_files, running, supervised, terminal
 

@@ -10,12 +10,12 @@ import argparse
 import sys
 import threading
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.clock import TICK_SECONDS
-from groundlink.control import ControlAnswer, Remove, Spawn
-from groundlink.control_query import ask
-from groundlink.errors import UserError
+from groundlink.bus.control_client import ask
+from groundlink.bus.session import Bus
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.messages.control import ControlAnswer, Remove, Spawn
+from groundlink.process import runner as process
 from groundlink.scenario.spawned import KINDS, At, addition, check_given
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids

@@ -15,13 +15,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from groundlink.bus import Bus
-from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.run_monitor import RunMonitor
-from groundlink.supervisor import TOLD, Child, Supervisor
-from groundlink.topics import HEALTH
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Health
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.monitor.supervisor import TOLD, Child, Supervisor
 
 from .terminal import display, say, stop_on_signals
 

@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 MODULE = "experiments.sweep"
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -18,16 +18,17 @@ from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from groundlink import gaps, process
-from groundlink.bus import Bus
-from groundlink.faults import kinds_in
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.overview import Overview
-from groundlink.questions import link_key
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import link_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH, process_names
+from groundlink.messages import missing_readings as gaps
+from groundlink.messages.base import Health
+from groundlink.messages.faults import kinds_in
+from groundlink.monitor.overview import Overview
+from groundlink.process import runner as process
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import sensor_rate_hz
-from groundlink.topics import HEALTH, process_names
 
 from .dashboard import streams_table
 from .tables import Column, FittingTable

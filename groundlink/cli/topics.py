@@ -7,8 +7,8 @@ import argparse
 
 from rich.console import Console
 
-from groundlink.bus_reference import reference
-from groundlink.topics import ROOT, TOPICS
+from groundlink.bus.reference import reference
+from groundlink.bus.topics import ROOT, TOPICS
 
 from .tables import Column, FittingTable
 

@@ -16,12 +16,13 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 
-from groundlink import __version__, journal
-from groundlink.errors import UserError
-from groundlink.run_monitor import NOT_REPORTED, RunMonitor
+from groundlink import __version__
+from groundlink.core.errors import UserError
+from groundlink.core.whole_file import whole
+from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor
+from groundlink.monitor.supervisor import Child
+from groundlink.run import journal
 from groundlink.scenario import Scenario, load, time_choice
-from groundlink.supervisor import Child
-from groundlink.whole_file import whole
 
 from . import running, supervised, terminal
 from .dashboard import dashboard

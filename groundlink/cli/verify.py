@@ -19,12 +19,12 @@ import msgspec
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from groundlink import journal as journals
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.extras import needs
-from groundlink.run_monitor import RunMonitor
+from groundlink.bus.topics import process_names
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.core.extras import needs
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.run import journal as journals
 from groundlink.scenario import Scenario, load
-from groundlink.topics import process_names
 
 from . import running, supervised, terminal
 from .tables import Column, FittingTable

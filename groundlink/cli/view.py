@@ -12,7 +12,7 @@ import os
 import sys
 from pathlib import Path
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -16,12 +16,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
+from groundlink.core.whole_file import whole
 from groundlink.importing import heightmaps, mesh_files, world_files
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain import BadTerrain
 from groundlink.importing.terrain_specs import HeightmapFile
-from groundlink.whole_file import whole
 
 from . import picture_files
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import msgspec
 
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
 
 from .script import changed
 from .settings import Impairment

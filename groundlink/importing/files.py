@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from groundlink.errors import LackingError, UserError
+from groundlink.core.errors import LackingError, UserError
 
 Tell = Callable[[str], None]
 """Takes one line about a file that a person should know of."""

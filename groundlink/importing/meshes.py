@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink import assets
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
+from groundlink.world import assets
 from groundlink.world.mesh_asset import Part, asset_of
 from groundlink.world.solids import Mesh, Vector3
 

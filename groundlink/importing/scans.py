@@ -14,7 +14,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 
 CORNERS = 6
 """Of a disc: a hexagon covers 83 % of the circle around it."""

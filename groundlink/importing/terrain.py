@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink import assets
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
+from groundlink.world import assets
 from groundlink.world.terrain import Terrain, asset_of
 
 from . import carving, greys, heightmaps, hills

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 
 from .fields import message_difference
 from .reading import Recorded

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
-from groundlink.ros_types import STORE
+from groundlink.ros.types import STORE
 
 _NAMES = ("child_frame_id", "name", "key", "kind")
 """Fields by which a part of a list is called."""

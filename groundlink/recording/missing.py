@@ -10,10 +10,10 @@ from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 
-from groundlink.gaps import Cause, Gaps
-from groundlink.messages import M
-from groundlink.ros_readings import Moment, from_cdr
-from groundlink.ros_streams import CLOCK_TOPIC, gaps_topic
+from groundlink.messages.base import M
+from groundlink.messages.missing_readings import Cause, Gaps
+from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.streams import CLOCK_TOPIC, gaps_topic
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 
 from .reading import Recording

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS
-from groundlink.messages import BadMessage, Clock, Message, PointCloud, Reading
-from groundlink.relayed import Relayed
-from groundlink.ros_readings import Moment, from_cdr
-from groundlink.ros_streams import Outgoing, RosStream
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import BadMessage, Clock, Message, PointCloud, Reading
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.streams import Outgoing, RosStream
 
 from .reading import Recorded, Recording
 

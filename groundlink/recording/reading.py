@@ -19,8 +19,8 @@ from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.reader import SeekingReader
 from zstandard import ZstdError
 
-from groundlink.errors import UserError
-from groundlink.journal import Journal, loaded
+from groundlink.core.errors import UserError
+from groundlink.run.journal import Journal, loaded
 from groundlink.scenario import Scenario
 
 from .metadata import (

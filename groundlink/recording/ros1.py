@@ -13,8 +13,8 @@ from pathlib import Path
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from groundlink.ros_base import is_latched
-from groundlink.ros_types import STORE, WHEEL_ENCODERS_DEFINITION
+from groundlink.ros.base import is_latched
+from groundlink.ros.types import STORE, WHEEL_ENCODERS_DEFINITION
 
 from .reading import Recorded
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from groundlink import __version__
-from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
+from groundlink.ros.definitions import ENCODING, MESSAGE_ENCODING, definition
 
 from .mcap_file import McapFile
 from .metadata import (

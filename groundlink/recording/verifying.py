@@ -12,10 +12,17 @@ from collections.abc import Iterator
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
-from groundlink.errors import UserError
-from groundlink.faults import Faults
-from groundlink.journal import (
+from groundlink.bus.topics import sensor_outputs
+from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Command
+from groundlink.messages.faults import Faults
+from groundlink.messages.navigation import JointState
+from groundlink.ros.base import made_topics
+from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
+from groundlink.run.journal import (
     Changed,
     Commanded,
     JointsCommanded,
@@ -23,15 +30,8 @@ from groundlink.journal import (
     encode_entry,
     this_machine,
 )
-from groundlink.messages import Command
-from groundlink.navigation import JointState
-from groundlink.ros_base import made_topics
-from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
-from groundlink.ros_readings import Moment, from_cdr
-from groundlink.ros_streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
-from groundlink.topics import sensor_outputs
 from groundlink.world.build import world_hash
 
 from .comparison import Extent

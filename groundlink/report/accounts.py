@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.calendars import calendar
-from groundlink.clock import TICK_NANOS
-from groundlink.gaps import CAUSES, Gaps
+from groundlink.bus.topics import sensor_outputs
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.missing_readings import CAUSES, Gaps
+from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import Sensor
-from groundlink.topics import sensor_outputs
 
 UNDER_WAY = "under way"
 """Too near to the recording's end for its word to be in the file."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.vitals import Contact, Vitals
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.vitals import Contact, Vitals
 
 SAME_EVENT_SECONDS = 0.5
 MAX_EVENTS = 500

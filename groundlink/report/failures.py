@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from groundlink.faults import Faults
+from groundlink.messages.faults import Faults
 from groundlink.scenario.faults import Fault
 
 

@@ -14,15 +14,15 @@ from typing import Any
 
 from rosbags.serde import SerdeError
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from groundlink.recording.metadata import RunFacts
 from groundlink.recording.reading import Recorded, Recording
-from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
-from groundlink.ros_faults import from_faults
-from groundlink.ros_gaps import from_gaps
-from groundlink.ros_streams import faults_topic, gaps_topic
-from groundlink.ros_types import STORE
-from groundlink.ros_vitals import from_vitals
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros.faults import from_faults
+from groundlink.ros.missing_readings import from_gaps
+from groundlink.ros.streams import faults_topic, gaps_topic
+from groundlink.ros.types import STORE
+from groundlink.ros.vitals import from_vitals
 from groundlink.scenario.every_sensor import SensorSpec
 
 from .accounts import StreamAccount, accounts

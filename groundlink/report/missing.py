@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from groundlink.clock import NANOS
-from groundlink.gaps import CAUSES, in_words
+from groundlink.core.clock import NANOS
+from groundlink.messages.missing_readings import CAUSES, in_words
 
 from .accounts import NOT_TOLD, UNDER_WAY, StreamAccount
 from .html import Markup, paragraph, section, table

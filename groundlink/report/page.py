@@ -16,11 +16,11 @@ from string import Template
 import msgspec
 import yaml
 
-from groundlink.assets import MissingAsset
-from groundlink.clock import NANOS
-from groundlink.routes import line
-from groundlink.run_monitor import NOT_REPORTED
+from groundlink.core.clock import NANOS
+from groundlink.monitor.run_monitor import NOT_REPORTED
+from groundlink.run.routes import line
 from groundlink.world import terrain as terrains
+from groundlink.world.assets import MissingAsset
 from groundlink.world.build import solids
 
 from . import figures

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from groundlink.messages import StreamReport
+from groundlink.messages.base import StreamReport
 
 PROCESS_FIELDS = ("pid", "host", "tick")
 """What a process's status holds beside its counters."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import transform
+from groundlink.core.frames import transform
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Datum
 from groundlink.scenario.sensors import Gnss, Imu, Lidar, Lidar2d, WheelOdometry

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import NANOS
-from groundlink.run_monitor import RATE_TOLERANCE
+from groundlink.core.clock import NANOS
+from groundlink.monitor.run_monitor import RATE_TOLERANCE
 
 LARGEST_KEPT = 5
 

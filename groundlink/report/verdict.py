@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from groundlink.run_monitor import RATE_TOLERANCE
+from groundlink.monitor.run_monitor import RATE_TOLERANCE
 
 from .gather import Gathered
 from .html import Markup, text

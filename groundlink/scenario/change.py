@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.world import motion
 from groundlink.world.actors import Actor, Free
 from groundlink.world.bounds import bounds

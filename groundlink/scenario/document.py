@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 DataPath = tuple[str | int, ...]
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from groundlink.clock import TICK_RATE_HZ
+from groundlink.core.clock import TICK_RATE_HZ
 
 from .faults import Delay
 from .lidars import RotatingLidar

@@ -16,7 +16,7 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from groundlink.clock import TICK_RATE_HZ, exact
+from groundlink.core.clock import TICK_RATE_HZ, exact
 from groundlink.world.solids import NonNegative, Positive, Spec
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]

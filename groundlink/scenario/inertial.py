@@ -12,7 +12,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 from groundlink.world.solids import NonNegative, Spec
 
 LOW_PASS_TAIL = 1e-9

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from math import cos, hypot, sin
 from typing import Literal
 
-from groundlink.frames import IDENTITY_QUATERNION
-from groundlink.quaternions import multiply, rotate
+from groundlink.core.frames import IDENTITY_QUATERNION
+from groundlink.core.quaternions import multiply, rotate
 from groundlink.world.solids import Positive, Quaternion, Solid, Spec, Vector3
 
 from .every_sensor import Name

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from groundlink.clock import exact
+from groundlink.core.clock import exact
 from groundlink.world.solids import Fraction01, NonNegative, Positive
 
 from .every_sensor import Address, Rate, SensorSpec

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a vehicle drives by itself: waypoints, or a figure that begins where it stands.
 
-Rule: one class a kind, the tag is the kind. What line on the floor that is, `groundlink.routes`
+Rule: one class a kind, the tag is the kind. What line on the floor that is, `groundlink.run.routes`
 says; how it is followed is the driver's business.
 """
 

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.world.bounds import bounds
 from groundlink.world.erect import erect
 from groundlink.world.outdoors import Outdoor, Place2

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, field
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_RATE_HZ, exact
+from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.outdoors import Outdoor

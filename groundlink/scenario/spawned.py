@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
-from groundlink.frames import matrix_from_quaternion, multiply
+from groundlink.core.errors import UserError
+from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.files import Tell, silent
 from groundlink.world.actors import Actor, Along, Crate, Free, Hinge, Person, parts
 from groundlink.world.solids import Box, Cylinder, Material, Solid, Vector3

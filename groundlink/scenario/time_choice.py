@@ -11,8 +11,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
-from groundlink.ros_streams import answers_mistake
+from groundlink.core.errors import UserError
+from groundlink.ros.streams import answers_mistake
 
 from .fast_fit import window_mistake
 from .schema import Scenario

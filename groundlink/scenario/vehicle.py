@@ -13,7 +13,7 @@ from typing import Annotated
 
 from msgspec import Meta, field
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 from groundlink.world.solids import (
     Fraction01,
     Material,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundlink.frames import Floats, matrix_from_quaternion
+from groundlink.core.frames import Floats, matrix_from_quaternion
 
 from .solids import Box, Cylinder, Mesh, Shape, Solid
 

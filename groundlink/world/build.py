@@ -18,7 +18,7 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from . import terrain
 from .actors import Crate, Door, Form, Parts, Person

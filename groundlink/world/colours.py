@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 
 
 def srgb(linear: Floats) -> Floats:

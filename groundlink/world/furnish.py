@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.frames import quaternion_from_rpy
 
 from .room import Cabinet, Chair, Door, Furniture, Pillar, Room, Shelf, Table
 from .solids import Box, Cylinder, Shape, Solid, Vector3

@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink import assets
-from groundlink.assets import MissingAsset
+from groundlink.world import assets
+from groundlink.world.assets import MissingAsset
 
 from .solids import Vector3
 

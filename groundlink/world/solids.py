@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from groundlink.assets import Digest
-from groundlink.frames import IDENTITY_QUATERNION
+from groundlink.core.frames import IDENTITY_QUATERNION
+from groundlink.world.assets import Digest
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]

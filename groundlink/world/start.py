@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from groundlink.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
+from groundlink.core.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
 
 from .bounds import bounds
 from .solids import Box, Quaternion, Solid, Vector3

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.frames import multiply, transform
+from groundlink.core.frames import multiply, transform
 
 from . import motion, terrain
 from .actors import Actor, parts

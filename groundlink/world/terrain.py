@@ -28,9 +28,9 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink import assets
-from groundlink.assets import Digest, MissingAsset
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
+from groundlink.world import assets
+from groundlink.world.assets import Digest, MissingAsset
 
 from .solids import Positive, Spec, Vector3
 

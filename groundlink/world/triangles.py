@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, matrix_from_quaternion
+from groundlink.core.frames import Floats, matrix_from_quaternion
 
 from .mesh_asset import surface
 from .solids import Box, Cylinder, Mesh, Shape, Solid, Sphere

@@ -9,16 +9,17 @@ from collections.abc import Sequence
 from functools import partial
 from math import radians
 
-from groundlink import following, process
-from groundlink.bus import Bus
-from groundlink.errors import UserError
-from groundlink.routes import line
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, COMMAND, HEALTH, driver_name
+from groundlink.core.errors import UserError
+from groundlink.process import runner as process
+from groundlink.process import state_follower as following
+from groundlink.run.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.load import load_route
 from groundlink.scenario.route import Route
 from groundlink.scenario.schema import Vehicle
-from groundlink.topics import ACK, COMMAND, HEALTH, driver_name
 
 from .model import Follower
 from .shell import DriverProcess, MakeFollower

@@ -14,8 +14,8 @@ from math import atan2, ceil
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, exact
-from groundlink.messages import Ack, BadMessage, Command, State
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, exact
+from groundlink.messages.base import Ack, BadMessage, Command, State
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 
 from .model import Follower, Progress

@@ -13,12 +13,12 @@ from contextlib import contextmanager
 
 from msgspec.structs import replace
 
-from groundlink import process
-from groundlink.alone import alone
-from groundlink.bus import Bus, BusError
-from groundlink.errors import UserError
-from groundlink.extras import process_needs
-from groundlink.messages import Ack, Clock
+from groundlink.bus.session import Bus, BusError
+from groundlink.core.errors import UserError
+from groundlink.core.extras import process_needs
+from groundlink.messages.base import Ack, Clock
+from groundlink.process import runner as process
+from groundlink.process.name_claim import alone
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 

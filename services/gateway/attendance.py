@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Mapping
 
-from groundlink.calendars import calendar
-from groundlink.messages import Clock
+from groundlink.bus.topics import sensor_outputs
+from groundlink.messages.base import Clock
+from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import Scenario
-from groundlink.topics import sensor_outputs
 
 COUNTER_PREFIX = "not_come_"
 """Of the counters, before the topic in ROS."""

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from groundlink.emulation import Impairment, LinkScript, OneWay, Script
 from groundlink.emulation.model import Course
 from groundlink.emulation.script import Changes, parse_changes

@@ -11,12 +11,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from groundlink.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.messages import Ack, Clock, Message, measured_nanos
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.messages.base import Ack, Clock, Message, measured_nanos
 from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:
-    from groundlink.inbox import Inbox
+    from groundlink.bus.inbox import Inbox
     from udp_bridge.link import Link
 
     from .gateway import Gateway

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
-from groundlink.messages import (
+from groundlink.messages.base import (
     BadMessage,
     Clock,
     Command,
@@ -20,9 +20,9 @@ from groundlink.messages import (
     StreamReport,
     measured_nanos,
 )
-from groundlink.ros_base import Bases
-from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import Outgoing, outgoing
+from groundlink.ros.base import Bases
+from groundlink.ros.encoding import to_cdr
+from groundlink.ros.streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
 from udp_bridge import control
 from udp_bridge.control import LinkReport, Subscribe, Wish, Word

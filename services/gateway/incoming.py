@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from groundlink.messages import BadMessage, Message
-from groundlink.ros_incoming import Body, reader
-from groundlink.ros_streams import incoming
+from groundlink.messages.base import BadMessage, Message
+from groundlink.ros.incoming import Body, reader
+from groundlink.ros.streams import incoming
 from groundlink.scenario import Scenario
 from udp_bridge.control import Subscribe
 from udp_bridge.message import Message as WireMessage

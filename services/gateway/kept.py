@@ -12,15 +12,15 @@ from collections.abc import Callable
 from functools import cached_property, partial
 from typing import NamedTuple
 
-from groundlink import process
-from groundlink.alone import Claims
-from groundlink.bus import Bus
-from groundlink.control_query import ask
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Health, Message, State, decode
-from groundlink.questions import history_key, link_key
+from groundlink.bus.control_client import ask
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import history_key, link_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, HEALTH, ROOT, STATE, Delivery
+from groundlink.messages.base import Ack, Health, Message, State, decode
+from groundlink.process import runner as process
+from groundlink.process.name_claim import Claims
 from groundlink.scenario import Scenario
-from groundlink.topics import ACK, HEALTH, ROOT, STATE, Delivery
 
 from .emulated import Emulated
 from .gateway import Gateway

@@ -16,11 +16,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Ack, Clock, Command, Message, Reading, State, measured_nanos
-from groundlink.quiet import Quiet
+from groundlink.bus.topics import GATEWAY, PHYSICS
+from groundlink.core.backoff import Quiet
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
 from groundlink.scenario import Scenario
-from groundlink.topics import GATEWAY, PHYSICS
 from udp_bridge.gathering import Tally
 from udp_bridge.lockstep import ANEW, DONE, Barrier, Sent, Word
 from udp_bridge.repair import Resend
@@ -31,7 +31,7 @@ from .streams import answers
 from .words import Words
 
 if TYPE_CHECKING:
-    from groundlink.inbox import Inbox
+    from groundlink.bus.inbox import Inbox
     from udp_bridge.link import Link
     from udp_bridge.message import Message as WireMessage
 

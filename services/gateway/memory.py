@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import msgspec
 
-from groundlink.bus import Bus
+from groundlink.bus.queries import history_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GATEWAY
 from groundlink.emulation.model import Course
-from groundlink.messages import Ack, decode
-from groundlink.questions import history_key
-from groundlink.topics import GATEWAY
+from groundlink.messages.base import Ack, decode
 
 from .emulated import Emulated
 from .gateway import Gateway

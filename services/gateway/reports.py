@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS
-from groundlink.messages import StreamReport
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import StreamReport
 from udp_bridge.accounts import Account, arrived
 from udp_bridge.control import NO_AGE, LinkReport, TopicReport
 from udp_bridge.types import MSG_TYPES

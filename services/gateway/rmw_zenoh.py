@@ -13,8 +13,8 @@ import struct
 from collections import deque
 from collections.abc import Callable, Container, Iterable, Iterator
 
-from groundlink.bus import Bus
-from groundlink.ros_types import STORE
+from groundlink.bus.session import Bus
+from groundlink.ros.types import STORE
 from groundlink.scenario.ros_side import RmwZenoh
 from udp_bridge.message import Message
 from udp_bridge.types import MSG_TYPES

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from groundlink.errors import UserError
-from groundlink.ground_truth import TruePoints
-from groundlink.message_sizes import body_bytes
-from groundlink.messages import Message
-from groundlink.ros_messages import ROS_FORMS
-from groundlink.ros_streams import Outgoing, answers_mistake
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Message
+from groundlink.messages.ground_truth import TruePoints
+from groundlink.ros.encoding import ROS_FORMS
+from groundlink.ros.streams import Outgoing, answers_mistake
 from groundlink.scenario import Scenario
+from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.sensors import RepairBy
 from udp_bridge.lockstep import Answer
 from udp_bridge.repair import Mode, parse_mode

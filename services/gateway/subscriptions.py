@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from udp_bridge.control import Subscribe
 
 Address = tuple[str, int]

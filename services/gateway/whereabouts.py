@@ -11,8 +11,8 @@ import threading
 from collections.abc import Callable
 from math import ceil
 
-from groundlink.errors import UserError
-from groundlink.process import NoSuchHost
+from groundlink.core.errors import UserError
+from groundlink.process.runner import NoSuchHost
 
 from .subscriptions import Address
 

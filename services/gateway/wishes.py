@@ -12,8 +12,8 @@ import queue
 import threading
 from collections.abc import Callable
 
-from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
+from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
 from udp_bridge.wishing import (
     ERROR_BYTES,
     PAUSE,

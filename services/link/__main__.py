@@ -12,10 +12,10 @@ from typing import NoReturn
 
 import msgspec
 
-from groundlink import process
+from groundlink.core.errors import UserError
 from groundlink.emulation.arguments import Outages, add_arguments, impairments
 from groundlink.emulation.model import FATES, NOTES
-from groundlink.errors import UserError
+from groundlink.process import runner as process
 
 from .relay import Relay
 

@@ -14,9 +14,9 @@ import struct
 from collections import OrderedDict
 from collections.abc import Callable
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
 from groundlink.emulation import Impairment, OneWay
-from groundlink.errors import UserError
 
 Address = tuple[str, int]
 

@@ -11,11 +11,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from groundlink import process
-from groundlink.alone import alone
-from groundlink.bus import DEFAULT_ENDPOINT, Bus
-from groundlink.extras import process_needs
-from groundlink.topics import PHYSICS
+from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
+from groundlink.bus.topics import PHYSICS
+from groundlink.core.extras import process_needs
+from groundlink.process import runner as process
+from groundlink.process.name_claim import alone
 
 with process_needs(PHYSICS, "physics"):
     from .authority import Physics

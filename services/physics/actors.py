@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.frames import matrix_from_quaternion
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.frames import matrix_from_quaternion
 from groundlink.world import motion
 from groundlink.world.actors import Actor, Free, parts
 from groundlink.world.bounds import bounds, half_extents, middle

@@ -16,14 +16,15 @@ from contextlib import suppress
 import msgspec
 from msgspec.structs import replace
 
-from groundlink import asset_exchange, assets
-from groundlink.bus import Bus
-from groundlink.control import Remove, Spawn
-from groundlink.errors import UserError
-from groundlink.journal import Journal, dumped, loaded, parts
-from groundlink.questions import control_key, history_key, journal_key, scenario_key
+from groundlink.bus.queries import control_key, history_key, journal_key, scenario_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GATEWAY, PHYSICS, process_names
+from groundlink.core.errors import UserError
+from groundlink.messages.control import Remove, Spawn
+from groundlink.process import asset_exchange
+from groundlink.run.journal import Journal, dumped, loaded, parts
 from groundlink.scenario import Scenario
-from groundlink.topics import GATEWAY, PHYSICS, process_names
+from groundlink.world import assets
 
 from .company import Company
 from .control import Control

@@ -10,12 +10,12 @@ from __future__ import annotations
 import queue
 from collections.abc import Iterable
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Command, WheelCommand
-from groundlink.navigation import JointState
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, COMMAND, HEALTH, JOINT_COMMAND, WHEEL_COMMAND
+from groundlink.messages.base import Ack, Command, WheelCommand
+from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
-from groundlink.topics import ACK, COMMAND, HEALTH, JOINT_COMMAND, WHEEL_COMMAND
 
 from .life import Life
 

@@ -14,7 +14,8 @@ from typing import TypeVar
 
 import msgspec
 
-from groundlink.control import (
+from groundlink.core.errors import UserError
+from groundlink.messages.control import (
     AnyWish,
     ControlAnswer,
     Pause,
@@ -25,7 +26,6 @@ from groundlink.control import (
     Spawn,
     Step,
 )
-from groundlink.errors import UserError
 
 ANSWER_SECONDS = 6.0
 """How long who asks is kept waiting: a step of physics takes milliseconds, but a reset or a change

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from math import isfinite, radians
 from typing import NamedTuple
 
-from groundlink.clock import NANOS, TICK_SECONDS
-from groundlink.messages import Command, WheelCommand
+from groundlink.core.clock import NANOS, TICK_SECONDS
+from groundlink.messages.base import Command, WheelCommand
 from groundlink.scenario.drives import Ackermann
 from groundlink.scenario.vehicle import VehicleModel
 

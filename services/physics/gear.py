@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from math import cos, sin, sqrt
 from typing import NamedTuple
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.vitals import BatteryState
 from groundlink.scenario.vehicle import VehicleModel, Wheel
-from groundlink.vitals import BatteryState
 from groundlink.world.solids import Vector3
 
 from .drive import Wheels

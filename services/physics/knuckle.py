@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import radians
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 from groundlink.scenario.drives import Ackermann
 from groundlink.scenario.vehicle import VehicleModel, Wheel
 

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.frames import Floats, matrix_from_quaternion
-from groundlink.vitals import Contact
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.frames import Floats, matrix_from_quaternion
+from groundlink.messages.vitals import Contact
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Vector3
 
 Touch = tuple[int, int, Vector3, float]

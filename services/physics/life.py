@@ -11,10 +11,14 @@ from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
-from groundlink.control import Remove, Spawn
-from groundlink.errors import UserError
-from groundlink.journal import (
+from groundlink.bus.topics import GATEWAY, RECORDER, driver_names, process_names
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode
+from groundlink.messages.control import Remove, Spawn
+from groundlink.messages.navigation import JointState
+from groundlink.messages.vitals import VITALS_HZ
+from groundlink.run.journal import (
     AnyEntry,
     Changed,
     Commanded,
@@ -25,13 +29,9 @@ from groundlink.journal import (
     state_digest,
     this_machine,
 )
-from groundlink.messages import Ack, Clock, Command, State, WheelCommand, decode, encode
-from groundlink.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.topics import GATEWAY, RECORDER, driver_names, process_names
-from groundlink.vitals import VITALS_HZ
 from groundlink.world.build import solids, world_hash
 
 from .outlets import Outlets

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 from groundlink.scenario.drives import Battery, DriveSpec
 
 

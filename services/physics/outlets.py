@@ -10,10 +10,19 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import NamedTuple
 
-from groundlink.bus import Bus
-from groundlink.messages import Message, encode
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import (
+    BODIES,
+    CLOCK,
+    GROUND_TRUTH,
+    JOINTS,
+    STATE,
+    TRUE_WHEELS,
+    VITALS,
+    Topic,
+)
+from groundlink.messages.base import Message, encode
 from groundlink.scenario import Scenario
-from groundlink.topics import BODIES, CLOCK, GROUND_TRUTH, JOINTS, STATE, TRUE_WHEELS, VITALS, Topic
 
 Publish = Callable[[Message], bytes]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from groundlink.messages import Ack
+from groundlink.bus.topics import GATEWAY, PHYSICS, RECORDER, driver_names
+from groundlink.messages.base import Ack
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS
-from groundlink.topics import GATEWAY, PHYSICS, RECORDER, driver_names
 
 from .parties import Parties, barriers, window
 from .wall import NoWall, Wall

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 
-from groundlink.messages import Ack
+from groundlink.messages.base import Ack
 
 Demand = Callable[[int], int]
 """Returns the tick that a process must have acknowledged before physics steps to another one."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection
 
-from groundlink.errors import RunFailed
-from groundlink.gaps import Cause, Gaps, in_words
-from groundlink.hold_ups import HoldUps, by_name
+from groundlink.bus.topics import GATEWAY
+from groundlink.core.errors import RunFailed
+from groundlink.messages.missing_readings import Cause, Gaps, in_words
+from groundlink.messages.stalls import HoldUps, by_name
 from groundlink.scenario.schema import Time
-from groundlink.topics import GATEWAY
 
 from .pace import Pace
 

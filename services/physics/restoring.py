@@ -12,11 +12,12 @@ from contextlib import suppress
 
 from msgspec.structs import replace
 
-from groundlink import asset_exchange, assets
-from groundlink.control import Spawn
-from groundlink.errors import UserError
-from groundlink.journal import AnyEntry, Changed, Journal, this_machine
+from groundlink.core.errors import UserError
+from groundlink.messages.control import Spawn
+from groundlink.process import asset_exchange
+from groundlink.run.journal import AnyEntry, Changed, Journal, this_machine
 from groundlink.scenario import Scenario
+from groundlink.world import assets
 
 from .life import Life
 

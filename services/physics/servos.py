@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from math import isfinite
 from struct import Struct
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.messages import floats
-from groundlink.navigation import JointState
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import floats
+from groundlink.messages.navigation import JointState
 from groundlink.scenario.joints import Joint, Pose, base_from_links
 
 from .drive import MAX_WAITING

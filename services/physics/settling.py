@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import closing
 
-from groundlink.clock import TICK_NANOS
+from groundlink.core.clock import TICK_NANOS
 from groundlink.scenario.schema import Vehicle
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground

@@ -12,10 +12,10 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.gaps import in_words, parted
-from groundlink.hold_ups import by_name
-from groundlink.messages import Health
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import Health
+from groundlink.messages.missing_readings import in_words, parted
+from groundlink.messages.stalls import by_name
 from groundlink.scenario.faults import KINDS
 
 WINDOW_SECONDS = 10.0

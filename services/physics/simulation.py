@@ -12,12 +12,12 @@ from struct import Struct
 from types import TracebackType
 from typing import Self
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Command, VehicleState, WheelCommand
-from groundlink.navigation import JointState
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Command, VehicleState, WheelCommand
+from groundlink.messages.navigation import JointState
+from groundlink.messages.vitals import Vitals
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.vitals import Vitals
 from groundlink.world import terrain
 from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere, Vector3

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from groundlink import journal
-from groundlink.errors import UserError
-from groundlink.journal import Journal
+from groundlink.core.errors import UserError
+from groundlink.run import journal
+from groundlink.run.journal import Journal
 from groundlink.scenario import Scenario, load, time_choice
 from groundlink.scenario.explain import nearest
 

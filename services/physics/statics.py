@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from groundlink.frames import IDENTITY_QUATERNION, Floats, matrix_from_quaternion
+from groundlink.core.frames import IDENTITY_QUATERNION, Floats, matrix_from_quaternion
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import (
     Box,

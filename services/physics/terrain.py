@@ -19,8 +19,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import IDENTITY_QUATERNION, Floats
+from groundlink.core.errors import UserError
+from groundlink.core.frames import IDENTITY_QUATERNION, Floats
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import Material, Solid, Sphere, Vector3

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.world.mesh_asset import surface
 from groundlink.world.solids import Mesh, Solid
 

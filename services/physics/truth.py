@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.clock import TICK_NANOS, Schedule
-from groundlink.frames import IDENTITY_QUATERNION, matrix_from_quaternion, nlerp
-from groundlink.ground_truth import WORLD_FRAME, Bodies
-from groundlink.messages import State, VehicleState, floats, packed
-from groundlink.navigation import COVARIANCE_6X6_BYTES, JointState, Odometry
+from groundlink.core.clock import TICK_NANOS, Schedule
+from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, nlerp
+from groundlink.messages.base import State, VehicleState, floats, packed
+from groundlink.messages.ground_truth import WORLD_FRAME, Bodies
+from groundlink.messages.navigation import COVARIANCE_6X6_BYTES, JointState, Odometry
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.bodies import body_names
 from groundlink.world.solids import Solid

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 
 TREAD_STIFFNESS = 0.02
 """Tangential, in units of the mass that rests on the wheel over the tick squared: a vehicle that

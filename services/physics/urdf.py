@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from groundlink.frames import matrix_from_quaternion, rpy_from_matrix
+from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.vehicle import Chassis, VehicleModel, Wheel
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere, Vector3
 

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import VehicleState
-from groundlink.quaternions import multiply
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.quaternions import multiply
+from groundlink.messages.base import VehicleState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.mesh_asset import surface

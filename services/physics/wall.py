@@ -7,7 +7,7 @@ single steps are late by does not add up. Time comes in as an argument.
 
 from __future__ import annotations
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 
 
 class Wall:

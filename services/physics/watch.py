@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from groundlink.bus import Bus
-from groundlink.gaps import Gaps
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GAPS, HEALTH
+from groundlink.messages.base import Health
+from groundlink.messages.missing_readings import Gaps
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Time
 from groundlink.scenario.sensors import sensor_rate_hz
-from groundlink.topics import GAPS, HEALTH
 
 from .life import Life
 from .patience import Patience

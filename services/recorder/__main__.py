@@ -7,13 +7,13 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.clock import NANOS
-from groundlink.errors import LackingError, UserError
-from groundlink.extras import process_needs
-from groundlink.questions import journal_key
-from groundlink.topics import RECORDER as NAME
+from groundlink.bus.queries import journal_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import RECORDER as NAME
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import LackingError, UserError
+from groundlink.core.extras import process_needs
+from groundlink.process import runner as process
 
 with process_needs(NAME, "record"):
     from .files import Files

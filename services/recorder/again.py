@@ -13,9 +13,9 @@ from pathlib import Path
 
 import msgspec
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.errors import UserError
+from groundlink.bus.session import Bus
+from groundlink.core.errors import UserError
+from groundlink.process import runner as process
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.missing import left_out
 from groundlink.recording.reading import Recording
@@ -27,9 +27,9 @@ from groundlink.recording.verifying import (
     silent_sensors,
     with_later_vehicles,
 )
-from groundlink.ros_base import made_topics
-from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC
-from groundlink.ros_streams import outgoing
+from groundlink.ros.base import made_topics
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros.streams import outgoing
 
 from .recorder import Recorder
 from .shell import NAME, record

@@ -13,11 +13,11 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
-from groundlink.journal import Journal, dumped, loaded
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.ros_channels import RosFile
+from groundlink.run.journal import Journal, dumped, loaded
 from groundlink.scenario import Scenario
 
 from .recorder import File, Recorder

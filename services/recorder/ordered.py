@@ -14,9 +14,9 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.journal import acting_before
+from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.recording.ros_channels import RosFile, Topic
+from groundlink.run.journal import acting_before
 
 from .files import JOURNAL_NANOS, Files
 from .recorder import File, Recorder

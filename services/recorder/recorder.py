@@ -15,14 +15,14 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Protocol
 
-from groundlink.clock import NANOS, TICK_NANOS, Schedule, exact
-from groundlink.messages import Ack, BadMessage, Clock, Health, Message, measured_nanos
-from groundlink.ros_base import Bases
-from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros_messages import ros_type_of, to_cdr
-from groundlink.ros_streams import RosStream, incoming, outgoing, recorded_only
+from groundlink.bus.topics import STREAM_TOPICS, sensor_outputs
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
+from groundlink.messages.base import Ack, BadMessage, Clock, Health, Message, measured_nanos
+from groundlink.ros.base import Bases
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
+from groundlink.ros.encoding import ros_type_of, to_cdr
+from groundlink.ros.streams import RosStream, incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
-from groundlink.topics import STREAM_TOPICS, sensor_outputs
 
 DIAGNOSTICS_NANOS = NANOS
 """Of sim time, from one array to the next."""

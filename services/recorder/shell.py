@@ -11,15 +11,15 @@ import time
 from collections.abc import Collection, Iterable
 from typing import Protocol
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Health, Message, State, decode
-from groundlink.questions import history_key
-from groundlink.quiet import Quiet
-from groundlink.ros_streams import incoming, outgoing, recorded_only
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import history_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, HEALTH, RECORDER
+from groundlink.core.backoff import Quiet
+from groundlink.messages.base import Ack, Clock, Health, Message, State, decode
+from groundlink.process import runner as process
+from groundlink.ros.streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
-from groundlink.topics import ACK, HEALTH, RECORDER
 
 from .recorder import File, Recorder
 

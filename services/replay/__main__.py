@@ -19,16 +19,17 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from groundlink import asset_exchange, process
-from groundlink.bus import DEFAULT_ENDPOINT, Bus
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
-from groundlink.extras import process_needs
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Message
-from groundlink.questions import scenario_key
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import scenario_key
+from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
+from groundlink.bus.topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.core.extras import process_needs
+from groundlink.messages.base import Ack, Clock, Message
+from groundlink.process import asset_exchange
+from groundlink.process import runner as process
 from groundlink.scenario import Scenario, load
-from groundlink.topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
 
 NAME = REPLAY
 

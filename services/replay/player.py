@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from groundlink.recording.playback import Playback
 from groundlink.recording.reading import Recording
-from groundlink.ros_streams import incoming, outgoing, recorded_only
+from groundlink.ros.streams import incoming, outgoing, recorded_only
 
 
 class Player(Playback):

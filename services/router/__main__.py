@@ -10,9 +10,9 @@ import argparse
 import threading
 from collections.abc import Sequence
 
-from groundlink import process
-from groundlink.bus import DEFAULT_ENDPOINT, Bus
-from groundlink.topics import HEALTH
+from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
+from groundlink.bus.topics import HEALTH
+from groundlink.process import runner as process
 
 NAME = "router"
 

@@ -13,10 +13,10 @@ from contextlib import ExitStack
 from importlib import import_module
 from typing import Any
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.errors import UserError
-from groundlink.following import follow_states
+from groundlink.bus.session import Bus
+from groundlink.core.errors import UserError
+from groundlink.process import runner as process
+from groundlink.process.state_follower import follow_states
 
 from .kinds import Kind, follower, kind_name
 

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.calendars import Calendar
-from groundlink.clock import TICK_NANOS
-from groundlink.gaps import Cause, Gap, Gaps
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.missing_readings import Cause, Gap, Gaps
+from groundlink.messages.reading_schedule import Calendar
 
 from .model import LeftOut
 

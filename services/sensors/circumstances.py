@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from groundlink.messages import Reading
+from groundlink.messages.base import Reading
 from groundlink.scenario.faults import Fault
 
 from .streams import RandomStreams

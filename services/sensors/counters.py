@@ -24,8 +24,8 @@ import math
 
 import msgspec
 
-from groundlink.clock import NANOS, TICK_NANOS, exact
-from groundlink.messages import BadMessage, State, floats
+from groundlink.core.clock import NANOS, TICK_NANOS, exact
+from groundlink.messages.base import BadMessage, State, floats
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from groundlink.clock import Schedule
+from groundlink.core.clock import Schedule
 
 
 class Event(NamedTuple):

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, exact
-from groundlink.frames import Floats
-from groundlink.gaps import Cause
-from groundlink.messages import Reading
+from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, exact
+from groundlink.core.frames import Floats
+from groundlink.messages.base import Reading
+from groundlink.messages.missing_readings import Cause
 from groundlink.scenario import faults as specs
 
 from .circumstances import Circumstances

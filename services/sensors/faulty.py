@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, cast
 
 import msgspec
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Message, Reading, State, decode, encode, measured_nanos
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Message, Reading, State, decode, encode, measured_nanos
 from groundlink.scenario.faults import Delay, Fault
 
 from .circumstances import Circumstances, Past

@@ -14,21 +14,21 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from groundlink import process
-from groundlink.alone import alone
-from groundlink.bus import Bus
-from groundlink.calendars import calendar
-from groundlink.errors import UserError
-from groundlink.faults import counted
-from groundlink.following import Follower, follow_states
-from groundlink.gaps import counters_of
-from groundlink.messages import Message
-from groundlink.questions import faults_key
+from groundlink.bus.queries import faults_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, FAULTS, GAPS, SENSOR_TOPICS, sensor_outputs
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Message
+from groundlink.messages.faults import counted
+from groundlink.messages.missing_readings import counters_of
+from groundlink.messages.reading_schedule import calendar
+from groundlink.process import runner as process
+from groundlink.process.name_claim import alone
+from groundlink.process.state_follower import Follower, follow_states
 from groundlink.scenario import Scenario
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor, WithNative
-from groundlink.topics import ACK, FAULTS, GAPS, SENSOR_TOPICS, sensor_outputs
 from groundlink.world.build import world_hash
 
 from .account import Account

@@ -14,10 +14,10 @@ from collections.abc import Callable
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_RATE_HZ
-from groundlink.faults import CLEAR, FaultAnswer, Faults
-from groundlink.following import StateTaker
-from groundlink.messages import Ack, State
+from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.messages.base import Ack, State
+from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
+from groundlink.process.state_follower import StateTaker
 from groundlink.scenario.fault_fit import mistake
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle

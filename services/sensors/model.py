@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from groundlink.gaps import Cause
-from groundlink.messages import Message, State
+from groundlink.messages.base import Message, State
+from groundlink.messages.missing_readings import Cause
 
 
 class Beside(NamedTuple):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from groundlink.process import address
+from groundlink.process.runner import address
 
 from .model import NativeDevice
 

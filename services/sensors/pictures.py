@@ -12,8 +12,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Protocol
 
-from groundlink.clock import TICK_NANOS, Schedule
-from groundlink.messages import BadMessage, Message, State
+from groundlink.core.clock import TICK_NANOS, Schedule
+from groundlink.messages.base import BadMessage, Message, State
 from groundlink.scenario.sensors import Optics
 
 from .due import Due

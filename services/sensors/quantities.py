@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.frames import Floats
-from groundlink.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
-from groundlink.messages import Imu, PointCloud, Reading, Vector3, WheelEncoders, packed
-from groundlink.navigation import NavSatFix, Odometry
+from groundlink.core.frames import Floats
+from groundlink.messages.base import Imu, PointCloud, Reading, Vector3, WheelEncoders, packed
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+from groundlink.messages.navigation import NavSatFix, Odometry
 
 from .counters import wrapped
 

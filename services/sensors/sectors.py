@@ -15,8 +15,8 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.imagery import LaserScan
-from groundlink.messages import PointCloud, Reading, packed
+from groundlink.messages.base import PointCloud, Reading, packed
+from groundlink.messages.imagery import LaserScan
 
 
 def _within(

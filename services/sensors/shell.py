@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 import msgspec
 
-from groundlink.clock import TICK_NANOS
-from groundlink.errors import UserError
-from groundlink.gaps import Cause
-from groundlink.messages import Ack, BadMessage, Message, State, measured_nanos
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, BadMessage, Message, State, measured_nanos
+from groundlink.messages.missing_readings import Cause
 
 from .account import Account, NoAccount
 from .model import Beside, LeftOut, RememberingModel, SensorModel, SkippingModel, parted

@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from groundlink.clock import TICK_NANOS
-from groundlink.frames import Floats, matrix_from_quaternion, nlerp
-from groundlink.messages import BadMessage, State
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
+from groundlink.messages.base import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.actors import parts
 from groundlink.world.build import solids

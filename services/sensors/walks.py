@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 
 from .noise import NORMALS
 from .streams import RandomStreams

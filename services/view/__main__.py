@@ -16,14 +16,14 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from groundlink import process
-from groundlink.bus import Bus
+from groundlink.bus.session import Bus
 from groundlink.cli.view import add_arguments
-from groundlink.clock import NANOS
-from groundlink.errors import UserError
-from groundlink.extras import needs
-from groundlink.messages import Health, Message, State
-from groundlink.ros_streams import RosStream
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.messages.base import Health, Message, State
+from groundlink.process import runner as process
+from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world.build import world_hash
 

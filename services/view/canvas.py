@@ -16,8 +16,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from groundlink.clock import NANOS
-from groundlink.frames import Floats, transform
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import Floats, transform
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import RotatingLidar, Sensor

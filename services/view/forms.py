@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from groundlink import imagery, navigation
-from groundlink.clock import NANOS
-from groundlink.frames import Floats, transform
-from groundlink.ground_truth import TruePoints
-from groundlink.messages import Command, Imu, Message, PointCloud, WheelEncoders, floats
-from groundlink.relayed import Relayed
-from groundlink.ros_incoming import READERS
-from groundlink.ros_types import STORE
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import Floats, transform
+from groundlink.messages import imagery, navigation
+from groundlink.messages.base import Command, Imu, Message, PointCloud, WheelEncoders, floats
+from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.incoming import READERS
+from groundlink.ros.types import STORE
 from groundlink.scenario.sensors import Encoders, Lidar
 
 from . import forms_imagery, forms_relayed

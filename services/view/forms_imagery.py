@@ -17,8 +17,8 @@ import PIL.Image
 import rerun as rr
 from numpy.typing import NDArray
 
-from groundlink.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
-from groundlink.messages import floats
+from groundlink.messages.base import floats
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 
 from .canvas import Canvas, Seen
 from .colours import RAINBOW

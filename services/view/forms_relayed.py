@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from groundlink.ros_types import xyz
+from groundlink.ros.types import xyz
 
 from .canvas import WORLD, Canvas, Seen
 

@@ -30,7 +30,7 @@ from foxglove.messages import (
 )
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from groundlink.scenario import Scenario
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle

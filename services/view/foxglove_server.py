@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run as Foxglove sees a robot: ROS 2 topics over its WebSocket protocol.
 
-Rule: topics, types and bytes are those that ROS gets (`groundlink.ros_messages`), and on
+Rule: topics, types and bytes are those that ROS gets (`groundlink.ros.encoding`), and on
 `/ground_truth/tf` is where the tree is in the world, as in a recording. A message is only filled
 while a client has subscribed. What seldom changes, the map too, is sent again to each new
 subscriber.
@@ -15,17 +15,13 @@ from foxglove import Channel, Context, Schema, start_server
 from foxglove.channels import SceneUpdateChannel
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
-from groundlink.errors import UserError
-from groundlink.messages import BadMessage, Clock, Health, Message, State
-from groundlink.navigation import OccupancyGrid, Transforms
-from groundlink.ros_base import Bases
-from groundlink.ros_definitions import ENCODING, MESSAGE_ENCODING, definition
-from groundlink.ros_messages import ros_type_of, to_cdr
-from groundlink.ros_streams import (
-    TRUE_TF_TOPIC,
-    RosStream,
-    actor_transforms,
-)
+from groundlink.core.errors import UserError
+from groundlink.messages.base import BadMessage, Clock, Health, Message, State
+from groundlink.messages.navigation import OccupancyGrid, Transforms
+from groundlink.ros.base import Bases
+from groundlink.ros.definitions import ENCODING, MESSAGE_ENCODING, definition
+from groundlink.ros.encoding import ros_type_of, to_cdr
+from groundlink.ros.streams import TRUE_TF_TOPIC, RosStream, actor_transforms
 from groundlink.scenario import Scenario
 
 from .foxglove_scene import scene

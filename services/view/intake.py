@@ -11,17 +11,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from groundlink.bus import Bus
-from groundlink.ground_truth import TruePoints
-from groundlink.imagery import CompressedImage, Image
-from groundlink.inbox import Inbox
-from groundlink.messages import Health, Imu, M, Message, PointCloud, State
-from groundlink.navigation import OccupancyGrid
-from groundlink.relayed import Relayed
-from groundlink.ros_streams import RosStream, incoming, outgoing
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH, STATE
+from groundlink.messages.base import Health, Imu, M, Message, PointCloud, State
+from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.imagery import CompressedImage, Image
+from groundlink.messages.navigation import OccupancyGrid
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RotatingLidar
-from groundlink.topics import HEALTH, STATE
 
 from .true_states import Drawable, TrueStates
 

@@ -13,7 +13,7 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.scenario import Scenario
 from groundlink.world.colours import linear
 from groundlink.world.mesh_asset import Part, Surface

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import rerun.blueprint as rrb
 
-from groundlink.ros_streams import RosStream
+from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 
 from .link_panel import AGES, LOSSES, RATES

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the run and its link to ROS are, as text and plots.
 
-Rule: verdicts are those of `groundlink.run_monitor`, the same as in the table of `groundlink up`.
+Rule: verdicts are those of `groundlink.monitor.run_monitor`, the same as in the table of
+`groundlink up`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from groundlink.messages import Health, StreamReport
-from groundlink.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
+from groundlink.messages.base import Health, StreamReport
+from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
 
 from .plots import LINE_COLOURS, Plots
 

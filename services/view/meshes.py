@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, matrix_from_quaternion
+from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.scenario import Scenario
 from groundlink.world import mesh_asset
 from groundlink.world.build import solids

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from groundlink.clock import NANOS
-from groundlink.frames import conjugate, matrix_from_quaternion
-from groundlink.messages import Health, Message, State, floats
-from groundlink.ros_streams import RosStream
-from groundlink.run_monitor import RunMonitor
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import conjugate, matrix_from_quaternion
+from groundlink.messages.base import Health, Message, State, floats
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world import actors
 from groundlink.world.links import links

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, transform
+from groundlink.core.frames import Floats, transform
 
 Stamps = NDArray[np.int64]
 Reals = NDArray[np.float32]

@@ -14,11 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.clock import NANOS
-from groundlink.frames import Floats, conjugate, matrix_from_quaternion, multiply
-from groundlink.ground_truth import Bodies
-from groundlink.imagery import LaserScan
-from groundlink.messages import (
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import Floats, conjugate, matrix_from_quaternion, multiply
+from groundlink.messages.base import (
     Clock,
     Message,
     PointCloud,
@@ -28,8 +26,10 @@ from groundlink.messages import (
     measured_nanos,
     packed,
 )
-from groundlink.navigation import JointState, Odometry
-from groundlink.ros_streams import Outgoing, RosStream
+from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.imagery import LaserScan
+from groundlink.messages.navigation import JointState, Odometry
+from groundlink.ros.streams import Outgoing, RosStream
 from groundlink.scenario import Scenario
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle

@@ -20,8 +20,8 @@ from urllib.parse import quote
 import rerun as rr
 import rerun.blueprint as rrb
 
-from groundlink.errors import UserError
-from groundlink.supervisor import end_with_parent
+from groundlink.core.errors import UserError
+from groundlink.monitor.supervisor import end_with_parent
 
 APPLICATION = "groundlink"
 

@@ -17,13 +17,13 @@ from itertools import pairwise
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.calendars import Calendar, calendar
-from groundlink.clock import NANOS
-from groundlink.gaps import Gap, Gaps
-from groundlink.messages import Clock, Health, Message, decode, measured_nanos
-from groundlink.topics import CLOCK, GAPS, GATEWAY, HEALTH, sensor_outputs
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK, GAPS, GATEWAY, HEALTH, sensor_outputs
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Clock, Health, Message, decode, measured_nanos
+from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.reading_schedule import Calendar, calendar
+from groundlink.process import runner as process
 from services.gateway.attendance import COUNTER_PREFIX
 from tests.system.rig import wait_for
 

@@ -18,11 +18,11 @@ from typing import Any, TypeAlias
 import pytest
 from msgspec import structs
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.topics import GATEWAY, HEALTH
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GATEWAY, HEALTH
+from groundlink.messages.base import Health
+from groundlink.process import runner as process
 from tests.system.rig import REPOSITORY, wait_for
 
 PROJECT = "groundlink-test"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from tests.system.rig import REPOSITORY, wait_for
 
 from .ledger import Ledger

@@ -6,10 +6,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.accounts import Account, compare, read_accounts, write_accounts
-from groundlink.clock import NANOS
-from groundlink.messages import Clock
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Clock
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_messages import to_cdr
+from groundlink.ros.encoding import to_cdr
 from groundlink.scenario import load
 
 SCENARIO = """

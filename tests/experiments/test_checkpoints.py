@@ -8,7 +8,7 @@ import pytest
 
 from experiments.checkpoints import accumulated, begun_at
 from experiments.trajectories import Trajectory
-from groundlink.frames import matrix_from_quaternion, multiply
+from groundlink.core.frames import matrix_from_quaternion, multiply
 
 SECONDS = np.arange(0.0, 40.05, 0.1)
 CHECKPOINTS = {"start": (0.0, 0.0), "middle": (5.0, 0.0), "end": (10.0, 0.0)}

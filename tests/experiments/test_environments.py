@@ -11,7 +11,7 @@ import pytest
 from experiments import environments
 from experiments.programs import DEBIAN_PACKAGES, DRIVERS, EVO, PROGRAMS, Program
 from experiments.say import Say
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 SAY = Say()
 

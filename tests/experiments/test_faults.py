@@ -11,12 +11,12 @@ import pytest
 from mcap.reader import SeekingReader
 
 from experiments.faults import FAULTS, spoiled, with_fault
-from groundlink.frames import quaternion_from_rpy
-from groundlink.messages import POINT, Imu, PointCloud
-from groundlink.navigation import Transform, Transforms
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.messages.base import POINT, Imu, PointCloud
+from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
-from groundlink.ros_types import STORE
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.types import STORE
 
 TILT = quaternion_from_rpy(0.1, 0.0, 0.0)
 IMU = Imu(10**9, "imu_link", TILT, (0.1, 0.2, 0.3), (0.0, 0.979, 9.7577), 0.0, 0.0, 0.0)

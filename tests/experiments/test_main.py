@@ -12,7 +12,7 @@ import pytest
 from experiments import __main__ as module
 from experiments.evaluation import Result, read_csv
 from experiments.experiment import Experiment, Options
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from .test_evaluation import ONE
 

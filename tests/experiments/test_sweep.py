@@ -13,7 +13,7 @@ from experiments.evaluation import Result, read_csv
 from experiments.experiment import Experiment, Options
 from experiments.setups import Setup
 from groundlink.__main__ import main as groundlink
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 MOUNTS = "scanner.mount=[lidar, {xyz_m: [0.2, 0.0, 0.9]}]"
 SHEETS = "scanner.datasheet=[sensors/utm30lx.yaml, sensors/lms111.yaml]"

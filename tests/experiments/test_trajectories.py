@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.trajectories import Trajectory, read_tum, write_tum
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 SECONDS = np.linspace(0.0, 2 * pi, 629)
 

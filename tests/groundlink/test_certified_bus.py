@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from groundlink import zenoh_settings
-from groundlink.bus import Bus, BusError
-from groundlink.certificates import Authority
-from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
+from groundlink.bus import zenoh_config as zenoh_settings
+from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
+from groundlink.bus.session import Bus, BusError
+from groundlink.deploy.certificates import Authority
 
 NOW = datetime.datetime.now(datetime.UTC)
 YESTERDAY = NOW - datetime.timedelta(days=1)

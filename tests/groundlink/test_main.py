@@ -15,15 +15,15 @@ import pytest
 
 from groundlink.__main__ import main
 from groundlink.cli import commands, topics
-from groundlink.errors import UserError
-from groundlink.whole_file import whole
+from groundlink.core.errors import UserError
+from groundlink.core.whole_file import whole
 
 SLOW = """
 import sys, time
 from pathlib import Path
 from groundlink.__main__ import main
 from groundlink.cli import topics
-from groundlink.whole_file import whole
+from groundlink.core.whole_file import whole
 
 def slow(options):
     with whole(Path("out.txt")) as part:

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from groundlink.navigation import Transforms
-from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.messages.navigation import Transforms
+from groundlink.ros.encoding import ROS_FORMS, to_cdr
 from tests.vectors.examples import EXAMPLES, STAMP, fields
 from udp_bridge.control import Subscribe
 from udp_bridge.types import MSG_TYPES, type_number

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 
 from groundlink.recording.ros1 import NOETIC, body
-from groundlink.ros_types import STORE
+from groundlink.ros.types import STORE
 from udp_bridge import MSG_TYPES
 from udp_bridge_ros1.cdr import Malformed, Plan
 

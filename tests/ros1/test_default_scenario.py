@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.relayed import Relayed
-from groundlink.ros_types import STORE
-from groundlink.topics import RELAYED
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import RELAYED
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.types import STORE
 from tests.system.rig import rig
 
 from .conftest import Ros1

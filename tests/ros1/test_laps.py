@@ -15,10 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import State
-from groundlink.topics import STATE
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STATE
+from groundlink.messages.base import State
 from tests.system import wall_following
 from tests.system.rig import Rig, rig, wait_for
 

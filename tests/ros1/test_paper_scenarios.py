@@ -14,16 +14,16 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from groundlink.messages import Clock, PointCloud
-from groundlink.navigation import Text, Transforms
+from groundlink.bus.topics import sensor_outputs
+from groundlink.messages.base import Clock, PointCloud
+from groundlink.messages.navigation import Text, Transforms
 from groundlink.recording.reading import Recording
-from groundlink.ros_base import Base
-from groundlink.ros_messages import ROS_FORMS
-from groundlink.ros_streams import outgoing
-from groundlink.ros_types import STORE
+from groundlink.ros.base import Base
+from groundlink.ros.encoding import ROS_FORMS
+from groundlink.ros.streams import outgoing
+from groundlink.ros.types import STORE
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.ros_side import TfTree
-from groundlink.topics import sensor_outputs
 from tests.ros import cloud_digest as digest
 from tests.ros.conftest import LATCHED, RELIABLE, Ros
 from tests.ros.processes import Process

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.bus import Bus
+from groundlink.bus.session import Bus
 from groundlink.cli.running import free_endpoint
 
 

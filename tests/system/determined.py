@@ -15,11 +15,11 @@ from pathlib import Path
 
 import msgspec
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import M, Message, decode, measured_nanos
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import process_names, sensor_outputs
+from groundlink.messages.base import M, Message, decode, measured_nanos
 from groundlink.scenario import load
-from groundlink.topics import process_names, sensor_outputs
 
 from .rig import Rig, rig, wait_for
 

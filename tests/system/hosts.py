@@ -16,7 +16,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from groundlink.supervisor import end_with_parent
+from groundlink.monitor.supervisor import end_with_parent
 
 _ANCHOR = (
     *("unshare", "--net", "--mount", "sh", "-c"),

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from groundlink.supervisor import end_with_parent
+from groundlink.monitor.supervisor import end_with_parent
 from tests.ros_domains import next_domain
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import zenoh
 
-from groundlink.credentials import VARIABLE, Credentials
-from groundlink.process import ROUTER_VARIABLE
+from groundlink.bus.credentials import VARIABLE, Credentials
+from groundlink.process.runner import ROUTER_VARIABLE
 
 from .rig import REPOSITORY, Rig
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from groundlink import assets
-from groundlink.assets import VARIABLE
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import PointCloud
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import SENSOR_TOPICS
+from groundlink.messages.base import PointCloud
 from groundlink.scenario.sensors import Lidar
-from groundlink.topics import SENSOR_TOPICS
+from groundlink.world import assets
+from groundlink.world.assets import VARIABLE
 from tests.groundlink.importing.files import glb, write
 
 from .rig import Rig, rig, wait_for

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Health, StreamReport
-from groundlink.topics import HEALTH
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH
+from groundlink.messages.base import Health, StreamReport
 
 from .rig import Observer, Rig, rig, wait_for
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Message, State
-from groundlink.relayed import Relayed
-from groundlink.ros_messages import ROS_FORMS, to_cdr
-from groundlink.topics import FROM_ROS, RELAYED, STATE, STREAM_TOPICS
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import FROM_ROS, RELAYED, STATE, STREAM_TOPICS
+from groundlink.messages.base import Message, State
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.encoding import ROS_FORMS, to_cdr
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES, fields
 from udp_bridge import Link, Reassembler

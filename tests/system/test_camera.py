@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from groundlink.imagery import CameraInfo, CompressedImage
+from groundlink.messages.imagery import CameraInfo, CompressedImage
 from groundlink.recording.reading import Recording
-from groundlink.ros_readings import Moment, from_cdr
+from groundlink.ros.decoding import Moment, from_cdr
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 
 from .rig import LAB, Observer, free_port, rig, wait_for

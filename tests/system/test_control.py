@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.control import Pause, Reset, Resume, Step
-from groundlink.control_query import ask
-from groundlink.inbox import Inbox
-from groundlink.messages import Imu, encode
-from groundlink.topics import IMU
+from groundlink.bus.control_client import ask
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import IMU
+from groundlink.messages.base import Imu, encode
+from groundlink.messages.control import Pause, Reset, Resume, Step
 
 from .rig import Rig, rig, wait_for
 

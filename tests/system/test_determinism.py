@@ -21,11 +21,11 @@ import pytest
 
 from benchmarks.two_hosts import HOSTS, NotAllowed
 from benchmarks.two_hosts import run as run_on_two_hosts
-from groundlink import journal
-from groundlink.clock import TICK_NANOS
-from groundlink.control import Pause, Resume
-from groundlink.control_query import ask
+from groundlink.bus.control_client import ask
+from groundlink.core.clock import TICK_NANOS
 from groundlink.emulation import Impairment
+from groundlink.messages.control import Pause, Resume
+from groundlink.run import journal
 
 from .determined import HEARD, RUN, UNTIL_NANOS, Heard, Run, difference, run
 from .rig import REPOSITORY, is_answered, wait_for

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Command, State, encode
-from groundlink.topics import COMMAND, STATE
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import COMMAND, STATE
+from groundlink.messages.base import Command, State, encode
 
 from .rig import Rig, rig, wait_for
 

@@ -13,8 +13,8 @@ import pytest
 
 from groundlink.recording.reading import Recording
 from groundlink.report.failures import Failures
-from groundlink.ros_faults import from_faults
-from groundlink.ros_types import STORE
+from groundlink.ros.faults import from_faults
+from groundlink.ros.types import STORE
 
 from .rig import REPOSITORY, Observer, Rig, rig, wait_for
 

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import State, encode, floats
-from groundlink.topics import STATE
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STATE
+from groundlink.messages.base import State, encode, floats
 
 from .rig import Rig, children_of, rig, wait_for
 

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 import zenoh
 
-from groundlink.bus import Bus
-from groundlink.clock import NANOS
-from groundlink.inbox import Inbox
-from groundlink.messages import Health, State
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH, STATE, TOPICS
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Health, State
 from groundlink.scenario import load
 from groundlink.scenario.sensors import Encoders
-from groundlink.topics import HEALTH, STATE, TOPICS
 
 from .rig import Observer, Rig, children_of, rig, wait_for
 

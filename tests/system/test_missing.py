@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK
+from groundlink.messages.base import Clock
 from groundlink.recording.reading import Recording
 from groundlink.report.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
 from groundlink.report.gather import gather
-from groundlink.topics import CLOCK
 
 from .rig import Rig, rig, wait_for
 

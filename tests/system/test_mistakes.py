@@ -12,11 +12,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.messages import State
-from groundlink.questions import scenario_key
+from groundlink.bus.queries import scenario_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STATE
+from groundlink.messages.base import State
 from groundlink.scenario import load
-from groundlink.topics import STATE
 
 from .rig import LAB, REPOSITORY, Rig, rig, wait_for
 

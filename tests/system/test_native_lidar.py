@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import PointCloud
-from groundlink.topics import POINTS
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import POINTS
+from groundlink.messages.base import PointCloud
 
 from .rig import Rig, rig, wait_for
 

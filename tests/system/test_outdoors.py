@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.imagery import Range
-from groundlink.inbox import Inbox
-from groundlink.messages import encode
-from groundlink.navigation import NavSatFix
-from groundlink.topics import GNSS, RANGE
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GNSS, RANGE
+from groundlink.messages.base import encode
+from groundlink.messages.imagery import Range
+from groundlink.messages.navigation import NavSatFix
 
 from .rig import REPOSITORY, Rig, rig, wait_for
 

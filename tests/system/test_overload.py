@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_NANOS
-from groundlink.gaps import Gap, Gaps
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock, Imu, Message, PointCloud, WheelEncoders
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, Topic
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Clock, Imu, Message, PointCloud, WheelEncoders
+from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, Topic
 
 from .rig import Rig, children_of, rig, wait_for
 

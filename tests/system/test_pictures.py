@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.imagery import CompressedImage
-from groundlink.inbox import Inbox
-from groundlink.topics import CAMERA
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CAMERA
+from groundlink.messages.imagery import CompressedImage
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 
 from .rig import Observer, rig, wait_for

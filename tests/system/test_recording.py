@@ -22,16 +22,16 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from groundlink.bus import Bus
-from groundlink.frames import matrix_from_quaternion, nlerp
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock, PointCloud
-from groundlink.navigation import Odometry, Transforms
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK
+from groundlink.core.frames import matrix_from_quaternion, nlerp
+from groundlink.messages.base import Clock, PointCloud
+from groundlink.messages.navigation import Odometry, Transforms
 from groundlink.recording.reading import Recording
-from groundlink.ros_readings import Moment, from_cdr
+from groundlink.ros.decoding import Moment, from_cdr
 from groundlink.scenario import load
 from groundlink.scenario.sensors import Lidar
-from groundlink.topics import CLOCK
 from groundlink.world.build import solids, world_hash
 from groundlink.world.solids import Box, Cylinder, Solid
 

@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock, Imu
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK, IMU
+from groundlink.messages.base import Clock, Imu
 from groundlink.recording.reading import Recording
-from groundlink.topics import CLOCK, IMU
 from services.view.viewer import program
 
 from .rig import Rig, rig, wait_for

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_NANOS
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock
-from groundlink.topics import CLOCK
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Clock
 from tests.ros.calling import Caller
 from tests.ros.interfaces import simulation_interfaces
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ
-from groundlink.inbox import Inbox
-from groundlink.journal import loaded
-from groundlink.messages import Command, M, Message, decode, measured_nanos
-from groundlink.topics import COMMAND, ENCODERS, IMU, POINTS, Topic
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import COMMAND, ENCODERS, IMU, POINTS, Topic
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
+from groundlink.messages.base import Command, M, Message, decode, measured_nanos
+from groundlink.run.journal import loaded
 
 from .rig import Observer, Rig, rig, wait_for
 

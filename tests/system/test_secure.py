@@ -11,12 +11,9 @@ from typing import NamedTuple
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.certificates import Authority
-from groundlink.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
-from groundlink.inbox import Inbox
-from groundlink.messages import Health
-from groundlink.questions import (
+from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import (
     asset_key,
     control_key,
     faults_key,
@@ -25,8 +22,11 @@ from groundlink.questions import (
     link_key,
     scenario_key,
 )
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import FROM_ROS, HEALTH, TOPICS, process_names
+from groundlink.deploy.certificates import Authority
+from groundlink.messages.base import Health
 from groundlink.scenario import load
-from groundlink.topics import FROM_ROS, HEALTH, TOPICS, process_names
 from udp_bridge import Link
 from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS as FROM_ROS_SIDE

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.control import Pause, Step
-from groundlink.control_query import ask
-from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import PointCloud, encode
-from groundlink.questions import control_key
-from groundlink.topics import POINTS
+from groundlink.bus.control_client import ask
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import control_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import POINTS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import PointCloud, encode
+from groundlink.messages.control import Pause, Step
 
 from .rig import Rig, rig, wait_for
 

@@ -18,10 +18,10 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.navigation import Odometry
-from groundlink.topics import GROUND_TRUTH
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GROUND_TRUTH
+from groundlink.messages.navigation import Odometry
 
 from .rig import REPOSITORY, Rig, rig, wait_for
 from .test_alone import start_sensor

@@ -20,16 +20,16 @@ import pytest
 from mcap.reader import make_reader
 
 from groundlink.__main__ import main
-from groundlink.bus import Bus
-from groundlink.clock import NANOS
-from groundlink.faults import CLEAR
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock, Command, floats, packed
-from groundlink.navigation import JointState
-from groundlink.questions import faults_key
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import faults_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import CLOCK, COMMAND, JOINT_COMMAND, JOINTS
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Clock, Command, floats, packed
+from groundlink.messages.faults import CLEAR
+from groundlink.messages.navigation import JointState
 from groundlink.recording.mcap_file import McapFile
 from groundlink.scenario.faults import Bias, Stuck
-from groundlink.topics import CLOCK, COMMAND, JOINT_COMMAND, JOINTS
 
 from .determined import SCENARIO
 from .rig import REPOSITORY, children_of, free_port, rig, wait_for

@@ -20,12 +20,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.bus import Bus
-from groundlink.clock import TICK_NANOS
-from groundlink.inbox import Inbox
-from groundlink.messages import Command, Health, Imu, Message, PointCloud, State
-from groundlink.relayed import Relayed
-from groundlink.topics import COMMAND, HEALTH, IMU, POINTS, RELAYED, STATE
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import COMMAND, HEALTH, IMU, POINTS, RELAYED, STATE
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Command, Health, Imu, Message, PointCloud, State
+from groundlink.messages.relayed import Relayed
 from services.view.viewer import program
 from tests.services.view.foxglove_client import joined
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Message, WheelEncoders, encode
-from groundlink.navigation import Odometry
-from groundlink.topics import ENCODERS, WHEEL_ODOMETRY
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ENCODERS, WHEEL_ODOMETRY
+from groundlink.messages.base import Message, WheelEncoders, encode
+from groundlink.messages.navigation import Odometry
 
 from .rig import Rig, rig, wait_for
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import Bus
-from groundlink.inbox import Inbox
-from groundlink.messages import Command
-from groundlink.topics import COMMAND
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import COMMAND
+from groundlink.messages.base import Command
 from udp_bridge import Link
 from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS

@@ -14,13 +14,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.imagery import LaserScan
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Command, Message
-from groundlink.navigation import Odometry
-from groundlink.topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, SCAN, WHEEL_ODOMETRY, Delivery
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, SCAN, WHEEL_ODOMETRY, Delivery
+from groundlink.messages.base import Ack, Clock, Command, Message
+from groundlink.messages.imagery import LaserScan
+from groundlink.messages.navigation import Odometry
+from groundlink.process import runner as process
 
 from .wall_following import Scan, WallFollower
 

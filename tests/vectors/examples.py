@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from groundlink import imagery, navigation
-from groundlink.clock import NANOS
-from groundlink.messages import Message, packed
-from groundlink.ros_messages import ROS_FORMS, to_cdr
-from groundlink.ros_types import STORE, header, pose, vector
+from groundlink.core.clock import NANOS
+from groundlink.messages import imagery, navigation
+from groundlink.messages.base import Message, packed
+from groundlink.ros.encoding import ROS_FORMS, to_cdr
+from groundlink.ros.types import STORE, header, pose, vector
 from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
 from udp_bridge.control import Subscribe

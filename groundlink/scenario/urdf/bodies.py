@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.scenario.explain import nearest
 
 from .elements import Element

@@ -23,7 +23,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from groundlink.frames import Floats, rpy_from_matrix
+from groundlink.core.frames import Floats, rpy_from_matrix
 from groundlink.importing.files import Tell, silent
 from groundlink.scenario.document import DataPath, Document, Mark, ScenarioError
 from groundlink.world.bounds import bounds

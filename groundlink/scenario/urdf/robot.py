@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundlink.frames import Floats, quaternion_from_rpy, transform
+from groundlink.core.frames import Floats, quaternion_from_rpy, transform
 from groundlink.scenario.document import ScenarioError
 from groundlink.scenario.explain import nearest
 from groundlink.scenario.vehicle import ROUNDED

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy, rpy_from_matrix
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy, rpy_from_matrix
 from groundlink.world.bounds import bounds, half_extents
 from groundlink.world.mesh_asset import surface
 from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere

@@ -7,7 +7,7 @@ CameraInfo has its stamp, the beginning of the first row's exposure, and tells h
 
 from __future__ import annotations
 
-from groundlink.messages import Message
+from groundlink.messages.base import Message
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera
 from services.sensors.model import Beside

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.frames import Floats, transform
-from groundlink.messages import State
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.core.frames import Floats, transform
+from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.rays.replica import Replica

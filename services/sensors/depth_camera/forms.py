@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
-from groundlink.imagery import CompressedImage
-from groundlink.messages import POINT, PointCloud, packed
+from groundlink.core.frames import Floats
+from groundlink.messages.base import POINT, PointCloud, packed
+from groundlink.messages.imagery import CompressedImage
 
 Reals = NDArray[np.float32]
 Shorts = NDArray[np.uint16]

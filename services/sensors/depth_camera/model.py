@@ -9,7 +9,7 @@ Only what somebody subscribed to in the scenario is made.
 
 from __future__ import annotations
 
-from groundlink.messages import Message
+from groundlink.messages.base import Message
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.model import Beside

@@ -7,8 +7,8 @@ stamped with its event of the schedule and has the counts of that very instant.
 
 from __future__ import annotations
 
-from groundlink import messages
-from groundlink.clock import TICK_NANOS, Schedule
+from groundlink.core.clock import TICK_NANOS, Schedule
+from groundlink.messages import base as messages
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.counters import WheelCounters

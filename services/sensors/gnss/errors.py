@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from groundlink.clock import Schedule
-from groundlink.messages import Vector3
+from groundlink.core.clock import Schedule
+from groundlink.messages.base import Vector3
 from groundlink.scenario.sensors import Gnss
 from services.sensors.noise import PolarNormal
 from services.sensors.streams import RandomStreams

@@ -23,11 +23,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.clock import NANOS, TICK_NANOS, Schedule, exact
-from groundlink.errors import UserError
-from groundlink.frames import Floats, matrix_from_quaternion
-from groundlink.messages import BadMessage, State, Vector3, floats, packed
-from groundlink.navigation import NavSatFix
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats, matrix_from_quaternion
+from groundlink.messages.base import BadMessage, State, Vector3, floats, packed
+from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
 from services.sensors import nmea

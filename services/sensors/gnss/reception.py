@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from groundlink.clock import NANOS, exact
-from groundlink.frames import Floats
-from groundlink.messages import State
+from groundlink.core.clock import NANOS, exact
+from groundlink.core.frames import Floats
+from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
 from services.sensors.rays.probe import Probe

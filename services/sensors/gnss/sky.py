@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import Floats
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
 
 WORST_CONDITION = 1e6
 """Of the normal matrix: beyond it, satellites are in a line or a cone and give no position."""

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import TICK_RATE_HZ, Schedule
-from groundlink.messages import Vector3
+from groundlink.core.clock import TICK_RATE_HZ, Schedule
+from groundlink.messages.base import Vector3
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.sensors import Imu
 from services.sensors.noise import NORMALS

@@ -26,9 +26,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from groundlink import messages
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
-from groundlink.quaternions import from_rotation_vector, multiply
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
+from groundlink.core.quaternions import from_rotation_vector, multiply
+from groundlink.messages import base as messages
 from groundlink.scenario import sensors
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.schema import Scenario, Vehicle

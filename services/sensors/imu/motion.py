@@ -19,10 +19,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from groundlink.clock import TICK_RATE_HZ
-from groundlink.frames import quaternion_from_rpy
-from groundlink.messages import Quaternion, Vector3
-from groundlink.quaternions import (
+from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.core.quaternions import (
     conjugate,
     from_rotation_vector,
     half_of,
@@ -30,6 +29,7 @@ from groundlink.quaternions import (
     rotate,
     rotation_vector,
 )
+from groundlink.messages.base import Quaternion, Vector3
 from groundlink.scenario.sensors import Mount
 
 STANDARD_GRAVITY_MPS2 = 9.80665

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from groundlink.ground_truth import TRUE_POINT, TruePoints
-from groundlink.messages import POINT, PointCloud, State, packed
+from groundlink.messages.base import POINT, PointCloud, State, packed
+from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar
 from services.sensors.model import Beside, LeftOut, Made

@@ -10,14 +10,14 @@
 #include <stdint.h>
 #include <string.h>
 
-/* groundlink.messages.POINT */
+/* groundlink.messages.base.POINT */
 struct __attribute__((packed)) point {
     float x, y, z, intensity;
     uint16_t ring;
     float time;
 };
 
-/* groundlink.ground_truth.TRUE_POINT */
+/* groundlink.messages.ground_truth.TRUE_POINT */
 struct __attribute__((packed)) true_point {
     struct point point;
     uint32_t body;

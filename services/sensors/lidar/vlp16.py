@@ -15,9 +15,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from groundlink.clock import NANOS, Schedule
-from groundlink.errors import UserError
-from groundlink.messages import PointCloud, measured_nanos
+from groundlink.core.clock import NANOS, Schedule
+from groundlink.core.errors import UserError
+from groundlink.messages.base import PointCloud, measured_nanos
 from groundlink.scenario.sensors import Lidar
 from services.sensors.model import Datagram
 from services.sensors.rays.scene import Reals

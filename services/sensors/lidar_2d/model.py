@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from groundlink.imagery import LaserScan
-from groundlink.messages import State, packed
+from groundlink.messages.base import State, packed
+from groundlink.messages.imagery import LaserScan
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar2d
 from services.sensors.model import LeftOut

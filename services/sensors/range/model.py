@@ -19,10 +19,10 @@ import math
 
 import numpy as np
 
-from groundlink.clock import Schedule
-from groundlink.frames import Floats
-from groundlink.imagery import Range
-from groundlink.messages import BadMessage, State
+from groundlink.core.clock import Schedule
+from groundlink.core.frames import Floats
+from groundlink.messages.base import BadMessage, State
+from groundlink.messages.imagery import Range
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.due import Due

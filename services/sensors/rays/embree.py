@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from .engine import Meshes
 

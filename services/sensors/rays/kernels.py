@@ -13,7 +13,7 @@ from ctypes import c_double, c_float, c_int32, c_size_t, c_void_p
 from functools import cache
 from typing import Any
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 _NAME = "services.sensors.rays._kernels"
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.clock import TICK_NANOS
-from groundlink.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
-from groundlink.messages import State
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
+from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Mount
 

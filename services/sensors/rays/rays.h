@@ -101,7 +101,7 @@ static inline const double *poses(const struct surroundings *around, int32_t bod
     return pose;
 }
 
-/* Orientation between two, times any factor: by nlerp as in groundlink.frames. */
+/* Orientation between two, times any factor: by nlerp as in groundlink.core.frames. */
 static inline void mix(const double *first, const double *second, double share, double q[4])
 {
     double cosine = 0;

@@ -12,13 +12,13 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from groundlink import process
-from groundlink.bus import Bus
-from groundlink.clock import NANOS, exact
-from groundlink.errors import UserError
-from groundlink.following import Follower, follow_states
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import ACK
+from groundlink.core.clock import NANOS, exact
+from groundlink.core.errors import UserError
+from groundlink.process import runner as process
+from groundlink.process.state_follower import Follower, follow_states
 from groundlink.scenario.sensors import Optics
-from groundlink.topics import ACK
 from groundlink.world.build import world_hash
 from services.sensors.shell import SensorProcess
 

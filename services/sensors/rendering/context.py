@@ -11,7 +11,7 @@ import importlib.util
 import os
 from typing import TYPE_CHECKING, TypeVar
 
-from groundlink.errors import LackingError
+from groundlink.core.errors import LackingError
 
 if TYPE_CHECKING:
     import moderngl

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 
 
 @dataclass(frozen=True)

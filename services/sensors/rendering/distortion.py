@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import Floats
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
 from groundlink.scenario.sensors import Optics
 

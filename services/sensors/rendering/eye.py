@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from groundlink.clock import TICK_NANOS
-from groundlink.frames import Floats, transform
-from groundlink.messages import State
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.frames import Floats, transform
+from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Optics
 from services.sensors.surroundings import Surroundings

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 
 from .labels import NONE, Labels
 from .target import Frame

@@ -13,8 +13,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import Floats
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.world.terrain import Ground
 
 from .culling import Boxes, seen

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.scenario.schema import World
 from groundlink.world.bounds import bounds
 from groundlink.world.light import Lamps, Sun

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.imagery import CameraInfo, CompressedImage, Image
-from groundlink.messages import packed
+from groundlink.messages.base import packed
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.scenario.lenses import Lens
 
 from .pinhole import Pinhole

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import Floats, matrix_from_quaternion
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.world import solids
 from groundlink.world.mesh_asset import Part, Surface, surface
 from groundlink.world.solids import Material, Solid

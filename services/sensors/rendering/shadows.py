@@ -13,7 +13,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 
 from .culling import seen
 from .lights import Lighting, window

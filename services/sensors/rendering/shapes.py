@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, matrix_from_quaternion
+from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.world import solids as world
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
 from groundlink.world.triangles import merged

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from groundlink.scenario.lenses import Imager
 
 LIGHT = (np.arange(256) ** 2 / 255**2).astype(np.float32)

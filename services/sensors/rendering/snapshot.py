@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Message, State
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Message, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera, Optics, StereoCamera
 

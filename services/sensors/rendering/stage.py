@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.frames import Floats, transform
+from groundlink.core.frames import Floats, transform
 from groundlink.world.solids import Material, Solid
 
 from .chunks import boxes_around, cut

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The blocks that a LiDAR's revolutions are sent in: which firings they hold, and when they end.
 
-Rule: arithmetic on the time line; when they begin is in `groundlink.calendars`. All but the last
-block of a revolution end with their last ray, which may leave after the next firing has begun; the
-last ends where the next revolution begins, or with its last ray where nothing is fired before that.
+Rule: arithmetic on the time line; when they begin is in `groundlink.messages.reading_schedule`. All
+but the last block of a revolution end with their last ray, which may leave after the next firing
+has begun; the last ends where the next revolution begins, or with its last ray where nothing is
+fired before that.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from groundlink import calendars
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.frames import Floats
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.core.frames import Floats
+from groundlink.messages import reading_schedule as calendars
 from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.rays.scene import Reals
 

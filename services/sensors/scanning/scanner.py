@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from groundlink.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.messages import BadMessage, State
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.messages.base import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.model import LeftOut

@@ -19,7 +19,7 @@ struct head {
 };
 
 /* Rotation world_from_sensor row by row, then the sensor's position, `ticks` after the first of
- * some states of the base (position, quaternion xyzw): linear, and nlerp as in groundlink.frames. */
+ * some states of the base (position, quaternion xyzw): linear, and nlerp as in groundlink.core.frames. */
 static void pose(const struct head *head, const double (*states)[7], size_t count, double ticks,
                  double values[12])
 {

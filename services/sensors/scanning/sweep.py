@@ -18,8 +18,8 @@ from ctypes import c_double, c_size_t, c_void_p
 
 import numpy as np
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals

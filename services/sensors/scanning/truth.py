@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import TICK_NANOS
-from groundlink.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
 from groundlink.scenario.sensors import Mount
 from services.sensors.rays.replica import Replica
 from services.sensors.rays.scene import Hits, Numbers, Reals

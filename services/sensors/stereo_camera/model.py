@@ -8,7 +8,7 @@ its own noise. All messages have the left eye's frame, as ROS has it for pairs, 
 
 from __future__ import annotations
 
-from groundlink.messages import Message
+from groundlink.messages.base import Message
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import StereoCamera
 from services.sensors.model import Beside

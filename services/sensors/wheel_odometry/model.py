@@ -15,10 +15,10 @@ import math
 import msgspec
 import numpy as np
 
-from groundlink import messages
-from groundlink.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.errors import UserError
-from groundlink.navigation import Odometry
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.core.errors import UserError
+from groundlink.messages import base as messages
+from groundlink.messages.navigation import Odometry
 from groundlink.scenario.drives import Ackermann, Differential, SideSteered, SkidSteer, Tracked
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry

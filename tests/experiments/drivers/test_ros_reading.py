@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
-from groundlink.messages import POINT, PointCloud
-from groundlink.navigation import Transform, Transforms
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.messages.base import POINT, PointCloud
+from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 
 from .scripts import script
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 from groundlink.cli.control import Waits
-from groundlink.hold_ups import HoldUps
-from groundlink.messages import Health, encode
+from groundlink.messages.base import Health, encode
+from groundlink.messages.stalls import HoldUps
 
 
 class Bus:

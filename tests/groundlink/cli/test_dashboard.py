@@ -10,10 +10,10 @@ from rich.console import Console
 from groundlink.cli.dashboard import dashboard
 from groundlink.cli.supervised import LINES_SHOWN, SupervisedRun
 from groundlink.cli.terminal import PLAIN_WIDTH
-from groundlink.hold_ups import HoldUps
-from groundlink.messages import Health, StreamReport
-from groundlink.run_monitor import RunMonitor
-from groundlink.supervisor import Child
+from groundlink.messages.base import Health, StreamReport
+from groundlink.messages.stalls import HoldUps
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.monitor.supervisor import Child
 
 HEALTHY = StreamReport(
     "/wheel_encoders",

@@ -4,8 +4,8 @@ from __future__ import annotations
 import pytest
 
 from groundlink.cli.up import Duration
-from groundlink.messages import Health, StreamReport
-from groundlink.run_monitor import RunMonitor
+from groundlink.messages.base import Health, StreamReport
+from groundlink.monitor.run_monitor import RunMonitor
 
 SECOND_TICKS = 400
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.cli.fault import parsed
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario.faults import (
     Bias,
     Delay,

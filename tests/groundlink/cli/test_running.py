@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from groundlink.cli import running
-from groundlink.errors import LackingError
+from groundlink.core.errors import LackingError
 from groundlink.scenario.ros_side import Gateway
 
 

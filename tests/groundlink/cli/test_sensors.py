@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.__main__ import main
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.scenario.load import SHIPPED
-from groundlink.topics import SENSOR_TOPICS
 
 SHEETS = sorted((SHIPPED / "sensors").glob("*.yaml"))
 

@@ -10,11 +10,11 @@ import pytest
 from rich.console import Console
 
 from groundlink.__main__ import main
+from groundlink.bus.topics import TOPICS
 from groundlink.cli import record
+from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.recording import reading
 from groundlink.recording.metadata import TopicFacts
-from groundlink.run_monitor import RunMonitor
-from groundlink.topics import TOPICS
 
 
 class Recorded:

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.importing import meshes, terrain
 from groundlink.importing.files import silent
 from groundlink.importing.mesh_specs import MeshFile

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from groundlink.clock import NANOS
-from groundlink.messages import Imu
-from groundlink.navigation import Transform, Transforms
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Imu
+from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.comparison import WAIT_NANOS, Comparison, Extent, Verdict
 from groundlink.recording.reading import Recorded
-from groundlink.ros_messages import to_cdr
+from groundlink.ros.encoding import to_cdr
 
 TYPE = "sensor_msgs/msg/Imu"
 TF_TYPE = "tf2_msgs/msg/TFMessage"

@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from groundlink.ground_truth import TRUE_POINT, Bodies, TruePoints
-from groundlink.imagery import CompressedImage, Image, LaserScan
-from groundlink.messages import POINT, Imu, Message, PointCloud, WheelEncoders, packed
-from groundlink.navigation import JointState, Odometry
+from groundlink.messages.base import POINT, Imu, Message, PointCloud, WheelEncoders, packed
+from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
+from groundlink.messages.imagery import CompressedImage, Image, LaserScan
+from groundlink.messages.navigation import JointState, Odometry
 from groundlink.recording.fields import first_difference, message_difference
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
-from groundlink.ros_types import STORE
-from tests.groundlink.test_ros_readings import ANY
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.types import STORE
+from tests.groundlink.ros.test_decoding import ANY
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STILL = (0.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile

@@ -12,8 +12,8 @@ from rosbags.rosbag1 import Reader
 
 from groundlink.recording.reading import Recorded
 from groundlink.recording.ros1 import NOETIC, body, write_bag
-from groundlink.ros_messages import RECORDED_FORMS, ROS_FORMS, to_cdr
-from groundlink.ros_types import STORE
+from groundlink.ros.encoding import RECORDED_FORMS, ROS_FORMS, to_cdr
+from groundlink.ros.types import STORE
 from tests.vectors.examples import EXAMPLES
 
 KNOWN_DIGESTS = {

@@ -11,11 +11,20 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.errors import UserError
-from groundlink.faults import Faults
-from groundlink.gaps import Cause, Gap, Gaps
-from groundlink.journal import (
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Clock, Command, Imu, Message, packed
+from groundlink.messages.faults import Faults
+from groundlink.messages.missing_readings import Cause, Gap, Gaps
+from groundlink.messages.navigation import JointState
+from groundlink.recording import missing, verifying
+from groundlink.recording.comparison import Extent
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.reading import Recording
+from groundlink.recording.ros_channels import RosFile
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.streams import faults_topic, gaps_topic
+from groundlink.run.journal import (
     Commanded,
     JointsCommanded,
     Journal,
@@ -23,15 +32,6 @@ from groundlink.journal import (
     encode_entry,
     this_machine,
 )
-from groundlink.messages import Clock, Command, Imu, Message, packed
-from groundlink.navigation import JointState
-from groundlink.recording import missing, verifying
-from groundlink.recording.comparison import Extent
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
-from groundlink.recording.reading import Recording
-from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
-from groundlink.ros_streams import faults_topic, gaps_topic
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
 from groundlink.scenario.load import SHIPPED

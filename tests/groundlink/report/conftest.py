@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.gaps import Gap, Gaps
-from groundlink.imagery import CompressedImage, Image
-from groundlink.messages import Command, Health, Imu, Message, StreamReport, packed
-from groundlink.navigation import Odometry
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages.base import Command, Health, Imu, Message, StreamReport, packed
+from groundlink.messages.imagery import CompressedImage, Image
+from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.navigation import Odometry
+from groundlink.messages.vitals import Contact, Vitals
 from groundlink.recording.metadata import (
     RUN_RECORD,
     TOPICS_RECORD,
@@ -27,12 +28,11 @@ from groundlink.recording.metadata import (
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.report.gather import Gathered, gather
-from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import Stream
-from groundlink.vitals import Contact, Vitals
 
 EPOCH = 1_700_000_000 * NANOS
 SECONDS = 6

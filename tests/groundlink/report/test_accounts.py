@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.clock import NANOS
-from groundlink.gaps import Cause, Gap, Gaps
+from groundlink.core.clock import NANOS
+from groundlink.messages.missing_readings import Cause, Gap, Gaps
 from groundlink.report.accounts import NOT_TOLD, RECORDER, UNDER_WAY, StreamAccount
 from groundlink.scenario.sensors import Range
 

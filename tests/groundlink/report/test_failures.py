@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from groundlink.faults import Faults
+from groundlink.messages.faults import Faults
 from groundlink.report.failures import Failure, Failures
 from groundlink.scenario.faults import Bias, Fault, Off, Stuck
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from groundlink.report import figures
 from groundlink.report.energy import Energy
 from groundlink.report.motion import Motion

@@ -11,7 +11,7 @@ from groundlink.report import gather as module
 from groundlink.report.gather import Gathered
 from groundlink.report.sensors import ImuSamples
 from groundlink.report.streams import StreamTrack
-from groundlink.ros_types import STORE
+from groundlink.ros.types import STORE
 
 from .conftest import GAP_S, JPEG, RADIUS_M, SECONDS, SPEED_MPS, gathered_from
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.frames import quaternion_from_rpy, transform
-from groundlink.imagery import LaserScan
-from groundlink.messages import POINT, PointCloud, packed
+from groundlink.core.frames import quaternion_from_rpy, transform
+from groundlink.messages.base import POINT, PointCloud, packed
+from groundlink.messages.imagery import LaserScan
 from groundlink.report.sensors import Cloud, Trajectory, east_north, reach_m, readings_of
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
-from groundlink.ros_types import STORE
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.types import STORE
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Datum

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
+from groundlink.messages.vitals import Contact, Vitals
 from groundlink.report.energy import MAX_EVENTS, Energy
 from groundlink.report.motion import MAX_POINTS, stride
 from groundlink.report.streams import LARGEST_KEPT, MAX_BINS, StreamTrack, bin_nanos
-from groundlink.vitals import Contact, Vitals
 
 
 def track(declared_hz: float | None, nanos: list[int]) -> StreamTrack:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.clock import NANOS
+from groundlink.core.clock import NANOS
 from groundlink.report.gather import Gathered
 from groundlink.report.streams import StreamTrack
 from groundlink.report.verdict import faults, verdict

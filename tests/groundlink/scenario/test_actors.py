@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 import yaml
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario import load
 from groundlink.scenario.json_schema import json_schema
 from groundlink.scenario.load import SHIPPED

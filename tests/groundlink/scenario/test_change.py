@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.change import Addition, with_more, without
 from groundlink.scenario.load import SHIPPED

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink import assets
-from groundlink.asset_exchange import needed
+from groundlink.process.asset_exchange import needed
 from groundlink.report.plan import outlines
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.document import ScenarioError
+from groundlink.world import assets
 from groundlink.world.bodies import body_names
 from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Mesh

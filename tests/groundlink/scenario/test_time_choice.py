@@ -8,7 +8,7 @@ import argparse
 import pytest
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Time

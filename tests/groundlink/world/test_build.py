@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.frames import quaternion_from_rpy
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.schema import Placement
 from groundlink.world.bounds import bounds, intersect, overlap

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from groundlink import assets
-from groundlink.assets import MissingAsset
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.world import assets
+from groundlink.world.assets import MissingAsset
 from groundlink.world.bounds import bounds, intersect, middle
 from groundlink.world.mesh_asset import Part, asset_of, surface
 from groundlink.world.solids import Box, Mesh, Solid

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from groundlink.frames import matrix_from_quaternion
+from groundlink.core.frames import matrix_from_quaternion
 from groundlink.world.bounds import bounds, half_extents
 from groundlink.world.erect import BURIED_M, EAVES_M, FOOTING_M, KINDS, erect
 from groundlink.world.outdoors import Fence, House, Outdoor, Tree

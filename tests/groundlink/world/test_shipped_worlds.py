@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundlink.routes import line
+from groundlink.run.routes import line
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.part import Kind, load_part

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.frames import matrix_from_quaternion, rpy_from_matrix
+from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.schema import Placement
 from groundlink.world.build import WorldError, solids
 from groundlink.world.solids import Box, Solid

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink import assets
-from groundlink.assets import MissingAsset
+from groundlink.world import assets
+from groundlink.world.assets import MissingAsset
 from groundlink.world.terrain import Ground, Terrain, asset_of, ground
 from services.physics.engine import Engine
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.world.solids import Box, Cylinder, Shape, Solid, Sphere
 from groundlink.world.triangles import Triangles, merged
 

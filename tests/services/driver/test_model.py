@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Command
-from groundlink.routes import Line, line
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Command
+from groundlink.run.routes import Line, line
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.document import read
 from groundlink.scenario.explain import convert

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Ack, Command, State, VehicleState, packed
-from groundlink.routes import Line
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Ack, Command, State, VehicleState, packed
+from groundlink.run.routes import Line
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 from services.driver.model import Follower
 from services.driver.shell import DriverProcess

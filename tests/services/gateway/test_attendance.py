@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.calendars import calendar
-from groundlink.messages import Clock
+from groundlink.messages.base import Clock
+from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.gateway.attendance import Attendance

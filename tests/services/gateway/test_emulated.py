@@ -14,9 +14,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from groundlink.core.errors import UserError
 from groundlink.emulation import Event, Impairment, LinkScript
 from groundlink.emulation.model import FATES
-from groundlink.errors import UserError
 from groundlink.scenario.ros_side import Gateway as Settings
 from services.gateway.__main__ import sockets
 from services.gateway.emulated import Emulated

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Message, encode
+from groundlink.bus.inbox import Inbox
+from groundlink.messages.base import Ack, Clock, Message, encode
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.gateway.following import PILE, Following

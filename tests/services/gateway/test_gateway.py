@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from groundlink.messages import (
+from groundlink.messages.base import (
     POINT,
     Clock,
     Command,
@@ -23,10 +23,10 @@ from groundlink.messages import (
     WheelEncoders,
     packed,
 )
-from groundlink.relayed import Relayed
-from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import outgoing
-from groundlink.ros_types import WHEEL_ENCODERS_DEFINITION, header
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.encoding import to_cdr
+from groundlink.ros.streams import outgoing
+from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import FromRos

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS
-from groundlink.errors import UserError
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Clock, Command, Message, State, WheelEncoders, encode
-from groundlink.quiet import QUIET_SECONDS
+from groundlink.bus.inbox import Inbox
+from groundlink.core.backoff import QUIET_SECONDS
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, Clock, Command, Message, State, WheelEncoders, encode
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Time

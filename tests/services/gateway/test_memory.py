@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from groundlink.messages import Ack, Clock, Imu, encode
+from groundlink.messages.base import Ack, Clock, Imu, encode
 from services.gateway.memory import known_of, memory_of, recall
 
 from .test_gateway import RUN, Bench

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.messages import StreamReport
+from groundlink.messages.base import StreamReport
 from services.gateway.reports import PeerReports, peer_counters
 from udp_bridge.accounts import Account
 from udp_bridge.control import NO_AGE, LinkReport, TopicReport

@@ -12,9 +12,9 @@ import zenoh
 import zenoh.ext
 from msgspec.structs import replace
 
-from groundlink.bus import Bus
+from groundlink.bus.session import Bus
 from groundlink.cli.running import free_endpoint
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario import load as load_scenario
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import RmwZenoh

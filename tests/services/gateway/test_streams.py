@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
-from groundlink.ros_streams import outgoing
+from groundlink.core.errors import UserError
+from groundlink.ros.streams import outgoing
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Repair, RepairBy

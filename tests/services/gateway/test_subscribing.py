@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.messages import Imu
+from groundlink.messages.base import Imu
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.gateway.gateway import Gateway

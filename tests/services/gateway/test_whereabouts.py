@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from groundlink.errors import UserError
-from groundlink.process import NoSuchHost
+from groundlink.core.errors import UserError
+from groundlink.process.runner import NoSuchHost
 from services.gateway.whereabouts import Whereabouts
 from tests.system.rig import wait_for
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
+from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
 from services.gateway.wishes import ANSWERS_KEPT, WISHES_WAITING, Wishes

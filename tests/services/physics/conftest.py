@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.messages import Command, floats
+from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.schema import Placement
 from groundlink.world.build import solids

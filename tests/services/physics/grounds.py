@@ -12,8 +12,8 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.frames import quaternion_from_rpy
-from groundlink.messages import Command, floats
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.document import read
 from groundlink.scenario.explain import convert

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.messages import Ack
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import Ack
 from groundlink.scenario import load
 from groundlink.scenario.schema import Time
 from services.physics.pace import pace_of

@@ -9,10 +9,10 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink import assets
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world import assets
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain, asset_of
 from services.physics.simulation import Simulation

@@ -11,8 +11,8 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.messages import State, encode, floats
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import State, encode, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.world.actors import Actor, Along, Crate, Door, Free, Hinge, Parts, Person, Swing

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.messages import Command, floats
+from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.schema import Placement

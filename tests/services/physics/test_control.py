@@ -8,7 +8,8 @@ import threading
 import msgspec
 import pytest
 
-from groundlink.control import (
+from groundlink.core.errors import UserError
+from groundlink.messages.control import (
     AnyWish,
     ControlAnswer,
     Pause,
@@ -19,7 +20,6 @@ from groundlink.control import (
     Spawn,
     Step,
 )
-from groundlink.errors import UserError
 from groundlink.scenario.spawned import KINDS
 from services.physics import control as module
 from services.physics.control import Control

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import Command, WheelCommand
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Command, WheelCommand
 from groundlink.scenario import Scenario
 from groundlink.scenario.drives import Motor
 from groundlink.scenario.vehicle import VehicleModel

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.messages import VehicleState, WheelCommand, floats
+from groundlink.messages.base import VehicleState, WheelCommand, floats
 from groundlink.scenario.drives import Battery, Motor
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import Suspension, VehicleModel

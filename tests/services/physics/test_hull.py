@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink import assets
 from groundlink.scenario.schema import Placement
+from groundlink.world import assets
 from groundlink.world.mesh_asset import asset_of
 from groundlink.world.solids import Mesh, Solid
 from services.physics.hull import DIRECTIONS, hull

@@ -6,16 +6,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from groundlink.journal import JointsCommanded
-from groundlink.messages import BadMessage, State, floats, packed
-from groundlink.navigation import JointState
-from groundlink.ros_base import Bases
-from groundlink.ros_incoming import joint_state
-from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import incoming
+from groundlink.bus.topics import JOINT_COMMAND, JOINTS
+from groundlink.messages.base import BadMessage, State, floats, packed
+from groundlink.messages.navigation import JointState
+from groundlink.ros.base import Bases
+from groundlink.ros.encoding import to_cdr
+from groundlink.ros.incoming import joint_state
+from groundlink.ros.streams import incoming
+from groundlink.run.journal import JointsCommanded
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
-from groundlink.topics import JOINT_COMMAND, JOINTS
 from services.physics.life import Life
 from services.physics.outlets import unheard
 from services.sensors.surroundings import Surroundings

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
+from groundlink.messages.vitals import Vitals
 from groundlink.scenario.schema import Placement
-from groundlink.vitals import Vitals
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 from services.physics.ledger import Ledger
 from services.physics.simulation import Simulation

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import replace
 
-from groundlink.messages import Ack, decode
+from groundlink.messages.base import Ack, decode
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Time

@@ -6,9 +6,9 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_RATE_HZ
-from groundlink.errors import RunFailed
-from groundlink.messages import Ack
+from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.core.errors import RunFailed
+from groundlink.messages.base import Ack
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS, Square
 from groundlink.scenario.schema import Time
 from services.physics.pace import SKIP_AT_ONCE_SECONDS, SLOW_AT_ONCE_SECONDS, pace_of

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.messages import Ack
+from groundlink.messages.base import Ack
 from groundlink.scenario.route import (
     COMMAND_AHEAD_TICKS,
     DRIVER_PERIOD_TICKS,

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from groundlink.errors import RunFailed
-from groundlink.gaps import Gap, Gaps
-from groundlink.hold_ups import HoldUps
+from groundlink.bus.topics import GATEWAY
+from groundlink.core.errors import RunFailed
+from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.stalls import HoldUps
 from groundlink.scenario.schema import Time
-from groundlink.topics import GATEWAY
 from services.physics.patience import START_SECONDS
 
 from .paced import LIDAR, SENSORS, Paced

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus import REPLIES_KEPT
-from groundlink.clock import NANOS
-from groundlink.inbox import Inbox
-from groundlink.messages import Ack, Message, State, WheelCommand, decode, encode, floats
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import REPLIES_KEPT
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Ack, Message, State, WheelCommand, decode, encode, floats
 from groundlink.scenario import load
 from groundlink.scenario.fast_fit import HISTORY_TICKS
 from groundlink.scenario.schema import Time

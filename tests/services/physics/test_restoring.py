@@ -10,15 +10,15 @@ from typing import Literal
 import pytest
 from msgspec.structs import replace
 
-from groundlink import assets
-from groundlink.clock import TICK_NANOS, TICK_SECONDS
-from groundlink.control import Remove, Spawn
-from groundlink.errors import UserError
-from groundlink.journal import Journal, Machine, dumped, loaded
-from groundlink.messages import Ack, Command, Message, State, WheelCommand, decode, encode
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, Command, Message, State, WheelCommand, decode, encode
+from groundlink.messages.control import Remove, Spawn
+from groundlink.run.journal import Journal, Machine, dumped, loaded
 from groundlink.scenario import Scenario
 from groundlink.scenario.fast_fit import HISTORY_TICKS
 from groundlink.scenario.spawned import At, addition
+from groundlink.world import assets
 from services.physics.life import Life
 from services.physics.outlets import Outlets, unheard
 from services.physics.restoring import (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from groundlink.messages import VehicleState, encode, floats
-from groundlink.navigation import JointState
+from groundlink.messages.base import VehicleState, encode, floats
+from groundlink.messages.navigation import JointState
 from groundlink.scenario.joints import Joint, base_from_links, check
 from services.physics.servos import Servos
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from groundlink.messages import State
+from groundlink.messages.base import State
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.sensors import Imu
 from groundlink.world.solids import Material

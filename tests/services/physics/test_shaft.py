@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_SECONDS
 from services.physics.shaft import TurningShaft
 from services.physics.tyre import Tyre
 

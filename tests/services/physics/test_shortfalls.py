@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.gaps import COUNTER_PREFIX
-from groundlink.messages import Health
+from groundlink.messages.base import Health
+from groundlink.messages.missing_readings import COUNTER_PREFIX
 from services.physics.shortfalls import Shortfalls
 
 CAMERA = "rover/camera"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.frames import matrix_from_quaternion
-from groundlink.messages import Command, State, encode
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.frames import matrix_from_quaternion
+from groundlink.messages.base import Command, State, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement, Vehicle
 from groundlink.world.build import solids

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.errors import UserError
-from groundlink.journal import Journal, dumped, this_machine
+from groundlink.core.errors import UserError
+from groundlink.run.journal import Journal, dumped, this_machine
 from groundlink.scenario import load
 from services.physics.source import Source, add_arguments, source
 

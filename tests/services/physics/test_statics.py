@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.frames import quaternion_from_rpy
 from groundlink.scenario import Scenario
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids

@@ -12,9 +12,9 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.errors import UserError
-from groundlink.messages import Command, State, encode, floats
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Command, State, encode, floats
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Box, Material, Solid
 from groundlink.world.start import start

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink import assets
-from groundlink.clock import TICK_SECONDS
-from groundlink.errors import UserError
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.errors import UserError
+from groundlink.core.frames import quaternion_from_rpy
 from groundlink.scenario.schema import Placement
+from groundlink.world import assets
 from groundlink.world.mesh_asset import asset_of, surface
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.triangles import merged

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import State, VehicleState, floats, packed
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.change import with_more
 from groundlink.scenario.load import SHIPPED

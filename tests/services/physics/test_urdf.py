@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario import Scenario
 from groundlink.world.solids import Box, Solid
 from services.physics.urdf import urdf

@@ -8,8 +8,8 @@ from math import asin, degrees, radians, tan
 import numpy as np
 import pytest
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.messages import Command, State, encode, floats
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import Command, State, encode, floats
 from groundlink.scenario.drives import SideSteered
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Material

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from groundlink.clock import TICK_RATE_HZ, TICK_SECONDS
+from groundlink.core.clock import TICK_RATE_HZ, TICK_SECONDS
 from services.physics.wall import NoWall, RealTimeFactor, Wall
 
 CATCH_UP = 0.2

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS
-from groundlink.frames import quaternion_from_rpy, transform
-from groundlink.messages import Clock, Message, WheelEncoders
-from groundlink.navigation import Odometry
+from groundlink.bus.topics import CLOCK, ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import quaternion_from_rpy, transform
+from groundlink.messages.base import Clock, Message, WheelEncoders
+from groundlink.messages.navigation import Odometry
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_types import STORE
+from groundlink.ros.types import STORE
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import TfTree
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
-from groundlink.topics import CLOCK, ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
 from services.recorder.recorder import Recorder
 from tests.services.gateway.test_gateway import RUN, Bench
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.messages import Clock, Health, Imu, Message, WheelEncoders
-from groundlink.navigation import Odometry, Transform, Transforms
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages.base import Clock, Health, Imu, Message, WheelEncoders
+from groundlink.messages.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
 from groundlink.recording.missing import left_out
@@ -22,9 +22,9 @@ from groundlink.recording.ros_channels import RosFile
 from groundlink.recording.verifying import compared, extent
 from groundlink.report.gather import gather
 from groundlink.report.page import page
-from groundlink.ros_diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
-from groundlink.ros_streams import outgoing, static_transforms
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.streams import outgoing, static_transforms
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.recorder.again import Again

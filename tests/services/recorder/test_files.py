@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.journal import Commanded, Journal, dumped, encode_entry, this_machine
-from groundlink.messages import Ack, Clock, Command
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages.base import Ack, Clock, Command
 from groundlink.recording.reading import Recording
+from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_machine
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from services.recorder.files import JOURNAL_NANOS, Files

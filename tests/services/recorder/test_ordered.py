@@ -11,10 +11,10 @@ import pytest
 from mcap.reader import make_reader
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.journal import Commanded, Journal, dumped, encode_entry, this_machine
-from groundlink.messages import Ack, Clock, Command, Imu
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages.base import Ack, Clock, Command, Imu
 from groundlink.recording.reading import Recording
+from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_machine
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.load import SHIPPED
 from services.recorder.ordered import SLICE_NANOS, OrderedFiles

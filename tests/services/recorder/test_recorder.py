@@ -13,11 +13,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.faults import Faults
-from groundlink.gaps import Gap, Gaps
-from groundlink.ground_truth import Bodies
-from groundlink.messages import (
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages.base import (
     POINT,
     Clock,
     Command,
@@ -27,18 +24,21 @@ from groundlink.messages import (
     StreamReport,
     packed,
 )
-from groundlink.navigation import JointState, Odometry, PoseStamped
+from groundlink.messages.faults import Faults
+from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.navigation import JointState, Odometry, PoseStamped
+from groundlink.messages.relayed import Relayed
+from groundlink.messages.vitals import Vitals
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.relayed import Relayed
-from groundlink.ros_gaps import from_gaps
-from groundlink.ros_types import STORE, TYPES, header
+from groundlink.ros.missing_readings import from_gaps
+from groundlink.ros.types import STORE, TYPES, header
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.faults import Stuck
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import FromRos, Stream
-from groundlink.vitals import Vitals
 from services.recorder.recorder import Recorder
 
 EPOCH = 1_700_000_000 * NANOS

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.messages import (
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages.base import (
     POINT,
     Clock,
     Command,
@@ -21,11 +21,11 @@ from groundlink.messages import (
     measured_nanos,
     packed,
 )
-from groundlink.navigation import JointState, PoseStamped
+from groundlink.messages.navigation import JointState, PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_messages import ROS_FORMS, to_cdr
+from groundlink.ros.encoding import ROS_FORMS, to_cdr
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.replay.player import Player

@@ -8,11 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.calendars import Calendar
-from groundlink.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.gaps import Gap, Gaps
-from groundlink.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
-from groundlink.messages import (
+from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
+from groundlink.messages.base import (
     POINT,
     Ack,
     Imu,
@@ -25,7 +22,10 @@ from groundlink.messages import (
     measured_nanos,
     packed,
 )
-from groundlink.navigation import NavSatFix, Odometry
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.navigation import NavSatFix, Odometry
+from groundlink.messages.reading_schedule import Calendar
 from groundlink.scenario.faults import Fault
 from services.sensors.account import Account
 from services.sensors.due import Due

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import State, VehicleState, packed
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 
 EPOCH_NANOS = 1_700_000_000_000_000_000

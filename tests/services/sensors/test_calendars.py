@@ -12,11 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from groundlink.calendars import Calendar, calendar
-from groundlink.clock import TICK_NANOS
-from groundlink.gaps import Gaps
-from groundlink.imagery import CompressedImage
-from groundlink.messages import Message, State, encode, measured_nanos, packed
+from groundlink.bus.topics import SENSOR_TOPICS, sensor_outputs
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Message, State, encode, measured_nanos, packed
+from groundlink.messages.imagery import CompressedImage
+from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.reading_schedule import Calendar, calendar
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.lenses import Imager
 from groundlink.scenario.schema import Scenario, Vehicle
@@ -33,7 +34,6 @@ from groundlink.scenario.sensors import (
     StereoCamera,
     WheelOdometry,
 )
-from groundlink.topics import SENSOR_TOPICS, sensor_outputs
 from services.sensors.account import Account
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel

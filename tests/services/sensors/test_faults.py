@@ -12,9 +12,10 @@ import pymap3d
 import pytest
 from scipy import stats
 
-from groundlink.imagery import LaserScan, Range
-from groundlink.messages import Imu, Message, PointCloud, Reading, State, WheelEncoders
-from groundlink.navigation import NavSatFix, Odometry
+from groundlink.bus.topics import SENSOR_TOPICS
+from groundlink.messages.base import Imu, Message, PointCloud, Reading, State, WheelEncoders
+from groundlink.messages.imagery import LaserScan, Range
+from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.scenario.faults import (
     KINDS,
     Bias,
@@ -29,7 +30,6 @@ from groundlink.scenario.faults import (
     Stuck,
     TimeJump,
 )
-from groundlink.topics import SENSOR_TOPICS
 from services.sensors.faults import EFFECTS
 from services.sensors.quantities import QUANTITIES
 from services.sensors.sectors import COVERED

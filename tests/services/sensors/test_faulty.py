@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from groundlink.calendars import Events
-from groundlink.clock import TICK_NANOS
-from groundlink.imagery import CameraInfo, CompressedImage
-from groundlink.messages import Imu, Message, PointCloud, State, WheelEncoders
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Imu, Message, PointCloud, State, WheelEncoders
+from groundlink.messages.imagery import CameraInfo, CompressedImage
+from groundlink.messages.reading_schedule import Events
 from groundlink.scenario import sensors
 from groundlink.scenario.faults import (
     Bias,

@@ -7,8 +7,8 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from groundlink.faults import CLEAR, FaultAnswer, Faults
-from groundlink.messages import Imu, Message
+from groundlink.messages.base import Imu, Message
+from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
 from groundlink.scenario import sensors
 from groundlink.scenario.faults import Bias, Fault, NoiseBurst, Off, RateChange, Stuck
 from services.sensors.live_faults import LiveFaults

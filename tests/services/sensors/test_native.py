@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.sensors.model import Datagram
 from services.sensors.native import NativeLink
 

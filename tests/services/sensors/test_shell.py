@@ -8,11 +8,11 @@ from collections.abc import Iterable, Sequence
 import msgspec
 import pytest
 
-from groundlink.calendars import Events
-from groundlink.clock import TICK_NANOS, TICK_RATE_HZ
-from groundlink.errors import UserError
-from groundlink.gaps import Gaps
-from groundlink.messages import Ack, Clock, Message, State
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, Clock, Message, State
+from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.reading_schedule import Events
 from services.sensors.account import Account
 from services.sensors.model import Made
 from services.sensors.shell import SensorProcess

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from groundlink.messages import State, packed
+from groundlink.messages.base import State, packed
 from groundlink.scenario.schema import Datum, Scenario
 from groundlink.world.solids import Box, Material, Solid
 from tests.services.sensors.states import WHEELS, scenario, states

@@ -11,9 +11,9 @@ import numpy as np
 import rerun as rr
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS
-from groundlink.messages import State, VehicleState, packed
-from groundlink.navigation import Odometry
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import State, VehicleState, packed
+from groundlink.messages.navigation import Odometry
 from groundlink.scenario import Scenario, load
 from groundlink.scenario.ros_side import Stream
 from tests.system.rig import LAB

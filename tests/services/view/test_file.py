@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 
-from groundlink.clock import TICK_NANOS
-from groundlink.errors import UserError
-from groundlink.messages import POINT, Clock, Imu, Message, PointCloud, measured_nanos, packed
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import POINT, Clock, Imu, Message, PointCloud, measured_nanos, packed
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros_messages import RECORDED_FORMS, to_cdr
+from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from services.view.__main__ import main
 from services.view.intake import streams_of
 from services.view.layout import layout

@@ -13,10 +13,18 @@ import pytest
 import rerun as rr
 from msgspec.structs import replace
 
-from groundlink import imagery, navigation
-from groundlink.clock import NANOS, TICK_NANOS
-from groundlink.ground_truth import TRUE_POINT, TruePoints
-from groundlink.messages import (
+from groundlink.bus.topics import (
+    COMMAND,
+    FROM_ROS,
+    GROUND_TRUTH,
+    RELAYED,
+    STREAM_TOPICS,
+    TRUE_POINTS,
+    TRUE_WHEELS,
+)
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.messages import imagery, navigation
+from groundlink.messages.base import (
     POINT,
     Command,
     Imu,
@@ -26,23 +34,15 @@ from groundlink.messages import (
     WheelEncoders,
     packed,
 )
-from groundlink.relayed import Relayed
-from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import RosStream
-from groundlink.ros_types import STORE, TYPES, header, pose
+from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.encoding import to_cdr
+from groundlink.ros.streams import RosStream
+from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
 from groundlink.scenario.spawned import At, addition
-from groundlink.topics import (
-    COMMAND,
-    FROM_ROS,
-    GROUND_TRUTH,
-    RELAYED,
-    STREAM_TOPICS,
-    TRUE_POINTS,
-    TRUE_WHEELS,
-)
 from groundlink.world.actors import Actor, Crate, Free
 from services.view.canvas import MOST_POINTS, Trail
 from services.view.forms import FORMS

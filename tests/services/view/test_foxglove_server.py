@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
-from groundlink.messages import POINT, Clock, PointCloud, packed
-from groundlink.navigation import OccupancyGrid, Odometry
-from groundlink.ros_messages import to_cdr
-from groundlink.ros_streams import actor_transforms
+from groundlink.core.errors import UserError
+from groundlink.messages.base import POINT, Clock, PointCloud, packed
+from groundlink.messages.navigation import OccupancyGrid, Odometry
+from groundlink.ros.encoding import to_cdr
+from groundlink.ros.streams import actor_transforms
 from groundlink.world.actors import Actor, Crate, Free
 from services.view.foxglove_scene import scene
 from services.view.foxglove_server import FoxgloveServer

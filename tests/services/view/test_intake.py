@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from groundlink.clock import TICK_NANOS
-from groundlink.inbox import Inbox
-from groundlink.messages import Clock, Message, PointCloud, State, encode
+from groundlink.bus.inbox import Inbox
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Clock, Message, PointCloud, State, encode
 from services.view.intake import KEPT, Intake
 
 from .scenes import EPOCH, SCENARIO, state, truth

@@ -11,10 +11,10 @@ import pytest
 from msgspec.structs import replace
 from PIL import Image
 
-from groundlink import assets
 from groundlink.importing import terrain as imported
 from groundlink.importing.terrain_specs import Hills, Where
 from groundlink.scenario import Scenario, load
+from groundlink.world import assets
 from groundlink.world.mesh_asset import Part, asset_of, surface
 from groundlink.world.solids import Material, Mesh, Solid
 from groundlink.world.terrain import ground

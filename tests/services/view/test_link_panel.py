@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from groundlink.messages import Health, StreamReport
-from groundlink.run_monitor import RunMonitor
+from groundlink.messages.base import Health, StreamReport
+from groundlink.monitor.run_monitor import RunMonitor
 from services.view import link_panel
 from services.view.plots import Plots
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from groundlink.clock import TICK_NANOS
-from groundlink.frames import transform
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.frames import transform
 from services.view.placing import PoseHistory, points_in_world
 
 STAMP = 1_700_000_000_000_000_000

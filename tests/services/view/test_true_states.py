@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_NANOS, TICK_SECONDS
-from groundlink.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
-from groundlink.ground_truth import Bodies
-from groundlink.messages import POINT, Clock, PointCloud, State, VehicleState, floats, packed
-from groundlink.navigation import JointState
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.core.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
+from groundlink.messages.base import POINT, Clock, PointCloud, State, VehicleState, floats, packed
+from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.navigation import JointState
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.world.actors import Actor, Crate, Free

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import rerun.blueprint as rrb
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.view.viewer import File, program
 
 

@@ -12,9 +12,9 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from groundlink import process
 from groundlink.cli.world import add_show_arguments
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
+from groundlink.process import runner as process
 from groundlink.scenario.part import Kind, load_part
 from services.sensors.rendering.context import require
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from services.sensors.rendering.pinhole import Pinhole
 
 from .scene import NamedFrame

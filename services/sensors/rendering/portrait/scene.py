@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.frames import Floats, transform
+from groundlink.core.frames import Floats, transform
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.part import Kind
 from groundlink.scenario.schema import Scenario, Vehicle, World

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from services.sensors.rendering.pinhole import Pinhole
 
 FIELD_DEG = 34.0

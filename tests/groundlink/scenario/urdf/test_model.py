@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import astuple
 from scipy.spatial.transform import Rotation
 
-from groundlink.frames import matrix_from_quaternion
+from groundlink.core.frames import matrix_from_quaternion
 from groundlink.scenario import load
 from groundlink.scenario.joints import base_from_links
 from groundlink.world.mesh_asset import surface

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink.imagery import CameraInfo
+from groundlink.messages.imagery import CameraInfo
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.frames import transform
-from groundlink.imagery import CameraInfo, CompressedImage, Image
-from groundlink.message_sizes import body_bytes
-from groundlink.messages import BadMessage, Message, State
-from groundlink.ros_streams import outgoing, static_transforms
+from groundlink.core.frames import transform
+from groundlink.messages.base import BadMessage, Message, State
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.ros.streams import outgoing, static_transforms
 from groundlink.scenario.lenses import Imager, Lens
+from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from groundlink.frames import quaternion_from_rpy
-from groundlink.imagery import CameraInfo, Image
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.messages.imagery import CameraInfo, Image
 from groundlink.scenario.depth_cameras import ColorStream
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.sensors import Camera

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.imagery import CompressedImage
+from groundlink.messages.imagery import CompressedImage
 from services.sensors.depth_camera.forms import compressed_depth, millimetres, pixels, points
 from services.sensors.rendering.pinhole import Pinhole
 

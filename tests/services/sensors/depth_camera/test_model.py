@@ -11,11 +11,11 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.imagery import CameraInfo, CompressedImage, Image
-from groundlink.message_sizes import body_bytes
-from groundlink.messages import BadMessage, Message, PointCloud, State
-from groundlink.ros_streams import outgoing
+from groundlink.messages.base import BadMessage, Message, PointCloud, State
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.ros.streams import outgoing
 from groundlink.scenario.depth_cameras import ColorStream
+from groundlink.scenario.message_sizes import body_bytes
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
 from services.sensors.model import LeftOut, parted

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink import messages
-from groundlink.messages import State, encode
+from groundlink.messages import base as messages
+from groundlink.messages.base import State, encode
 from groundlink.scenario import sensors
 from services.sensors.counters import wrapped
 from services.sensors.encoders.model import EncodersModel

@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink import messages
-from groundlink.messages import BadMessage, State, encode
+from groundlink.messages import base as messages
+from groundlink.messages.base import BadMessage, State, encode
 from groundlink.scenario import sensors
 from groundlink.scenario.document import read
 from groundlink.scenario.explain import convert

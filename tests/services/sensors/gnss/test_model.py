@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 from scipy import stats
 
-from groundlink.errors import UserError
-from groundlink.messages import BadMessage, State, encode, floats
-from groundlink.navigation import NavSatFix
+from groundlink.core.errors import UserError
+from groundlink.messages.base import BadMessage, State, encode, floats
+from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Gnss, Mount, PositionNoise
 from services.sensors.gnss.errors import GnssErrors

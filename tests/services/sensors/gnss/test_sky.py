@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.sensors.gnss import sky
 from tests.services.sensors.gnss.test_model import UP, fixes, receiver
 from tests.services.sensors.yards import box, resting, yard

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from groundlink.messages import encode
+from groundlink.messages.base import encode
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from services.sensors.imu import errors
 from services.sensors.imu.errors import ImuErrors

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from groundlink import messages
-from groundlink.messages import BadMessage, State, encode
+from groundlink.messages import base as messages
+from groundlink.messages.base import BadMessage, State, encode
 from groundlink.scenario import sensors
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.sensors import Mount

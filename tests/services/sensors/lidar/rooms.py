@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.clock import TICK_NANOS, TICK_SECONDS
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
-from groundlink.messages import PointCloud, State, VehicleState, packed
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel

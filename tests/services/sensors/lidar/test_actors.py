@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.clock import TICK_SECONDS
-from groundlink.messages import BadMessage, PointCloud, State, packed
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import BadMessage, PointCloud, State, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.world.actors import Actor, Along, Parts
 from groundlink.world.bodies import link_bodies

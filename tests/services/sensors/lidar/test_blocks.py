@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from groundlink.clock import TICK_NANOS, TICK_SECONDS, Schedule
-from groundlink.frames import multiply, quaternion_from_rpy
-from groundlink.messages import PointCloud, State, VehicleState, packed
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS, Schedule
+from groundlink.core.frames import multiply, quaternion_from_rpy
+from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario

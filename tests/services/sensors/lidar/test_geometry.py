@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 
 from . import rooms
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from groundlink.messages import POINT, BadMessage
+from groundlink.messages.base import POINT, BadMessage
 
 from . import rooms
 

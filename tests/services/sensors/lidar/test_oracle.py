@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world.build import solids
 from groundlink.world.links import links

@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.ground_truth import TRUE_POINT, TruePoints
-from groundlink.messages import POINT, PointCloud
+from groundlink.messages.base import POINT, PointCloud
+from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.schema import Scenario
 from groundlink.world.bodies import NO_BODY, body_names
 from groundlink.world.build import solids

@@ -12,8 +12,8 @@ import pytest
 import yaml
 from msgspec.structs import replace
 
-from groundlink.errors import UserError
-from groundlink.messages import PointCloud
+from groundlink.core.errors import UserError
+from groundlink.messages.base import PointCloud
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar

@@ -10,8 +10,8 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.frames import matrix_from_quaternion, quaternion_from_rpy
-from groundlink.imagery import LaserScan
+from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
+from groundlink.messages.imagery import LaserScan
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar2d, Mount
 from services.sensors.lidar_2d.model import Lidar2dModel

@@ -11,10 +11,10 @@ import pytest
 from msgspec.structs import replace
 from scipy import stats
 
-from groundlink.message_sizes import body_bytes, fitting_block_deg
-from groundlink.messages import BadMessage, encode
-from groundlink.ros_messages import to_cdr
-from groundlink.ros_types import STORE
+from groundlink.messages.base import BadMessage, encode
+from groundlink.ros.encoding import to_cdr
+from groundlink.ros.types import STORE
+from groundlink.scenario.message_sizes import body_bytes, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar2d, sensor_rate_hz
 from tests.services.sensors.lidar import rooms

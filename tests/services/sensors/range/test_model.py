@@ -10,9 +10,9 @@ import pytest
 from msgspec.structs import replace
 from scipy import stats
 
-from groundlink.frames import quaternion_from_rpy
-from groundlink.imagery import Range
-from groundlink.messages import BadMessage, State, encode
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.messages.base import BadMessage, State, encode
+from groundlink.messages.imagery import Range
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount

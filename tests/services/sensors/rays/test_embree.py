@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.sensors.rays import embree, engine, kernels
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from groundlink.messages import BadMessage
+from groundlink.messages.base import BadMessage
 from services.sensors.rays.replica import Replica
 from tests.services.sensors.lidar import rooms
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.frames import quaternion_from_rpy
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 from groundlink.world.triangles import Triangles, merged
 from services.sensors.rays import scene as scene_module

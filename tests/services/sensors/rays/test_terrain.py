@@ -12,7 +12,7 @@ import pybullet
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.frames import quaternion_from_rpy
+from groundlink.core.frames import quaternion_from_rpy
 from groundlink.world.solids import Box, Solid, Sphere
 from groundlink.world.terrain import Ground
 from groundlink.world.triangles import Triangles, merged, of_ground

@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from groundlink import assets
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount
+from groundlink.world import assets
 from groundlink.world.bodies import NO_BODY, body_names
 from groundlink.world.build import solids
 from groundlink.world.solids import Material

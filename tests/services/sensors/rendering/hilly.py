@@ -7,8 +7,8 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from groundlink import assets
 from groundlink.scenario.schema import Placement, Scenario
+from groundlink.world import assets
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain, asset_of

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.sensors.rendering.context import open_context
 
 

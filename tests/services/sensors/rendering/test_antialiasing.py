@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
 from services.sensors.rendering.mesh import VERTEX, Mesh, Skin
 from services.sensors.rendering.pinhole import Pinhole

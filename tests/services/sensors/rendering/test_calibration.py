@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats, transform
+from groundlink.core.frames import Floats, transform
 from groundlink.scenario import lenses
 from groundlink.scenario.schema import Scenario
 from services.sensors.rendering.imager import Electronics

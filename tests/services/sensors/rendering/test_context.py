@@ -10,7 +10,7 @@ import sys
 import moderngl
 import pytest
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.sensors.rendering import context
 
 DEBIAN = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from services.sensors.rays.replica import Replica

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from services.sensors.rendering.files import colours, write
 from services.sensors.rendering.target import ALL_LAYERS
 

@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import Floats
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
 from groundlink.scenario.part import load_part
 from groundlink.scenario.schema import Scenario
 from groundlink.world.light import Lamps, Sun

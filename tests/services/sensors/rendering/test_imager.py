@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.frames import Floats
+from groundlink.core.frames import Floats
 from groundlink.scenario.lenses import Imager
 from services.sensors.rendering.imager import Electronics
 from services.sensors.streams import RandomStreams

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.errors import UserError
-from groundlink.frames import Floats
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
 from services.sensors.rendering.distortion import EDGE, MODELS
 from services.sensors.rendering.lens import MOST_PIXELS, Lens

@@ -9,9 +9,9 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink import assets
-from groundlink.errors import UserError
+from groundlink.core.errors import UserError
 from groundlink.scenario.schema import Placement, Scenario
+from groundlink.world import assets
 from groundlink.world.light import Sun
 from groundlink.world.mesh_asset import Part, asset_of
 from groundlink.world.solids import Box, Material, Mesh, Solid

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.imagery import Image
+from groundlink.messages.imagery import Image
 from groundlink.scenario.depth_cameras import ColorStream
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario

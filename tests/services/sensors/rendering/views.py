@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from groundlink.frames import Floats, multiply, quaternion_from_rpy, transform
+from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
 from groundlink.scenario import load
 from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario

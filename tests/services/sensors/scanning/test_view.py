@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.clock import TICK_NANOS
+from groundlink.core.clock import TICK_NANOS
 from services.sensors.scanning.scanner import Scan
 from tests.services.sensors.lidar import rooms
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.imagery import Image
-from groundlink.message_sizes import body_bytes
-from groundlink.messages import Message, State, packed
-from groundlink.ros_streams import outgoing
+from groundlink.messages.base import Message, State, packed
+from groundlink.messages.imagery import Image
+from groundlink.ros.streams import outgoing
 from groundlink.scenario.depth_cameras import StereoCamera
 from groundlink.scenario.lenses import Imager, Lens
+from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel

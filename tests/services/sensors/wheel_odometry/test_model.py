@@ -13,9 +13,9 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from groundlink.errors import UserError
-from groundlink.messages import BadMessage, Command, Imu, State, VehicleState, encode, floats
-from groundlink.navigation import Odometry
+from groundlink.core.errors import UserError
+from groundlink.messages.base import BadMessage, Command, Imu, State, VehicleState, encode, floats
+from groundlink.messages.navigation import Odometry
 from groundlink.scenario import Scenario, load, sensors
 from groundlink.scenario.drives import Differential
 from groundlink.scenario.load import SHIPPED

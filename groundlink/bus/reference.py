@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reference of the bus in Markdown: the keys of all streams, and the fields of every message.
+
+Rule: everything is taken from the table of topics and the classes of the messages; the meaning of
+a field is its docstring in the source. `docs/bus.md` holds the text.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+from msgspec import inspect as types
+
+from groundlink.messages.base import POINT, Message
+from groundlink.messages.ground_truth import TRUE_POINT
+
+from .topics import ROOT, TOPICS
+
+
+def reference() -> str:
+    """Return the tables of keys and messages."""
+    lines = [
+        "## Keys",
+        "",
+        f"All keys begin with `{ROOT}/<run>/`. `newest`: the sender never waits, a slow receiver",
+        "misses messages. `all`: the sender waits for room.",
+        "",
+        *_table(
+            ("key", "message", "rate", "publisher", "delivery"),
+            (
+                (
+                    f"`{topic.key}`",
+                    f"[{topic.message.__name__}](#{topic.message.__name__.lower()})",
+                    topic.rate,
+                    topic.publisher,
+                    topic.delivery.value,
+                )
+                for topic in TOPICS
+            ),
+        ),
+        "",
+        "## Messages",
+    ]
+    waiting: list[type[Any]] = list(dict.fromkeys(topic.message for topic in TOPICS))
+    known: list[type[Any]] = []
+    while waiting:
+        struct = waiting.pop(0)
+        if struct in known:
+            continue
+        known.append(struct)
+        found: list[type[Any]] = []
+        lines += ["", *_section(struct, found)]
+        waiting = found + waiting
+    lines += ["", "## Records"]
+    for name, record in (("POINT", POINT), ("TRUE_POINT", TRUE_POINT)):
+        lines += ["", f"### {name}", "", f"{record.itemsize} bytes, little-endian.", ""]
+        fields: Mapping[str, Any] = record.fields or {}
+        rows = ((f"`{n}`", str(at), kind.name) for n, (kind, at, *_) in fields.items())
+        lines += _table(("field", "offset", "type"), rows)
+    return "\n".join(lines) + "\n"
+
+
+def _section(struct: type[Any], found: list[type[Any]]) -> Iterator[str]:
+    """Yield what a message or a part of one is; append the structs in it to `found`."""
+    yield f"### {struct.__name__}"
+    yield ""
+    yield _joined(inspect.getdoc(struct) or "")
+    yield ""
+    told = _told(struct)
+    info = types.type_info(struct)
+    assert isinstance(info, types.StructType)
+    rows = []
+    if info.tag_field is not None:
+        rows.append((f"`{info.tag_field}`", f'"{info.tag}"', ""))
+    for field in info.fields:
+        default = "" if field.required else "optional. "
+        kind = _kind(field.type, found)
+        rows.append((f"`{field.encode_name}`", kind, default + told.get(field.name, "")))
+    yield from _table(("field", "type", "meaning"), rows)
+
+
+def _kind(field: types.Type, found: list[type[Any]]) -> str:
+    """Return a type in MessagePack's words."""
+    match field:
+        case types.StructType():
+            found.append(field.cls)
+            return f"[{field.cls.__name__}](#{field.cls.__name__.lower()})"
+        case types.UnionType():
+            return " or ".join(_kind(member, found) for member in field.types)
+        case types.DictType():
+            return f"map of {_kind(field.key_type, found)} to {_kind(field.value_type, found)}"
+        case types.VarTupleType() | types.ListType():
+            return f"array of {_kind(field.item_type, found)}"
+        case types.TupleType():
+            return f"array of {len(field.item_types)} {_kind(field.item_types[0], found)}"
+        case types.LiteralType():
+            return " or ".join(f'"{value}"' for value in field.values)
+        case types.MemoryViewType() | types.BytesType():
+            return "bin"
+        case types.NoneType():
+            return "nil"
+    return type(field).__name__.removesuffix("Type").lower()
+
+
+def _told(struct: type[Any]) -> dict[str, str]:
+    """Return the docstrings of a struct's fields, those that it inherits included."""
+    told: dict[str, str] = {}
+    for base in reversed(struct.__mro__):
+        if base in (object, msgspec.Struct, Message) or not issubclass(base, msgspec.Struct):
+            continue
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        assert isinstance(tree, ast.ClassDef)
+        for field, text in zip(tree.body, tree.body[1:], strict=False):
+            match field, text:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(said))),
+                ):
+                    told[name] = _joined(said)
+    return told
+
+
+def _joined(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _table(head: tuple[str, ...], rows: Any) -> Iterator[str]:
+    for cells in (head, ("---",) * len(head), *rows):
+        yield f"| {' | '.join(cells)} |"

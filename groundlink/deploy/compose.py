@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scenario to the containers that run it, as a Compose file.
+
+Rule: one container for each process of `process_names`, and those around them: a router, ROS, a
+recorder, a viewer. All stand between the walls of `HEAD`; what differs is a row of `_IMAGES` and
+the words that a process is started with. How an image is built stands in its Dockerfile.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from groundlink.bus.topics import process_names
+from groundlink.core.errors import UserError
+from groundlink.scenario import Scenario
+from groundlink.scenario.explain import nearest
+
+MAIN = "main"
+"""The host of the router, of physics, and of all that has no label."""
+
+ROUTER = "tcp/router:7447"
+
+BRIDGE_KEY = "bridge.key"
+"""File beside the folders of credentials."""
+
+HEAD = """\
+# Between these walls stands every container: nothing of it may be written, no rights, no root (the
+# images' user), a restart after a crash, and unhealthy when it was not well for 5 s at two looks.
+x-process: &process
+  restart: unless-stopped
+  init: true
+  read_only: true
+  user: "${GROUNDLINK_USER:-65532:65532}"
+  tmpfs: ["/tmp:size=256m,mode=1777"]
+  cap_drop: [ALL]
+  security_opt: ["no-new-privileges:true"]
+  pids_limit: 1024
+  environment:
+    ALIVE_FILE: /tmp/alive
+    GROUNDLINK_ROUTER: $ROUTER
+  healthcheck:
+    test: ["CMD-SHELL", "find /tmp/alive -newermt '5 seconds ago' | grep -q ."]
+    interval: $INTERVAL
+    timeout: 5s
+    retries: 2
+    start_period: 60s
+  logging: {driver: json-file, options: {max-size: 10m, max-file: "3"}}
+"""
+
+LOOKS_HZ = 3
+"""How often the engine looks whether a container is well, at one after the other: it starts a
+process for each look, which takes 0.05 to 0.1 s of a core."""
+
+SOON = "2s"
+"""How often it looks at those that others wait for."""
+
+_WELL = yaml.safe_load(HEAD)["x-process"]["healthcheck"]
+
+_CAMERAS = ("camera", "depth_camera", "stereo_camera")
+
+
+class _Row(NamedTuple):
+    """What all containers of an image have in common."""
+
+    memory: str
+    networks: tuple[str, ...] = ("bus",)
+
+
+_IMAGES = {
+    "router": _Row("256m"),
+    "physics": _Row("1g"),
+    "sensor": _Row("768m"),
+    "camera": _Row("1g"),
+    "gateway": _Row("512m", ("bus", "ros")),
+    "ros2": _Row("512m", ("ros",)),
+    "recorder": _Row("512m"),
+    "viewer": _Row("2g"),
+}
+
+Service = dict[str, Any]
+
+
+class Deployment:
+    """A scenario on one host or several.
+
+    Parameters
+    ----------
+    file
+        the scenario's; physics reads its folder.
+    sources
+        the folder that images are built from.
+    router
+        where processes on other hosts than the router's join; needed for those.
+    overload
+        what gives way where the environment says nothing; None: as the scenario says.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        file: Path,
+        *,
+        sources: str,
+        router: str | None = None,
+        overload: str | None = None,
+    ) -> None:
+        self._scenario, self._file, self._sources, self._router = scenario, file, sources, router
+        self._overload = overload or scenario.time.overload
+
+    def hosts(self) -> list[str]:
+        """Return the labels of all hosts, the main one first."""
+        sensors = (sensor for vehicle in self._scenario.vehicles for sensor in vehicle.sensors)
+        return [MAIN, *sorted({sensor.host for sensor in sensors} - {MAIN})]
+
+    def compose(self, host: str = MAIN) -> str:
+        """Return the Compose file of one host.
+
+        Raises
+        ------
+        UserError
+            when nothing of the scenario is there, or it needs to know the router.
+        """
+        router = self._router_of(host)
+        services = dict(self._services(host))
+        used = {network for service in services.values() for network in service["networks"]}
+        rest: dict[str, Any] = {"networks": {network: {} for network in sorted(used)}}
+        if host == MAIN:
+            rest["volumes"] = {"recordings": {}}
+        head = HEAD.replace("$ROUTER", router)
+        head = head.replace("$INTERVAL", f"{max(2, math.ceil(len(services) / LOOKS_HZ))}s")
+        blocks = [f"name: groundlink\n\n{head}", "services:"]
+        blocks += [_indented(name, service) for name, service in services.items()]
+        return "\n".join([*blocks, yaml.safe_dump(rest, sort_keys=False)])
+
+    def secured(self, folder: str, host: str = MAIN) -> str:
+        """Return what is laid over that file where strangers reach the bus or the bridge.
+
+        `folder` is that of the credentials, as the written file names it.
+
+        Raises
+        ------
+        UserError
+            as `compose`.
+        """
+        services: dict[str, Any] = {}
+        router = self._router_of(host).replace("tcp/", "tls/")
+        for name, service in self._services(host):
+            image = service["image"].removeprefix("groundlink-")
+            fields: dict[str, Any] = {"environment": {}, "volumes": []}
+            if "bus" in service["networks"]:
+                fields["environment"] = {
+                    "GROUNDLINK_ROUTER": router,
+                    "GROUNDLINK_CREDENTIALS": "/run/credentials",
+                }
+                fields["volumes"] += [f"{folder}/{name}:/run/credentials:ro"]
+            if image == "router":
+                fields["command"] = [word.replace("tcp/", "tls/") for word in service["command"]]
+            if "ros" in service["networks"]:
+                fields["command"] = [*service["command"], "--key-file", "/run/bridge.key"]
+                fields["volumes"] += [f"{folder}/{BRIDGE_KEY}:/run/bridge.key:ro"]
+            services[name] = {field: value for field, value in fields.items() if value}
+        return yaml.safe_dump({"services": services}, sort_keys=False)
+
+    def _router_of(self, host: str) -> str:
+        """Return where the processes of a host join."""
+        if host not in self.hosts():
+            raise UserError(f"nothing has `host: {host}`; {nearest(host, self.hosts())}")
+        if host == MAIN:
+            return ROUTER
+        if self._router is None:
+            raise UserError(
+                f"--host {host}: expected --router ENDPOINT as well, where that host finds the "
+                "router of the main host, such as tcp/sim.example:7447"
+            )
+        return self._router
+
+    def _services(self, host: str) -> Iterator[tuple[str, Service]]:
+        if host == MAIN:
+            yield "router", self._router_service()
+        for process, module in process_names(self._scenario).items():
+            if self._host_of(process) == host:
+                yield process.replace("/", "-"), self._process(process, module, host)
+        if host == MAIN:
+            yield from self._around()
+
+    def _host_of(self, process: str) -> str:
+        found = self._scenario.sensor(process)
+        return MAIN if found is None else found[1].host
+
+    def _process(self, process: str, module: str, host: str) -> Service:
+        """Return the service of a process of the run."""
+        image = _image_of(process, module)
+        words = {
+            "physics": [
+                f"/scenario/${{GROUNDLINK_SCENARIO:-{self._file.name}}}",
+                *("--overload", f"${{GROUNDLINK_OVERLOAD:-{self._overload}}}"),
+            ],
+            "gateway": ["--bind", "0.0.0.0:7510", "--peer", "${GROUNDLINK_ROS:-ros2:7511}"],
+        }.get(process, [module, "--name", process])
+        service = self._of(image, words)
+        if process == "physics":
+            service["volumes"] = [f"{self._file.parent}:/scenario:ro"]
+            service["healthcheck"] = _WELL | {"interval": SOON}
+        if host == MAIN:
+            needed = "router" if process == "physics" else "physics"
+            service["depends_on"] = {needed: {"condition": "service_healthy"}}
+        return service
+
+    def _of(self, image: str, words: list[str]) -> Service:
+        row = _IMAGES[image]
+        return {
+            "image": f"groundlink-{image}",
+            "build": {
+                "context": self._sources,
+                "dockerfile": f"deploy/images/{image}.Dockerfile",
+            },
+            "mem_limit": row.memory,
+            "networks": list(row.networks),
+            "command": words,
+        }
+
+    def _router_service(self) -> Service:
+        listens = ["CMD", "bash", "-c", "</dev/tcp/127.0.0.1/7447"]
+        return self._of("router", ["services.router", "--listen", "tcp/0.0.0.0:7447"]) | {
+            "ports": ["${GROUNDLINK_PUBLISH:-127.0.0.1}:7447:7447"],
+            "healthcheck": _WELL | {"test": listens, "interval": SOON},
+        }
+
+    def _around(self) -> Iterator[tuple[str, Service]]:
+        """Yield ROS, and what is there only when its profile is asked for."""
+        yield (
+            "ros2",
+            # Its port is not published: the network `ros` alone reaches it.
+            self._of("ros2", ["--bind", "0.0.0.0:7511", "--allow-any-peer"])
+            | {
+                "environment": {
+                    "ALIVE_FILE": "/tmp/alive",
+                    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+                },
+                "shm_size": "512m",
+            },
+        )
+        yield (
+            "recorder",
+            self._of("recorder", ["--out", "/recordings/run.mcap"])
+            | {"profiles": ["record"], "volumes": ["recordings:/recordings"]},
+        )
+        yield (
+            "view",
+            self._of("viewer", ["--web", "--host", "0.0.0.0"])
+            | {"profiles": ["view"], "ports": ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"]},
+        )
+
+
+def _image_of(process: str, module: str) -> str:
+    """Return which image a process is in."""
+    kind = module.rpartition(".")[2]
+    if kind == "driver":
+        return "router"
+    if "/" in process:
+        return "camera" if kind in _CAMERAS else "sensor"
+    return kind
+
+
+def _indented(name: str, service: Service) -> str:
+    text = yaml.safe_dump(service, sort_keys=False, default_flow_style=None, width=110)
+    lines = ["  <<: *process", *(f"  {line}" for line in text.splitlines())]
+    return "\n".join([f"  {name}:", *(f"  {line}" for line in lines), ""])

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which readings of a sensor are due: their stamps, by its data alone.
+
+Rule: arithmetic on the time line, exact, for every kind of sensor. Reading i is the same one for
+the model that makes it, the process that misses it and the report that counts it. Faults, delays
+and failures change nothing of what is due.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import Protocol
+
+from groundlink.core.clock import TICK_NANOS, Schedule
+from groundlink.scenario.sensors import Imu, RotatingLidar, Sensor
+
+
+class Calendar(Protocol):
+    """The readings of one sensor, numbered on the run's time line."""
+
+    first: int
+    """The first one that it can make of a run, which begins at tick 0."""
+
+    def nanos(self, reading: int) -> int:
+        """Return the stamp of a reading, as sim time."""
+
+    def at_or_after(self, nanos: int) -> int:
+        """Return the first reading stamped at this sim time or later."""
+
+
+class Events:
+    """Readings at the events of a rate (a `Calendar`)."""
+
+    def __init__(self, rate_hz: float, first: int = 0) -> None:
+        self._schedule = Schedule.at(rate_hz)
+        self.first = first
+
+    def nanos(self, reading: int) -> int:
+        """Return the stamp of a reading, as sim time."""
+        return self._schedule.nanos(reading)
+
+    def at_or_after(self, nanos: int) -> int:
+        """Return the first reading stamped at this sim time or later."""
+        return self._schedule.at_or_after_nanos(nanos)
+
+
+class Blocks:
+    """The blocks in which a turning head's revolutions are sent (a `Calendar`).
+
+    Blocks are counted from the run's start, as revolutions are; a whole revolution is the only
+    block of itself. A block is stamped with its first firing.
+
+    Attributes
+    ----------
+    per_revolution, firings_per_turn : int
+        Blocks of a revolution; firings of one, those outside the view among them.
+    first_firings : list of int
+        Where each block of the revolution begins, and at last the number of firings. Where these
+        are no multiple of the blocks, some blocks have one more than others.
+    firing_times : Schedule
+        Of all these firings.
+    """
+
+    first = 0
+
+    def __init__(self, spec: RotatingLidar) -> None:
+        count, in_view = spec.blocks_per_revolution, spec.firings_in_view
+        self.per_revolution = count
+        self.first_firings = [block * in_view // count for block in range(count + 1)]
+        self.firings_per_turn = spec.firings_per_revolution
+        self.firing_times = Schedule(
+            Schedule.at(spec.rotation_rate_hz).rate_hz * self.firings_per_turn
+        )
+
+    def nanos(self, reading: int) -> int:
+        """Return the sim time of a block's first firing, rounded down."""
+        revolution, index = divmod(reading, self.per_revolution)
+        return self.firing_times.nanos(
+            revolution * self.firings_per_turn + self.first_firings[index]
+        )
+
+    def at_or_after(self, nanos: int) -> int:
+        """Return the first block that begins at this sim time or later."""
+        revolution, firing = divmod(
+            self.firing_times.at_or_after_nanos(nanos), self.firings_per_turn
+        )
+        return revolution * self.per_revolution + bisect_left(self.first_firings[:-1], firing)
+
+
+def calendar(spec: Sensor) -> Calendar:
+    """Return which readings of a sensor are due."""
+    if isinstance(spec, RotatingLidar):
+        return Blocks(spec)
+    if isinstance(spec, Imu):
+        # The first sample's window begins when the low pass is full.
+        return Events(spec.rate_hz, Events(spec.rate_hz).at_or_after(_filling_nanos(spec)) + 1)
+    return Events(spec.rate_hz)
+
+
+def _filling_nanos(spec: Imu) -> int:
+    return TICK_NANOS * max(triad.low_pass_ticks for triad in (spec.accelerometer, spec.gyroscope))

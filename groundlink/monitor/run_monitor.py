@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a running run: who is well, what arrives on the ROS side, how fast time goes.
+
+Rule: health messages and wall time come in as arguments; verdicts come out. The dashboard and the
+report show what stands here and compute nothing of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from groundlink.bus.topics import PHYSICS, TIME_KEEPERS
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import Health, StreamReport
+from groundlink.messages.stalls import HoldUps
+
+from .stream_totals import StreamTotals
+
+RATE_TOLERANCE = 0.02
+"""A declared rate is kept when the measured one, counted in stamps, is this near."""
+NOT_REPORTED = "not reported"
+
+
+def keeps_rate(stream: StreamReport) -> bool:
+    """Return whether a stream kept its declared rate; one without a declared rate always does.
+
+    Of a stream that was sent, and of which the ROS side reports nothing, nothing else is known.
+    """
+    if stream.declared_hz is None:
+        return True
+    if not stream.reported:
+        return stream.sent > 0
+    if stream.measured_hz is None:
+        return False
+    return abs(stream.measured_hz / stream.declared_hz - 1) <= RATE_TOLERANCE
+
+
+@dataclass
+class RunMonitor:
+    """The latest word of every process."""
+
+    health: dict[str, Health] = field(default_factory=dict)
+    streams: Sequence[StreamReport] = ()
+    """What became of each stream, over all lives of the gateway."""
+
+    first_tick: int | None = None
+    tick: int = 0
+    _totals: StreamTotals = field(default_factory=StreamTotals)
+    _first_seconds: float = 0.0
+    _last_seconds: float = 0.0
+
+    def heard(self, health: Health, now_seconds: float) -> None:
+        """Take note of a process's health, heard at `now_seconds` of the wall clock."""
+        self.health[health.process] = health
+        if health.streams:
+            self.streams = self._totals.of(health)
+        if health.process in TIME_KEEPERS:
+            # At the first tick time stands still as long as others are waited for.
+            stands = health.tick == self.first_tick or self.tick < 0
+            if self.first_tick is None or health.tick < self.tick or stands:
+                self.first_tick, self._first_seconds = health.tick, now_seconds
+            self.tick, self._last_seconds = health.tick, now_seconds
+
+    def counters_of(self, process: str, pid: int | None) -> dict[str, dict[str, int]]:
+        """Return what a process counts by its name, or by theirs where sensors share it."""
+        said = (
+            health for name, health in self.health.items() if process == name or pid == health.pid
+        )
+        return {health.process: health.counters for health in said} or {process: {}}
+
+    @property
+    def sim_seconds(self) -> float:
+        """Sim time that has passed since physics started."""
+        return self.tick * TICK_SECONDS
+
+    @property
+    def real_time_factor(self) -> float | None:
+        """Sim seconds for each wall second, over all that was heard of physics."""
+        wall = self._last_seconds - self._first_seconds
+        if self.first_tick is None or wall <= 0:
+            return None
+        return (self.tick - self.first_tick) * TICK_SECONDS / wall
+
+    @property
+    def hold_ups(self) -> HoldUps:
+        """Who has held up the run, as far as physics has told."""
+        physics = self.health.get(PHYSICS)
+        return HoldUps.read(physics.counters if physics else {})
+
+    @property
+    def is_reported(self) -> bool:
+        """Whether the ROS side has ever reported what arrives."""
+        return any(s.reported for s in self.streams if s.direction == "to ROS")
+
+    def everything_is_sent(self) -> bool:
+        """Return whether something of every declared stream was sent to the ROS side."""
+        return self._has_declared and not self.not_sent()
+
+    def not_sent(self) -> list[str]:
+        """Return the topics of declared streams of which nothing was sent to the ROS side."""
+        return [s.topic for s in self.streams if s.declared_hz is not None and not s.sent]
+
+    def not_arrived(self) -> list[str]:
+        """Return the topics of declared streams of which nothing has arrived on the ROS side."""
+        return [s.topic for s in self.streams if s.declared_hz is not None and not s.messages]
+
+    def everything_arrives(self) -> bool:
+        """Return whether every declared stream has arrived on the ROS side."""
+        return self._has_declared and not self.not_arrived()
+
+    @property
+    def _has_declared(self) -> bool:
+        return any(s.declared_hz is not None for s in self.streams)
+
+    def faults(self, *, needs_reports: bool = True) -> list[str]:
+        """Return what is wrong with the run as lines; none when every declared rate was kept.
+
+        Parameters
+        ----------
+        needs_reports
+            whether a ROS side that never reported anything is wrong, too.
+        """
+        if not self.streams or (needs_reports and not self.is_reported):
+            return ["nothing was heard from the ROS side"]
+        lines = []
+        for stream in self.streams:
+            if not keeps_rate(stream):
+                measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
+                declared = f"{stream.declared_hz:g} Hz"
+                lines.append(f"{stream.topic}: declared {declared}, measured {measured}")
+        return lines

@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the driver of a real base tells ROS beside its sensors: joint states, tf, its description.
+
+Rule: made of what the vehicle's sensors say, with their stamps and errors, and of the scenario;
+never of the truth, but for `map: truth`, which is asked for. Messages of the bus go in, messages of
+ROS's words come out; nothing of this is on the bus. Of several encoders or odometries of a vehicle
+the first counts, for a frame has one parent and a joint one angle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.bus.topics import ENCODERS, GROUND_TRUTH, JOINTS, WHEEL_ODOMETRY
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import IDENTITY_QUATERNION, Floats
+from groundlink.messages.base import Message, WheelEncoders, measured_nanos, packed
+from groundlink.messages.ground_truth import WORLD_FRAME
+from groundlink.messages.navigation import JointState, Odometry, Text, Transform, Transforms
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Encoders, WheelOdometry
+
+from .robot_description import urdf
+from .streams import TF_STATIC_TOPIC, TF_TOPIC, TRUE_TF_TOPIC, mounts, static_transforms
+from .tf_tree import TopFromTruth, stamped
+
+S = TypeVar("S")
+
+MAP_FRAME, ODOM_FRAME = "map", "odom"
+"""REP 105's."""
+
+JOINT_STATES, DESCRIPTION = "joint_states", "robot_description"
+"""Topics in a vehicle's namespace."""
+
+POSSIBLE = 2.0
+"""Times what a wheel can turn at most; a faster step is a counter that was reset."""
+
+
+class Told(NamedTuple):
+    """Something for ROS."""
+
+    topic: str
+    message: Message
+    nanos: int
+    """The instant that it is of, on the run's time line."""
+
+
+class Place(NamedTuple):
+    """A topic that something is told on."""
+
+    topic: str
+    message: type[Message]
+    declared_hz: float
+
+
+class Base:
+    """The base of one vehicle."""
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, run: str) -> None:
+        self._vehicle = vehicle
+        self._encoders = _first(vehicle, Encoders)
+        odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
+        self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
+        self.places: list[Place] = []
+        """What is told when messages of the bus come; the description is not among them."""
+
+        self.keys: dict[str, str] = {}
+        """Of the bus's messages that are listened to, by what they are to this."""
+
+        if self._encoders is not None:
+            key = ENCODERS.key_in(run, vehicle=vehicle.name, sensor=self._encoders.name)
+            self.keys["encoders"] = key
+            self.places.append(Place(self._joints_topic, JointState, self._encoders.rate_hz))
+        if vehicle.model.joints:
+            self.keys["joints"] = JOINTS.key_in(run, vehicle=vehicle.name)
+            self.places.append(Place(self._joints_topic, JointState, vehicle.ground_truth.rate_hz))
+        tf_hz = 0.0
+        if odometry is not None:
+            key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
+            self.keys["odometry"] = key
+            tf_hz += odometry.rate_hz
+        self._from_truth = TopFromTruth(MAP_FRAME, _top(vehicle, odometry), alone=odometry is None)
+        if vehicle.tf.map == "truth":
+            self.keys["truth"] = GROUND_TRUTH.key_in(run, vehicle=vehicle.name)
+            tf_hz += odometry.rate_hz if odometry else vehicle.ground_truth.rate_hz
+        if tf_hz:
+            self.places.append(Place(TF_TOPIC, Transforms, tf_hz))
+        self._roles = {key: role for role, key in self.keys.items()}
+        self.description_topic = f"{vehicle.namespace}/{DESCRIPTION}"
+        self.description = urdf(
+            vehicle.model, mounts(vehicle, 0), self._turning(), scenario.world.materials
+        )
+        """The vehicle's URDF."""
+
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was heard: a life of the run has begun."""
+        self._last: tuple[int, Floats] | None = None
+        self._from_truth.restart()
+
+    def hear(self, key: str, message: Message) -> Iterator[Told]:
+        """Yield what follows from a message of the bus."""
+        role = self._roles.get(key)
+        if role == "encoders" and isinstance(message, WheelEncoders):
+            if len(message.ticks) != len(self._vehicle.model.counted):
+                return  # of a replayed run, or a stranger's
+            yield Told(self._joints_topic, self._joint_state(message), measured_nanos(message))
+        elif role == "joints" and isinstance(message, JointState):
+            yield Told(self._joints_topic, replace(message, frame=""), message.stamp_nanos)
+        elif role is not None and isinstance(message, Odometry):
+            if role == "odometry":
+                moved = stamped(
+                    *(message.stamp_nanos, message.frame, message.child_frame),
+                    *(message.position_m, message.orientation),
+                )
+                yield Told(TF_TOPIC, Transforms((moved,)), measured_nanos(message))
+            if "truth" in self.keys:
+                for nanos, transform in self._from_truth.hear(role, message):
+                    yield Told(TF_TOPIC, Transforms((transform,)), nanos)
+
+    def fixed(self, stamp_nanos: int) -> tuple[Transform, ...]:
+        """Return the transforms above `odom` that never change."""
+        prefix = self._vehicle.frame_prefix
+        odometry = _first(self._vehicle, WheelOdometry)
+        if self._vehicle.tf.map == "truth":
+            still = (stamp_nanos, WORLD_FRAME, MAP_FRAME)
+        elif self._vehicle.tf.map == "identity":
+            # A vehicle without wheel odometry may have another, such as that of a LiDAR.
+            frame = odometry.frame if odometry else ODOM_FRAME
+            still = (stamp_nanos, prefix + MAP_FRAME, prefix + frame)
+        else:
+            return ()
+        return (stamped(*still, (0.0, 0.0, 0.0), IDENTITY_QUATERNION),)
+
+    def _turning(self) -> list[str]:
+        """Return the wheels whose angles the encoders tell."""
+        model = self._vehicle.model
+        counted = model.counted if self._encoders is not None else ()
+        return [model.wheels[i].name for shaft in counted for i in shaft.wheels]
+
+    def _joint_state(self, message: WheelEncoders) -> JointState:
+        """Return the angle and speed of each wheel on a shaft that is counted."""
+        spec, model = self._encoders, self._vehicle.model
+        assert spec is not None
+        radians_per_tick = 2 * math.pi / spec.ticks_per_wheel_revolution
+        angles = []
+        for shaft, ticks in zip(model.counted, message.ticks, strict=True):
+            sign = -1 if shaft.name in spec.reversed_wheels else 1
+            since = (ticks - spec.start_ticks + 2**63) % 2**64 - 2**63
+            for i in shaft.wheels:
+                # Wheels of a track roll equally fast, whatever their radii.
+                gear = shaft.radius_m / model.wheels[i].radius_m
+                angles.append(sign * since * radians_per_tick * gear)
+        now, speeds = np.array(angles), np.zeros(len(angles))
+        if self._last is not None and message.stamp_nanos > self._last[0]:
+            speeds = (now - self._last[1]) / ((message.stamp_nanos - self._last[0]) / NANOS)
+            if np.abs(speeds).max() > POSSIBLE * self._fastest_radps():
+                speeds[:] = 0.0
+        self._last = message.stamp_nanos, now
+        return JointState(
+            stamp_nanos=message.stamp_nanos,
+            frame="",
+            names=tuple(self._turning()),
+            positions=packed(now),
+            velocities=packed(speeds),
+            efforts=memoryview(b""),
+        )
+
+    def _fastest_radps(self) -> float:
+        model = self._vehicle.model
+        return model.drive.max_wheel_speed_radps * max(
+            shaft.radius_m / model.wheels[i].radius_m
+            for shaft in model.counted
+            for i in shaft.wheels
+        )
+
+
+class TrueTree:
+    """Where a vehicle's tree truly is: `world` to its topmost frame, on a topic of its own.
+
+    Only a recording and a viewer have it. Its frames chain with those of `/tf`, and none of them
+    gets a second parent: base_link has the parent that ROS was told.
+    """
+
+    def __init__(self, vehicle: Vehicle, run: str) -> None:
+        odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
+        self._roles: dict[str, str] = {}
+        self.places: list[Place] = []
+        """What is told; nothing where `/tf` has `world` already."""
+
+        if vehicle.tf.map != "truth":
+            self._roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
+            rate_hz = vehicle.ground_truth.rate_hz
+            if odometry is not None:
+                key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
+                self._roles[key] = "odometry"
+                rate_hz = odometry.rate_hz
+            self.places.append(Place(TRUE_TF_TOPIC, Transforms, rate_hz))
+        self._from_truth = TopFromTruth(
+            WORLD_FRAME, _top(vehicle, odometry), alone=odometry is None
+        )
+
+    def restart(self) -> None:
+        """Forget what was heard."""
+        self._from_truth.restart()
+
+    def hear(self, key: str, message: Message) -> Iterator[Told]:
+        """Yield what follows from a message of the bus."""
+        role = self._roles.get(key)
+        if role is not None and isinstance(message, Odometry):
+            for nanos, transform in self._from_truth.hear(role, message):
+                yield Told(TRUE_TF_TOPIC, Transforms((transform,)), nanos)
+
+
+class Bases:
+    """The bases of a run: all that ROS gets beside the run's streams.
+
+    Parameters
+    ----------
+    truth
+        whether to tell on `TRUE_TF_TOPIC` where they are, too, which no gateway does.
+    """
+
+    def __init__(self, scenario: Scenario, run: str, *, truth: bool = False) -> None:
+        self._scenario = scenario
+        self._bases = [Base(scenario, vehicle, run) for vehicle in scenario.vehicles]
+        trees = [TrueTree(vehicle, run) for vehicle in scenario.vehicles if truth]
+        self._tellers: list[Base | TrueTree] = [*self._bases, *trees]
+        self.places = [place for teller in self._tellers for place in teller.places]
+        """What is told when messages of the bus come."""
+
+        self.latched: dict[str, type[Message]] = {
+            TF_STATIC_TOPIC: Transforms,
+            **{base.description_topic: Text for base in self._bases},
+        }
+        """By topic: what `still` tells, at most."""
+
+    def hear(self, key: str, message: Message) -> Iterator[Told]:
+        """Yield what follows from a message of the bus."""
+        for teller in self._tellers:
+            yield from teller.hear(key, message)
+
+    def restart(self) -> None:
+        """Forget what was heard: a life of the run has begun."""
+        for teller in self._tellers:
+            teller.restart()
+
+    def still(self, stamp_nanos: int) -> Iterator[Told]:
+        """Yield what never changes."""
+        if transforms := still_transforms(self._scenario, self._bases, stamp_nanos):
+            yield Told(TF_STATIC_TOPIC, transforms, stamp_nanos)
+        for base in self._bases:
+            text = Text(stamp_nanos, base.description)
+            yield Told(base.description_topic, text, stamp_nanos)
+
+
+def still_transforms(scenario: Scenario, bases: list[Base], stamp_nanos: int) -> Transforms | None:
+    """Return what never changes of the tf tree: mounts of sensors, and where maps are."""
+    of_sensors = static_transforms(scenario, stamp_nanos)
+    rows = list(of_sensors.transforms) if of_sensors else []
+    rows += dict.fromkeys(row for base in bases for row in base.fixed(stamp_nanos))
+    return Transforms(tuple(rows)) if rows else None
+
+
+def made_topics(scenario: Scenario) -> set[str]:
+    """Return the topics of all that is made here, whether a scenario has it or not."""
+    of_vehicles = (
+        f"{vehicle.namespace}/{name}"
+        for vehicle in scenario.vehicles
+        for name in (JOINT_STATES, DESCRIPTION)
+    )
+    return {TF_TOPIC, TF_STATIC_TOPIC, TRUE_TF_TOPIC, *of_vehicles}
+
+
+def is_latched(topic: str) -> bool:
+    """Return whether a topic is told once, and kept for subscribers that come late."""
+    return topic == TF_STATIC_TOPIC or topic.endswith(f"/{DESCRIPTION}")
+
+
+def _top(vehicle: Vehicle, odometry: WheelOdometry | None) -> str:
+    """Return the topmost frame of what a vehicle tells of its tree, where nobody tells its map."""
+    if odometry is None:
+        return vehicle.frame_prefix + vehicle.model.base_frame
+    frame = MAP_FRAME if vehicle.tf.map == "identity" else odometry.frame
+    return vehicle.frame_prefix + frame
+
+
+def _first(vehicle: Vehicle, kind: type[S]) -> S | None:
+    return next((sensor for sensor in vehicle.sensors if isinstance(sensor, kind)), None)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A vehicle as a stack knows it: URDF text with what it looks like and where its sensors are.
+
+Rule: made of the scenario alone, so that no file travels with it, and not what physics steps: that
+has springs, and balls for wheels. Names are without the vehicle's `frame_prefix`, as URDF has no
+place for one: robot_state_publisher and RViz put it before them. A wheel turns where the vehicle's
+encoders tell its angle; others are fixed, so that no frame waits for an angle that nobody knows.
+Masses are left out, since KDL takes a base link that has one for a mistake; a mesh is its box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from math import isinf
+from xml.etree import ElementTree
+
+from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, rpy_from_matrix
+from groundlink.messages.navigation import Transform
+from groundlink.scenario.joints import Joint
+from groundlink.scenario.vehicle import VehicleModel, Wheel
+from groundlink.world.solids import (
+    Box,
+    Cylinder,
+    Material,
+    Mesh,
+    Quaternion,
+    Shape,
+    Solid,
+    Sphere,
+    Vector3,
+)
+
+Element = ElementTree.Element
+
+_ACROSS = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
+"""link_from_cylinder: a wheel's axle is the link's y, a cylinder's axis its z."""
+
+
+def urdf(
+    model: VehicleModel,
+    mounts: Sequence[Transform],
+    turning: Collection[str],
+    materials: dict[str, Material],
+) -> str:
+    """Return a URDF document.
+
+    Parameters
+    ----------
+    mounts
+        parent_from_child of each sensor's frame, without prefix.
+    turning
+        wheels whose angles are told, as joints of their names.
+    materials
+        what the world has beside the model's own.
+    """
+    colours = model.materials | materials
+    robot = Element("robot", name=model.name)
+    base = _sub(robot, "link", name=model.base_frame)
+    chassis = model.chassis
+    box = Solid("chassis", Box(size_m=chassis.size_m), "", chassis.center_m)
+    for solid in model.visuals or (box,):
+        _show(base, "visual", solid, colours)
+    for solid in (*((box,) if chassis.collides else ()), *model.collisions):
+        _show(base, "collision", solid, {})
+    for wheel in model.wheels:
+        link = _wheel(robot, model.base_frame, wheel, turns=wheel.name in turning)
+        roller = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
+        tread = Solid(wheel.name, roller, wheel.material, orientation=_ACROSS)
+        for solid in wheel.visuals or (tread,):
+            _show(link, "visual", solid, colours)
+        _show(link, "collision", tread, {})
+    for part in model.joints:
+        link = _part(robot, model.base_frame, part)
+        for solid in part.visuals:
+            _show(link, "visual", solid, colours)
+    for mount in mounts:
+        joint = _sub(robot, "joint", name=f"{mount.child}_joint", type="fixed")
+        _sub(joint, "parent", link=mount.parent)
+        _sub(joint, "child", link=mount.child)
+        _origin(joint, mount.translation_m, mount.rotation)
+        _sub(robot, "link", name=mount.child)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _wheel(robot: Element, base: str, wheel: Wheel, *, turns: bool) -> Element:
+    """Add a wheel, springs at their loaded rest; return its link."""
+    joint = _sub(robot, "joint", name=wheel.name, type="continuous" if turns else "fixed")
+    _sub(joint, "parent", link=base)
+    _sub(joint, "child", link=f"{wheel.name}_link")
+    _origin(joint, wheel.center_m, IDENTITY_QUATERNION)
+    if turns:
+        _sub(joint, "axis", xyz="0 1 0")
+    return _sub(robot, "link", name=f"{wheel.name}_link")
+
+
+def _part(robot: Element, base: str, part: Joint) -> Element:
+    """Add a joint that is none of a wheel; return its link."""
+    low, high = part.limits
+    endless = isinf(low) or isinf(high)
+    kind = "continuous" if part.kind == "revolute" and endless else part.kind
+    joint = _sub(robot, "joint", name=part.name, type=kind)
+    _sub(joint, "parent", link=f"{part.parent}_link" if part.parent else base)
+    _sub(joint, "child", link=f"{part.name}_link")
+    _origin(joint, part.at_m, IDENTITY_QUATERNION)
+    _sub(joint, "axis", xyz=_text(*part.unit_axis))
+    bounds = {} if endless else {"lower": _text(low), "upper": _text(high)}
+    _sub(joint, "limit", **bounds, effort="0", velocity=_text(part.max_speed))
+    return _sub(robot, "link", name=f"{part.name}_link")
+
+
+def _show(link: Element, tag: str, solid: Solid, colours: dict[str, Material]) -> None:
+    """Add a solid, coloured where its material is known."""
+    at, shape = solid.position_m, solid.shape
+    if isinstance(shape, Mesh):
+        low, high = shape.low_m, shape.high_m
+        middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+        turned = matrix_from_quaternion(solid.orientation) @ middle
+        x, y, z = (float(p + q) for p, q in zip(at, turned, strict=True))
+        at = (x, y, z)
+        sx, sy, sz = (max(b - a, 1e-3) for a, b in zip(low, high, strict=True))
+        shape = Box(size_m=(sx, sy, sz))
+    element = _sub(link, tag)
+    _origin(element, at, solid.orientation)
+    _geometry(_sub(element, "geometry"), shape)
+    if colour := colours.get(solid.material):
+        material = _sub(element, "material", name=solid.material)
+        # Linear light as screens take it: gamma 2.2.
+        screen = [component ** (1 / 2.2) for component in colour.color]
+        _sub(material, "color", rgba=_text(*screen, 1.0))
+
+
+def _geometry(geometry: Element, shape: Shape) -> None:
+    if isinstance(shape, Box):
+        _sub(geometry, "box", size=_text(*shape.size_m))
+    elif isinstance(shape, Cylinder):
+        _sub(geometry, "cylinder", radius=_text(shape.radius_m), length=_text(shape.length_m))
+    elif isinstance(shape, Sphere):
+        _sub(geometry, "sphere", radius=_text(shape.radius_m))
+
+
+def _origin(element: Element, at: Vector3, orientation: Quaternion) -> None:
+    rpy = rpy_from_matrix(matrix_from_quaternion(orientation))
+    _sub(element, "origin", xyz=_text(*at), rpy=_text(*rpy))
+
+
+def _sub(parent: Element, tag: str, **attributes: str) -> Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _text(*numbers: float) -> str:
+    return " ".join(f"{number:.9g}" for number in numbers)

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run looks like from ROS: its topics, each with its place on the bus, and its fixed frames.
+
+Rule: derived from the scenario and the table of topics alone; gateway, recorder, viewer and replay
+share it, and physics, which knows no ROS types: how a message becomes a ROS message is in
+`ros_messages`, which nothing here imports. Who receives it is nobody's business here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from msgspec.structs import replace
+
+from groundlink.bus.topics import (
+    BODIES,
+    CLOCK,
+    COMMAND,
+    FAULTS,
+    FROM_ROS,
+    GAPS,
+    GROUND_TRUTH,
+    JOINT_COMMAND,
+    JOINTS,
+    RELAYED,
+    STREAM_TOPICS,
+    TRUE_WHEELS,
+    VITALS,
+    sensor_outputs,
+)
+from groundlink.messages.base import Clock, Message, State, floats
+from groundlink.messages.ground_truth import WORLD_FRAME
+from groundlink.messages.navigation import Transform, Transforms
+from groundlink.messages.vitals import VITALS_HZ
+from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Vehicle
+from groundlink.scenario.sensors import Lidar, Lidar2d, Repair, sensor_rate_hz
+
+CLOCK_TOPIC = "/clock"
+TF_TOPIC = "/tf"
+TF_STATIC_TOPIC = "/tf_static"
+TRUE_TF_TOPIC = "/ground_truth/tf"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosStream:
+    """A stream of the bus that ROS knows as a topic."""
+
+    key: str
+    message: type[Message]
+    topic: str
+    declared_hz: float | None
+    """None where nobody promised a rate."""
+
+    ros_type: str = ""
+    """Where it is not that of `ros_messages`."""
+
+    is_command: bool = False
+    """Messages are commands of the run; they act at their stamps, which are of the run's time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outgoing(RosStream):
+    """One that goes to ROS."""
+
+    declared_hz: float
+    push: bool
+    """Sent to the gateway's peer unasked."""
+
+    repair: Repair = "none"
+    in_blocks: tuple[Vehicle, Lidar | Lidar2d] | None = None
+    """Whose revolutions come in blocks."""
+
+
+def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
+    """Return every stream that can go to ROS: the clock, each vehicle's in order, the bodies."""
+    clock = Outgoing(
+        key=CLOCK.key_in(run),
+        message=Clock,
+        topic=CLOCK_TOPIC,
+        declared_hz=scenario.time.clock_rate_hz,
+        push=True,
+    )
+    bodies = Outgoing(
+        key=BODIES.key_in(run),
+        message=BODIES.message,
+        topic=scenario.bodies.topic,
+        declared_hz=scenario.bodies.rate_hz,
+        push=scenario.bodies.push,
+    )
+    return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run)), bodies]
+
+
+def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
+    """Return what no gateway sends and a recording holds: vitals; faults and gaps of sensors."""
+    vitals = [
+        RosStream(
+            key=VITALS.key_in(run, vehicle=vehicle.name),
+            message=VITALS.message,
+            topic=scenario.vitals_topic(vehicle),
+            declared_hz=float(VITALS_HZ),
+        )
+        for vehicle in scenario.vehicles
+    ]
+    told = [
+        RosStream(
+            key=row.key_in(run, process=sensor),
+            message=row.message,
+            topic=topic(sensor),
+            declared_hz=None,
+        )
+        for row, topic in ((FAULTS, faults_topic), (GAPS, gaps_topic))
+        for sensor in scenario.sensor_names()
+    ]
+    return [*vitals, *told]
+
+
+def faults_topic(sensor: str) -> str:
+    """Return the topic of a sensor's faults in a recording."""
+    return f"/faults/{sensor}"
+
+
+def gaps_topic(sensor: str) -> str:
+    """Return the topic of what a sensor is missing, in a recording."""
+    return f"/gaps/{sensor}"
+
+
+def incoming(scenario: Scenario, run: str) -> list[RosStream]:
+    """Return every stream that can come from ROS: each vehicle's commands, then what it tells."""
+    streams = []
+    for vehicle in scenario.vehicles:
+        stamped = "geometry_msgs/msg/TwistStamped" if vehicle.command_type != "Twist" else ""
+        rows = [(COMMAND, vehicle.command_topic, stamped)]
+        rows += [(row, getattr(vehicle.from_ros, name), "") for name, row in FROM_ROS.items()]
+        streams += [
+            RosStream(
+                key=row.key_in(run, vehicle=vehicle.name),
+                message=row.message,
+                topic=topic,
+                declared_hz=None,
+                ros_type=ros_type,
+                is_command=row in (COMMAND, JOINT_COMMAND),
+            )
+            for row, topic, ros_type in rows
+            if topic is not None
+        ]
+        streams += [
+            RosStream(
+                key=RELAYED.key_in(run, vehicle=vehicle.name, topic=topic.strip("/")),
+                message=RELAYED.message,
+                topic=topic,
+                declared_hz=None,
+                ros_type=ros_type.replace("/", "/msg/"),
+            )
+            for topic, ros_type in vehicle.from_ros.topics.items()
+        ]
+    return streams
+
+
+def answers_mistake(scenario: Scenario) -> str:
+    """Return in words which topic ROS is to answer that it does not get; empty for none."""
+    known = {stream.topic for stream in outgoing(scenario, "") if stream.push}
+    for topic, of in scenario.time.answers.items():
+        if of not in known:
+            return (
+                f"`time.answers`: {topic} cannot answer {of}, which does not go to ROS unasked; "
+                f"expected one of {', '.join(sorted(known))}"
+            )
+    return ""
+
+
+def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outgoing]:
+    rows = [
+        (output.row, output.ros_topic, s, sensor_rate_hz(s))
+        for s in vehicle.sensors
+        for output in sensor_outputs(s)
+    ]
+    extra = [(STREAM_TOPICS[s.kind], s.topic, s, s.rate_hz) for s in vehicle.streams]
+    for row, topic, spec, rate_hz in (*rows, *extra):
+        yield Outgoing(
+            key=row.key_in(run, vehicle=vehicle.name, sensor=spec.name),
+            message=row.message,
+            topic=topic,
+            declared_hz=rate_hz,
+            push=spec.push,
+            repair=spec.repair,
+            in_blocks=_in_blocks(vehicle, spec),
+        )
+    # A vehicle without joints has no topic for them.
+    truths = zip((GROUND_TRUTH, TRUE_WHEELS, JOINTS), scenario.true_topics(vehicle), strict=False)
+    for row, place in truths:
+        yield Outgoing(
+            key=row.key_in(run, vehicle=vehicle.name),
+            message=row.message,
+            topic=place,
+            declared_hz=vehicle.ground_truth.rate_hz,
+            push=vehicle.ground_truth.push,
+        )
+
+
+def _in_blocks(vehicle: Vehicle, spec: object) -> tuple[Vehicle, Lidar | Lidar2d] | None:
+    if not isinstance(spec, Lidar | Lidar2d) or spec.blocks_per_revolution == 1:
+        return None
+    return vehicle, spec
+
+
+def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:
+    """Return base_from_sensor of every sensor that has a frame of its own; None without any."""
+    transforms = tuple(
+        replace(
+            mount,
+            parent=vehicle.frame_prefix + mount.parent,
+            child=vehicle.frame_prefix + mount.child,
+        )
+        for vehicle in scenario.vehicles
+        for mount in mounts(vehicle, stamp_nanos)
+    )
+    return Transforms(transforms) if transforms else None
+
+
+def mounts(vehicle: Vehicle, stamp_nanos: int) -> tuple[Transform, ...]:
+    """Return base_from_sensor of each frame of a vehicle's sensors, without the vehicle's prefix.
+
+    Where two sensors share a frame, the mount of the last one counts.
+    """
+    base = vehicle.model.base_frame
+    found = {
+        sensor.frame: Transform(
+            stamp_nanos=stamp_nanos,
+            parent=base,
+            child=sensor.frame,
+            translation_m=sensor.mount.xyz_m,
+            rotation=sensor.mount.quaternion(optical=sensor.optical),
+        )
+        for sensor in vehicle.sensors
+        if sensor.mounted and sensor.frame != base
+    }
+    return tuple(found.values())
+
+
+def actor_transforms(scenario: Scenario, state: State) -> Transforms:
+    """Return world_from_actor of every actor, for the tf tree of a viewer."""
+    poses = floats(state.actors).reshape(-1, 7).tolist()
+    return Transforms(
+        tuple(
+            Transform(
+                stamp_nanos=state.stamp_nanos,
+                parent=WORLD_FRAME,
+                child=actor.name,
+                translation_m=(x, y, z),
+                rotation=(qx, qy, qz, qw),
+            )
+            for actor, (x, y, z, qx, qy, qz, qw) in zip(scenario.world.actors, poses, strict=False)
+        )
+    )

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Transforms of the tf tree that follow from the ground truth.
+
+Rule: odometry and truth in, transforms out, each as soon as the truth of its instant is known.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from groundlink.core.frames import conjugate, matrix_from_quaternion, multiply, nlerp
+from groundlink.messages.base import measured_nanos
+from groundlink.messages.navigation import Odometry, Transform
+
+WAITING = 1024
+"""Odometry that may wait for the truth of its instant, and truths that may be ahead of it: those of
+2.5 s at most."""
+
+
+class TopFromTruth:
+    """Where the top of a vehicle's tree is in the world: what an ideal localization says.
+
+    Parameters
+    ----------
+    parent, child
+        frames of the transforms.
+    alone
+        whether there is no odometry, so that `child` is the base itself.
+    """
+
+    def __init__(self, parent: str, child: str, *, alone: bool) -> None:
+        self._parent, self._child, self._alone = parent, child, alone
+        self._odometry: deque[Odometry] = deque(maxlen=WAITING)
+        self._truths: deque[Odometry] = deque(maxlen=WAITING)
+
+    def restart(self) -> None:
+        """Forget all."""
+        self._odometry.clear()
+        self._truths.clear()
+
+    def hear(self, role: str, message: Odometry) -> Iterator[tuple[int, Transform]]:
+        """Yield each odometry's instant with its transform, as soon as the truth of it is known."""
+        if role == "truth" and self._alone:
+            placed = message.position_m, message.orientation
+            yield (
+                message.stamp_nanos,
+                stamped(message.stamp_nanos, self._parent, self._child, *placed),
+            )
+            return
+        known = self._truths if role == "truth" else self._odometry
+        if known and measured_nanos(message) < measured_nanos(known[-1]):
+            self.restart()  # Time jumped back, as in a replay that loops.
+        known.append(message)
+        while self._odometry and self._truths:
+            odometry = self._odometry[0]
+            if self._truths[-1].stamp_nanos < measured_nanos(odometry):
+                return
+            self._odometry.popleft()
+            if self._truths[0].stamp_nanos <= measured_nanos(odometry):
+                yield measured_nanos(odometry), self._between(odometry)
+
+    def _between(self, odometry: Odometry) -> Transform:
+        """Return world_from_odom = world_from_base @ base_from_odom at an odometry's instant."""
+        at = measured_nanos(odometry)
+        while len(self._truths) > 1 and self._truths[1].stamp_nanos <= at:
+            self._truths.popleft()
+        before = self._truths[0]
+        after = before if before.stamp_nanos == at else self._truths[1]
+        span = after.stamp_nanos - before.stamp_nanos
+        fraction = np.float64((at - before.stamp_nanos) / span if span else 0.0)
+        first, second = np.array(before.position_m), np.array(after.position_m)
+        position = first + fraction * (second - first)
+        turned = nlerp(
+            np.array(before.orientation), np.array(after.orientation), np.array(fraction)
+        )
+        rotation = multiply(turned, conjugate(odometry.orientation))
+        moved = position - matrix_from_quaternion(rotation) @ np.array(odometry.position_m)
+        x, y, z = moved.tolist()
+        qx, qy, qz, qw = rotation.tolist()
+        return stamped(
+            *(odometry.stamp_nanos, self._parent, self._child, (x, y, z), (qx, qy, qz, qw))
+        )
+
+
+def stamped(
+    stamp_nanos: int,
+    parent: str,
+    child: str,
+    translation_m: tuple[float, float, float],
+    rotation: tuple[float, float, float, float],
+) -> Transform:
+    """Return parent_from_child at an instant."""
+    return Transform(
+        stamp_nanos=stamp_nanos,
+        parent=parent,
+        child=child,
+        translation_m=translation_m,
+        rotation=rotation,
+    )

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS 2 message definitions and the parts that many messages share.
+
+Rule: ROS is known by its definitions alone (`rosbags`), so no ROS is needed where this runs. No
+message of the bus is known here.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from groundlink.core.clock import NANOS
+from groundlink.messages.base import Quaternion, Vector3
+
+WHEEL_ENCODERS_DEFINITION = """\
+std_msgs/Header header
+string[] name
+int64[] ticks
+"""
+"""Fields of groundlink_msgs/msg/WheelEncoders; `ros/groundlink_msgs` has the documented file."""
+
+STORE = get_typestore(Stores.ROS2_KILTED)
+STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
+TYPES = STORE.types
+
+_FLOAT32 = struct.Struct("<f")
+
+
+def time(nanos: int) -> Any:
+    """Return builtin_interfaces/Time."""
+    return TYPES["builtin_interfaces/msg/Time"](sec=nanos // NANOS, nanosec=nanos % NANOS)
+
+
+def nanos(time: Any) -> int:
+    """Return the nanoseconds of a builtin_interfaces/Time."""
+    return int(time.sec) * NANOS + int(time.nanosec)
+
+
+def header(stamp_nanos: int, frame: str) -> Any:
+    """Return std_msgs/Header."""
+    return TYPES["std_msgs/msg/Header"](stamp=time(stamp_nanos), frame_id=frame)
+
+
+def vector(xyz: Vector3) -> Any:
+    """Return geometry_msgs/Vector3."""
+    return TYPES["geometry_msgs/msg/Vector3"](x=xyz[0], y=xyz[1], z=xyz[2])
+
+
+def quaternion(xyzw: Quaternion) -> Any:
+    """Return geometry_msgs/Quaternion."""
+    x, y, z, w = xyzw
+    return TYPES["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
+
+
+def pose(position_m: Vector3, orientation: Quaternion) -> Any:
+    """Return geometry_msgs/Pose."""
+    x, y, z = position_m
+    return TYPES["geometry_msgs/msg/Pose"](
+        position=TYPES["geometry_msgs/msg/Point"](x=x, y=y, z=z),
+        orientation=quaternion(orientation),
+    )
+
+
+def xyz(vector: Any) -> Vector3:
+    """Return the components of a Vector3 or a Point."""
+    return vector.x, vector.y, vector.z
+
+
+def xyzw(quaternion: Any) -> Quaternion:
+    """Return the components of a Quaternion."""
+    return quaternion.x, quaternion.y, quaternion.z, quaternion.w
+
+
+def float32(number: float) -> float:
+    """Return what a float32 field makes of a number; OverflowError where it holds none so large."""
+    rounded: float = _FLOAT32.unpack(_FLOAT32.pack(number))[0]
+    return rounded
+
+
+def array(packed: memoryview, dtype: Any) -> NDArray[Any]:
+    """Return the numbers of a bin, without a copy."""
+    return np.frombuffer(packed, dtype)

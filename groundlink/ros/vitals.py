@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A vehicle's vitals as a ROS message of its standard types: diagnostic_msgs/DiagnosticArray.
+
+Rule: one status; every figure is a pair of text, a contact or the battery is one too, with JSON as
+its value. So a recording plays where no message package of ours is built.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from groundlink.messages.vitals import BatteryState, Contact, Vitals
+
+from .statuses import OK, WARN, status, the_only
+from .types import header
+
+CONTACT_PREFIX = "contact "
+"""Before the touched thing's name in a pair's key."""
+
+_BATTERY = "battery"
+
+
+def vitals(message: Vitals) -> dict[str, Any]:
+    """Return the fields of a DiagnosticArray."""
+    facts: dict[str, object] = {
+        "tick": message.tick,
+        "motor_work_j": message.motor_work_j,
+        "braked_j": message.braked_j,
+    }
+    if message.battery:
+        facts[_BATTERY] = msgspec.json.encode(message.battery).decode()
+    for contact in message.contacts:
+        rest = {"force_n": contact.force_n, "tick": contact.tick, "ticks": contact.ticks}
+        facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
+    names = ", ".join(contact.name for contact in message.contacts)
+    told = status(
+        f"{message.vehicle}: vitals",
+        WARN if names else OK,
+        f"touches {names}" if names else "touches nothing",
+        facts,
+        hardware_id=message.vehicle,
+    )
+    return {"header": header(message.stamp_nanos, ""), "status": [told]}
+
+
+def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
+    """Return the vitals that a DiagnosticArray was filled with.
+
+    Raises
+    ------
+    ValueError
+        when it was not.
+    """
+    vehicle, facts = the_only(array)
+    contacts = tuple(
+        msgspec.convert(
+            {"name": key.removeprefix(CONTACT_PREFIX)} | msgspec.json.decode(value), Contact
+        )
+        for key, value in facts.items()
+        if key.startswith(CONTACT_PREFIX)
+    )
+    try:
+        tick, work, braked = (facts[name] for name in ("tick", "motor_work_j", "braked_j"))
+    except KeyError as error:
+        raise ValueError(f"no {error} among its values") from None
+    battery = msgspec.json.decode(facts[_BATTERY], type=BatteryState) if _BATTERY in facts else None
+    return Vitals(stamp_nanos, vehicle, int(tick), float(work), float(braked), contacts, battery)

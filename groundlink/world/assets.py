@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Big data of worlds (heights, meshes, pictures) in a folder of files named by their sha256.
+
+Rule: what is read is what was kept: a file whose content does not have its name's digest is taken
+for missing. Nothing here knows what an asset holds. The folder is a cache: whoever loads a scenario
+from its files fills it again, so it may be deleted while no run needs it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import mmap
+import os
+import tempfile
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
+
+from groundlink.core.errors import UserError
+
+Digest = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
+"""The sha256 of an asset's content, in hexadecimal: its name."""
+
+VARIABLE = "GROUNDLINK_ASSETS"
+
+
+class MissingAsset(UserError):
+    """An asset is not in the store."""
+
+
+def store() -> Path:
+    """Return the folder of the assets, which may not exist yet."""
+    if given := os.environ.get(VARIABLE):
+        return Path(given)
+    cache = os.environ.get("XDG_CACHE_HOME")
+    return (Path(cache) if cache else Path.home() / ".cache") / "groundlink" / "assets"
+
+
+def keep(content: bytes) -> str:
+    """Put an asset in the store and return its digest.
+
+    Raises
+    ------
+    UserError
+        when the folder cannot be written.
+    """
+    digest = hashlib.sha256(content).hexdigest()
+    file = store() / digest
+    if has(digest):
+        return digest
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        # Under its name there is all of it or nothing, whoever else writes or is killed.
+        with tempfile.NamedTemporaryFile(dir=file.parent, prefix=".", delete=False) as part:
+            part.write(content)
+        os.replace(part.name, file)
+    except OSError as error:
+        raise UserError(
+            f"cannot write assets to {file.parent}: {(error.strerror or str(error)).lower()}; "
+            f"name another folder in {VARIABLE}"
+        ) from None
+    return digest
+
+
+def has(digest: str) -> bool:
+    """Return whether the store holds an asset, whole."""
+    try:
+        mapped(digest)
+    except MissingAsset:
+        return False
+    return True
+
+
+def missing(digests: Iterable[str]) -> list[str]:
+    """Return those of the assets that the store does not hold."""
+    return [digest for digest in dict.fromkeys(digests) if not has(digest)]
+
+
+def read(digest: str) -> bytes:
+    """Return an asset's content.
+
+    Raises
+    ------
+    MissingAsset
+        when the store does not hold it.
+    """
+    return bytes(mapped(digest))
+
+
+def mapped(digest: str) -> memoryview:
+    """Return an asset's content, read-only, from the file's pages and not from copies of them.
+
+    Raises
+    ------
+    MissingAsset
+        when the store does not hold it.
+    """
+    content: memoryview | None = None
+    with suppress(OSError), (store() / digest).open("rb") as file:
+        size = os.fstat(file.fileno()).st_size  # Nothing cannot be mapped.
+        content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if size else b"")
+    if content is None or hashlib.sha256(content).hexdigest() != digest:
+        raise MissingAsset(
+            f"the world's data {digest[:12]} are not in {store()}; load the scenario from its "
+            f"files on this machine once, or copy that folder from where the run was"
+        )
+    return content

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folders of credentials, and the certificates in them."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.x509.oid import NameOID
+
+from groundlink.bus import credentials
+from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
+from groundlink.core.errors import UserError
+from groundlink.deploy.certificates import Authority
+
+NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    authority = Authority(NOW)
+    pem = authority.certify("rover/imu")
+    (tmp_path / AUTHORITY).write_bytes(authority.certificate)
+    (tmp_path / CERTIFICATE).write_bytes(pem.certificate)
+    (tmp_path / KEY).write_bytes(pem.key)
+    (tmp_path / ABOUT).write_text(about_text("rover/imu"))
+    return tmp_path
+
+
+def test_a_certificate_names_its_process_and_was_signed_by_the_authority() -> None:
+    authority = Authority(NOW)
+    signer = x509.load_pem_x509_certificate(authority.certificate)
+    own = x509.load_pem_x509_certificate(authority.certify("rover/imu").certificate)
+    own.verify_directly_issued_by(signer)
+    assert own.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == "rover/imu"
+    other = x509.load_pem_x509_certificate(Authority(NOW).certificate)
+    with pytest.raises(InvalidSignature):
+        own.verify_directly_issued_by(other)
+
+
+def test_only_a_server_has_names_of_hosts() -> None:
+    authority = Authority(NOW)
+    server = x509.load_pem_x509_certificate(authority.certify("router", ["::1", "sim"]).certificate)
+    names = server.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert names.get_values_for_type(x509.DNSName) == ["sim"]
+    client = x509.load_pem_x509_certificate(authority.certify("rover/imu").certificate)
+    with pytest.raises(x509.ExtensionNotFound):
+        client.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+
+
+def test_without_the_variable_there_are_none() -> None:
+    assert credentials.from_environment({}) is None
+
+
+def test_both_ends_show_their_certificate(folder: Path) -> None:
+    found = credentials.from_environment({VARIABLE: str(folder)})
+    assert found is not None
+    tls = found.settings()["transport/link/tls"]
+    assert tls["enable_mtls"]
+    assert tls["verify_name_on_connect"]
+    assert tls["connect_private_key"] == str(folder / KEY)
+    assert "access_control" not in found.settings()
+
+
+def test_a_routers_folder_holds_its_rules(folder: Path) -> None:
+    (folder / ABOUT).write_text(about_text("router", {"enabled": True}))
+    assert credentials.Credentials(folder).settings()["access_control"] == {"enabled": True}
+
+
+def test_another_processs_folder_is_refused(folder: Path) -> None:
+    found = credentials.Credentials(folder)
+    found.check("rover/imu")
+    with pytest.raises(UserError, match=r"of `rover/imu`, and this is `rover/lidar`"):
+        found.check("rover/lidar")
+
+
+@pytest.mark.parametrize("name", [AUTHORITY, CERTIFICATE, KEY, ABOUT])
+def test_a_folder_that_is_not_whole_says_what_is_missing(folder: Path, name: str) -> None:
+    (folder / name).unlink()
+    with pytest.raises(UserError, match=f"{name}.*groundlink secure"):
+        credentials.Credentials(folder)
+
+
+def test_a_broken_file_is_one_line(folder: Path) -> None:
+    (folder / ABOUT).write_text(json.dumps({"process": 3}))
+    with pytest.raises(UserError, match=r"about\.json: .*str"):
+        credentials.Credentials(folder)

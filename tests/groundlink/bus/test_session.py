@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bus over real Zenoh: one router, clients, everything on this host's loopback."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus, BusError
+from groundlink.bus.topics import Delivery
+from groundlink.messages.base import POINT, Clock, PointCloud, packed
+
+KEY = "groundlink/test/thing"
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 10) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with Bus(listen=endpoint):
+        yield endpoint
+
+
+def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: Inbox[Clock] = Inbox(depth=1000)
+        receiver.subscribe(KEY, Clock, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL)
+
+        def arrived() -> bool:
+            publish(Clock(0, 0, -1, 0))
+            return len(inbox) > 0
+
+        wait_for(arrived)
+        for tick in range(500):
+            publish(Clock(tick, 0, tick, 0))
+        ticks = [-1]
+        while ticks[-1] != 499:
+            message = inbox.get(seconds=10)
+            assert message is not None
+            assert message[0] == KEY
+            ticks.append(message[1].tick)
+        assert [tick for tick in ticks if tick >= 0] == list(range(500))
+
+
+def test_one_subscription_keeps_the_order_of_all_keys(endpoint: str) -> None:
+    """Large and small messages, over keys of their own, as a sensor's readings and its words."""
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: Inbox[PointCloud | Clock] = Inbox(depth=10_000)
+        cloud_key, clock_key = "groundlink/test/a/cloud", "groundlink/test/b/clock"
+        types = {cloud_key: PointCloud, clock_key: Clock}
+        receiver.subscribe_in_order("groundlink/test/**", lambda key: types.get(key), inbox)
+        tell = sender.publisher(clock_key, Delivery.ALL)
+        show = sender.publisher(cloud_key, Delivery.ALL)
+        pass_over = sender.publisher("groundlink/test/c", Delivery.ALL)
+
+        def arrived() -> bool:
+            tell(Clock(0, 0, -1, 0))
+            return len(inbox) > 0
+
+        wait_for(arrived)
+        for tick in range(300):
+            points = np.zeros(1 + tick % 7 * 9_000, POINT)
+            show(PointCloud(stamp_nanos=tick, frame="", points=packed(points)))
+            pass_over(Clock(0, 0, tick, 0))
+            tell(Clock(tick, 0, tick, 0))
+        came = []
+        while got := inbox.get(seconds=5):
+            message = got[1]
+            if not isinstance(message, Clock) or message.tick >= 0:
+                came.append((message.stamp_nanos, type(message)))
+            if came and came[-1] == (299, Clock):
+                break
+        assert came == [(tick, kind) for tick in range(300) for kind in (PointCloud, Clock)]
+        assert inbox.refused == 0
+
+
+def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
+    points = np.frombuffer(np.random.default_rng(1).bytes(57_600 * POINT.itemsize), POINT)
+    cloud = PointCloud(7, "lidar_link", packed(points))
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: Inbox[PointCloud] = Inbox(depth=10)
+        receiver.subscribe(KEY, PointCloud, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL)
+
+        def arrived() -> bool:
+            publish(cloud)
+            return len(inbox) > 0
+
+        wait_for(arrived)
+        message = inbox.get(seconds=1)
+        assert message is not None
+        assert bytes(message[1].points) == points.tobytes()
+
+
+def test_questions_are_answered_in_order_and_with_parameters(endpoint: str) -> None:
+    with Bus(connect=endpoint) as server, Bus(connect=endpoint) as asker:
+        server.serve(KEY, lambda words: [f"{i} {words}".encode() for i in range(12)])
+        wait_for(lambda: asker.ask(KEY, "rover/imu", seconds=2))
+        replies = asker.ask(KEY, "rover/imu", seconds=2)
+        assert list(replies.values()) == [f"{i} rover/imu".encode() for i in range(12)]
+        assert asker.ask("groundlink/test/nobody", seconds=0.5) == {}
+
+
+def test_a_long_answer_comes_whole_and_in_order_to_who_answers_questions_too(endpoint: str) -> None:
+    states = [b"%d" % number for number in range(1025)]
+    with Bus(connect=endpoint) as answering, Bus(connect=endpoint) as asking:
+        answering.serve(KEY, lambda _: states)
+        asking.serve(f"{KEY}/of_its_own", lambda _: [])
+        assert list(asking.ask(KEY, seconds=10).values()) == states
+
+
+def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:
+    changes: list[tuple[str, bool]] = []
+    with Bus(connect=endpoint) as watcher:
+        watcher.watch("groundlink/test/health/**", lambda key, there: changes.append((key, there)))
+        with Bus(connect=endpoint) as process:
+            process.announce("groundlink/test/health/rover/imu")
+            wait_for(lambda: ("groundlink/test/health/rover/imu", True) in changes)
+            there = {"groundlink/test/health/rover/imu"}
+            wait_for(lambda: watcher.present("groundlink/test/health/**", seconds=2) == there)
+        wait_for(lambda: ("groundlink/test/health/rover/imu", False) in changes)
+        assert watcher.present("groundlink/test/health/**", seconds=2) == set()
+
+
+@pytest.mark.parametrize("text", ["localhost:7447", "tcp/host", "tcp/host:port", "tcp/ :1"])
+def test_what_is_no_endpoint_is_named(text: str) -> None:
+    with pytest.raises(BusError, match=r"no endpoint; expected one like tcp/HOST:7447"):
+        Bus(connect=text)
+
+
+def test_a_port_in_use_is_named(endpoint: str) -> None:
+    with pytest.raises(BusError, match=f"{endpoint} is in use"):
+        Bus(listen=endpoint)
+
+
+def test_links_that_had_to_be_made_again_are_counted(endpoint: str) -> None:
+    again = endpoint.replace("127.0.0.1", "127.0.0.2")
+    router = Bus(listen=again)
+    with Bus(connect=again) as bus:
+        assert bus.links_made() == 0
+        router.close()
+        wait_for(lambda: not bus.is_linked())
+        with Bus(listen=again) as router:
+            wait_for(lambda: bus.is_linked() and bus.links_made() == 1)
+            assert router.links_made() == 0

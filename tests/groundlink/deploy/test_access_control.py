@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may say what: the grants against the tables of topics and questions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from groundlink.bus.queries import control_key, faults_key, link_key
+from groundlink.bus.topics import COMMAND, IMU, JOINT_COMMAND, STATE, WHEEL_COMMAND, process_names
+from groundlink.deploy.access_control import OPERATOR, access_control, grants
+from groundlink.scenario import Scenario, load
+
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
+
+
+@pytest.fixture
+def tour() -> Scenario:
+    """The default scenario with a driver."""
+    return load(SCENARIOS / "indoor_lab_tour.yaml")
+
+
+def who_says(scenario: Scenario, key: str) -> set[str]:
+    return {process for process, grant in grants(scenario) if key in grant.says}
+
+
+def test_every_process_of_a_run_is_granted_something(tour: Scenario) -> None:
+    assert {process for process, _ in grants(tour)} > set(process_names(tour))
+
+
+def test_physics_alone_says_where_things_are(tour: Scenario) -> None:
+    assert who_says(tour, STATE.key_in("*")) == {"physics"}
+
+
+def test_a_sensor_alone_says_its_readings(tour: Scenario) -> None:
+    assert who_says(tour, IMU.key_in("*", vehicle="rover", sensor="imu")) == {"rover/imu"}
+
+
+def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None:
+    own = COMMAND.key_in("*", vehicle="rover")
+    assert who_says(tour, own) == {"rover/driver"}
+    for row in (COMMAND, WHEEL_COMMAND, JOINT_COMMAND):
+        assert who_says(tour, row.key_in("*")) == {"gateway", OPERATOR}
+
+
+@pytest.mark.parametrize(
+    ("key", "process"),
+    [
+        (control_key("*"), "physics"),
+        (link_key("*"), "gateway"),
+        (faults_key("*", "rover/imu"), "rover/imu"),
+    ],
+)
+def test_a_question_is_answered_by_the_process_that_knows(
+    tour: Scenario, key: str, process: str
+) -> None:
+    assert {name for name, grant in grants(tour) if key in grant.answers} == {process}
+    rules = {rule["id"]: rule for rule in access_control(tour)["rules"]}
+    answering = rules[f"{process} answers"]
+    assert f"{key}/**" in answering["key_exprs"]
+    assert set(answering["messages"]) == {"declare_queryable", "reply"}
+
+
+def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> None:
+    control = access_control(tour)
+    assert control["default_permission"] == "deny"
+    used = {rule for policy in control["policies"] for rule in policy["rules"]}
+    assert used == {rule["id"] for rule in control["rules"]}
+    assert all(rule["permission"] == "allow" for rule in control["rules"])
+
+
+def test_the_gateway_tells_physics_what_ros_wishes_and_no_other_process_may(tour: Scenario) -> None:
+    policies = access_control(tour)["policies"]
+    assert [p["subjects"] for p in policies if "wish" in p["rules"]] == [["gateway"]]
+
+
+def test_only_the_operator_may_ask_anything(tour: Scenario) -> None:
+    policies = access_control(tour)["policies"]
+    assert [p["subjects"] for p in policies if "operate" in p["rules"]] == [[OPERATOR]]
+
+
+def test_what_each_process_may_ask_is_what_the_rules_name_and_no_more(tour: Scenario) -> None:
+    control = access_control(tour)
+    asks = {r["id"]: r["key_exprs"] for r in control["rules"] if r["messages"] == ["query"]}
+    assert asks == {
+        "ask": [
+            *(f"groundlink/*/{what}/**" for what in ("scenario", "assets", "state/history")),
+            "groundlink/*/journal/**",
+        ],
+        "wish": ["groundlink/*/control/**"],
+        "operate": ["groundlink/**"],
+    }
+    for policy in control["policies"]:
+        (process,) = policy["subjects"]
+        more = {OPERATOR: {"operate"}, "gateway": {"wish"}}.get(process, set())
+        assert asks.keys() & set(policy["rules"]) == {"ask"} | more

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is waited for has every state, whatever the bus loses; the bus is stood in for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import pytest
+
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import STATE
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Ack, State, encode
+from groundlink.process.state_follower import Follower, follow_states
+
+LIFE = 5
+ACK_TICKS = 4
+
+
+def state(tick: int, life: int = LIFE) -> State:
+    return State("run", life, 0, tick, tick * TICK_NANOS, "hash", {})
+
+
+@dataclass
+class Taker:
+    """Writes down what it gets, and acknowledges as a sensor does."""
+
+    taken: list[int] = field(default_factory=list)
+    resumed: int = 0
+    tick: int = -1
+    acknowledged_tick: int = -1
+
+    def resume(self, ack: Ack) -> None:
+        self.resumed += 1
+        self.tick = self.acknowledged_tick = ack.tick
+
+    def take(self, state: State, waiting: int = 0) -> None:
+        if state.tick > self.tick or not state.tick:
+            self.tick = state.tick
+            self.taken.append(state.tick)
+            if not state.tick % ACK_TICKS:
+                self.acknowledged_tick = state.tick
+
+
+class Physics:
+    """Serves what it has told, and knows what it was told."""
+
+    def __init__(self, told: Sequence[State], acknowledged: int) -> None:
+        self.told, self.acknowledged = told, acknowledged
+        self.asked = 0
+
+    def ask(self, key: str, name: str, *, seconds: float) -> dict[str, bytes]:
+        self.asked += 1
+        if self.asked == 1:
+            return {}  # at the start there was nothing yet
+        ack = Ack(LIFE, self.acknowledged, self.acknowledged)
+        kept = [ack, *(one for one in self.told if one.tick > self.acknowledged)]
+        return {str(number): encode(message) for number, message in enumerate(kept)}
+
+    def subscribe(self, key: str, message: Any, inbox: Any) -> None:
+        assert key == STATE.key_in("run")
+        for one in self.arriving:
+            inbox.put(key, encode(one), message)
+
+    arriving: Sequence[State] = ()
+
+    def publisher(self, key: str, delivery: object) -> Callable[[object], None]:
+        return lambda message: None
+
+    def announce(self, key: str) -> None: ...
+
+    def is_linked(self) -> bool:
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("groundlink.core.backoff.QUIET_SECONDS", 0.05)
+
+
+def follow(physics: Physics, taker: Taker, ended: Callable[[], bool], *, waited_for: bool) -> None:
+    followers = [Follower("rover/imu", taker, lambda: {"refused": 0})]
+    follow_states(cast(Bus, physics), "run", followers, ended, waited_for=waited_for)
+
+
+def until(condition: Callable[[], bool], most: int = 30) -> Callable[[], bool]:
+    left = iter(range(most))
+    return lambda: condition() or next(left, None) is None
+
+
+@pytest.mark.parametrize("waited_for", [True, False])
+def test_states_that_got_lost_in_between(waited_for: bool) -> None:
+    physics, taker = Physics([state(tick) for tick in range(8)], acknowledged=0), Taker()
+    physics.arriving = [state(tick) for tick in (0, 1, 5, 6, 7)]
+    follow(physics, taker, until(lambda: taker.tick == 7), waited_for=waited_for)
+    if waited_for:
+        assert taker.taken == [0, 1, *range(1, 8)], "from the last acknowledgement on, and all"
+    else:
+        assert taker.taken == [0, 1, 5, 6, 7]
+
+
+def test_the_last_states_got_lost_and_no_other_will_come() -> None:
+    physics, taker = Physics([state(tick) for tick in range(8)], acknowledged=0), Taker()
+    physics.arriving = [state(0), state(1)]
+    follow(physics, taker, until(lambda: taker.tick == 7), waited_for=True)
+    assert taker.taken[-7:] == [*range(1, 8)]
+
+
+def test_an_acknowledgement_got_lost() -> None:
+    physics, taker = Physics([state(tick) for tick in range(6)], acknowledged=0), Taker()
+    physics.arriving = [state(tick) for tick in range(6)]
+    follow(physics, taker, until(lambda: taker.resumed > 0), waited_for=True)
+    assert taker.resumed == 1
+    assert taker.acknowledged_tick == 4
+
+
+def test_the_first_state_of_a_life_got_lost() -> None:
+    physics, taker = Physics([state(0)], acknowledged=-1), Taker()
+    taker.tick = taker.acknowledged_tick = 300  # of another one
+    follow(physics, taker, until(lambda: taker.taken[-1:] == [0]), waited_for=True)
+    assert taker.taken[-1] == 0
+
+
+def test_who_has_all_in_a_run_that_stands_is_left_alone() -> None:
+    physics, taker = Physics([state(tick) for tick in range(6)], acknowledged=4), Taker()
+    physics.arriving = [state(tick) for tick in range(6)]
+    follow(physics, taker, until(lambda: physics.asked > 2), waited_for=True)
+    assert physics.asked > 2
+    assert taker.resumed == 0
+    assert taker.taken == [*range(6)]

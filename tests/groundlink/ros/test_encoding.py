@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of the bus become ROS messages, byte for byte, and those from ROS come back."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from importlib import import_module
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from groundlink.messages.base import BadMessage, Clock, Command, Message, packed
+from groundlink.messages.imagery import Range
+from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.encoding import ROS_FORMS, to_cdr
+from groundlink.ros.incoming import READERS, reader
+from groundlink.scenario.ros_side import RosType
+from tests.udp_bridge.vectors import FOLDER, load
+from tests.vectors.examples import EXAMPLES, SUBSCRIBE, fields
+from udp_bridge import Reassembler
+from udp_bridge.control import Subscribe
+from udp_bridge.types import MSG_TYPES
+
+OLDER_STORE = get_typestore(Stores.ROS2_JAZZY)
+INCOMING = ("pose", "odometry", "map")
+TWIST = "geometry_msgs/msg/Twist"
+PATH = "nav_msgs/msg/Path"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+
+
+def body(name: str) -> bytes:
+    reassembler = Reassembler()
+    messages = [reassembler.receive(datagram, "", 0) for datagram in load(name).datagrams]
+    assert messages[-1] is not None
+    return bytes(messages[-1].body)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_bytes_are_those_of_the_vector(name: str) -> None:
+    assert bytes(to_cdr(EXAMPLES[name].message)) == body(name)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_fields_are_those_of_the_vector(name: str) -> None:
+    meaning = json.loads((FOLDER / f"{name}.json").read_text())["messages"][0]["fields"]
+    assert fields(body(name), type(EXAMPLES[name].message)) == meaning
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of what rclpy imports
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_ros_itself_reads_and_writes_the_same(name: str) -> None:
+    serialization = pytest.importorskip("rclpy.serialization", reason="no ROS 2 here")
+    package, kind, type_name = ROS_FORMS[type(EXAMPLES[name].message)].ros_type.split("/")
+    message_class = getattr(import_module(f"{package}.{kind}"), type_name)
+    message = serialization.deserialize_message(body(name), message_class)
+    # Behind an empty sequence of float64 rclpy leaves the gap before numbers that are not there.
+    again = serialization.serialize_message(message)[: len(body(name))]
+    message_type = type(EXAMPLES[name].message)
+    assert fields(again, message_type) == fields(body(name), message_type)
+
+
+def test_the_subscribe_vector_is_what_it_says() -> None:
+    assert Subscribe.parse(body("subscribe")) == SUBSCRIBE
+
+
+def test_every_type_of_the_wire_is_on_the_bus() -> None:
+    of_ros = {row.ros_type for row in MSG_TYPES.values() if row.ros_type}
+    assert of_ros == {form.ros_type for form in ROS_FORMS.values()} | {TWIST, TWIST_STAMPED, PATH}
+    from_ros = {r.ros_type for r in MSG_TYPES.values() if r.ros_type and r.direction != "to ROS"}
+    assert from_ros == {*READERS, PATH}
+    may_be_wished = {name.replace("/", "/msg/") for name in get_args(RosType)}
+    assert may_be_wished == of_ros - {"rosgraph_msgs/msg/Clock"}
+
+
+def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:
+    read = reader(Relayed, PATH)
+    assert read(body("path"), 7) == Relayed(7, PATH, memoryview(body("path")))
+    assert bytes(to_cdr(read(body("path"), 7))) == body("path")
+    for wrong_one in (body("path")[:-9], b"", body("pose")):
+        with pytest.raises(BadMessage, match="not a nav_msgs/msg/Path"):
+            read(wrong_one, 7)
+
+
+@pytest.mark.parametrize("name", INCOMING)
+def test_what_went_out_comes_back(name: str) -> None:
+    message = EXAMPLES[name].message
+    assert READERS[ROS_FORMS[type(message)].ros_type](body(name), 1) == message
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Clock(2**62, 0, 0, 0),
+        Range(0, "f", "infrared", 1e300, 0.0, 1.0, 0.5, 0.0),
+    ],
+    ids=["a stamp after 2038", "beyond float32"],
+)
+def test_what_no_ros_type_holds_is_refused(message: Message) -> None:
+    with pytest.raises(BadMessage, match=r"no .* holds this"):
+        to_cdr(message)
+
+
+def wrong(message: Any, **changes: Any) -> bytes:
+    """Return a message's body with values that the schema of the bus has no word against."""
+    plain = {name: getattr(message, name) for name in message.__struct_fields__}
+    return bytes(to_cdr(type(message)(**(plain | changes))))
+
+
+POSE, ODOMETRY, MAP = (EXAMPLES[name].message for name in INCOMING)
+BAD_COVARIANCE = packed(np.full(36, np.nan))
+REFUSED = [
+    (POSE, wrong(POSE, position_m=(0.0, math.nan, 0.0)), "finite"),
+    (POSE, wrong(POSE, orientation=(0.0, 0.0, 0.0, 0.0)), "orientation"),
+    (POSE, wrong(POSE, orientation=(math.inf, 0.0, 0.0, 0.0)), "orientation"),
+    (POSE, wrong(POSE, frame="x" * 300), "frame"),
+    (ODOMETRY, wrong(ODOMETRY, linear_mps=(math.inf, 0.0, 0.0)), "finite"),
+    (ODOMETRY, wrong(ODOMETRY, twist_covariance=BAD_COVARIANCE), "finite"),
+    (ODOMETRY, wrong(ODOMETRY, child_frame="x" * 300), "frame"),
+    (MAP, wrong(MAP, resolution_m=math.nan), "finite"),
+    (MAP, wrong(MAP, resolution_m=0.0), "resolution"),
+    (MAP, wrong(MAP, origin_orientation=(0.0, 0.0, 0.0, 2.0)), "orientation"),
+]
+
+
+@pytest.mark.parametrize(("message", "bad", "why"), REFUSED, ids=lambda x: str(x)[:20])
+def test_what_makes_no_sense_is_refused(message: Message, bad: bytes, why: str) -> None:
+    with pytest.raises(BadMessage, match=why):
+        READERS[ROS_FORMS[type(message)].ros_type](bad, 0)
+
+
+def test_a_map_whose_sizes_disagree_is_refused() -> None:
+    store = OLDER_STORE
+    grid: Any = store.deserialize_cdr(body("map"), "nav_msgs/msg/OccupancyGrid")
+    for width in (29, 31, 2**32 - 1):
+        info = replace(grid.info, width=width)
+        bad = store.serialize_cdr(replace(grid, info=info), "nav_msgs/msg/OccupancyGrid")
+        with pytest.raises(BadMessage, match="cells"):
+            READERS["nav_msgs/msg/OccupancyGrid"](bad, 0)
+
+
+def test_an_orientation_of_few_digits_becomes_unit_length() -> None:
+    rough = wrong(POSE, orientation=(0.0, 0.0, 0.601, 0.8))
+    pose = READERS["geometry_msgs/msg/PoseStamped"](rough, 0)
+    assert isinstance(pose, PoseStamped)
+    assert math.hypot(*pose.orientation) == pytest.approx(1.0, abs=1e-12)
+
+
+@given(data=st.data(), ros_type=st.sampled_from(sorted({*READERS, PATH})))
+def test_garbled_bodies_raise_nothing_else(data: st.DataObject, ros_type: str) -> None:
+    whole = {
+        "geometry_msgs/msg/PoseStamped": body("pose"),
+        "nav_msgs/msg/Odometry": body("odometry"),
+        "nav_msgs/msg/OccupancyGrid": body("map"),
+        PATH: body("path"),
+        TWIST: b"\0\1\0\0" + bytes(48),
+        TWIST_STAMPED: body("twist-stamped"),
+        "sensor_msgs/msg/JointState": body("joint-state"),
+    }[ros_type]
+    garbled = bytearray(whole)
+    for _ in range(data.draw(st.integers(0, 4))):
+        at = data.draw(st.integers(0, max(0, len(garbled) - 1)))
+        garbled[at : at + data.draw(st.integers(0, 8))] = data.draw(st.binary(max_size=8))
+    cut = data.draw(st.integers(0, len(garbled)))
+    read = READERS.get(ros_type) or reader(Relayed, ros_type)
+    try:
+        message = read(bytes(garbled[cut:] if data.draw(st.booleans()) else garbled), 7)
+    except BadMessage:
+        return
+    assert isinstance(
+        message, Command | JointState | PoseStamped | Odometry | OccupancyGrid | Relayed
+    )

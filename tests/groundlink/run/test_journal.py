@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was saved is what is read, and all else is told in one line."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
+from groundlink.messages.control import Remove, Spawn
+from groundlink.messages.navigation import JointState
+from groundlink.run import journal as module
+from groundlink.run.journal import (
+    BLOCK_ENTRIES,
+    Changed,
+    Commanded,
+    JointsCommanded,
+    Journal,
+    JournalError,
+    Machine,
+    WheelsCommanded,
+    acting_before,
+    dumped,
+    encode_entry,
+    is_saved_run,
+    loaded,
+    parts,
+    read,
+    state_digest,
+    this_machine,
+    write,
+)
+from groundlink.scenario import load
+from groundlink.scenario.spawned import KINDS
+
+SCENARIO = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
+
+ENTRIES = (
+    Commanded(0, "rover", Command(2_500_000, (0.5, 0.0, 0.0), (0.0, 0.0, -0.25))),
+    WheelsCommanded(3, "rover", WheelCommand(7_500_000, {"wheel": 1.5}, {"fork": 0.1})),
+    JointsCommanded(
+        4, "tank", JointState(10_000_000, "", ("gun",), *3 * (packed(np.array([0.1])),))
+    ),
+    Changed(3, Spawn(KINDS["person"])),
+    Changed(9, Remove("person")),
+)
+
+SAVED = Journal(
+    made_on=this_machine(),
+    run="run",
+    life=7,
+    epoch_nanos=10**18,
+    scenario=SCENARIO,
+    tick=40,
+    digest="0" * 64,
+    entries=tuple(map(encode_entry, ENTRIES)),
+    acks={"rover/imu": Ack(7, 39, 30, b"memory", {"rover": 48})},
+)
+
+
+def test_what_is_read_is_what_was_saved() -> None:
+    found = loaded(dumped(SAVED), "file")
+    assert found == SAVED
+    assert tuple(found.read()) == ENTRIES
+
+
+@pytest.mark.parametrize("count", [0, 1, BLOCK_ENTRIES, 3 * BLOCK_ENTRIES + 1])
+def test_any_number_of_entries_is_kept_in_order(count: int) -> None:
+    entries = tuple(encode_entry(Changed(i, Remove("x"))) for i in range(count))
+    assert loaded(dumped(replace(SAVED, entries=entries)), "file").entries == entries
+
+
+def test_it_travels_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PART_BYTES", 100)
+    content = dumped(SAVED)
+    assert b"".join(parts(content)) == content
+    assert max(map(len, parts(content))) == 100
+
+
+def test_a_journal_goes_on_where_an_earlier_one_ends() -> None:
+    first = replace(SAVED, tick=5, entries=SAVED.entries[:3])
+    rest = replace(SAVED, entries=SAVED.entries[3:], left_out=3)
+    assert first.followed_by(rest) == SAVED
+    for other in (replace(rest, life=8), replace(rest, left_out=4)):
+        with pytest.raises(ValueError, match="continuation"):
+            first.followed_by(other)
+
+
+def foreign(version: int, body: bytes) -> bytes:
+    digest = hashlib.sha256(body).hexdigest()
+    return f"groundlink journal {version} {digest}\n".encode() + body
+
+
+GOOD = dumped(SAVED)
+BODY = GOOD[GOOD.index(b"\n") + 1 :]
+
+WRONG = {
+    "empty": (b"", "file: no saved run; expected a file that `groundlink save` wrote"),
+    "foreign": (b"name: lab\nworld: x\n", "no saved run"),
+    "binary": (bytes(range(256)), "no saved run"),
+    "first line alone": (GOOD[:19], "no saved run"),
+    "cut off": (GOOD[:-1], "cut off or damaged"),
+    "longer": (GOOD + b"x", "cut off or damaged"),
+    "damaged": (GOOD[:-9] + b"x" + GOOD[-8:], "cut off or damaged"),
+    "newer": (
+        foreign(2, BODY),
+        "file: a saved run of format 2; this version of Groundlink reads format 1, so restore it "
+        "by the one that saved it",
+    ),
+    "no blocks": (foreign(1, b""), "saved by a version of Groundlink"),
+    "half a length": (foreign(1, b"\0"), "saved by a version of Groundlink"),
+    "not compressed": (foreign(1, b"\1\0\0\0x"), "saved by a version of Groundlink"),
+    "other entries": (
+        dumped(replace(SAVED, entries=(b"\x93\xa4warp\0\0",))),
+        "saved by a version of Groundlink",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_no_saved_run_is_told_in_one_line(name: str) -> None:
+    content, told = WRONG[name]
+    with pytest.raises(JournalError) as caught:
+        loaded(content, "file")
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    file = tmp_path / "a.run"
+    write(file, GOOD)
+    write(file, GOOD + b"more")
+    assert read(file) == GOOD + b"more"
+    assert list(tmp_path.iterdir()) == [file]
+    assert is_saved_run(file)
+
+
+def test_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+    nowhere = tmp_path / "none" / "a.run"
+    with pytest.raises(UserError, match=r"cannot write .*: no such file or directory"):
+        write(nowhere, GOOD)
+    with pytest.raises(JournalError, match=r"cannot read .*: no such file or directory"):
+        read(nowhere)
+    with pytest.raises(UserError, match="is a directory"):
+        write(tmp_path, GOOD)
+    assert list(tmp_path.iterdir()) == []
+    assert not is_saved_run(nowhere)
+    assert not is_saved_run(tmp_path)
+
+
+def test_a_machine_says_what_it_has_otherwise() -> None:
+    here, there = Machine("one", {"a": "1", "b": "2"}), Machine("two", {"a": "1", "b": "3"})
+    assert here.unlike(here) == ""
+    assert here.unlike(there) == "one, b 2"
+    assert this_machine().versions.keys() >= {"python", "pybullet", "numpy"}
+
+
+def test_a_state_has_one_digest_in_every_life() -> None:
+    state = State("run", 1, 5, 3, 7_500_000, "hash", {})
+    assert state_digest(state) == state_digest(replace(state, run="b", life=2, epoch_nanos=6))
+    assert state_digest(state) != state_digest(replace(state, tick=4))
+
+
+def test_who_was_taken_out_is_there_no_more() -> None:
+    assert SAVED.still_there() == SCENARIO
+    gone = encode_entry(Changed(12, Remove("rover")))
+    assert replace(SAVED, entries=(gone,)).still_there().vehicles == ()
+
+
+def test_what_acts_before_a_tick_does_not_depend_on_when_it_came() -> None:
+    def commanded(came: int, acts: int, vehicle: str = "rover") -> bytes:
+        command = Command(acts * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        return encode_entry(Commanded(came, vehicle, command))
+
+    came = [commanded(0, 8), commanded(0, 8, "a"), commanded(3, 16), commanded(20, 16)]
+    later = [commanded(5, 8), commanded(5, 8, "a"), commanded(16, 16), commanded(20, 16)]
+    earlier, rest = acting_before(20, came)
+    assert earlier == (commanded(8, 8, "a"), commanded(8, 8), commanded(16, 16))
+    assert rest == (commanded(20, 16),)  # as late as it came
+    assert acting_before(20, reversed(later[:2]))[0] == earlier[:2]
+    assert acting_before(20, later) == (earlier, rest)
+
+
+def test_a_command_is_not_moved_beyond_a_change_of_the_world() -> None:
+    command = Command(40 * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    removed = encode_entry(Changed(9, Remove("rover")))
+    entries = (encode_entry(Commanded(5, "rover", command)), removed)
+    moved = encode_entry(Commanded(9, "rover", command))
+    assert acting_before(10, entries) == ((moved, removed), ())
+    assert acting_before(9, entries) == ((), entries)

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `groundlink check` says of sizes is what the bridge does and what sensors send."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from groundlink.cli.check import check
+from groundlink.core.errors import UserError
+from groundlink.messages.base import packed
+from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
+from groundlink.messages.imagery import Image
+from groundlink.ros.encoding import to_cdr
+from groundlink.scenario import load
+from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
+from groundlink.scenario.load import SHIPPED
+from groundlink.scenario.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
+from groundlink.scenario.ros_side import Gateway
+from groundlink.scenario.sensors import Lidar
+from udp_bridge.fragments import TooLarge, plan
+from udp_bridge.message import Message
+
+LAB = SHIPPED / "indoor_lab.yaml"
+SCENARIO = load(LAB)
+ROVER = SCENARIO.vehicles[0]
+LIDAR = ROVER.sensors[0]
+assert isinstance(LIDAR, Lidar)
+
+GATEWAYS = [
+    Gateway(),
+    Gateway(signed_peer=True),
+    Gateway(datagram="mtu"),
+    Gateway(datagram="mtu", signed_peer=True),
+    Gateway(datagram=256),
+    Gateway(datagram=9000),
+    Gateway(datagram=65507),
+]
+
+
+@pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
+@pytest.mark.parametrize("block_deg", [0.0, 15.0, 2.4])
+@pytest.mark.parametrize("sensor", ROVER.sensors, ids=lambda sensor: sensor.name)
+def test_the_cut_is_the_bridges_own(gateway: Gateway, block_deg: float, sensor: Any) -> None:
+    if isinstance(sensor, Lidar):
+        sensor = replace(sensor, block_deg=block_deg)
+    found = cut(ROVER, sensor, gateway)
+    message = Message(1, sensor.topic, sensor.frame, 0, 0, bytes(found.body_bytes))
+    planned = plan(message, gateway.datagram, signed_peer=gateway.signed_peer)
+    assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
+
+
+@pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
+@pytest.mark.parametrize("block_deg", [0.0, 15.0])
+def test_the_truth_is_cut_like_any_message(gateway: Gateway, block_deg: float) -> None:
+    lidar = replace(LIDAR, block_deg=block_deg, truth=True)
+    found = cut(ROVER, lidar, gateway, truth=True)
+    points = 57_600 // lidar.blocks_per_revolution
+    truth = TruePoints(0, "lidar_link", packed(np.empty(points, TRUE_POINT)))
+    message = Message(1, "/points/truth", "lidar_link", 0, 0, bytes(to_cdr(truth)))
+    planned = plan(message, gateway.datagram, signed_peer=gateway.signed_peer)
+    assert found.body_bytes == len(message.body)
+    assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
+
+
+@pytest.mark.parametrize(("publish", "bytes_a_pixel"), [("raw", 3), (None, 2)])
+def test_the_largest_picture_of_a_depth_camera_counts(
+    publish: Literal["raw"] | None, bytes_a_pixel: int
+) -> None:
+    color = ColorStream(topic="/color", publish=publish) if publish else None
+    camera = DepthCamera(name="eye", topic="/depth", frame="eye", color=color)
+    pixels = camera.width * camera.height
+    depth = Image(0, "eye", 0, 0, "16UC1", 0, memoryview(b""))
+    of_fields = len(to_cdr(depth))
+    assert cut(ROVER, camera, Gateway()).body_bytes == of_fields + bytes_a_pixel * pixels
+
+
+def test_two_returns_and_a_part_of_the_view_count() -> None:
+    def size(**fields: Any) -> int:
+        return cut(ROVER, replace(LIDAR, **fields), Gateway()).body_bytes
+
+    whole, rays = size(), 16 * LIDAR.firings_per_revolution
+    assert size(returns="dual") == whole + 22 * rays
+    assert size(field_of_view_deg=90.0) == whole - 22 * (rays - 16 * 901)
+
+
+def test_what_fits_nowhere_is_refused_by_both() -> None:
+    lasers = {"elevations_deg": tuple(range(-16, 16)), "laser_times_us": ()}
+    huge = replace(LIDAR, firings_per_revolution=36000, **lasers)
+    with pytest.raises(NeverFits, match=r"more than 255 datagrams hold, 166\d{5} bytes"):
+        cut(ROVER, huge, Gateway())
+    with pytest.raises(TooLarge):
+        plan(Message(1, "/points", "", 0, 0, bytes(body_bytes(ROVER, huge))))
+
+
+def test_the_block_that_is_offered_fits_and_the_next_larger_does_not() -> None:
+    gateway = Gateway(datagram="mtu")
+    assert fitting_block_deg(ROVER, LIDAR, gateway) == 90.0
+    assert cut(ROVER, replace(LIDAR, block_deg=90.0), gateway).fits
+    assert not cut(ROVER, replace(LIDAR, block_deg=120.0), gateway).fits
+
+
+def said(capsys: pytest.CaptureFixture[str], tmp_path: Any, more: str) -> str:
+    file = tmp_path / "lab.yaml"
+    file.write_text(LAB.read_text(encoding="utf-8") + more, encoding="utf-8")
+    assert check(argparse.Namespace(scenario=str(file))) == 0
+    return capsys.readouterr().out
+
+
+def test_check_warns_of_a_revolution_in_ethernet_frames(
+    capsys: pytest.CaptureFixture[str], tmp_path: Any
+) -> None:
+    text = said(capsys, tmp_path, "gateway: {datagram: mtu}\n")
+    assert "does not fit 255 datagrams of `mtu`" in text
+    assert "`block_deg: 90` for rover/lidar would fit" in text
+    assert text.count("does not fit") == 1
+
+
+def test_check_is_content_with_the_default(
+    capsys: pytest.CaptureFixture[str], tmp_path: Any
+) -> None:
+    text = said(capsys, tmp_path, "")
+    assert "does not fit" not in text
+    assert "up to 1267393 bytes in 20 datagrams" in text
+    assert "/ground_truth/odom, 50 Hz, for those who subscribe" in text
+
+
+def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
+    file = tmp_path / "lab.yaml"
+    text = LAB.read_text(encoding="utf-8").replace(
+        "vlp16_paper.yaml,", "vlp16_paper.yaml, truth: true,"
+    )
+    file.write_text(text, encoding="utf-8")
+    assert check(argparse.Namespace(scenario=str(file))) == 0
+    told = capsys.readouterr().out
+    assert "/points, /points/truth, 10 Hz" in told
+    assert "the truth behind it:\n           a message has up to 1497817 bytes" in told
+    for topic in ("/ground_truth/wheels, 50 Hz", "/ground_truth/bodies, 10 Hz"):
+        assert f"{topic}, for those who subscribe" in told
+
+
+def test_check_refuses_what_fits_nowhere(tmp_path: Any) -> None:
+    angles = ", ".join(str(angle) for angle in range(-32, 32))
+    text = LAB.read_text(encoding="utf-8").replace(
+        "sensors/vlp16_paper.yaml,",
+        "sensors/vlp16_paper.yaml, firings_per_revolution: 36000, laser_times_us: [], "
+        f"elevations_deg: [{angles}],",
+    )
+    file = tmp_path / "lab.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=r"rover/lidar: a message of 506\d+ bytes is more than 255"):
+        check(argparse.Namespace(scenario=str(file)))
