@@ -27,7 +27,8 @@ import pybullet
 from msgspec.structs import replace
 
 from groundlink.core.frames import Floats, matrix_from_quaternion, multiply, transform
-from groundlink.scenario import Scenario, load
+from groundlink.loader import load
+from groundlink.scenario import Scenario
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Camera

@@ -20,8 +20,9 @@ from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transf
 from groundlink.importing import terrain
 from groundlink.importing.files import silent
 from groundlink.importing.terrain_specs import Hills, Where
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from groundlink.world.solids import Material
 from groundlink.world.terrain import ground

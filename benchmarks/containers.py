@@ -30,9 +30,9 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import GATEWAY, HEALTH, PHYSICS, process_names
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.deploy.compose import Deployment
+from groundlink.loader import load
 from groundlink.messages.base import Health
 from groundlink.messages.missing_readings import parted
-from groundlink.scenario import load
 
 ROOT = Path(__file__).parents[1]
 PROJECT = "groundlink-benchmark"

@@ -21,11 +21,11 @@ from groundlink.importing.files import silent
 from groundlink.importing.hills import heights
 from groundlink.importing.terrain import build
 from groundlink.importing.terrain_specs import Hills
+from groundlink.loader import load
+from groundlink.loader.document import read
+from groundlink.loader.explain import convert
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Command
-from groundlink.scenario import load
-from groundlink.scenario.document import read
-from groundlink.scenario.explain import convert
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import assets

@@ -28,11 +28,12 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, HEALTH
 from groundlink.cli import running
 from groundlink.core.clock import TICK_SECONDS
+from groundlink.loader import load
 from groundlink.messages.base import Ack, Health, Message
 from groundlink.messages.control import Reset
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.process import runner as process
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 
 from .claims import Claim, add_options, judge
 

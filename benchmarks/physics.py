@@ -27,8 +27,9 @@ from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
+from groundlink.loader import load
 from groundlink.messages.base import Command, Message, State, encode
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from services.physics.life import Life
 from services.physics.outlets import Outlets, outlets
 

@@ -23,8 +23,8 @@ import msgspec
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
 

@@ -18,7 +18,8 @@ import msgspec
 import yaml
 
 from groundlink.core.errors import UserError
-from groundlink.scenario import Scenario, load
+from groundlink.loader import load
+from groundlink.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = ROOT / "scenarios"

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Command
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.world.build import solids
 from services.physics.simulation import Simulation
 from services.sensors.rays.replica import Replica

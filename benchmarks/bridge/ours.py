@@ -18,7 +18,7 @@ import msgspec
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, STREAM_TOPICS
-from groundlink.scenario import load
+from groundlink.loader import load
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
 from udp_bridge import Link, Message

@@ -15,9 +15,9 @@ import numpy as np
 
 from groundlink.bus.topics import SENSOR_TOPICS, driver_name
 from groundlink.core.errors import UserError
+from groundlink.loader import load
 from groundlink.ros.streams import answers_mistake
 from groundlink.run import routes
-from groundlink.scenario import load
 from groundlink.scenario.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz

@@ -7,8 +7,8 @@ import argparse
 import sys
 
 from groundlink.deploy.compose import MAIN, Deployment
-from groundlink.scenario import load
-from groundlink.scenario.load import scenario_file
+from groundlink.loader import load
+from groundlink.loader.load import scenario_file
 
 from .running import SCENARIO_HELP
 

@@ -22,11 +22,11 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK, COMMAND, driver_name
 from groundlink.core.errors import UserError
 from groundlink.keyboard import HELP, Keyboard, keys
+from groundlink.loader.explain import nearest
+from groundlink.loader.load import load_route, read_route
 from groundlink.messages.base import Clock, Command
 from groundlink.process import runner as process
 from groundlink.scenario import Scenario
-from groundlink.scenario.explain import nearest
-from groundlink.scenario.load import load_route, read_route
 from groundlink.scenario.route import FIGURES
 from groundlink.scenario.schema import Vehicle
 

@@ -18,10 +18,10 @@ from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.loader.explain import nearest
+from groundlink.loader.fault_checks import mistake
 from groundlink.messages.faults import CLEAR, FaultAnswer
 from groundlink.process import runner as process
-from groundlink.scenario.explain import nearest
-from groundlink.scenario.fault_fit import mistake
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 
 ANSWER_SECONDS = 3.0

@@ -15,8 +15,8 @@ from rich.text import Text
 
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
+from groundlink.loader import load
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
-from groundlink.scenario import load
 
 from . import running, supervised, terminal
 from .tables import Column, FittingTable

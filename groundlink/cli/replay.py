@@ -13,8 +13,8 @@ from pathlib import Path
 
 from groundlink.bus.topics import REPLAY
 from groundlink.core.extras import needs
+from groundlink.loader import load
 from groundlink.monitor.supervisor import Child
-from groundlink.scenario import load
 
 from . import running, supervised, terminal
 from .dashboard import dashboard

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from groundlink.scenario.json_schema import KINDS, json_schema
+from groundlink.loader.json_schema import KINDS, json_schema
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -18,8 +18,8 @@ from groundlink.core.extras import needs
 from groundlink.core.whole_file import whole
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.deploy.compose import BRIDGE_KEY, MAIN, Deployment
-from groundlink.scenario import load
-from groundlink.scenario.load import scenario_file
+from groundlink.loader import load
+from groundlink.loader.load import scenario_file
 
 from .running import SCENARIO_HELP
 

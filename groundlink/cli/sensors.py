@@ -19,8 +19,8 @@ import msgspec
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.scenario.datasheets import FOLDER, Datasheet, datasheet, shipped
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader.datasheets import FOLDER, Datasheet, datasheet, shipped
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.sensors import SensorSpec
 
 WIDTH = 110

@@ -15,9 +15,9 @@ from pathlib import Path
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.explain import nearest
 from groundlink.monitor.supervisor import Supervisor
-from groundlink.scenario import load
-from groundlink.scenario.explain import nearest
 from groundlink.scenario.sensors import Optics
 
 from . import picture_files, running, supervised, terminal

@@ -14,12 +14,12 @@ from groundlink.bus.control_client import ask
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.loader.spawned import KINDS, At, addition, check_given
 from groundlink.messages.control import ControlAnswer, Remove, Spawn
 from groundlink.process import runner as process
-from groundlink.scenario.spawned import KINDS, At, addition, check_given
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids
-from groundlink.world.starts import ground_of
+from groundlink.world.spawn_checks import ground_of
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -19,10 +19,11 @@ from rich.console import Console
 from groundlink import __version__
 from groundlink.core.errors import UserError
 from groundlink.core.whole_file import whole
+from groundlink.loader import load, time_choice
 from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor
 from groundlink.monitor.supervisor import Child
 from groundlink.run import journal
-from groundlink.scenario import Scenario, load, time_choice
+from groundlink.scenario import Scenario
 
 from . import running, supervised, terminal
 from .dashboard import dashboard

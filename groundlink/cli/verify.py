@@ -22,9 +22,10 @@ from rich.text import Text
 from groundlink.bus.topics import process_names
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.extras import needs
+from groundlink.loader import load
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.run import journal as journals
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 
 from . import running, supervised, terminal
 from .tables import Column, FittingTable

@@ -17,8 +17,8 @@ import yaml
 
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
+from groundlink.loader.explain import nearest
 from groundlink.scenario import Scenario
-from groundlink.scenario.explain import nearest
 
 MAIN = "main"
 """The host of the router, of physics, and of all that has no label."""

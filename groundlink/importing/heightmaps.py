@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import greys
+from . import grayscale as greys
 from .files import BadFile, Tell, reading
 
 _MODEL_TYPE, _PIXEL_SCALE, _KEYS, _NO_DATA = 1024, 33550, 34735, 42113

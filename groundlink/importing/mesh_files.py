@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.world.colours import linear
+from groundlink.world.colors import linear
 from groundlink.world.solids import Vector3
 
 from . import pcd

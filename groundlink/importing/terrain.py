@@ -16,7 +16,8 @@ from groundlink.core.errors import UserError
 from groundlink.world import assets
 from groundlink.world.terrain import Terrain, asset_of
 
-from . import carving, greys, heightmaps, hills
+from . import carving, heightmaps, hills
+from . import grayscale as greys
 from .carving import Canvas
 from .files import BadFile, Tell, reading
 from .terrain_specs import GroundSpec, HeightmapFile, Hills, SurfaceMap, TerrainSpec

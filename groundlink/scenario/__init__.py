@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenarios: what a run is made of, as data that is checked as a whole before anything starts."""
+"""Scenario schema: what a run is made of, as typed data.
 
-from .document import ScenarioError
-from .load import load
+May be imported by everything except `core`. Reads no file: `groundlink.loader` does.
+"""
+
 from .schema import Scenario
 
-__all__ = ["Scenario", "ScenarioError", "load"]
+__all__ = ["Scenario"]

@@ -14,12 +14,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.loader.explain import nearest
 from groundlink.world import motion
 from groundlink.world.actors import Actor, Free
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
 from groundlink.world.solids import Material, Solid
-from groundlink.world.starts import (
+from groundlink.world.spawn_checks import (
     actor_bodies,
     check_vehicle,
     check_way,
@@ -28,7 +29,6 @@ from groundlink.world.starts import (
 )
 from groundlink.world.terrain import Ground
 
-from .explain import nearest
 from .schema import RESERVED_NAMES, Scenario, Vehicle
 
 RESTS_M = 0.01

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import re
 
-from .document import DataPath, Document, ScenarioError
-from .explain import dotted
+from groundlink.loader.document import DataPath, Document, ScenarioError
+from groundlink.loader.explain import dotted
+
 from .schema import NAMESPACE
 
 COMMAND_TOPIC = "cmd_vel"

@@ -19,17 +19,17 @@ import msgspec
 import numpy as np
 
 from groundlink.core.errors import UserError
+from groundlink.world.objects.clutter import NoRoom, strew
+from groundlink.world.objects.indoor_objects import Frame, Surface, door_frame, furnish, walls
+from groundlink.world.objects.outdoor_objects import erect
+from groundlink.world.objects.room import Room
 
 from . import terrain
 from .actors import Crate, Door, Form, Parts, Person
 from .bodies import link_bodies
 from .bounds import Bounds, bounds
-from .erect import erect
-from .furnish import Frame, Surface, door_frame, furnish, walls
-from .room import Room
 from .solids import Box, Solid
-from .start import start
-from .strew import NoRoom, strew
+from .spawn_pose import start
 
 if TYPE_CHECKING:
     from groundlink.scenario.schema import Scenario

@@ -12,12 +12,12 @@ from math import radians
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, COMMAND, HEALTH, driver_name
 from groundlink.core.errors import UserError
+from groundlink.loader.explain import nearest
+from groundlink.loader.load import load_route
 from groundlink.process import runner as process
 from groundlink.process import state_follower as following
 from groundlink.run.routes import line
 from groundlink.scenario import Scenario
-from groundlink.scenario.explain import nearest
-from groundlink.scenario.load import load_route
 from groundlink.scenario.route import Route
 from groundlink.scenario.schema import Vehicle
 

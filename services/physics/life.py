@@ -31,7 +31,7 @@ from groundlink.run.journal import (
 )
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
-from groundlink.scenario.fast_fit import HISTORY_TICKS
+from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.world.build import solids, world_hash
 
 from .outlets import Outlets

@@ -3,9 +3,9 @@
 
 Rule: computed in an engine of its own, with the terrain and nothing else, so that nothing in the
 run moves. On flat ground springs are at their loaded rest, and there is nothing to compute. A
-vehicle that slides, as on ice, or starts above the ground, starts where `groundlink.world.start`
-puts it. Motion is taken away whenever it begins to slow down (kinetic damping), so that springs do
-not swing beyond their rest: a tall vehicle would tip by that.
+vehicle that slides, as on ice, or starts above the ground, starts where
+`groundlink.world.spawn_pose` puts it. Motion is taken away whenever it begins to slow down (kinetic
+damping), so that springs do not swing beyond their rest: a tall vehicle would tip by that.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import terrain
 from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere, Vector3
-from groundlink.world.starts import actor_bodies, vehicle_bodies
+from groundlink.world.spawn_checks import actor_bodies, vehicle_bodies
 
 from . import actors
 from .engine import Engine

@@ -24,7 +24,7 @@ from groundlink.core.frames import IDENTITY_QUATERNION, Floats
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import Material, Solid, Sphere, Vector3
-from groundlink.world.start import touching
+from groundlink.world.spawn_pose import touching
 from groundlink.world.terrain import Ground
 
 from .engine import Engine

@@ -23,7 +23,7 @@ from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.mesh_asset import surface
 from groundlink.world.solids import Mesh, Quaternion, Vector3
-from groundlink.world.start import start
+from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Ground
 
 from .air import air

@@ -26,10 +26,11 @@ from groundlink.bus.topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs
+from groundlink.loader import load
 from groundlink.messages.base import Ack, Clock, Message
 from groundlink.process import asset_exchange
 from groundlink.process import runner as process
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 
 NAME = REPLAY
 

@@ -18,6 +18,7 @@ from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, FAULTS, GAPS, SENSOR_TOPICS, sensor_outputs
 from groundlink.core.errors import UserError
+from groundlink.loader.explain import nearest
 from groundlink.messages.base import Message
 from groundlink.messages.faults import counted
 from groundlink.messages.missing_readings import counters_of
@@ -26,7 +27,6 @@ from groundlink.process import runner as process
 from groundlink.process.name_claim import alone
 from groundlink.process.state_follower import Follower, follow_states
 from groundlink.scenario import Scenario
-from groundlink.scenario.explain import nearest
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor, WithNative
 from groundlink.world.build import world_hash

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.scenario import Scenario
-from groundlink.world.colours import linear
+from groundlink.world.colors import linear
 from groundlink.world.mesh_asset import Part, Surface
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground, Terrain, ground

@@ -18,8 +18,8 @@ from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.scenario import Scenario
 from groundlink.world import mesh_asset
 from groundlink.world.build import solids
-from groundlink.world.colours import srgb
-from groundlink.world.furnish import walls
+from groundlink.world.colors import srgb
+from groundlink.world.objects.indoor_objects import walls
 from groundlink.world.solids import Material, Solid
 from groundlink.world.solids import Mesh as MeshShape
 from groundlink.world.terrain import BODY

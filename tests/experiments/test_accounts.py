@@ -7,10 +7,10 @@ from pathlib import Path
 
 from experiments.accounts import Account, compare, read_accounts, write_accounts
 from groundlink.core.clock import NANOS
+from groundlink.loader import load
 from groundlink.messages.base import Clock
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.encoding import to_cdr
-from groundlink.scenario import load
 
 SCENARIO = """
 name: accounts

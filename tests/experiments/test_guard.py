@@ -8,7 +8,7 @@ import pytest
 from experiments.faults import CLOUD, FAULTS, IMU, TF
 from experiments.guard import LISTENERS, SETUP, is_worse
 from experiments.setups import ROOT
-from groundlink.scenario import load
+from groundlink.loader import load
 from groundlink.world.build import solids
 from groundlink.world.solids import Mesh
 

@@ -11,7 +11,7 @@ import pytest
 
 from experiments import indoor_cameras, indoors, vocabulary
 from experiments.setups import CRAWL_MPS, Setup, waypoints
-from groundlink.scenario import load
+from groundlink.loader import load
 
 PLAIN = Setup(name="plain", scenario="indoor_paper", seconds=10.0)
 

@@ -15,6 +15,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.topics import sensor_outputs
+from groundlink.loader import load
 from groundlink.messages.base import Clock, PointCloud
 from groundlink.messages.navigation import Text, Transforms
 from groundlink.recording.reading import Recording
@@ -22,7 +23,7 @@ from groundlink.ros.base import Base
 from groundlink.ros.encoding import ROS_FORMS
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import STORE
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import TfTree
 from tests.ros import cloud_digest as digest
 from tests.ros.conftest import LATCHED, RELIABLE, Ros

@@ -18,8 +18,8 @@ import msgspec
 from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names, sensor_outputs
+from groundlink.loader import load
 from groundlink.messages.base import M, Message, decode, measured_nanos
-from groundlink.scenario import load
 
 from .rig import Rig, rig, wait_for
 

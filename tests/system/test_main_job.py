@@ -20,8 +20,8 @@ from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, STATE, TOPICS
 from groundlink.core.clock import NANOS
+from groundlink.loader import load
 from groundlink.messages.base import Health, State
-from groundlink.scenario import load
 from groundlink.scenario.sensors import Encoders
 
 from .rig import Observer, Rig, children_of, rig, wait_for

@@ -15,8 +15,8 @@ import pytest
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
+from groundlink.loader import load
 from groundlink.messages.base import State
-from groundlink.scenario import load
 
 from .rig import LAB, REPOSITORY, Rig, rig, wait_for
 

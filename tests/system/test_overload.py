@@ -25,7 +25,7 @@ from groundlink.bus.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, Topic
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Clock, Imu, Message, PointCloud, WheelEncoders
 from groundlink.messages.missing_readings import Gap, Gaps
-from groundlink.scenario.fast_fit import HISTORY_TICKS
+from groundlink.scenario.lockstep_window import HISTORY_TICKS
 
 from .rig import Rig, children_of, rig, wait_for
 

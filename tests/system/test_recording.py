@@ -26,11 +26,11 @@ from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK
 from groundlink.core.frames import matrix_from_quaternion, nlerp
+from groundlink.loader import load
 from groundlink.messages.base import Clock, PointCloud
 from groundlink.messages.navigation import Odometry, Transforms
 from groundlink.recording.reading import Recording
 from groundlink.ros.decoding import Moment, from_cdr
-from groundlink.scenario import load
 from groundlink.scenario.sensors import Lidar
 from groundlink.world.build import solids, world_hash
 from groundlink.world.solids import Box, Cylinder, Solid

@@ -17,12 +17,12 @@ from groundlink.bus.queries import control_key, faults_key, journal_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import IMU, STATE
 from groundlink.core.clock import TICK_NANOS
+from groundlink.loader.spawned import At, addition
 from groundlink.messages.base import Command, Imu, M, State, decode, encode
 from groundlink.messages.control import Pause, Remove, Restore, Resume, Spawn, Step
 from groundlink.messages.faults import FaultAnswer
 from groundlink.run.journal import Commanded, dumped, encode_entry, loaded, state_digest
 from groundlink.scenario.faults import Delay, Drop, Fault, Stuck
-from groundlink.scenario.spawned import At, addition
 
 from .determined import RUN, Heard, Run, Witness, run
 from .rig import rig, wait_for

@@ -25,8 +25,8 @@ from groundlink.bus.queries import (
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FROM_ROS, HEALTH, TOPICS, process_names
 from groundlink.deploy.certificates import Authority
+from groundlink.loader import load
 from groundlink.messages.base import Health
-from groundlink.scenario import load
 from udp_bridge import Link
 from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS as FROM_ROS_SIDE

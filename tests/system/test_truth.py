@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.scenario import load
+from groundlink.loader import load
 from groundlink.world.bodies import body_names
 from groundlink.world.build import solids
 

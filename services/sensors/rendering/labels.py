@@ -59,7 +59,7 @@ class Labels:
 def _thing(solid: str, own: Collection[str]) -> str:
     """Return what a solid belongs to; `own` are solids that stand for themselves.
 
-    Others are named by `groundlink.world.furnish`: `table_3_leg_0`, `room_floor`.
+    Others are named by `groundlink.world.objects.indoor_objects`: `table_3_leg_0`, `room_floor`.
     """
     if solid in own:
         return solid

@@ -10,11 +10,11 @@ from typing import get_args, get_type_hints
 import groundlink
 from groundlink.bus import topics
 from groundlink.bus.topics import FROM_ROS, SENSOR_TOPICS, STREAM_TOPICS, TOPICS, process_names
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages import ground_truth, navigation
 from groundlink.ros.encoding import ROS_FORMS
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import FromRos, Stream
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES
 from groundlink.scenario.sensors import sensor_rate_hz

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from groundlink.__main__ import main
 from groundlink.cli.supervised import SupervisedRun, exit_code
+from groundlink.loader.load import SHIPPED
 from groundlink.monitor.supervisor import Supervisor
-from groundlink.scenario.load import SHIPPED
 
 
 def line(capsys: pytest.CaptureFixture[str], *words: str, code: int = 2) -> str:

@@ -11,7 +11,7 @@ import trimesh
 
 from groundlink.__main__ import main
 from groundlink.importing.world_files import open_edges
-from groundlink.scenario import load
+from groundlink.loader import load
 from groundlink.world.mesh_asset import surface
 from groundlink.world.terrain import ground
 from tests.groundlink.importing.files import HEIGHTMAPS, MESHES, png, sixteen_bits, write

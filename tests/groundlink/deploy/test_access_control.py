@@ -10,7 +10,8 @@ import pytest
 from groundlink.bus.queries import control_key, faults_key, link_key
 from groundlink.bus.topics import COMMAND, IMU, JOINT_COMMAND, STATE, WHEEL_COMMAND, process_names
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
-from groundlink.scenario import Scenario, load
+from groundlink.loader import load
+from groundlink.scenario import Scenario
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 

@@ -13,7 +13,7 @@ from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
 from groundlink.deploy.access_control import grants
 from groundlink.deploy.compose import LOOKS_HZ, MAIN, Deployment
-from groundlink.scenario import load
+from groundlink.loader import load
 
 ROOT = Path(__file__).parents[3]
 DEFAULT = ROOT / "scenarios/indoor_lab.yaml"

@@ -11,8 +11,8 @@ import pytest
 
 from groundlink.emulation import Event, Impairment, LinkScript, Script, changed
 from groundlink.emulation.script import parse_changes
-from groundlink.scenario.document import ScenarioError
-from groundlink.scenario.load import SHIPPED, load
+from groundlink.loader.document import ScenarioError
+from groundlink.loader.load import SHIPPED, load
 
 SCRIPT = LinkScript(
     to_ros=Impairment(delay_ms=10),

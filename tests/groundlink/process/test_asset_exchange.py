@@ -16,9 +16,10 @@ from groundlink.bus.queries import asset_key, scenario_key
 from groundlink.bus.session import Bus
 from groundlink.cli.running import free_endpoint
 from groundlink.core.errors import UserError
+from groundlink.loader import load
 from groundlink.process import asset_exchange
 from groundlink.process import runner as process
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
 from groundlink.world.mesh_asset import asset_of

@@ -9,11 +9,11 @@ import pytest
 from mcap.writer import Writer
 
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 
 
 def recording(path: Path, messages: int = 50) -> bytes:

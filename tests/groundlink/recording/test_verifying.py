@@ -13,6 +13,8 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Clock, Command, Imu, Message, packed
 from groundlink.messages.faults import Faults
 from groundlink.messages.missing_readings import Cause, Gap, Gaps
@@ -32,9 +34,8 @@ from groundlink.run.journal import (
     encode_entry,
     this_machine,
 )
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Encoders
 
 EPOCH = 1_000 * NANOS

@@ -12,6 +12,8 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Command, Health, Imu, Message, StreamReport, packed
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.missing_readings import Gap, Gaps
@@ -30,8 +32,6 @@ from groundlink.recording.ros_channels import RosFile
 from groundlink.report.gather import Gathered, gather
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import Stream
 
 EPOCH = 1_700_000_000 * NANOS

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.report.plan import outlines
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Shape, Solid
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.messages.imagery import LaserScan
 from groundlink.report.sensors import Cloud, Trajectory, east_north, reach_m, readings_of
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.ros.types import STORE
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Datum
 from services.sensors.gnss.geodesy import Geodetic, TangentPlane, geodetic_from_ecef
 

@@ -13,12 +13,13 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.frames import quaternion_from_rpy, transform
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import WheelEncoders, floats
 from groundlink.messages.navigation import JointState, Odometry, Transform, Transforms
 from groundlink.ros.base import Base, still_transforms
 from groundlink.ros.streams import outgoing
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import TfTree
 
 RUN = "r"

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.navigation import Text
 from groundlink.ros.base import Base
 from groundlink.ros.encoding import to_cdr
 from groundlink.ros.streams import mounts
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Vehicle
 
 Element = ElementTree.Element

@@ -4,11 +4,11 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.navigation import Odometry
 from groundlink.ros.base import Base
 from groundlink.ros.streams import outgoing, static_transforms
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 
 
 def test_odometry_goes_out_and_its_frame_is_no_place_on_the_vehicle() -> None:

@@ -11,6 +11,8 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.spawned import KINDS
 from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
 from groundlink.messages.control import Remove, Spawn
 from groundlink.messages.navigation import JointState
@@ -35,8 +37,6 @@ from groundlink.run.journal import (
     this_machine,
     write,
 )
-from groundlink.scenario import load
-from groundlink.scenario.spawned import KINDS
 
 SCENARIO = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
 

@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from groundlink.core.errors import UserError
-from groundlink.scenario import load
-from groundlink.scenario.json_schema import json_schema
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.json_schema import json_schema
+from groundlink.loader.load import SHIPPED
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids
 

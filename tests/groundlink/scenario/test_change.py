@@ -12,16 +12,17 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
-from groundlink.scenario import Scenario, load
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.loader.spawned import KINDS, At, _placed, addition
+from groundlink.scenario import Scenario
 from groundlink.scenario.change import Addition, with_more, without
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Placement
-from groundlink.scenario.spawned import KINDS, At, _placed, addition
 from groundlink.world.actors import Along, Free
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids, world_hash
 from groundlink.world.solids import Box, Solid
-from groundlink.world.starts import vehicle_bodies
+from groundlink.world.spawn_checks import vehicle_bodies
 from groundlink.world.terrain import Ground
 
 FREE = At(0.0, 0.0)

@@ -54,10 +54,9 @@ def defaults() -> str:
     """Return a line for each field that may be left out."""
     rows = []
     for struct in structs(inspect.type_info(Scenario), set()):
-        name = f"{struct.cls.__module__.removeprefix('groundlink.')}.{struct.cls.__name__}"
         for field in struct.fields:
             if not field.required:
-                rows.append(f"{name}.{field.encode_name}: {json.dumps(value(field))}")
+                rows.append(f"{struct.cls.__name__}.{field.encode_name}: {json.dumps(value(field))}")
     return "\n".join(sorted(rows)) + "\n"
 
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 import yaml
 
-from groundlink.scenario import ScenarioError, load
+from groundlink.loader import ScenarioError, load
 from groundlink.scenario.faults import (
     KINDS,
     Bias,

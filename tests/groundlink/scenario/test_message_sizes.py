@@ -12,13 +12,13 @@ from msgspec.structs import replace
 
 from groundlink.cli.check import check
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages.imagery import Image
 from groundlink.ros.encoding import to_cdr
-from groundlink.scenario import load
 from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar

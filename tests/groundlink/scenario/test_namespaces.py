@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.scenario import load
-from groundlink.scenario.document import ScenarioError
+from groundlink.loader import load
+from groundlink.loader.document import ScenarioError
 
 VEHICLE = """
   - name: {name}

@@ -6,14 +6,15 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.world.actors import Actor, Crate, Free
 from groundlink.world.bodies import body_names, link_bodies
 from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Box, Solid
-from groundlink.world.starts import check_starts
+from groundlink.world.spawn_checks import check_starts
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 

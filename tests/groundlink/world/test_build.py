@@ -15,7 +15,8 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.frames import quaternion_from_rpy
-from groundlink.scenario import Scenario, load
+from groundlink.loader import load
+from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.world.bounds import bounds, intersect, overlap
 from groundlink.world.build import (
@@ -26,9 +27,9 @@ from groundlink.world.build import (
     solids,
     world_hash,
 )
-from groundlink.world.room import Clutter, Door, Room, Shelf, Table
+from groundlink.world.objects.room import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
-from groundlink.world.starts import check_starts
+from groundlink.world.spawn_checks import check_starts
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 

@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.loader.part import Kind, load_part
 from groundlink.run.routes import line
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.part import Kind, load_part
+from groundlink.scenario import Scenario
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids, world_hash
-from groundlink.world.erect import erect
-from groundlink.world.outdoors import Fence
-from groundlink.world.start import touching
+from groundlink.world.objects.outdoor_objects import erect
+from groundlink.world.objects.outdoors import Fence
+from groundlink.world.spawn_pose import touching
 from groundlink.world.terrain import Ground, ground
 
 WORLDS = sorted(file.stem for file in (SHIPPED / "worlds").glob("*.yaml"))

@@ -11,12 +11,13 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.document import read
+from groundlink.loader.explain import convert
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.run.routes import Line, line
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.document import read
-from groundlink.scenario.explain import convert
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.route import (
     COMMAND_AHEAD_TICKS,
     DRIVER_PERIOD_TICKS,

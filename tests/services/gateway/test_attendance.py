@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import pytest
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Clock
 from groundlink.messages.reading_schedule import calendar
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from services.gateway.attendance import Attendance
 
 SCENARIO = load(SHIPPED / "indoor_lab.yaml")

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from groundlink.bus.inbox import Inbox
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Ack, Clock, Message, encode
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from services.gateway.following import PILE, Following
 
 from .test_gateway import RUN, Bench

@@ -12,6 +12,8 @@ import pytest
 from msgspec.structs import replace
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import (
     POINT,
     Clock,
@@ -27,8 +29,7 @@ from groundlink.messages.relayed import Relayed
 from groundlink.ros.encoding import to_cdr
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import FromRos
 from groundlink.scenario.ros_side import Stream as ExtraStream
 from services.gateway.gateway import Gateway

@@ -13,9 +13,9 @@ from groundlink.bus.inbox import Inbox
 from groundlink.core.backoff import QUIET_SECONDS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command, Message, State, WheelEncoders, encode
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Time
 from services.gateway.__main__ import _say
 from services.gateway.gateway import Gateway

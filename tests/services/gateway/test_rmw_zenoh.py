@@ -15,8 +15,8 @@ from msgspec.structs import replace
 from groundlink.bus.session import Bus
 from groundlink.cli.running import free_endpoint
 from groundlink.core.errors import UserError
-from groundlink.scenario import load as load_scenario
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load as load_scenario
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.ros_side import RmwZenoh
 from services.gateway.__main__ import native as native_of
 from services.gateway.gateway import Gateway

@@ -7,9 +7,9 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.ros.streams import outgoing
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Repair, RepairBy
 from services.gateway.streams import repair_table, waiting_table
 from udp_bridge.repair import Fec, Mode, Resend

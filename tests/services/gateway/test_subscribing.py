@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Imu
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from services.gateway.gateway import Gateway
 from udp_bridge import Header, Link, Message
 from udp_bridge.control import Subscribe

@@ -12,8 +12,9 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from groundlink.loader import load
 from groundlink.messages.base import Command, floats
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.world.build import solids
 from groundlink.world.solids import Solid

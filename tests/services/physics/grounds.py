@@ -13,11 +13,12 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from groundlink.core.frames import quaternion_from_rpy
+from groundlink.loader import load
+from groundlink.loader.document import read
+from groundlink.loader.explain import convert
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Command, floats
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.document import read
-from groundlink.scenario.explain import convert
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid

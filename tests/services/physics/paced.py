@@ -9,8 +9,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
+from groundlink.loader import load
 from groundlink.messages.base import Ack
-from groundlink.scenario import load
 from groundlink.scenario.schema import Time
 from services.physics.pace import pace_of
 from services.physics.patience import Patience

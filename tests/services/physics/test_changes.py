@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from groundlink.loader.spawned import At, addition
 from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.schema import Placement
-from groundlink.scenario.spawned import At, addition
 from groundlink.world.build import solids
 from services.physics.simulation import Simulation
 

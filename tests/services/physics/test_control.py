@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from groundlink.core.errors import UserError
+from groundlink.loader.spawned import KINDS
 from groundlink.messages.control import (
     AnyWish,
     ControlAnswer,
@@ -20,7 +21,6 @@ from groundlink.messages.control import (
     Spawn,
     Step,
 )
-from groundlink.scenario.spawned import KINDS
 from services.physics import control as module
 from services.physics.control import Control
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from groundlink.bus.topics import JOINT_COMMAND, JOINTS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import BadMessage, State, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import Bases
@@ -14,8 +16,6 @@ from groundlink.ros.encoding import to_cdr
 from groundlink.ros.incoming import joint_state
 from groundlink.ros.streams import incoming
 from groundlink.run.journal import JointsCommanded
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from services.physics.life import Life
 from services.physics.outlets import unheard
 from services.sensors.surroundings import Surroundings

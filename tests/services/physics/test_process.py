@@ -13,9 +13,9 @@ from msgspec.structs import replace
 from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import REPLIES_KEPT
 from groundlink.core.clock import NANOS
+from groundlink.loader import load
 from groundlink.messages.base import Ack, Message, State, WheelCommand, decode, encode, floats
-from groundlink.scenario import load
-from groundlink.scenario.fast_fit import HISTORY_TICKS
+from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.scenario.schema import Time
 from services.physics import authority as process
 

@@ -12,12 +12,12 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.loader.spawned import At, addition
 from groundlink.messages.base import Ack, Command, Message, State, WheelCommand, decode, encode
 from groundlink.messages.control import Remove, Spawn
 from groundlink.run.journal import Journal, Machine, dumped, loaded
 from groundlink.scenario import Scenario
-from groundlink.scenario.fast_fit import HISTORY_TICKS
-from groundlink.scenario.spawned import At, addition
+from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.world import assets
 from services.physics.life import Life
 from services.physics.outlets import Outlets, unheard

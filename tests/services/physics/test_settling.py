@@ -14,7 +14,7 @@ from groundlink.messages.base import State
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.sensors import Imu
 from groundlink.world.solids import Material
-from groundlink.world.start import start
+from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Terrain, ground
 from services.physics.settling import settled
 from services.physics.simulation import Simulation

@@ -15,8 +15,8 @@ from groundlink.messages.base import Command, State, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement, Vehicle
 from groundlink.world.build import solids
-from groundlink.world.furnish import furnish
-from groundlink.world.room import Table
+from groundlink.world.objects.indoor_objects import furnish
+from groundlink.world.objects.room import Table
 from services.physics.simulation import Simulation
 
 from .conftest import ROVER, Start, Trace, run

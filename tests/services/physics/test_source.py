@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.core.errors import UserError
+from groundlink.loader import load
 from groundlink.run.journal import Journal, dumped, this_machine
-from groundlink.scenario import load
 from services.physics.source import Source, add_arguments, source
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab_tour.yaml"

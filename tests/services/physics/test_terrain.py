@@ -17,7 +17,7 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import Command, State, encode, floats
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Box, Material, Solid
-from groundlink.world.start import start
+from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import BODY, Ground, Terrain, ground
 from groundlink.world.triangles import merged
 from services.physics.engine import Engine

@@ -11,12 +11,13 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.loader.spawned import At, addition
 from groundlink.messages.base import State, VehicleState, floats, packed
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import BodyPoses, GroundTruth, Vehicle
-from groundlink.scenario.spawned import At, addition
 from groundlink.world.build import solids
 from services.physics.simulation import Simulation
 from services.physics.truth import BodyTruth, Truth

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.groundlink.scenario.urdf.carts import CART, vehicle
-from tests.groundlink.scenario.urdf.test_model import BOX, MESH, stl
+from tests.groundlink.loader.urdf.carts import CART, vehicle
+from tests.groundlink.loader.urdf.test_model import BOX, MESH, stl
 
 from .grounds import drive, put
 

@@ -15,14 +15,15 @@ from msgspec.structs import replace
 from groundlink.bus.topics import CLOCK, ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import quaternion_from_rpy, transform
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Clock, Message, WheelEncoders
 from groundlink.messages.navigation import Odometry
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.types import STORE
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import TfTree
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry

@@ -11,6 +11,8 @@ import msgspec
 import pytest
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Clock, Health, Imu, Message, WheelEncoders
 from groundlink.messages.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
@@ -25,8 +27,6 @@ from groundlink.report.page import page
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.ros.streams import outgoing, static_transforms
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from services.recorder.again import Again
 from services.recorder.recorder import Recorder
 from services.replay.player import Player

@@ -12,11 +12,12 @@ from mcap.reader import make_reader
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command, Imu
 from groundlink.recording.reading import Recording
 from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_machine
-from groundlink.scenario import Scenario, load
-from groundlink.scenario.load import SHIPPED
+from groundlink.scenario import Scenario
 from services.recorder.ordered import SLICE_NANOS, OrderedFiles
 from services.recorder.recorder import Recorder
 

@@ -14,6 +14,8 @@ from mcap_ros2.decoder import DecoderFactory
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import (
     POINT,
     Clock,
@@ -35,9 +37,8 @@ from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.missing_readings import from_gaps
 from groundlink.ros.types import STORE, TYPES, header
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Stuck
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.ros_side import FromRos, Stream
 from services.recorder.recorder import Recorder
 

@@ -11,6 +11,8 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import (
     POINT,
     Clock,
@@ -26,8 +28,6 @@ from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.encoding import ROS_FORMS, to_cdr
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from services.replay.player import Player
 
 EPOCH = 1_700_000_000 * NANOS

@@ -12,9 +12,10 @@ import rerun as rr
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.loader import load
 from groundlink.messages.base import State, VehicleState, packed
 from groundlink.messages.navigation import Odometry
-from groundlink.scenario import Scenario, load
+from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Stream
 from tests.system.rig import LAB
 

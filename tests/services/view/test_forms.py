@@ -23,6 +23,7 @@ from groundlink.bus.topics import (
     TRUE_WHEELS,
 )
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.loader.spawned import At, addition
 from groundlink.messages import imagery, navigation
 from groundlink.messages.base import (
     POINT,
@@ -42,7 +43,6 @@ from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
-from groundlink.scenario.spawned import At, addition
 from groundlink.world.actors import Actor, Crate, Free
 from services.view.canvas import MOST_POINTS, Trail
 from services.view.forms import FORMS

@@ -13,7 +13,8 @@ from PIL import Image
 
 from groundlink.importing import terrain as imported
 from groundlink.importing.terrain_specs import Hills, Where
-from groundlink.scenario import Scenario, load
+from groundlink.loader import load
+from groundlink.scenario import Scenario
 from groundlink.world import assets
 from groundlink.world.mesh_asset import Part, asset_of, surface
 from groundlink.world.solids import Material, Mesh, Solid

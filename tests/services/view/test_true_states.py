@@ -10,11 +10,11 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import POINT, Clock, PointCloud, State, VehicleState, floats, packed
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.navigation import JointState
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
 from groundlink.world.actors import Actor, Crate, Free
 from groundlink.world.bodies import body_names
 from services.physics.truth import BodyTruth, Truth

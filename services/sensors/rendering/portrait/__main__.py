@@ -14,8 +14,8 @@ from pathlib import Path
 
 from groundlink.cli.world import add_show_arguments
 from groundlink.core.errors import UserError
+from groundlink.loader.part import Kind, load_part
 from groundlink.process import runner as process
-from groundlink.scenario.part import Kind, load_part
 from services.sensors.rendering.context import require
 
 PROCESS = "world show"

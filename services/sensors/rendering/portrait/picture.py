@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.scenario.part import Kind
+from groundlink.loader.part import Kind
 from groundlink.scenario.schema import Scenario
 from services.sensors.rendering.renderer import Renderer
 

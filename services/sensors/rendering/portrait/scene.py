@@ -13,17 +13,17 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.frames import Floats, transform
+from groundlink.loader.part import Kind
 from groundlink.scenario.joints import base_from_links
-from groundlink.scenario.part import Kind
 from groundlink.scenario.schema import Scenario, Vehicle, World
 from groundlink.world import motion
 from groundlink.world.actors import parts
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
-from groundlink.world.furnish import WALLS
 from groundlink.world.links import links
+from groundlink.world.objects.indoor_objects import WALLS
 from groundlink.world.solids import Box, Solid
-from groundlink.world.start import start
+from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Ground, ground
 from groundlink.world.weather import Weather
 from services.sensors.rendering.culling import Boxes

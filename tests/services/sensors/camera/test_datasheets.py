@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.imagery import CameraInfo
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
 from services.sensors.model import parted

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.depth_cameras import DepthCamera, StereoCamera
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Optics
 from services.sensors.depth_camera.measured import measured
 from services.sensors.rendering.pinhole import Pinhole

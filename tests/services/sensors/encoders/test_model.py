@@ -10,12 +10,12 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
+from groundlink.loader.document import read
+from groundlink.loader.explain import convert
+from groundlink.loader.load import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages.base import BadMessage, State, encode
 from groundlink.scenario import sensors
-from groundlink.scenario.document import read
-from groundlink.scenario.explain import convert
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.vehicle import VehicleModel
 from services.sensors.encoders.model import EncodersModel
 from services.sensors.model import SensorModel

@@ -9,8 +9,8 @@ import pytest
 import yaml
 from msgspec.structs import replace
 
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.sensors import Imu
 
 SHEETS = sorted((SHIPPED / "sensors").glob("imu_*.yaml"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.sensors import Lidar, sensor_rate_hz
 from services.sensors.scanning.sweep import Sweep
 

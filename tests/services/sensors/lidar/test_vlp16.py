@@ -13,8 +13,8 @@ import yaml
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import PointCloud
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.vlp16 import LASER_OF_RING, Vlp16

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.pinhole import Pinhole
 from services.sensors.rendering.renderer import Renderer

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
-from groundlink.scenario.part import load_part
+from groundlink.loader.part import load_part
 from groundlink.scenario.schema import Scenario
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.terrain import Ground, ground

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
 from groundlink.world.light import Lamps, Sun

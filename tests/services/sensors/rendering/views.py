@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
-from groundlink.scenario import load
-from groundlink.scenario.load import SHIPPED
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from services.sensors.rendering.pinhole import Pinhole

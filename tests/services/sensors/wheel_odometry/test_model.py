@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import BadMessage, Command, Imu, State, VehicleState, encode, floats
 from groundlink.messages.navigation import Odometry
-from groundlink.scenario import Scenario, load, sensors
+from groundlink.scenario import Scenario, sensors
 from groundlink.scenario.drives import Differential
-from groundlink.scenario.load import SHIPPED
 from groundlink.scenario.schema import Vehicle
 from groundlink.world.build import solids
 from services.physics.simulation import Simulation

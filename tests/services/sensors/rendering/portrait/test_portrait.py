@@ -13,8 +13,8 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.scenario.load import SHIPPED
-from groundlink.scenario.part import Kind, load_part
+from groundlink.loader.load import SHIPPED
+from groundlink.loader.part import Kind, load_part
 from services.sensors.rendering.portrait.__main__ import FROM_DEG
 from services.sensors.rendering.portrait.marks import BLUE, GREEN, RED, mark
 from services.sensors.rendering.portrait.picture import portrait

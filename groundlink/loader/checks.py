@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks across the fields of a scenario, which types cannot state.
+
+Rule: the scenario fits the schema already; the document only says where a mistake was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from groundlink.scenario.lockstep_window import window_mistake
+from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY
+from groundlink.scenario.route import Route, ThereAndBack, Waypoints
+from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
+from groundlink.scenario.sensors import Encoders, Gnss, Sensor, SensorSpec, WheelOdometry
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world.build import WorldError, solids
+from groundlink.world.spawn_checks import check_starts
+
+from .document import DataPath, Document, ScenarioError
+from .explain import dotted, nearest
+from .fault_checks import mistake
+
+
+def check(scenario: Scenario, document: Document) -> None:
+    """Check what types cannot say: names that must differ or must exist.
+
+    Raises
+    ------
+    ScenarioError
+        with the first mistake.
+    """
+    if not scenario.vehicles:
+        raise ScenarioError(f"{document.mark(('vehicles',))}: `vehicles`: expected at least one")
+    _unique(document, ("vehicles",), [v.name for v in scenario.vehicles])
+    for v, vehicle in enumerate(scenario.vehicles):
+        here: DataPath = ("vehicles", v)
+        _free(document, (*here, "name"), vehicle.name, RESERVED_NAMES)
+        taken: list[str] = []
+        for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
+            for s, spec in enumerate(specs):
+                _free(document, (*here, section, s, "name"), spec.name, RESERVED_SENSOR_NAMES)
+            _unique(document, (*here, section), [spec.name for spec in specs], taken)
+            taken += [spec.name for spec in specs]
+        for s, sensor in enumerate(vehicle.sensors):
+            if isinstance(sensor, Gnss) and scenario.world.datum is None:
+                raise ScenarioError(
+                    f"{document.mark((*here, 'sensors', s))}: `{sensor.name}` receives satellites, "
+                    f"but `world.datum` is missing: add `datum: {{latitude_deg: ..., "
+                    f"longitude_deg: ..., altitude_m: ...}}` of the world's origin"
+                )
+            _check_wheels(sensor, vehicle, document, (*here, "sensors", s))
+            _check_faults(sensor, vehicle, document, (*here, "sensors", s, "faults"))
+        if vehicle.route is not None:
+            check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
+    time = scenario.time
+    every_sensor = (sensor for vehicle in scenario.vehicles for sensor in vehicle.sensors)
+    if time.mode != "realtime" and (found := window_mistake(time, every_sensor)):
+        mark = document.mark(("time", "window_ticks"))
+        raise ScenarioError(f"{mark}: `time.window_ticks`: {found}")
+    _check_topics(scenario, document)
+    try:
+        check_starts(scenario, solids(scenario))
+    except WorldError as error:
+        raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
+
+
+class _Use(NamedTuple):
+    """A topic where a scenario has it."""
+
+    topic: str
+    path: DataPath
+    whose: str
+
+
+def _check_topics(scenario: Scenario, document: Document) -> None:
+    """Refuse a topic of two streams, and one from ROS that is another stream's, too."""
+    told = [_Use(topic, (), "the gateway") for topic in TOLD_BY_THE_GATEWAY]
+    first: dict[str, _Use] = {}
+    for use in _sent(scenario):
+        _take(use, first, document)
+    first |= {use.topic: use for use in told}
+    for v, vehicle in enumerate(scenario.vehicles):
+        heard = [("from_ros", topic) for topic in vehicle.from_ros.all_topics()]
+        for field, topic in (*heard, ("command_topic", vehicle.command_topic)):
+            whose = f"`{field}` of `{vehicle.name}`"
+            _take(_Use(topic, ("vehicles", v, field), whose), first, document)
+
+
+def _take(use: _Use, first: dict[str, _Use], document: Document) -> None:
+    if (other := first.setdefault(use.topic, use)) is not use:
+        where = f" ({document.mark(other.path)})" if other.path else ""
+        raise ScenarioError(
+            f"{document.mark(use.path)}: {use.whose}: the topic `{use.topic}` is taken by "
+            f"{other.whose}{where}; expected a topic of its own"
+        )
+
+
+def _sent(scenario: Scenario) -> Iterator[_Use]:
+    """Yield the topics of all streams that go to ROS but those of the gateway itself."""
+    yield _Use(scenario.bodies.topic, ("bodies",), "`bodies`")
+    for v, vehicle in enumerate(scenario.vehicles):
+        truth, whose = ("vehicles", v, "ground_truth"), f"`ground_truth` of `{vehicle.name}`"
+        for topic in scenario.true_topics(vehicle):
+            yield _Use(topic, truth, whose)
+    for v, vehicle in enumerate(scenario.vehicles):
+        for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
+            for s, spec in enumerate(specs):
+                topics = spec.ros_topics() if isinstance(spec, SensorSpec) else {"": spec.topic}
+                for name, topic in topics.items():
+                    path: DataPath = ("vehicles", v, section, s, *([] if name else ["topic"]))
+                    yield _Use(topic, path, f"`{vehicle.name}/{spec.name}`")
+
+
+def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
+    """Refuse encoders of wheels that there are not, and odometry of encoders that there are not."""
+    if isinstance(sensor, Encoders):
+        wheels = [shaft.name for shaft in vehicle.model.counted]
+        for i, name in enumerate(sensor.reversed_wheels):
+            if name not in wheels:
+                mark = document.mark((*path, "reversed_wheels", i))
+                raise ScenarioError(
+                    f"{mark}: `reversed_wheels`: no wheel `{name}`; {nearest(name, wheels)}"
+                )
+    if isinstance(sensor, WheelOdometry):
+        encoders = [s.name for s in vehicle.sensors if isinstance(s, Encoders)]
+        if sensor.encoders not in encoders:
+            mark = document.mark((*path, "encoders"))
+            hint = nearest(sensor.encoders, encoders) if encoders else "add one"
+            raise ScenarioError(
+                f"{mark}: `encoders`: no sensor `{sensor.encoders}` of kind `encoders`; {hint}"
+            )
+
+
+def _check_faults(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
+    """Refuse faults that the sensor cannot have."""
+    for i, fault in enumerate(sensor.faults):
+        if found := mistake(fault, sensor, vehicle):
+            where = (*path, i, found[0])
+            raise ScenarioError(f"{document.mark(where)}: `{dotted(where)}`: {found[1]}")
+
+
+def check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
+    """Refuse a route that asks for more than the vehicle can: in speed, or to turn on the spot.
+
+    Raises
+    ------
+    ScenarioError
+        when it does.
+    """
+    if isinstance(route, ThereAndBack) and model.least_radius_m:
+        raise ScenarioError(
+            f"{document.mark(path)}: `{dotted(path)}`: `{model.name}` cannot turn on the spot; "
+            "expected another kind than `there_and_back`"
+        )
+    most = model.top_speed_mps
+    asked: list[tuple[DataPath, float | None]] = [((*path, "speed_mps"), route.speed_mps)]
+    if isinstance(route, Waypoints):
+        for i, point in enumerate(route.points):
+            asked.append(((*path, "points", i, "speed_mps"), point.speed_mps))
+    for where, speed in asked:
+        if speed is not None and speed > most:
+            raise ScenarioError(
+                f"{document.mark(where)}: `{dotted(where)}`: {speed:g} m/s is more than the "
+                f"{most:.2f} m/s that `{model.name}` can drive; ask for less"
+            )
+
+
+def _free(document: Document, path: DataPath, name: str, reserved: frozenset[str]) -> None:
+    if name in reserved:
+        mark = document.mark(path)
+        raise ScenarioError(f"{mark}: `{name}` names a key of the bus; choose another name")
+
+
+def _unique(
+    document: Document, path: DataPath, names: list[str], taken: Sequence[str] = ()
+) -> None:
+    for i, name in enumerate(names):
+        if name in names[:i] or name in taken:
+            mark = document.mark((*path, i, "name"))
+            raise ScenarioError(f"{mark}: the name `{name}` is taken; choose another")

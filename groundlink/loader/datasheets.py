@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Data sheets as files of their own: which there are, and whether one is as it has to be.
+
+Rule: a sheet is found by where it lies and listed nowhere. What it states is checked as in a
+scenario; what it leaves out is at its default, or for the scenario to state.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from groundlink.scenario.sensors import Sensor
+
+from .document import ScenarioError
+from .explain import explained
+from .load import SHIPPED, find, read_datasheet
+
+FOLDER = "sensors"
+"""Where data sheets lie: beside a scenario's file, or in what is shipped."""
+
+_PLACE = {"name": "sensor", "topic": "/topic", "frame": "frame"}
+"""What is the scenario's to say of every sensor, and stands in where it is not said."""
+
+
+class Datasheet(NamedTuple):
+    """A data sheet that was checked."""
+
+    file: Path
+    kind: str
+    title: str
+    figures: dict[str, Any]
+    """The fields that it states, in its order."""
+
+    @property
+    def name(self) -> str:
+        """What a scenario may call it."""
+        return self.file.stem
+
+
+def shipped() -> list[Datasheet]:
+    """Return the data sheets that come with Groundlink, by name.
+
+    Raises
+    ------
+    ScenarioError
+        as `datasheet` does.
+    """
+    return [_checked(file) for file in sorted((SHIPPED / FOLDER).glob("*.yaml"))]
+
+
+def datasheet(given: str) -> Datasheet:
+    """Return the data sheet of this name, or in this file: here, or shipped.
+
+    Raises
+    ------
+    ScenarioError
+        with one line: file, line, field, what was expected and how to mend it.
+    """
+    return _checked(find(given, FOLDER, Path()))
+
+
+def _checked(file: Path) -> Datasheet:
+    sheet = read_datasheet(file)
+    stated: dict[str, Any] = sheet.value
+    try:
+        msgspec.convert(_PLACE | stated, Sensor)
+    except msgspec.ValidationError as error:
+        # Fields are all looked at before one is missed, so the others are as they have to be.
+        if not str(error).startswith("Object missing required field") or " - at " in str(error):
+            raise ScenarioError(explained(error, sheet, Sensor)) from None
+    title = " ".join(stated.get("datasheet", file.name).split())
+    figures = {name: value for name, value in stated.items() if name not in ("kind", "datasheet")}
+    return Datasheet(file, stated["kind"], title, figures)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plain data checked against a schema, and what does not fit told in one line.
+
+Rule: the schema's types say what is allowed; here its first complaint gets the place where it was
+written, and a misspelt word the right one.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Collection, Iterable
+from typing import Any, TypeVar
+
+import msgspec
+
+from groundlink.scenario.every_sensor import PATTERNS
+
+from .document import DataPath, Document, ScenarioError
+from .fields import choices, field_names, kinds, required_names
+
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+def nearest(word: str, known: Iterable[str], missing: Collection[str] = ()) -> str:
+    """Return a hint that names the known word closest to `word`, the only missing one, or all."""
+    known = sorted(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean `{close[0]}`?"
+    if len(missing) == 1:
+        return f"did you mean `{next(iter(missing))}`, which is missing?"
+    return f"expected one of {', '.join(known)}"
+
+
+def convert(document: Document, schema: type[S]) -> S:
+    """Return plain data as a schema has it.
+
+    Raises
+    ------
+    ScenarioError
+        with the first thing that does not fit.
+    """
+    try:
+        return msgspec.convert(document.value, schema)
+    except msgspec.ValidationError as error:
+        raise ScenarioError(explained(error, document, schema)) from None
+
+
+def explained(error: msgspec.ValidationError, document: Document, schema: Any) -> str:
+    """Return a schema's complaint with its place and, for a misspelt word, the right one."""
+    problem, _, where = str(error).partition(" - at ")
+    path = _data_path(where.strip("`"), document, schema)
+    if unknown := re.search(r"contains unknown field `(.*)`", problem):
+        key = unknown.group(1)
+        names = field_names(schema, document.value, path)
+        absent = required_names(schema, document.value, path) - set(document.at(path))
+        mark = document.mark((*path, key))
+        return f"{mark}: unknown key `{dotted((*path, key))}`; {nearest(key, names, absent)}"
+    mark = document.mark(path)
+    if missing := re.search(r"missing required field `(.*)`", problem):
+        return f"{mark}: `{dotted((*path, missing.group(1)))}` is missing; add it"
+    if invalid := re.search(r"Invalid value '(.*)'$", problem):
+        known = kinds(schema, document.value, path)
+        if known:
+            word = invalid.group(1)
+            return f"{mark}: `{dotted(path)}`: unknown kind `{word}`; {nearest(word, known)}"
+    if invalid := re.search(r"Invalid enum value '(.*)'$", problem):
+        word, known = invalid.group(1), choices(schema, document.value, path)
+        return f"{mark}: `{dotted(path)}`: unknown value `{word}`; {nearest(word, known)}"
+    if pattern := re.search(r"expected `str` matching regex (.*)$", problem, re.IGNORECASE):
+        asked = {repr(known): words for known, words in PATTERNS.items()}
+        problem = f"expected {asked.get(pattern.group(1), problem)}"
+    value = document.at(path)
+    given = "" if isinstance(value, dict | list) else f" (given: {value!r})"
+    field = f"`{dotted(path)}`: " if path else ""
+    return f"{mark}: {field}{problem[:1].lower()}{problem[1:]}{given}"
+
+
+def dotted(path: DataPath) -> str:
+    """Return a place in the data as people write it: `vehicles[0].name`."""
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return text.lstrip(".")
+
+
+def _data_path(text: str, document: Document, schema: Any) -> DataPath:
+    """Parse msgspec's `$.vehicles[0].name`, where `[...]` stands for some key of a mapping."""
+    path: DataPath = ()
+    for name, index, some_key in re.findall(r"\.([A-Za-z_]\w*)|\[(\d+)\]|(\[\.\.\.\])", text):
+        step = _wrong_key(document, path, schema) if some_key else name or int(index)
+        path = path if step is None else (*path, step)
+    return path
+
+
+def _wrong_key(document: Document, path: DataPath, schema: Any) -> str | None:
+    """Return the key of a mapping whose value does not fit: the one that is wrong alone."""
+    around, step, mapping = document.at(path[:-1]), path[-1], document.at(path)
+    try:
+        for key, value in mapping.items():
+            around[step] = {key: value}
+            try:
+                msgspec.convert(document.value, schema)
+            except msgspec.ValidationError as error:
+                if "[...]" in str(error):
+                    return str(key)
+        return None
+    finally:
+        around[step] = mapping

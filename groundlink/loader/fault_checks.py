@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a sensor can have a fault: what the types of faults cannot say.
+
+Rule: a fault and its sensor in; a field and a sentence out, to which others add where it was said.
+"""
+
+from __future__ import annotations
+
+from groundlink.scenario.faults import EACH_WHEEL, Disturbance, Fault, OccludedSector, RateChange
+from groundlink.scenario.schema import Vehicle
+from groundlink.scenario.sensors import Sensor, sensor_rate_hz
+
+from .explain import nearest
+
+
+def mistake(fault: Fault, spec: Sensor, vehicle: Vehicle) -> tuple[str, str] | None:
+    """Return what makes a fault impossible for a vehicle's sensor; None if nothing does."""
+    if isinstance(fault, Disturbance):
+        return _of_disturbance(fault, spec, vehicle)
+    if isinstance(fault, OccludedSector) and not spec.turns:
+        return "kind", "nothing can cover a sector of a sensor that does not look around"
+    rate_hz = sensor_rate_hz(spec)
+    if isinstance(fault, RateChange) and fault.rate_hz >= rate_hz:
+        return "rate_hz", f"{fault.rate_hz:g} Hz; expected less than the declared {rate_hz:g} Hz"
+    return None
+
+
+def _of_disturbance(fault: Disturbance, spec: Sensor, vehicle: Vehicle) -> tuple[str, str] | None:
+    if not spec.quantities:
+        return "kind", "this sensor has no numbers that could be wrong"
+    name = fault.quantity or next(iter(spec.quantities))
+    if name not in spec.quantities:
+        return "quantity", f"no quantity `{name}`; {nearest(name, spec.quantities)}"
+    components = spec.quantities[name].components
+    count = len(vehicle.model.counted) if components is EACH_WHEEL else len(components) or 1
+    if isinstance(fault.numbers, tuple) and len(fault.numbers) != count:
+        expected = f"one, or {count} ({', '.join(components)})" if components else "one"
+        return fault.numbers_field, f"{len(fault.numbers)} numbers; expected {expected}"
+    return None

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JSON Schemas of the files that people write, for editors that complete and check as one types.
+
+Rule: made from the types that check the resolved scenario, so that no two can disagree; what is
+added is what files may say shorter: another file's or a mount's name, a data sheet's fields left
+out, the files of terrain and meshes. Editors find most mistakes by them; `load` finds all.
+"""
+
+from __future__ import annotations
+
+import json
+import types
+import typing
+from collections.abc import Iterable
+from typing import Any, TypeAlias
+
+import msgspec
+
+from groundlink.importing.mesh_specs import MeshFile
+from groundlink.importing.terrain_specs import TerrainSpec
+from groundlink.scenario.route import Route
+from groundlink.scenario.schema import Scenario, Vehicle, World
+from groundlink.scenario.sensors import Sensor
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world.solids import Mesh
+from groundlink.world.terrain import Terrain
+
+from .scatter import Scatter
+from .terrain_placement import ON_GROUND
+
+Schema: TypeAlias = dict[str, Any]
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+_AT_ITS_PLACE = frozenset({"name", "topic", "frame", "mount"})
+"""Of a sensor: what its scenario says and no data sheet does."""
+
+_TOPICS = (r"^/[A-Za-z0-9_/]+$", r"^[A-Za-z0-9_/]+$")
+"""Patterns of topics: in a resolved scenario, and in files, where one may lack its namespace."""
+
+_BY_NAME = ((Scenario, "world"), (Vehicle, "model"), (Vehicle, "route"))
+"""Parts that a file may hold or name the file of."""
+
+
+def json_schema(kind: str) -> Schema:
+    """Return the schema of one of `KINDS` of files, in the 2020-12 dialect."""
+    definitions = _definitions()
+    return {
+        "$schema": DIALECT,
+        "title": f"Groundlink {kind}",
+        **_any_of(definitions, KINDS[kind]),
+        "$defs": definitions | _sheets(definitions),
+    }
+
+
+def _definitions() -> dict[str, Schema]:
+    """Return all types of a scenario as its files have them, by name."""
+    made = json.dumps(msgspec.json.schema(Scenario)["$defs"])
+    definitions: dict[str, Schema] = json.loads(
+        made.replace(json.dumps(_TOPICS[0]), json.dumps(_TOPICS[1]))
+    )
+    for owner, field in _BY_NAME:
+        _also(definitions[owner.__name__]["properties"], field, {"type": "string"})
+    described, components = msgspec.json.schema_components(
+        (TerrainSpec, MeshFile, Scatter), ref_template="#/$defs/{name}"
+    )
+    for resolved, description in zip((Terrain, Mesh), described[:2], strict=True):
+        _also(definitions, resolved.__name__, description)
+    definitions |= components
+    definitions["Solid"]["properties"][ON_GROUND] = {"type": "boolean"}
+    definitions["World"]["properties"]["scatter"] = {"type": "array", "items": described[2]}
+    _also(definitions, "VehicleModel", _of_urdf(definitions))
+    for sensor in _names(Sensor):
+        properties = definitions[sensor]["properties"]
+        if "mount" in properties:
+            _also(properties, "mount", {"type": "string"})
+        definitions[sensor] = _with_datasheet(definitions[sensor])
+    return definitions
+
+
+def _also(properties: Schema, field: str, form: Schema) -> None:
+    """Let a field have another form."""
+    known = properties[field]
+    properties[field] = {"anyOf": [form, known]}
+
+
+def _of_urdf(definitions: dict[str, Schema]) -> Schema:
+    """Return a vehicle that names a URDF, and says what of a model it likes beside it."""
+    model, some_wheel, some_chassis = (
+        {key: value for key, value in definitions[name].items() if key != "required"}
+        for name in ("VehicleModel", "Wheel", "Chassis")
+    )
+    joints = {"type": "object", "additionalProperties": {"anyOf": [{"type": "null"}, some_wheel]}}
+    own = {"urdf": {"type": "string"}, "wheels": joints, "chassis": some_chassis}
+    return model | {
+        "properties": model["properties"] | own,
+        "required": ["urdf", "wheels", "drive"],
+    }
+
+
+def _with_datasheet(sensor: Schema) -> Schema:
+    """Return a sensor that says all that it must, or names a data sheet that does."""
+    needed = sensor["required"]
+    own = [field for field in needed if field in _AT_ITS_PLACE]
+    return sensor | {
+        "required": own,
+        "anyOf": [{"required": ["datasheet"]}, {"required": needed}],
+    }
+
+
+def _sheets(definitions: dict[str, Schema]) -> dict[str, Schema]:
+    """Return what data sheets say, by the name of the sensor with `Sheet` behind it."""
+    return {
+        f"{sensor}Sheet": {
+            key: value
+            for key, value in definitions[sensor].items()
+            if key not in ("required", "anyOf")
+        }
+        | {"required": ["kind"]}
+        for sensor in _names(Sensor)
+    }
+
+
+def _names(union: Any) -> list[str]:
+    """Return the names of a type's members, or its own."""
+    members: Iterable[Any] = (
+        typing.get_args(union) if isinstance(union, types.UnionType) else (union,)
+    )
+    return [member.__name__ for member in members]
+
+
+def _any_of(definitions: dict[str, Schema], names: list[str]) -> Schema:
+    references = [{"$ref": f"#/$defs/{name}"} for name in names]
+    return references[0] if len(references) == 1 else {"anyOf": references}
+
+
+KINDS: dict[str, list[str]] = {
+    "scenario": _names(Scenario),
+    "world": _names(World),
+    "vehicle": _names(VehicleModel),
+    "route": _names(Route),
+    "datasheet": [f"{sensor}Sheet" for sensor in _names(Sensor)],
+}
+"""Kinds of files, and what a file of each may be."""

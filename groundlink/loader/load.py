@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scenario file to a resolved `Scenario`, or to one line that says what is wrong.
+
+Rule: references to other files are followed first, then the whole is checked at once against the
+schema, then what types cannot say. Nothing starts before all of it holds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from groundlink.importing.files import Tell, silent
+from groundlink.scenario.namespaces import into_namespaces
+from groundlink.scenario.route import FIGURES, Route
+from groundlink.scenario.schema import Scenario, Vehicle
+
+from . import urdf
+from .checks import check, check_speeds
+from .document import DataPath, Document, ScenarioError, read
+from .explain import convert, nearest
+from .imported import bring_assets
+from .scatter import sow
+from .terrain_placement import place_outdoors, place_solids
+from .vehicle_materials import bring_materials
+
+SHIPPED = (Path(__file__).parents[1] / "shipped").resolve()
+"""Worlds, vehicles and data sheets that come with Groundlink: in a checkout a link to its folder
+`scenarios`, in an installed package a copy of it."""
+
+
+class _RouteFile(msgspec.Struct):
+    """What a route is read as that is no scenario's, so that errors name `route`."""
+
+    route: Route
+
+
+def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
+    """Return the scenario that `file` and the files it names describe.
+
+    `file` may be the name of a shipped scenario; see `scenario_file`.
+
+    `tell` takes what is doubtful about the heightmaps and meshes among them.
+
+    Raises
+    ------
+    ScenarioError
+        with one line: file, line, field, what was expected and how to mend it.
+    """
+    document = read(scenario_file(file))
+    scenario = resolved(document, tell)
+    check(scenario, document)
+    return scenario
+
+
+def scenario_file(given: str | Path) -> Path:
+    """Return the file of a scenario: the given one, or the shipped one with this name.
+
+    Raises
+    ------
+    ScenarioError
+        when there is neither.
+    """
+    file = Path(given)
+    if file.exists():
+        return file
+    if not file.suffix and (shipped := SHIPPED / f"{file}.yaml").is_file():
+        return shipped
+    names = [shipped.stem for shipped in SHIPPED.glob("*.yaml")]
+    raise ScenarioError(
+        f"{file}: no such file or directory; expected a file, or the name of a shipped scenario: "
+        f"{nearest(file.stem, names)}"
+    )
+
+
+def resolved(document: Document, tell: Tell = silent) -> Scenario:
+    """Return the scenario that a document and the files it names describe; not all is checked.
+
+    Raises
+    ------
+    ScenarioError
+        as `load` does.
+    """
+    _follow_references(document, tell)
+    bring_assets(document, tell)
+    sow(document)
+    place_outdoors(document)
+    place_solids(document)
+    into_namespaces(document)
+    return convert(document, Scenario)
+
+
+def read_route(given: str) -> Document:
+    """Return the file of a route, unchecked.
+
+    Raises
+    ------
+    ScenarioError
+        when it can be neither a file nor a figure, or cannot be read.
+    """
+    if not given.endswith((".yaml", ".yml")):
+        raise ScenarioError(
+            f"no figure `{given}`; {nearest(given, FIGURES)}, or a file with a `.yaml` name"
+        )
+    return read(Path(given))
+
+
+def load_route(given: str, vehicle: Vehicle) -> Route:
+    """Return the route that a file describes, or the figure of this name with its defaults.
+
+    Raises
+    ------
+    ScenarioError
+        as `load` does.
+    """
+    if given in FIGURES:
+        return FIGURES[given]()
+    file = read_route(given)
+    document = Document({"route": file.value}, {(): file.mark(())})
+    document.put(("route",), file)
+    route = convert(document, _RouteFile).route
+    check_speeds(route, vehicle.model, document, ("route",))
+    return route
+
+
+def _follow_references(document: Document, tell: Tell) -> None:
+    """Put in the place of every reference what it refers to."""
+    _include(document, ("world",), "worlds")
+    for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
+        here: DataPath = ("vehicles", v)
+        urdf.must_not_be_alone(document, (*here, "model"))
+        _include(document, (*here, "model"), "vehicles")
+        urdf.expand(document, (*here, "model"), tell)
+        _include(document, (*here, "route"), "routes")
+        if not isinstance(vehicle, dict):
+            continue
+        for s, sensor in enumerate(_sequence(vehicle.get("sensors"))):
+            _fill_from_datasheet(document, (*here, "sensors", s), sensor)
+            _place_on_mount(document, (*here, "sensors", s), vehicle.get("model"))
+    bring_materials(document)
+
+
+def _sequence(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _include(document: Document, path: DataPath, folder: str) -> None:
+    """Replace a file's name by its content."""
+    if isinstance(reference := document.at(path), str):
+        document.put(path, read(_find(document, path, reference, folder)))
+
+
+def _find(document: Document, path: DataPath, reference: str, folder: str) -> Path:
+    """Return the file that a reference names: beside the file that names it, or shipped."""
+    mark = document.mark(path)
+    try:
+        return find(reference, folder, mark.file.parent)
+    except ScenarioError as error:
+        raise ScenarioError(f"{mark}: `{path[-1]}`: {error}") from None
+
+
+def find(reference: str, folder: str, beside: Path) -> Path:
+    """Return the file that a reference names: in a folder `beside`, or shipped.
+
+    Raises
+    ------
+    ScenarioError
+        when there is none.
+    """
+    name = reference if reference.endswith((".yaml", ".yml")) else f"{folder}/{reference}.yaml"
+    for base in (beside, SHIPPED):
+        if (base / name).is_file():
+            return base / name
+    if Path(name).is_absolute():
+        raise ScenarioError(f"there is no file `{name}`")
+    shipped = [file.stem for file in (SHIPPED / folder).glob("*.yaml")]
+    raise ScenarioError(
+        f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {nearest(Path(name).stem, shipped)}"
+    )
+
+
+def read_datasheet(file: Path) -> Document:
+    """Return a data sheet, a mapping with a `kind`, unchecked.
+
+    Raises
+    ------
+    ScenarioError
+        when it is none.
+    """
+    sheet = read(file)
+    if not isinstance(sheet.value, dict) or not isinstance(sheet.value.get("kind"), str):
+        raise ScenarioError(f"{sheet.mark(())}: a data sheet is a mapping with a `kind`")
+    return sheet
+
+
+def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> None:
+    """Give a sensor the fields of its data sheet that it does not state itself."""
+    if not isinstance(sensor, dict) or not isinstance(sensor.get("datasheet"), str):
+        return
+    sheet_path = (*path, "datasheet")
+    sheet = read_datasheet(_find(document, sheet_path, sensor["datasheet"], "sensors"))
+    if sensor.get("kind", sheet.value["kind"]) != sheet.value["kind"]:
+        raise ScenarioError(
+            f"{document.mark(sheet_path)}: `datasheet`: {sensor['datasheet']} is of kind "
+            f"`{sheet.value['kind']}`, but this sensor is of kind `{sensor['kind']}`"
+        )
+    sensor["datasheet"] = sheet.value.get("datasheet", sensor["datasheet"])
+    for key, value in sheet.value.items():
+        if key not in sensor:
+            sensor[key] = None
+            marks = {p[1:]: m for p, m in sheet.marks.items() if p[:1] == (key,)}
+            document.put((*path, key), Document(value, marks))
+
+
+def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
+    """Replace the name of a mount by the pose that the vehicle's model gives it."""
+    mount = document.at((*path, "mount"))
+    mounts = model.get("mounts", {}) if isinstance(model, dict) else {}
+    if isinstance(mount, str) and model is None:  # That it is missing is what is to be told.
+        del document.at(path)["mount"]
+    elif isinstance(mount, str):
+        if mount not in mounts:
+            mark = document.mark((*path, "mount"))
+            raise ScenarioError(f"{mark}: `mount`: no mount `{mount}`; {nearest(mount, mounts)}")
+        document.at(path)["mount"] = mounts[mount]

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trees, bushes and rocks sown by the scenario's seed, where nothing else is.
+
+Rule: what is sown becomes things like those that a file lists, before anything is put on the
+ground, so a resolved scenario has them with their places. A throw that would fall on a road, into a
+pond, on a house, beside a vehicle's start or too near to what grows already is thrown again.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+from zlib import crc32
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from groundlink.core.frames import Floats
+from groundlink.scenario.schema import Placement
+from groundlink.world.bounds import bounds
+from groundlink.world.objects.outdoor_objects import erect
+from groundlink.world.objects.outdoors import Outdoor, Place2
+from groundlink.world.solids import NonNegative, Positive, Solid, Spec
+from groundlink.world.terrain import Ground, Terrain, ground
+
+from .document import DataPath, Document, ScenarioError
+from .explain import convert
+from .imported import TERRAIN
+from .terrain_placement import OUTDOORS
+
+SCATTER: DataPath = ("world", "scatter")
+
+TRIES = 200
+"""Places tried for one thing before the area counts as full."""
+
+START_M = 8.0
+"""Kept free around where vehicles start: twice what a tank reaches."""
+
+ALL_AROUND = np.stack([f(np.arange(8) * np.pi / 4) for f in (np.cos, np.sin)], axis=-1)
+
+
+class Scatter(Spec, frozen=True, kw_only=True):
+    """Things of one kind, sown over a rectangle."""
+
+    like: dict[str, Any]
+    """Their kind and what they have in common: fields of `Outdoor`."""
+
+    count: Annotated[int, Meta(ge=0, le=2000)]
+    height_m: tuple[Positive, Positive]
+    low_m: Place2
+    """South-western corner of the area."""
+
+    high_m: Place2
+    ground: tuple[str, ...]
+    """Materials of the ground on which they are."""
+
+    clear_m: NonNegative = 2.0
+    """Least distance from ground of other materials, from walls and from one another."""
+
+
+class _Scatter(msgspec.Struct):
+    """What it is checked as, so that errors name `scatter`."""
+
+    scatter: tuple[Scatter, ...]
+
+
+class _Things(msgspec.Struct):
+    outdoors: tuple[Outdoor, ...]
+
+
+class _Start(msgspec.Struct):
+    placement: Placement = Placement()
+
+
+class _Known(msgspec.Struct):
+    """What must be known of a scenario before all of it is checked."""
+
+    seed: Annotated[int, Meta(ge=0)] = 0
+    vehicles: tuple[_Start, ...] = ()
+
+
+def sow(document: Document) -> None:
+    """Replace `scatter` by things in `outdoors`; the terrain must be resolved.
+
+    Raises
+    ------
+    ScenarioError
+        when the description is wrong, or not all find a place.
+    """
+    world = document.at(SCATTER[:-1])
+    if not isinstance(world, dict) or "scatter" not in world:
+        return
+    if document.at(TERRAIN) is None:
+        raise ScenarioError(f"{document.mark(SCATTER)}: `scatter`: expected terrain in this world")
+    described = convert(document.alone(SCATTER), _Scatter).scatter
+    known = convert(document, _Known)
+    here = ground(msgspec.convert(document.at(TERRAIN), Terrain))
+    listed = world.setdefault("outdoors", [])
+    things = convert(document.alone(OUTDOORS), _Things).outdoors
+    taken = [_footprint(solid) for i, thing in enumerate(things) for solid in erect(i, thing)]
+    for vehicle in known.vehicles:
+        x, y = vehicle.placement.x_m, vehicle.placement.y_m
+        taken.append((x - START_M, y - START_M, x + START_M, y + START_M))
+    for index, scatter in enumerate(described):
+        mark = document.mark((*SCATTER, index))
+        # A stream for each: one line more or less does not move what another sowed.
+        generator = np.random.default_rng([known.seed, crc32(b"scatter"), index])
+        for number in range(scatter.count):
+            fields = _throw(scatter, generator, here, np.array(taken).reshape(-1, 4))
+            if fields is None:
+                raise ScenarioError(
+                    f"{mark}: `scatter`: only {number} of {scatter.count} found a free place"
+                )
+            taken.append((*fields["at_m"], *fields["at_m"]))
+            document.marks[(*OUTDOORS, len(listed))] = mark
+            listed.append(fields)
+    del world["scatter"]
+
+
+def _throw(
+    scatter: Scatter, generator: np.random.Generator, here: Ground, taken: Floats
+) -> dict[str, Any] | None:
+    """Return the fields of a thing somewhere, or None where no place was free."""
+    for _ in range(TRIES):
+        place = np.round(generator.uniform(scatter.low_m, scatter.high_m), 2)
+        yaw_deg = round(float(generator.uniform(-180, 180)), 1)
+        height_m = round(float(generator.uniform(*scatter.height_m)), 2)
+        around = np.vstack([place, place + scatter.clear_m * ALL_AROUND])
+        if not here.inside(*around.T).all():
+            continue
+        grounds = {here.materials[number] for number in here.material_at(*around.T)}
+        beyond = np.maximum(taken[:, :2] - place, place - taken[:, 2:]).clip(0)
+        if grounds <= set(scatter.ground) and (np.hypot(*beyond.T) >= scatter.clear_m).all():
+            where = {"at_m": place.tolist(), "yaw_deg": yaw_deg, "height_m": height_m}
+            return scatter.like | where
+    return None
+
+
+def _footprint(solid: Solid) -> tuple[float, ...]:
+    """Return the rectangle that a solid covers: lowest x and y, highest x and y."""
+    low, high = bounds(solid)
+    return (*low[:2].tolist(), *high[:2].tolist())

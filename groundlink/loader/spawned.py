@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a word or a file means that is to be put into a run: an `Addition` at a place.
+
+Rule: files are worlds and vehicles as everywhere else, read by the same machinery; of a world its
+solids, actors and materials are taken. Their own origin is put on the ground at the place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from math import cos, isnan, radians, sin
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.core.errors import UserError
+from groundlink.core.frames import matrix_from_quaternion, multiply
+from groundlink.importing.files import Tell, silent
+from groundlink.scenario.change import Addition
+from groundlink.scenario.schema import Placement, Scenario, World
+from groundlink.world.actors import Actor, Along, Crate, Free, Hinge, Person, parts
+from groundlink.world.solids import Box, Cylinder, Material, Solid, Vector3
+from groundlink.world.terrain import Ground
+
+from .document import ScenarioError, read
+from .part import Kind, load_part, part_file
+
+_MATERIALS = {
+    "cardboard": Material(reflectivity=0.5, friction=0.6, color=(0.45, 0.30, 0.16)),
+    "steel": Material(reflectivity=0.4, friction=0.5, color=(0.10, 0.22, 0.45)),
+    "cloth": Material(reflectivity=0.4, friction=0.8, color=(0.50, 0.05, 0.04)),
+    "denim": Material(reflectivity=0.3, friction=0.8, color=(0.05, 0.08, 0.20)),
+    "skin": Material(reflectivity=0.5, friction=0.8, color=(0.60, 0.38, 0.28)),
+}
+_CUBE = Solid("box", Box(size_m=(0.5, 0.5, 0.5)), "cardboard", (0.0, 0.0, 0.25))
+_DRUM = Solid("barrel", Cylinder(radius_m=0.29, length_m=0.88), "steel", (0.0, 0.0, 0.44))
+_FIGURE = parts(Person(shirt="cloth", trousers="denim", skin="skin"))
+_CRATE = Actor(
+    name="crate",
+    form=Crate(material="cardboard"),
+    motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=10.0),
+)
+
+KINDS: dict[str, Addition] = {
+    "box": Addition(solids=(_CUBE,), materials=_MATERIALS),
+    "barrel": Addition(solids=(_DRUM,), materials=_MATERIALS),
+    "person": Addition(solids=tuple(_FIGURE), materials=_MATERIALS),
+    "crate": Addition(actors=(_CRATE,), materials=_MATERIALS),
+}
+"""What needs no file: boxes, barrels and people who stand, a crate that can be pushed."""
+
+
+class At(NamedTuple):
+    """A place in the world: x, y, height above the ground in metres, heading in degrees."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    z_m: float = 0.0
+    yaw_deg: float = 0.0
+
+
+def check_given(given: str) -> None:
+    """Refuse a word or a file that means nothing, before a run is asked for.
+
+    Raises
+    ------
+    UserError
+        when it does.
+    """
+    if given not in KINDS:
+        read(part_file(given, KINDS))
+
+
+def addition(
+    given: str,
+    *,
+    at: At,
+    name: str | None,
+    taken: Collection[str],
+    ground: Ground | None,
+    tell: Tell = silent,
+) -> tuple[str, Addition]:
+    """Return what a word or a file means at a place, and what it is called.
+
+    Parameters
+    ----------
+    given
+        one of `KINDS`, or a vehicle or world as `load_part` takes it.
+    name
+        of a single thing; of several, it begins their names. None: after what was given, with a
+        number where that is taken.
+
+    Raises
+    ------
+    UserError
+        when it means nothing that can be put into a run.
+    """
+    if given in KINDS:
+        more, called = KINDS[given], given
+    else:
+        kind, part = load_part(given, words=KINDS, tell=tell)
+        if kind is Kind.SCENARIO:
+            raise ScenarioError(f"`{given}` is a scenario; expected a vehicle or a world's things")
+        called = part.vehicles[0].model.name if part.vehicles else part.world.name
+        more = _of(part, given)
+    if name is None:
+        name = _free(called, taken)
+    return name, _placed(_named(more, name), at, ground)
+
+
+def _of(part: Scenario, given: str) -> Addition:
+    """Return what there is in a world or vehicle by itself."""
+    world = part.world
+    plain = replace(world, solids=(), actors=(), materials={})
+    if not part.vehicles and plain != World(name=world.name, materials={}):
+        raise ScenarioError(
+            f"`{given}`: only `solids`, `actors` and `materials` of a world can be put into a run"
+        )
+    if not (part.vehicles or world.solids or world.actors):
+        raise ScenarioError(f"`{given}`: there is nothing in it; expected `solids` or `actors`")
+    return Addition(world.solids, world.actors, part.vehicles, world.materials)
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    def is_taken(one: str) -> bool:
+        return any(re.match(rf"{one}(_|/|$)", other) for other in taken)
+
+    number, free = 1, name
+    while is_taken(free):
+        number += 1
+        free = f"{name}_{number}"
+    return free
+
+
+def _named(more: Addition, name: str) -> Addition:
+    alone = len(more.names()) == 1
+
+    def called(own: str) -> str:
+        return name if alone else f"{name}_{own}"
+
+    return Addition(
+        tuple(replace(solid, name=called(solid.name)) for solid in more.solids),
+        tuple(replace(actor, name=called(actor.name)) for actor in more.actors),
+        tuple(
+            replace(
+                vehicle,
+                name=name,
+                namespace=f"/{name}",
+                frame_prefix=f"{name}/",
+                command_topic=f"/{name}/cmd_vel",
+            )
+            for vehicle in more.vehicles
+        ),
+        more.materials,
+    )
+
+
+def _placed(more: Addition, at: At, ground: Ground | None) -> Addition:
+    """Put the origin of some things on the ground at a place."""
+    height_m = 0.0 if ground is None else float(ground.height_at(at.x_m, at.y_m))
+    if isnan(height_m):
+        raise UserError(f"--at {at.x_m:g},{at.y_m:g} is beside the terrain")
+    half = radians(at.yaw_deg) / 2
+    turn = (0.0, 0.0, sin(half), cos(half))
+    rotation = matrix_from_quaternion(turn)
+
+    def put(point: Vector3, above_m: float = 0.0) -> Vector3:
+        x, y, z = (rotation @ np.array(point) + at[:3]).tolist()
+        return x, y, z + above_m
+
+    def moved(actor: Actor) -> Actor:
+        motion = actor.motion
+        if isinstance(motion, Along):
+            points = tuple(put((*point, 0.0))[:2] for point in motion.points_m)
+            return replace(actor, motion=replace(motion, points_m=points, z_m=motion.z_m + at.z_m))
+        assert isinstance(motion, Free | Hinge)
+        yaw_deg = motion.yaw_deg + at.yaw_deg
+        return replace(actor, motion=replace(motion, at_m=put(motion.at_m), yaw_deg=yaw_deg))
+
+    place = Placement(*at)
+    return Addition(
+        tuple(
+            replace(
+                solid,
+                position_m=put(solid.position_m, height_m),
+                orientation=tuple(multiply(turn, solid.orientation).tolist()),
+            )
+            for solid in more.solids
+        ),
+        tuple(moved(actor) for actor in more.actors),
+        tuple(replace(vehicle, placement=place) for vehicle in more.vehicles),
+        more.materials,
+    )

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Things put on terrain: those outdoors, and solids that say `on_ground`.
+
+Rule: heights become numbers here, once; nobody who reads a resolved scenario asks the ground where
+anything is to stand. Vehicles are not meant: how they start on a slope is `world.start`'s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from groundlink.world.objects.outdoors import Fence, Outdoor
+from groundlink.world.solids import Vector3
+from groundlink.world.terrain import Terrain, ground
+
+from .document import DataPath, Document, ScenarioError
+from .explain import convert
+from .imported import TERRAIN
+
+SOLIDS: DataPath = ("world", "solids")
+OUTDOORS: DataPath = ("world", "outdoors")
+
+ON_GROUND = "on_ground"
+"""Of a solid in a file: its height counts from the terrain below its position."""
+
+
+def place_solids(document: Document) -> None:
+    """Add the height of the terrain, which is resolved, to the solids that ask for it.
+
+    Raises
+    ------
+    ScenarioError
+        when there is no terrain below one.
+    """
+    terrain, solids = document.at(("world", "terrain")), document.at(SOLIDS)
+    for index, solid in enumerate(solids if isinstance(solids, list) else ()):
+        if not isinstance(solid, dict) or not solid.pop(ON_GROUND, False):
+            continue
+        try:
+            here = ground(msgspec.convert(terrain, Terrain))
+            x, y, z = msgspec.convert(solid.get("position_m"), Vector3)
+        except msgspec.ValidationError:
+            mark = document.mark((*SOLIDS, index, ON_GROUND))
+            raise ScenarioError(
+                f"{mark}: `{ON_GROUND}`: expected terrain in this world, and `position_m`"
+            ) from None
+        height_m = float(here.height_at(x, y))
+        if math.isnan(height_m):
+            mark = document.mark((*SOLIDS, index, "position_m"))
+            raise ScenarioError(f"{mark}: `position_m` is beside the terrain; move it")
+        solid["position_m"] = [x, y, z + round(height_m, 3)]
+
+
+class _Outdoors(msgspec.Struct):
+    """What things outdoors are checked as, so that errors name `outdoors`."""
+
+    outdoors: tuple[Outdoor, ...]
+
+
+def place_outdoors(document: Document) -> None:
+    """Tell things outdoors how high the terrain, which is resolved, is below them.
+
+    Raises
+    ------
+    ScenarioError
+        when there is none below one, or one is not described as it should be.
+    """
+    described, terrain = document.at(OUTDOORS), document.at(TERRAIN)
+    if not described or terrain is None:
+        return
+    here = ground(msgspec.convert(terrain, Terrain))
+    things = convert(document.alone(OUTDOORS), _Outdoors).outdoors
+    for index, (thing, fields) in enumerate(zip(things, described, strict=True)):
+        if (thing.ground_m if isinstance(thing, Fence) else thing.z_m) is not None:
+            continue
+        heights = here.height_at(*zip(*thing.feet(), strict=True)).tolist()
+        if any(map(math.isnan, heights)):
+            mark = document.mark((*OUTDOORS, index))
+            raise ScenarioError(f"{mark}: `outdoors`: this stands beside the terrain; move it")
+        fields.update(thing.grounded(heights))

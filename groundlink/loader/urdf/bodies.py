@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rigid bodies of a URDF: what moves as one is one.
+
+Rule: wheels turn, all else of the robot is its base. Links on fixed joints merge with what carries
+them. Links on joints with a servo move by themselves, but their mass and collisions are the base's,
+at position zero. All other joints are held at zero, and so are those that carry wheels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundlink.core.frames import Floats
+from groundlink.loader.explain import nearest
+
+from .elements import Element
+from .robot import Geometry, Inertial, Joint, Link, Robot
+
+BASE_LINK = "base_link"
+"""By REP 105 the frame of the body, also where a `base_footprint` without mass is the root."""
+
+Placed = tuple[Floats, Geometry]
+"""The pose of a shape in its body's frame, shape (4, 4), and the rest of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Links that move as one, in one frame."""
+
+    element: Element
+    """Of the link whose frame it is."""
+
+    body_from_link: dict[str, Floats]
+    """Poses of all its links, shape (4, 4) each."""
+
+    inertial: Inertial
+    visuals: tuple[Placed, ...]
+    collisions: tuple[Placed, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class WheelBody:
+    """A body that turns on the base."""
+
+    joint: Joint
+    center_m: Floats
+    """Of its axle in the base's frame, shape (3,)."""
+
+    body: Body
+    """In a frame at that place with the axes of the base's."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingBody:
+    """Links that a servo moves; their masses and collisions are the base's."""
+
+    joint: Joint
+    parent: str | None
+    """The joint that carries this one; None for the base."""
+
+    at_m: Floats
+    """Of the joint in its parent's frame at position zero, shape (3,)."""
+
+    axis: Floats
+    """Of unit length, shape (3,)."""
+
+    visuals: tuple[Placed, ...]
+    """In a frame at the joint that has the axes of the base's at position zero."""
+
+
+def bodies(
+    robot: Robot, wheels: Sequence[str], casters: Container[str]
+) -> tuple[str, Body, dict[str, WheelBody], dict[str, MovingBody]]:
+    """Return the base link's name, the base, and wheels and moving bodies by their joints' names.
+
+    Casters may hang on a joint of any type: however they turn, they are balls that slide.
+
+    Raises
+    ------
+    ScenarioError
+        when a joint cannot be a wheel's, or something that moves has no mass.
+    """
+    joints = [_wheel_joint(robot, name, is_caster=name in casters) for name in wheels]
+    root_from = {robot.root: np.eye(4)}
+    carrier: dict[str, str | None] = {robot.root: None}  # the wheel that a link belongs to
+    rigid = {robot.root: robot.root}  # the link that it moves as one with, whatever is held
+    for joint in robot.joints.values():
+        root_from[joint.child] = root_from[joint.parent] @ joint.parent_from_child
+        above = carrier[joint.parent]
+        carrier[joint.child] = joint.name if joint in joints else above
+        if joint in joints and above is not None:
+            raise joint.element.mistake(f"a wheel on the wheel `{above}`; take one of them out")
+        rigid[joint.child] = rigid[joint.parent] if joint.kind == "fixed" else joint.child
+    _check_masses(robot, rigid)
+    base = BASE_LINK if rigid.get(BASE_LINK) == robot.root else robot.root
+    base_from_root = np.linalg.inv(root_from[base])
+    base_from = {link: base_from_root @ pose for link, pose in root_from.items()}
+    turning = {}
+    for joint in joints:
+        at = np.eye(4)
+        at[:3, 3] = -(center := base_from[joint.child][:3, 3])
+        own = {link: at @ base_from[link] for link, by in carrier.items() if by == joint.name}
+        turning[joint.name] = WheelBody(joint, center, _merged(robot, joint.child, own))
+        axle = base_from[joint.child][:3, :3] @ joint.axis
+        if abs(axle[1]) < 0.999 and joint.name not in casters:  # 2.6 degrees
+            across = " ".join(f"{part:.3g}" for part in axle)
+            raise joint.element.mistake(
+                f"its axis points along ({across}) of `{base}`; a wheel's axle lies along y, "
+                "where x is forward: mend <axis> or the <origin>s on the way there"
+            )
+    still = {link: pose for link, pose in base_from.items() if carrier[link] is None}
+    body = _merged(robot, base, still)
+    if body.inertial.mass_kg <= 0:
+        raise body.element.mistake(
+            "neither it nor what is fixed to it has a mass; give it an <inertial>"
+        )
+    mover = _movers(robot, joints, still)
+    body = replace(body, visuals=_visuals(robot, {k: v for k, v in still.items() if not mover[k]}))
+    moving = {}
+    for name in dict.fromkeys(filter(None, mover.values())):
+        joint, by = robot.joints[name], mover[robot.joints[name].parent]
+        center = base_from[joint.child][:3, 3]
+        at = np.eye(4)
+        at[:3, 3] = -center
+        own = {link: at @ still[link] for link in still if mover[link] == name}
+        moving[name] = MovingBody(
+            joint=joint,
+            parent=by,
+            at_m=center - base_from[robot.joints[by].child][:3, 3] if by else center,
+            axis=base_from[joint.child][:3, :3] @ joint.axis,
+            visuals=_visuals(robot, own),
+        )
+    return base, body, turning, moving
+
+
+def _movers(robot: Robot, wheels: Sequence[Joint], still: Container[str]) -> dict[str, str | None]:
+    """Return by link the joint whose servo moves it; None on the base and on wheels."""
+    above = {joint.child: joint for joint in robot.joints.values()}
+    held, ahead = set(), [*wheels]
+    while ahead:  # Joints between the base and a wheel are held, such as those that steer.
+        held.add(joint := ahead.pop())
+        ahead += [above[joint.parent]] if joint.parent in above else []
+    mover: dict[str, str | None] = {robot.root: None}
+    for joint in robot.joints.values():
+        moves = joint.motion is not None and joint not in held and joint.child in still
+        mover[joint.child] = joint.name if moves else mover[joint.parent]
+    return mover
+
+
+def _wheel_joint(robot: Robot, name: str, *, is_caster: bool) -> Joint:
+    if name not in robot.joints:
+        hint = nearest(name, robot.joints) if robot.joints else "the file has none"
+        raise robot.element.mistake(f"no joint `{name}`, which is to be a wheel's; {hint}")
+    joint = robot.joints[name]
+    if joint.kind != "continuous" and not is_caster:
+        raise joint.element.mistake(
+            f'it is `{joint.kind}`, but is to carry a wheel; expected type="continuous"'
+        )
+    return joint
+
+
+def _check_masses(robot: Robot, rigid: Mapping[str, str]) -> None:
+    """Refuse what moves and has no mass; `rigid` says what each link moves as one with."""
+    heavy = {
+        rigid[name]
+        for name, link in robot.links.items()
+        if link.inertial and link.inertial.mass_kg > 0
+    }
+    for joint in robot.joints.values():
+        if joint.kind != "fixed" and joint.child not in heavy:
+            raise robot.links[joint.child].element.mistake(
+                f"no mass, though the joint `{joint.name}` moves it; give it an <inertial>, or "
+                'make the joint type="fixed"'
+            )
+
+
+def _merged(robot: Robot, name: str, body_from: dict[str, Floats]) -> Body:
+    """Return the body that links make, with the poses that they have in it."""
+    links: list[tuple[Floats, Link]] = [(p, robot.links[link]) for link, p in body_from.items()]
+    return Body(
+        robot.links[name].element,
+        body_from,
+        _sum([(pose, link.inertial) for pose, link in links if link.inertial]),
+        _visuals(robot, body_from),
+        tuple((pose @ g.link_from_shape, g) for pose, link in links for g in link.collisions),
+    )
+
+
+def _visuals(robot: Robot, body_from: dict[str, Floats]) -> tuple[Placed, ...]:
+    """Return what links look like, with the poses that they have in a body."""
+    return tuple(
+        (pose @ shape.link_from_shape, shape)
+        for link, pose in body_from.items()
+        for shape in robot.links[link].visuals
+    )
+
+
+def _sum(parts: Sequence[tuple[Floats, Inertial]]) -> Inertial:
+    """Return the inertia of bodies in one frame, by Steiner's theorem; of none it is zero."""
+    mass = sum(part.mass_kg for _, part in parts)
+    if mass <= 0:
+        return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+    placed = [(p.mass_kg, at[:3, :3] @ p.center_m + at[:3, 3], at[:3, :3], p) for at, p in parts]
+    center = sum((m * place for m, place, _, _ in placed), np.zeros(3)) / mass
+    tensor = np.zeros((3, 3))
+    for part_mass, place, turn, part in placed:
+        arm = place - center
+        tensor += turn @ part.inertia_kgm2 @ turn.T
+        tensor += part_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return Inertial(mass, center, tensor)

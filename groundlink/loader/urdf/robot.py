@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A URDF file as a tree of links and joints.
+
+Rule: what comes out is a tree with one root, and every number in it is finite and possible. Which
+joints are wheels, and what moves how, is no business of this module. What URDF has for other
+programs (`gazebo`, `transmission`, `sensor`) is passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundlink.core.frames import Floats, quaternion_from_rpy, transform
+from groundlink.loader.document import ScenarioError
+from groundlink.loader.explain import nearest
+from groundlink.scenario.vehicle import ROUNDED
+from groundlink.world.solids import Vector3
+
+from .elements import EXPAND, Element, parse
+
+UNSAID_SPEED_RADPS = 1.0
+"""Of a continuous joint whose URDF does not say how fast it turns."""
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+"""Of joints, http://wiki.ros.org/urdf/XML/joint."""
+
+SHAPES = ("box", "cylinder", "sphere", "mesh")
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """How heavy a body is, and how hard to turn."""
+
+    mass_kg: float
+    center_m: Floats
+    """Of mass, shape (3,)."""
+
+    inertia_kgm2: Floats
+    """About the centre of mass, along the axes of the body's frame, shape (3, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """What a link looks like or collides with: one of its shapes in place."""
+
+    element: Element
+    """Of the shape, one of `SHAPES`."""
+
+    link_from_shape: Floats
+    """Shape (4, 4)."""
+
+    color: tuple[float, ...] | None
+    """Red, green, blue and alpha as URDF has them, gamma encoded; None where it says nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link with what it weighs, looks like and collides with."""
+
+    element: Element
+    inertial: Inertial | None
+    visuals: tuple[Geometry, ...]
+    collisions: tuple[Geometry, ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How far and how fast a joint moves."""
+
+    lower: float | None
+    """Smallest position, rad or m; None for no limit."""
+
+    upper: float | None
+    max_speed: float
+    """In rad/s or m/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint between two links."""
+
+    element: Element
+    name: str
+    kind: str
+    parent: str
+    child: str
+    parent_from_child: Floats
+    """With the joint at zero, shape (4, 4)."""
+
+    axis: Floats
+    """Of unit length, in the child's frame, shape (3,)."""
+
+    motion: Motion | None
+    """None where a servo cannot move it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A tree of links."""
+
+    element: Element
+    name: str
+    links: Mapping[str, Link]
+    joints: Mapping[str, Joint]
+    """By name; those nearer to the root come first."""
+
+    root: str
+
+
+def read(file: Path) -> Robot:
+    """Return what a URDF file describes.
+
+    Raises
+    ------
+    ScenarioError
+        with the first thing that is wrong in it.
+    """
+    if file.suffix == ".xacro":
+        raise ScenarioError(f"{file}: this is xacro; {EXPAND.format(name=file.name)}")
+    top = parse(file)
+    if top.tag != "robot":
+        raise top.mistake("expected <robot name=...> as the outermost element of a URDF")
+    _once(top.all("link"))
+    _once(top.all("joint"))
+    colors = _colors(top)
+    links = {e.text("name"): _link(e, colors) for e in top.all("link")}
+    if not links:
+        raise top.mistake("there is no <link> in it; a vehicle needs a body and wheels")
+    joints = [_joint(element, links) for element in top.all("joint")]
+    return Robot(top, top.text("name"), links, *_tree(top, links, joints))
+
+
+def _once(elements: Iterable[Element]) -> None:
+    names = set()
+    for element in elements:
+        if (name := element.text("name")) in names:
+            raise element.mistake("there are two of this name; rename one")
+        names.add(name)
+
+
+_Color = tuple[float, ...] | None
+
+
+def _colors(top: Element) -> dict[str, _Color]:
+    """Return the colours of materials by name, whether a robot or a visual of it defines them."""
+    visuals = [visual for link in top.all("link") for visual in link.all("visual")]
+    materials = [m for element in (top, *visuals) for m in element.all("material") if m.children]
+    return {m.attributes["name"]: _color(m) for m in reversed(materials) if "name" in m.attributes}
+
+
+def _color(material: Element) -> _Color:
+    """Return what a material says of its colour; its picture is not looked at."""
+    if (color := material.first("color")) is None:
+        return None
+    rgba = color.numbers("rgba", 4)
+    if not all(0 <= part <= 1 for part in rgba):
+        raise color.mistake(f"`rgba` is `{color.text('rgba')}`; expected four shares from 0 to 1")
+    return rgba
+
+
+def _link(element: Element, colors: Mapping[str, _Color]) -> Link:
+    inertial = element.first("inertial")
+    return Link(
+        element,
+        None if inertial is None else _inertial(inertial, element),
+        tuple(_geometry(e, colors) for e in element.all("visual")),
+        tuple(_geometry(e, colors) for e in element.all("collision")),
+    )
+
+
+def _inertial(element: Element, link: Element) -> Inertial:
+    mass = element.need("mass").number("value")
+    if mass < 0:
+        raise link.mistake(f"its mass is {mass:g} kg; expected more than 0")
+    moments = element.need("inertia")
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    xx, yy, zz, xy, xz, yz = (moments.number(n, 0.0 if n[1] != n[2] else None) for n in names)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    least, middle, largest = np.linalg.eigvalsh(tensor)
+    why = ""
+    if least <= 0:
+        why = "the least principal moment is not above 0"
+    elif largest > ROUNDED * (least + middle):
+        why = f"the largest principal moment, {largest:g}, is above the sum of the others"
+    if mass > 0 and why:
+        raise moments.mistake(
+            f"{mass:g} kg of `{link.text('name')}` have no such inertia ({why}); give the one of a "
+            "solid of its mass and size"
+        )
+    pose = _pose(element)
+    rotation = pose[:3, :3]
+    return Inertial(mass, pose[:3, 3], rotation @ tensor @ rotation.T)
+
+
+def _geometry(element: Element, colors: Mapping[str, _Color]) -> Geometry:
+    geometry = element.need("geometry")
+    shape = next((e for e in geometry.children if e.tag in SHAPES), None)
+    if shape is None:
+        found = f" of `{geometry.children[0].tag}`" if geometry.children else ""
+        raise geometry.mistake(f"no shape{found} is known; expected one of {', '.join(SHAPES)}")
+    color = None
+    if (material := element.first("material")) is not None:
+        color = _color(material)
+        name = material.attributes.get("name", "")
+        if name and not material.children:
+            if name not in colors:
+                hint = nearest(name, colors) if colors else "give it a <color>"
+                raise material.mistake(f"no such material in this file; {hint}")
+            color = colors[name]
+    return Geometry(shape, _pose(element), color)
+
+
+def _joint(element: Element, links: Iterable[str]) -> Joint:
+    kind = element.text("type")
+    if kind not in KINDS:
+        raise element.mistake(f"unknown type `{kind}`; {nearest(kind, KINDS)}")
+    ends = []
+    for end in ("parent", "child"):
+        link = element.need(end).text("link")
+        if link not in links:
+            raise element.need(end).mistake(f"no link `{link}`; {nearest(link, links)}")
+        ends.append(link)
+    at = element.first("axis")
+    axis = np.array((1.0, 0.0, 0.0) if at is None else at.numbers("xyz", 3))
+    length = np.linalg.norm(axis)
+    if length < 1e-9:
+        if kind != "fixed":
+            raise (at or element).mistake("an axis of no length; give it a direction")
+        axis, length = np.array([1.0, 0.0, 0.0]), np.float64(1)
+    name = element.text("name")
+    pose, motion = _pose(element), _motion(element, kind)
+    return Joint(element, name, kind, ends[0], ends[1], pose, axis / length, motion)
+
+
+def _motion(element: Element, kind: str) -> Motion | None:
+    """Return how a joint moves on its own; None where it does not, or where 0 is out of limits."""
+    if kind not in ("revolute", "continuous", "prismatic") or element.first("mimic"):
+        return None
+    limit, endless = element.first("limit"), kind == "continuous"
+    if limit is None:
+        return Motion(None, None, UNSAID_SPEED_RADPS) if endless else None
+    speed = limit.number("velocity", UNSAID_SPEED_RADPS if endless else 0.0)
+    lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    if speed <= 0:
+        return None
+    if endless:
+        return Motion(None, None, speed)
+    return Motion(lower, upper, speed) if lower <= 0.0 <= upper and lower < upper else None
+
+
+def _pose(element: Element) -> Floats:
+    """Return the pose that an element's origin gives, shape (4, 4)."""
+    origin = element.first("origin")
+    if origin is None:
+        return np.eye(4)
+    zero: Vector3 = (0.0, 0.0, 0.0)
+    roll, pitch, yaw = origin.numbers("rpy", 3, zero)
+    return transform(origin.numbers("xyz", 3, zero), quaternion_from_rpy(roll, pitch, yaw))
+
+
+def _tree(
+    top: Element, links: Mapping[str, Link], joints: list[Joint]
+) -> tuple[dict[str, Joint], str]:
+    """Return the joints from the root outwards, and the root."""
+    carriers: dict[str, Joint] = {}
+    for joint in joints:
+        if (first := carriers.setdefault(joint.child, joint)) is not joint:
+            raise joint.element.mistake(
+                f"`{joint.child}` hangs on `{first.name}` as well; a link has one parent: "
+                "take one of the joints out"
+            )
+    roots = [link for link in links if link not in carriers]
+    if len(roots) > 1:
+        raise links[roots[1]].element.mistake(
+            f"no joint has it as child, as with `{roots[0]}`, so the robot falls into "
+            f"{len(roots)} parts; join them with <joint>s"
+        )
+    below: dict[str, list[Joint]] = {}
+    for joint in joints:
+        below.setdefault(joint.parent, []).append(joint)
+    ordered: dict[str, Joint] = {}
+    reached = list(roots)
+    for link in reached:
+        for joint in below.get(link, ()):
+            ordered[joint.name] = joint
+            reached.append(joint.child)
+    for joint in joints:
+        if joint.name not in ordered:
+            passed = set()
+            while joint.name not in passed:  # It may hang on the circle: upwards it gets there.
+                passed.add(joint.name)
+                joint = carriers[joint.parent]
+            raise joint.element.mistake(
+                f"from `{joint.child}` one comes back to it: the joints run in a circle; "
+                "take one out, as a URDF is a tree"
+            )
+    return ordered, roots[0]

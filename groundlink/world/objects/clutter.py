@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clutter: boxes and cans where a seed throws them, each lying on something and touching nothing.
+
+Rule: what a random generator draws is a place to try; a try that would float, stick out or overlap
+is drawn again. Nothing that stands already is moved.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from groundlink.world.bounds import Bounds, bounds, overlap
+from groundlink.world.solids import Box, Cylinder, Solid
+
+from .indoor_objects import Frame, Surface
+from .room import Clutter
+
+TRIES = 400
+"""Places tried for one thing before the room counts as full."""
+
+RIM_M = 0.01
+"""Left free at the rim of a surface, and above a thing under the next board."""
+
+
+class NoRoom(ValueError):
+    """Not all of the clutter found a place; the text says how much did."""
+
+
+def strew(
+    clutter: Clutter,
+    surfaces: list[Surface],
+    occupied: list[Bounds],
+    generator: np.random.Generator,
+) -> list[Solid]:
+    """Return the clutter.
+
+    Parameters
+    ----------
+    clutter
+        how much of what size and material.
+    surfaces
+        where it may lie; each is as likely as the next.
+    occupied
+        boxes that it must not reach into, in the world.
+    generator
+        what all is drawn from.
+
+    Raises
+    ------
+    NoRoom
+        when there is no place left for something.
+    """
+    solids: list[Solid] = []
+    lows = np.zeros((len(occupied) + clutter.count, 3))
+    highs = np.zeros_like(lows)
+    for row, (low, high) in enumerate(occupied):
+        lows[row], highs[row] = low, high
+    for index in range(clutter.count):
+        row = len(occupied) + index
+        for _ in range(TRIES):
+            solid = _throw(index, clutter, surfaces, generator) if surfaces else None
+            if solid and not overlap(bounds(solid), (lows[:row], highs[:row])):
+                break
+        else:
+            raise NoRoom(f"only {index} of {clutter.count} pieces found a free place")
+        solids.append(solid)
+        lows[row], highs[row] = bounds(solid)
+    return solids
+
+
+def _throw(
+    index: int, clutter: Clutter, surfaces: list[Surface], generator: np.random.Generator
+) -> Solid | None:
+    """Return a thing somewhere on one of the surfaces, or None where it would stick out."""
+    surface = surfaces[generator.integers(len(surfaces))]
+    material = clutter.materials[generator.integers(len(clutter.materials))]
+    lengths = np.round(generator.uniform(*clutter.size_m, 3), 3).tolist()
+    yaw_deg = round(float(generator.uniform(-180, 180)), 1)
+    along, across = generator.uniform(-0.5, 0.5, 2)
+    shape: Box | Cylinder = Box(size_m=tuple(lengths))
+    if generator.random() < 0.3:
+        # A can is round, and no thicker than it is high.
+        shape = Cylinder(radius_m=min(lengths[0], lengths[2]) / 2, length_m=lengths[2])
+    thing = Frame("clutter").put(str(index), shape, (0, 0, 0), material, yaw_deg=yaw_deg)
+    half_x, half_y, half_z = bounds(thing)[1]
+    free_x, free_y = (
+        length - 2 * (half + RIM_M)
+        for length, half in ((surface.length_m, half_x), (surface.width_m, half_y))
+    )
+    if min(free_x, free_y) < 0 or 2 * half_z > surface.clear_m - RIM_M:
+        return None
+    place = Frame("clutter", *surface.center_m, yaw_deg=surface.yaw_deg)
+    return place.put(
+        str(index), shape, (along * free_x, across * free_y, half_z), material, yaw_deg=yaw_deg
+    )

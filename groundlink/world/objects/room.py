@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A furnished room from a few lines of data and one seed: walls, a door, tables, shelves, clutter.
+
+Rule: the same description and seed give the same solids, in the same order, on every machine.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from groundlink.world.solids import Positive, Size3, Spec, Vector3
+
+
+class Door(Spec, frozen=True):
+    """An opening with a leaf that stands open or shut."""
+
+    wall: Literal["north", "east", "south", "west"]
+    at_m: float
+    """Centre of the opening along the wall, from the wall's middle."""
+
+    width_m: Positive = 0.9
+    height_m: Positive = 2.05
+    open_deg: Annotated[float, Meta(ge=0, le=170)] = 80.0
+    """How far the leaf stands open, into the room."""
+
+    material: str = "wood"
+
+
+class Room(Spec, frozen=True):
+    """Floor, four walls and a ceiling around the world's origin; north is +y, east is +x."""
+
+    size_m: Size3
+    """Inner length along x, width along y, height."""
+
+    wall_thickness_m: Positive = 0.15
+    wall_material: str = "plaster"
+    floor_material: str = "linoleum"
+    door: Door | None = None
+
+
+class Table(Spec, frozen=True, tag_field="kind", tag="table"):
+    """A top on four legs."""
+
+    at_m: tuple[float, float]
+    yaw_deg: float = 0.0
+    size_m: Size3 = (1.6, 0.8, 0.74)
+    material: str = "wood"
+
+
+class Shelf(Spec, frozen=True, tag_field="kind", tag="shelf"):
+    """Boards between two uprights, open at the front (its -y side)."""
+
+    at_m: tuple[float, float]
+    yaw_deg: float = 0.0
+    size_m: Size3 = (1.0, 0.35, 1.9)
+    boards: Annotated[int, Meta(ge=2, le=12)] = 5
+    material: str = "wood"
+
+
+class Cabinet(Spec, frozen=True, tag_field="kind", tag="cabinet"):
+    """A closed box on the floor."""
+
+    at_m: tuple[float, float]
+    yaw_deg: float = 0.0
+    size_m: Size3 = (0.8, 0.45, 1.2)
+    material: str = "metal"
+
+
+class Chair(Spec, frozen=True, tag_field="kind", tag="chair"):
+    """A seat with a back on four legs."""
+
+    at_m: tuple[float, float]
+    yaw_deg: float = 0.0
+    material: str = "plastic"
+
+
+class Pillar(Spec, frozen=True, tag_field="kind", tag="pillar"):
+    """A round column from floor to ceiling height."""
+
+    at_m: tuple[float, float]
+    radius_m: Positive = 0.2
+    height_m: Positive = 2.8
+    material: str = "plaster"
+
+
+Furniture = Table | Shelf | Cabinet | Chair | Pillar
+
+
+class Clutter(Spec, frozen=True):
+    """Boxes and cans strewn by the seed: on table tops, on boards, on the floor by the walls."""
+
+    count: Annotated[int, Meta(ge=0, le=2000)]
+    size_m: tuple[Positive, Positive] = (0.05, 0.3)
+    """Smallest and largest edge."""
+
+    materials: tuple[str, ...] = ("cardboard", "plastic", "metal")
+
+
+__all__ = ["Clutter", "Door", "Furniture", "Room", "Vector3"]

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether there is room for what starts somewhere: vehicles, actors, what is put there later.
+
+Rule: what meets things is looked at as the boxes around it, exactly as they are turned. Meshes are
+left out: a scan of a yard is no box, and all that is known of it here is its box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.core.frames import multiply, transform
+
+from . import motion, terrain
+from .actors import Actor, parts
+from .bounds import bounds, intersect
+from .build import WorldError
+from .solids import Mesh, Quaternion, Solid, Vector3
+from .spawn_pose import start, touching
+from .terrain import Ground
+
+if TYPE_CHECKING:
+    from groundlink.scenario.schema import Scenario, Vehicle
+    from groundlink.scenario.vehicle import VehicleModel
+
+
+HIGHEST_DROP_M = 5.0
+"""From which a vehicle may be let fall at its start: more is taken for a mistake."""
+
+
+def check_starts(scenario: Scenario, built: Iterable[Solid]) -> None:
+    """Refuse a vehicle that starts inside something: physics would throw it about.
+
+    Whoever reads a scenario's files asks, and nobody else: it takes the terrain, which who keeps
+    records of a run need not have.
+
+    Raises
+    ------
+    WorldError
+        where one does, or where something starts beside the terrain.
+    """
+    there = list(built)
+    ground = ground_of(scenario)
+    for index, actor in enumerate(scenario.world.actors):
+        check_way(index, actor, ground)
+        place = motion.start(actor.motion, ground)
+        there += actor_bodies(actor, place.position_m, place.orientation)
+    for index, vehicle in enumerate(scenario.vehicles):
+        there += check_vehicle(index, vehicle, ground, there)
+
+
+def check_vehicle(
+    index: int, vehicle: Vehicle, ground: Ground | None, there: Iterable[Solid]
+) -> list[Solid]:
+    """Return what of a vehicle meets things where it starts, in the world.
+
+    Raises
+    ------
+    WorldError
+        when it starts inside something, beside the ground, in it or high above it.
+    """
+    path = "vehicles", index, "placement"
+    place = vehicle.placement
+    if ground is not None and not ground.inside(place.x_m, place.y_m):
+        rows, columns = ground.heights.shape
+        east, north = (
+            f"{at_m:g} to {at_m + (count - 1) * ground.cell_m:g} m"
+            for at_m, count in ((ground.x0_m, columns), (ground.y0_m, rows))
+        )
+        raise WorldError(
+            path,
+            f"`{vehicle.name}` starts beside the terrain; expected x_m from {east} and y_m from "
+            f"{north}",
+        )
+    if ground is not None and place.z_m < 0:
+        raise WorldError(
+            (*path, "z_m"),
+            f"`{vehicle.name}` starts in the terrain; expected the height above it, 0 or more",
+        )
+    there = list(there)
+    bodies = vehicle_bodies(vehicle.name, vehicle.model, *start(vehicle, ground))
+    if (other := in_the_way(bodies, there)) is not None:
+        raise WorldError(path, f"`{vehicle.name}` starts inside `{other}`; move it")
+    if ground is None and (problem := beside_floor(place.x_m, place.y_m, place.z_m, there)):
+        raise WorldError(path, f"`{vehicle.name}` {problem}")
+    if place.z_m > HIGHEST_DROP_M:
+        raise WorldError(
+            (*path, "z_m"),
+            f"`{vehicle.name}` starts {place.z_m:g} m above the ground; expected at most "
+            f"{HIGHEST_DROP_M:g} m",
+        )
+    return bodies
+
+
+def beside_floor(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) -> str:
+    """Return what is wrong with a place above which solids something starts; "" if nothing is.
+
+    Parameters
+    ----------
+    z_m
+        height of the place, above z = 0; what stands higher does not carry anything there.
+    """
+    boxes = [bounds(solid) for solid in there]
+    if any(
+        np.all(low[:2] <= (x_m, y_m)) and np.all((x_m, y_m) <= high[:2]) and low[2] <= z_m
+        for low, high in boxes
+    ):
+        return ""
+    if not boxes:
+        return "starts in a world without a floor; expected terrain, a room or solids"
+    low, high = (
+        np.min([box[0] for box in boxes], axis=0),
+        np.max([box[1] for box in boxes], axis=0),
+    )
+    return (
+        f"starts at {x_m:g}, {y_m:g}, where nothing is below it; expected a place on the floor, "
+        f"within x_m from {low[0]:.2f} to {high[0]:.2f} and y_m from {low[1]:.2f} to {high[1]:.2f}"
+    )
+
+
+def check_way(index: int, actor: Actor, ground: Ground | None) -> None:
+    """Refuse an actor whose way leads beside the terrain.
+
+    Raises
+    ------
+    WorldError
+        when it does.
+    """
+    if ground is not None and not all(ground.inside(*at) for at in motion.places(actor.motion)):
+        raise WorldError(
+            ("world", "actors", index, "motion"), f"`{actor.name}` goes beside the terrain; move it"
+        )
+
+
+def actor_bodies(actor: Actor, position_m: Vector3, orientation: Quaternion) -> list[Solid]:
+    """Return what of an actor that is somewhere meets things, in the world, under its name."""
+    return _placed(parts(actor.form), actor.name, position_m, orientation)
+
+
+def vehicle_bodies(
+    name: str, model: VehicleModel, position_m: Vector3, orientation: Quaternion
+) -> list[Solid]:
+    """Return what of a vehicle that is somewhere meets things, in the world, under its name."""
+    return _placed(touching(model), name, position_m, orientation)
+
+
+def in_the_way(bodies: Iterable[Solid], there: Iterable[Solid]) -> str | None:
+    """Return the name of something that shares space with one of some bodies, or None."""
+    solid = [solid for solid in there if not isinstance(solid.shape, Mesh)]
+    return next((s.name for body in bodies for s in solid if intersect(body, s)), None)
+
+
+def ground_of(scenario: Scenario) -> Ground | None:
+    """Return the terrain of a scenario's world, if it has one."""
+    return terrain.ground(scenario.world.terrain) if scenario.world.terrain else None
+
+
+def _placed(
+    solids: Iterable[Solid], name: str, position_m: Vector3, orientation: Quaternion
+) -> list[Solid]:
+    world_from_body = transform(position_m, orientation)
+    return [
+        replace(
+            part,
+            name=name,
+            position_m=tuple((world_from_body @ (*part.position_m, 1.0))[:3].tolist()),
+            orientation=tuple(multiply(orientation, part.orientation).tolist()),
+        )
+        for part in solids
+        if not isinstance(part.shape, Mesh)
+    ]

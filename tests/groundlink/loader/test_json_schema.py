@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The schemas that editors get agree with what is shipped and with what `load` refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from groundlink.loader.json_schema import KINDS, json_schema
+from groundlink.loader.load import SHIPPED
+from tests.groundlink.loader.urdf.carts import MODEL
+
+FOLDERS = {"": "scenario", "worlds": "world", "vehicles": "vehicle", "sensors": "datasheet"}
+FILES = [
+    (kind, file)
+    for folder, kind in FOLDERS.items()
+    for file in sorted((SHIPPED / folder).glob("*.yaml"))
+]
+LAB = SHIPPED / "indoor_lab.yaml"
+
+
+def mistakes(kind: str, value: Any) -> list[str]:
+    return [
+        error.message
+        for error in jsonschema.Draft202012Validator(json_schema(kind)).iter_errors(value)
+    ]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_schema_is_one(kind: str) -> None:
+    jsonschema.Draft202012Validator.check_schema(json_schema(kind))
+
+
+@pytest.mark.parametrize(("kind", "file"), FILES, ids=lambda given: getattr(given, "stem", given))
+def test_what_is_shipped_fits(kind: str, file: Path) -> None:
+    assert not mistakes(kind, yaml.safe_load(file.read_text()))
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("vehicles", 0, "naem"), "rover"),
+        (("vehicles", 0, "placement", "x_m"), "here"),
+        (("vehicles", 0, "sensors", 0, "mount"), 3),
+        (("vehicles", 0, "sensors", 2, "kind"), "encoder"),
+        (("vehicles", 0, "sensors", 2, "ticks_per_revolution"), 0),
+        (("seed",), -1),
+        (("world",), 7),
+    ],
+)
+def test_a_mistake_is_one(path: tuple[str | int, ...], value: object) -> None:
+    scenario = yaml.safe_load(LAB.read_text())
+    part = scenario
+    for step in path[:-1]:
+        part = part[step]
+    part[path[-1]] = value
+    assert mistakes("scenario", scenario)
+
+
+def test_only_a_data_sheet_lets_fields_be_left_out() -> None:
+    scenario = yaml.safe_load(LAB.read_text())
+    (lidar, *_) = scenario["vehicles"][0]["sensors"]
+    del lidar["datasheet"]
+    assert mistakes("scenario", scenario)
+
+
+def test_a_vehicle_may_name_a_urdf() -> None:
+    cart = yaml.safe_load(MODEL)
+    assert not mistakes("vehicle", cart)
+    cart["wheels"]["left_wheel_joint"]["fricton"] = 1
+    assert mistakes("vehicle", cart)

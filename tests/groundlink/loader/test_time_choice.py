@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scenario in another time than its file says."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.loader.time_choice import add_arguments, chosen, handed_on
+from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Time
+
+
+@pytest.fixture(scope="module")
+def lab() -> Scenario:
+    return load(SHIPPED / "indoor_lab.yaml")
+
+
+def options(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return parser.parse_args(words)
+
+
+WORDS = ("--mode", "lockstep", "--factor", "0.5", "--lockstep", "ros", "--overload", "skip")
+
+
+def test_what_is_given_is_taken_and_the_rest_is_left(lab: Scenario) -> None:
+    patient = replace(lab, time=Time(deadline_s=9.0))
+    assert chosen(patient, options()) == patient
+    expected = Time("lockstep", "ros", 0.5, "skip", deadline_s=9.0)
+    assert chosen(patient, options(*WORDS)).time == expected
+
+
+def test_it_is_handed_on_as_it_was_given() -> None:
+    assert handed_on(options()) == []
+    assert handed_on(options(*WORDS)) == list(WORDS)
+
+
+@pytest.mark.parametrize(
+    ("words", "time", "told"),
+    [
+        (("--factor", "0"), Time(), "--factor 0: expected more than 0"),
+        (("--mode", "realtime"), Time(mode="fast", lockstep="ros"), "`lockstep: ros` waits for"),
+        (("--mode", "fast"), Time(window_ticks=1023), "`time.window_ticks`: 1023 and"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    lab: Scenario, words: tuple[str, ...], time: Time, told: str
+) -> None:
+    with pytest.raises(UserError, match=told):
+        chosen(replace(lab, time=time), options(*words))
