@@ -26,7 +26,7 @@ from groundlink.bus.control_client import ask
 from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, HEALTH
-from groundlink.cli import running
+from groundlink.cli.run import running
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import Ack, Health, Message

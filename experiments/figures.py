@@ -22,7 +22,7 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 from PIL import Image
 
-from groundlink.report.plan import outlines
+from groundlink.report.analysis.plan import outlines
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids
 

@@ -22,7 +22,7 @@ from PIL import Image
 from groundlink.bus.inbox import Inbox
 from groundlink.bus.session import Bus, BusError
 from groundlink.bus.topics import FROM_ROS
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.messages.navigation import OccupancyGrid, PoseStamped

@@ -24,7 +24,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO
 
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.monitor.supervisor import end_with_parent
 from groundlink.scenario import Scenario

@@ -7,31 +7,21 @@ import argparse
 
 from groundlink import __version__
 
-from . import (
+from .files import (
     check,
     compose,
-    control,
     convert,
-    drive,
-    fault,
-    link,
-    record,
-    replay,
     report,
-    save,
     schema,
     secure,
     sensors,
     snapshot,
-    spawn,
-    sweep,
-    top,
     topics,
-    up,
     verify,
     view,
     world,
 )
+from .run import control, drive, fault, link, record, replay, save, spawn, sweep, top, up
 
 COMMANDS = (
     up,

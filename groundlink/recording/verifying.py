@@ -37,7 +37,7 @@ from groundlink.world.build import world_hash
 from .comparison import Extent
 from .fields import Difference, first_difference
 from .metadata import versions
-from .missing import told_of
+from .missing_readings import told_of
 from .reading import Recorded, Recording
 
 UNDER_WAY_NANOS = NANOS

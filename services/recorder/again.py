@@ -17,7 +17,7 @@ from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
 from groundlink.recording.comparison import Comparison
-from groundlink.recording.missing import left_out
+from groundlink.recording.missing_readings import left_out
 from groundlink.recording.reading import Recording
 from groundlink.recording.verifying import (
     compared,

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from groundlink.bus.session import Bus
-from groundlink.cli.view import add_arguments
+from groundlink.cli.files.view import add_arguments
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.__main__ import main
-from groundlink.cli import commands, topics
+from groundlink.cli import commands
+from groundlink.cli.files import topics
 from groundlink.core.errors import UserError
 from groundlink.core.whole_file import whole
 
@@ -22,7 +23,7 @@ SLOW = """
 import sys, time
 from pathlib import Path
 from groundlink.__main__ import main
-from groundlink.cli import topics
+from groundlink.cli.files import topics
 from groundlink.core.whole_file import whole
 
 def slow(options):

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.bus.session import Bus
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 
 
 @pytest.fixture(scope="session", autouse=True)

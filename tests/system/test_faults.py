@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from groundlink.recording.reading import Recording
-from groundlink.report.failures import Failures
+from groundlink.report.analysis.failures import Failures
 from groundlink.ros.faults import from_faults
 from groundlink.ros.types import STORE
 

@@ -18,8 +18,8 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK
 from groundlink.messages.base import Clock
 from groundlink.recording.reading import Recording
-from groundlink.report.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
-from groundlink.report.gather import gather
+from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
+from groundlink.report.analysis.gather import gather
 
 from .rig import Rig, rig, wait_for
 

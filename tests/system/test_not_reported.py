@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.cli.up import START_SECONDS
+from groundlink.cli.run.up import START_SECONDS
 
 from .rig import rig
 

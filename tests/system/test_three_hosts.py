@@ -15,8 +15,8 @@ import pytest
 from groundlink.bus.topics import process_names
 from groundlink.loader import load
 from groundlink.recording.reading import Recording
-from groundlink.report.accounts import NOT_TOLD, UNDER_WAY
-from groundlink.report.gather import Gathered, gather
+from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY
+from groundlink.report.analysis.gather import Gathered, gather
 
 from .hosts import Hosts, hosts
 from .rig import Observer, Rig, rig, wait_for

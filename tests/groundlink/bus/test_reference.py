@@ -17,7 +17,7 @@ from groundlink.bus.inbox import Inbox
 from groundlink.bus.reference import reference
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK, COMMAND, TOPICS
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 from groundlink.messages.base import Clock, Command, Message, encode
 from tests.groundlink.messages.test_base import EXAMPLES, NAMES
 

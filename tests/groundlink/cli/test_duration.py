@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.cli.up import Duration
+from groundlink.cli.run.up import Duration
 from groundlink.messages.base import Health, StreamReport
 from groundlink.monitor.run_monitor import RunMonitor
 
@@ -42,7 +42,7 @@ def test_a_duration_counts_from_what_arrives_or_where_nobody_reports_from_what_i
 
 def test_what_a_duration_waits_for_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [0.0]
-    monkeypatch.setattr("groundlink.cli.up.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("groundlink.cli.run.up.time.monotonic", lambda: clock[0])
     said: list[str] = []
     monitor = RunMonitor()
     duration = Duration(monitor, 3.0, say=said.append)
@@ -59,7 +59,7 @@ def test_without_a_ros_side_a_duration_waits_for_what_is_not_sent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = [0.0]
-    monkeypatch.setattr("groundlink.cli.up.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("groundlink.cli.run.up.time.monotonic", lambda: clock[0])
     said: list[str] = []
     monitor = RunMonitor()
     duration = Duration(monitor, 3.0, needs_reports=False, say=said.append)

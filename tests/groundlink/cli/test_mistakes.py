@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from groundlink.__main__ import main
-from groundlink.cli.supervised import SupervisedRun, exit_code
+from groundlink.cli.run.supervised import SupervisedRun, exit_code
 from groundlink.loader.load import SHIPPED
 from groundlink.monitor.supervisor import Supervisor
 

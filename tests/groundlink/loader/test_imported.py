@@ -13,7 +13,7 @@ import yaml
 from groundlink.loader import load
 from groundlink.loader.document import ScenarioError
 from groundlink.process.asset_exchange import needed
-from groundlink.report.plan import outlines
+from groundlink.report.analysis.plan import outlines
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 from groundlink.world.bodies import body_names

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from groundlink.bus.queries import asset_key, scenario_key
 from groundlink.bus.session import Bus
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.process import asset_exchange

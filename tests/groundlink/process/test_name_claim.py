@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from groundlink.bus.session import Bus
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.process.name_claim import YIELD_SECONDS, Claim, alone, claims_key
 from groundlink.process.runner import Heartbeat

@@ -19,7 +19,8 @@ from groundlink.messages.base import Clock, Command, Imu, Message, packed
 from groundlink.messages.faults import Faults
 from groundlink.messages.missing_readings import Cause, Gap, Gaps
 from groundlink.messages.navigation import JointState
-from groundlink.recording import missing, verifying
+from groundlink.recording import missing_readings as missing
+from groundlink.recording import verifying
 from groundlink.recording.comparison import Extent
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording

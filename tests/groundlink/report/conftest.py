@@ -29,7 +29,7 @@ from groundlink.recording.metadata import (
 )
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.report.gather import Gathered, gather
+from groundlink.report.analysis.gather import Gathered, gather
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.scenario.ros_side import Stream

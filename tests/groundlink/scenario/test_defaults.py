@@ -56,7 +56,9 @@ def defaults() -> str:
     for struct in structs(inspect.type_info(Scenario), set()):
         for field in struct.fields:
             if not field.required:
-                rows.append(f"{struct.cls.__name__}.{field.encode_name}: {json.dumps(value(field))}")
+                rows.append(
+                    f"{struct.cls.__name__}.{field.encode_name}: {json.dumps(value(field))}"
+                )
     return "\n".join(sorted(rows)) + "\n"
 
 

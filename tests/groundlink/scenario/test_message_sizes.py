@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.cli.check import check
+from groundlink.cli.files.check import check
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.load import SHIPPED

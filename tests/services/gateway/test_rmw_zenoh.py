@@ -13,7 +13,7 @@ import zenoh.ext
 from msgspec.structs import replace
 
 from groundlink.bus.session import Bus
-from groundlink.cli.running import free_endpoint
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.loader import load as load_scenario
 from groundlink.loader.load import SHIPPED

@@ -17,13 +17,13 @@ from groundlink.messages.base import Clock, Health, Imu, Message, WheelEncoders
 from groundlink.messages.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
-from groundlink.recording.missing import left_out
+from groundlink.recording.missing_readings import left_out
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros1 import write_bag
 from groundlink.recording.ros_channels import RosFile
 from groundlink.recording.verifying import compared, extent
-from groundlink.report.gather import gather
-from groundlink.report.page import page
+from groundlink.report.analysis.gather import gather
+from groundlink.report.page.page import page
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.ros.streams import outgoing, static_transforms

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from groundlink.cli.world import add_show_arguments
+from groundlink.cli.files.world import add_show_arguments
 from groundlink.core.errors import UserError
 from groundlink.loader.part import Kind, load_part
 from groundlink.process import runner as process

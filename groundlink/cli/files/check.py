@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink check SCENARIO`: read a scenario as a run would, and say what it would start.
+
+What would work badly is a line too, with its mend, and no mistake; what would never work is one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from groundlink.bus.topics import SENSOR_TOPICS, driver_name
+from groundlink.cli.run.running import SCENARIO_HELP
+from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.ros.streams import answers_mistake
+from groundlink.run import routes
+from groundlink.scenario.message_sizes import Cut, NeverFits, cut, fitting_block_deg
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz
+from groundlink.world.build import solids, world_hash
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("check", help="check a scenario without starting anything")
+    parser.add_argument("scenario", help=SCENARIO_HELP)
+    parser.set_defaults(command=check)
+
+
+def check(options: argparse.Namespace) -> int:
+    """Print what the scenario holds.
+
+    Raises
+    ------
+    UserError
+        when a sensor's messages fit into no datagrams, however large, or ROS is to answer a topic
+        that there is not.
+    """
+    scenario = load(options.scenario, tell=_doubt)
+    if mistake := answers_mistake(scenario):
+        raise UserError(f"{options.scenario}: {mistake}")
+    lines = list(_described(scenario))
+    print(f"{options.scenario}: `{scenario.name}` is valid")
+    for line in lines:
+        print(f"  {line}")
+    return 0
+
+
+def _described(scenario: Scenario) -> Iterator[str]:
+    """Yield what a run of the scenario would start."""
+    world = scenario.world
+    yield f"world    {world.name}, {len(solids(scenario))} solids, {world_hash(scenario)[:12]}"
+    if terrain := world.terrain:
+        size = np.subtract(terrain.high_m, terrain.low_m)
+        yield (
+            f"terrain  {size[0]:g} x {size[1]:g} m, {terrain.low_m[2]:.1f} to "
+            f"{terrain.high_m[2]:.1f} m high, cells of {terrain.cell_m:g} m"
+        )
+    yield f"time     {scenario.time.mode}, seed {scenario.seed}"
+    for vehicle in scenario.vehicles:
+        yield f"vehicle  {vehicle.name} ({vehicle.model.name}) obeys {vehicle.command_topic}"
+        if vehicle.route is not None:
+            place = vehicle.placement
+            way = routes.line(
+                vehicle.route,
+                start_m=(place.x_m, place.y_m),
+                heading_rad=math.radians(place.yaw_deg),
+            )
+            speed = f"{vehicle.route.speed_mps:g} m/s"
+            yield f"route    {driver_name(vehicle)}: {way.length_m:.1f} m at {speed}"
+        for sensor in vehicle.sensors:
+            kind = SENSOR_TOPICS[type(sensor)].name
+            rate = sensor_rate_hz(sensor)
+            topics = ", ".join(sensor.ros_topics().values())
+            yield f"sensor   {vehicle.name}/{sensor.name} ({kind}): {topics}, {rate:g} Hz"
+            for line in _sent(scenario, vehicle, sensor):
+                yield f"         {line}"
+            for fault in sensor.faults:
+                yield f"         fault {fault}"
+            if sensor.truth_topic is not None:
+                yield "         the truth behind it:"
+                for line in _sent(scenario, vehicle, sensor, truth=True):
+                    yield f"         {line}"
+        for stream in vehicle.streams:
+            name = f"{vehicle.name}/{stream.name} ({stream.kind})"
+            yield f"stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz"
+        truth = vehicle.ground_truth
+        for topic in scenario.true_topics(vehicle):
+            yield f"truth    {topic}, {truth.rate_hz:g} Hz, {_asked(truth.push)}"
+    bodies = scenario.bodies
+    yield f"truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}"
+    yield f"gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}"
+
+
+def _doubt(line: str) -> None:
+    print(f"groundlink: warning: {line}", file=sys.stderr)
+
+
+def _asked(push: bool) -> str:
+    return "sent" if push else "for those who subscribe"
+
+
+def _sent(
+    scenario: Scenario, vehicle: Vehicle, sensor: Sensor, *, truth: bool = False
+) -> list[str]:
+    """Return how a sensor's largest message is sent, and what to do if that is not as asked."""
+    gateway = scenario.gateway
+    try:
+        found = cut(vehicle, sensor, gateway, truth=truth)
+    except NeverFits as error:
+        mend = _mend(vehicle, sensor, scenario, "make its messages smaller")
+        raise UserError(f"{vehicle.name}/{sensor.name}: {error}; {mend}") from None
+    in_parts = "1 datagram" if found.parts == 1 else f"{found.parts} datagrams"
+    lines = [f"a message has up to {found.body_bytes} bytes in {in_parts}"]
+    if not found.fits:
+        lines += _warning(scenario, vehicle, sensor, found)
+    return lines
+
+
+def _warning(scenario: Scenario, vehicle: Vehicle, sensor: Sensor, found: Cut) -> list[str]:
+    gateway = scenario.gateway
+    most = 127 if gateway.signed_peer else 255
+    size = f"`{gateway.datagram}`" if isinstance(gateway.datagram, str) else gateway.datagram
+    return [
+        f"that does not fit {most} datagrams of {size}: they grow to {found.datagram_bytes} bytes,",
+        "which IP cuts up, and one lost frame loses a whole datagram;",
+        _mend(vehicle, sensor, scenario, "larger datagrams would fit it"),
+    ]
+
+
+def _mend(vehicle: Vehicle, sensor: Sensor, scenario: Scenario, otherwise: str) -> str:
+    block_deg = None
+    if isinstance(sensor, Lidar | Lidar2d):
+        block_deg = fitting_block_deg(vehicle, sensor, scenario.gateway)
+    if block_deg is None:
+        return otherwise
+    return f"`block_deg: {block_deg:g}` for {vehicle.name}/{sensor.name} would fit"

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink convert RUN.mcap RUN.bag`: a recording for ROS 1."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from groundlink.cli.run import running
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.core.whole_file import whole
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("convert", help="make a ROS 1 bag of a recording")
+    parser.add_argument("recording", metavar="RUN.mcap", help="file that was recorded")
+    parser.add_argument("bag", metavar="RUN.bag", help="file to write")
+    parser.set_defaults(command=convert)
+
+
+def convert(options: argparse.Namespace) -> int:
+    """Write the bag, which gets its name when it is complete."""
+    with needs("record"):
+        from groundlink.recording.reading import Recording
+        from groundlink.recording.ros1 import write_bag
+
+    out = Path(options.bag)
+    if out.suffix != ".bag":
+        raise UserError(f"{out}: expected a name that ends with .bag, as ROS 1 wants it")
+    running.check_new_file("RUN.bag:", out)
+    console = Console()
+    with Recording(Path(options.recording)) as recording:
+        messages = track(
+            recording.read(), str(out), total=recording.messages, console=console, transient=True
+        )
+        with whole(out) as part:
+            count = write_bag(part, recording.types, messages)
+    size = out.stat().st_size / 1e6
+    console.print(f"wrote {out}: {count} messages, {size:.1f} MB", soft_wrap=True)
+    return 0

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink report RUN.mcap`: a recorded run as one HTML page that needs no network."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+from groundlink.core.extras import needs
+from groundlink.core.whole_file import whole
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("report", help="make a page of a recorded run")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="what was recorded")
+    parser.add_argument(
+        "--out", type=Path, metavar="REPORT.html", help="page to write (default: beside the file)"
+    )
+    parser.set_defaults(command=report)
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the page and say where it is.
+
+    Raises
+    ------
+    UserError
+        when the file cannot be read, the page not written, or a package is missing.
+    """
+    with needs("report"):
+        from groundlink.recording.reading import Recording
+        from groundlink.report.analysis.gather import gather
+        from groundlink.report.page.page import page
+
+    out = options.out or options.recording.with_suffix(".html")
+    with Recording(options.recording) as recording:
+        shown = Console(stderr=True)
+        with Progress(console=shown, transient=True, disable=not sys.stderr.isatty()) as progress:
+            task = progress.add_task(f"reading {options.recording.name}", total=1.0)
+            run = gather(recording, lambda share: progress.update(task, completed=share))
+        content = page(run)
+    with whole(out) as part:
+        part.write_text(content, encoding="utf-8")
+    print(f"wrote {out}: {len(content) / 1e6:.1f} MB")
+    return 0

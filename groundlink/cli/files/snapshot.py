@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink snapshot SCENARIO VEHICLE/CAMERA --at S --out DIR`: single pictures, into files.
+
+Rule: a run with this one sensor, as fast as it goes, that ends when the picture is taken. Drivers
+drive as in any run; nobody else commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import driver_names, process_names
+from groundlink.cli.run import running, supervised
+from groundlink.cli.terminal import output as terminal
+from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.explain import nearest
+from groundlink.monitor.supervisor import Supervisor
+from groundlink.scenario.sensors import Optics
+
+from . import picture_files
+
+TEND_SECONDS = 0.02
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("snapshot", help="write what a camera sees at an instant")
+    parser.add_argument("scenario", help=running.SCENARIO_HELP)
+    parser.add_argument("camera", help="vehicle/sensor, as in rover/camera")
+    parser.add_argument(
+        "--at", type=float, default=1.0, metavar="S", help="sim time (default %(default)g s)"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path(), metavar="DIR", help="folder for the files (default .)"
+    )
+    parser.set_defaults(command=snapshot)
+
+
+def snapshot(options: argparse.Namespace) -> int:
+    """Write colour, depth and labels of one instant."""
+    scenario = load(options.scenario)
+    found = scenario.sensor(options.camera)
+    if found is None or not isinstance(found[1], Optics):
+        cameras = [
+            f"{vehicle.name}/{sensor.name}"
+            for vehicle in scenario.vehicles
+            for sensor in vehicle.sensors
+            if isinstance(sensor, Optics)
+        ]
+        hint = nearest(options.camera, cameras) if cameras else "it has none at all"
+        raise UserError(f"scenario `{scenario.name}` has no camera `{options.camera}`; {hint}")
+    if picture_files.is_picture(options.out):
+        raise UserError(
+            f"--out {options.out}: expected a folder, in which color, depth and labels become PNGs"
+        )
+    if not options.at >= 0:
+        raise UserError(f"--at {options.at:g}: expected seconds of sim time, 0 or more")
+    run, endpoint = f"snapshot_{os.getpid()}", running.free_endpoint()
+    joining = running.joining(run, endpoint)
+    modules = process_names(scenario)
+    commands = {
+        "physics": [
+            *("-m", modules["physics"], options.scenario),
+            *("--mode", "fast", "--lockstep", "sensors", "--only", options.camera, *joining),
+        ],
+        options.camera: [
+            *("-m", "services.sensors.rendering", "--name", options.camera),
+            *("--at", repr(options.at), "--out", str(options.out), *joining),
+        ],
+    }
+    for name in driver_names(scenario):
+        commands[name] = ["-m", modules[name], "--name", name, *joining]
+    stop = terminal.stop_on_signals()
+    supervisor = Supervisor(commands, lambda _, line: print(line), finite={options.camera})
+    camera, failed = supervisor.children[options.camera], None
+    with Bus(listen=endpoint):
+        supervisor.start()
+        try:
+            while not (stop.is_set() or camera.is_done or failed):
+                failed = supervisor.tend()
+                time.sleep(TEND_SECONDS)
+        finally:
+            supervisor.stop()
+    if failed:
+        return supervised.exit_code(supervisor.children[failed])
+    return 0 if camera.is_done else 1

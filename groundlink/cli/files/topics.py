@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink topics`: the table of everything that is said on the bus."""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.console import Console
+
+from groundlink.bus.reference import reference
+from groundlink.bus.topics import ROOT, TOPICS
+from groundlink.cli.terminal.tables import Column, FittingTable
+
+WIDTH = 180
+"""Of lines where the output is no terminal."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("topics", help="list the streams of the bus")
+    parser.add_argument(
+        "--markdown", action="store_true", help="print keys and messages as in docs/bus.md"
+    )
+    parser.set_defaults(command=topics)
+
+
+def topics(options: argparse.Namespace) -> int:
+    """Print the table of topics."""
+    if options.markdown:
+        print(reference(), end="")
+        return 0
+    table = FittingTable(
+        f"keys under {ROOT}/<run>/",
+        (
+            Column("stream", "text"),
+            *(Column(name, "text") for name in ("key", "message", "rate", "publisher", "delivery")),
+        ),
+    )
+    for topic in TOPICS:
+        table.add_row(
+            topic.name,
+            topic.key,
+            topic.message.__name__,
+            topic.rate,
+            topic.publisher,
+            topic.delivery.value,
+        )
+    Console(width=None if Console().is_terminal else WIDTH).print(table)
+    return 0

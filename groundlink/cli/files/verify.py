@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink verify RUN.mcap SCENARIO`: runs again and compares byte for byte.
+
+Rule: starts physics, which follows the recording's journal, those sensors that were recorded, and
+a recorder that compares instead of writing. What differs between then and now is said before;
+what differs between the two runs, after.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+from rich.console import Console, RenderableType
+from rich.text import Text
+
+from groundlink.bus.topics import process_names
+from groundlink.cli.run import running, supervised
+from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.core.extras import needs
+from groundlink.loader import load
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.run import journal as journals
+from groundlink.scenario import Scenario
+
+if TYPE_CHECKING:
+    from groundlink.recording.comparison import Verdict
+
+FOLLOWED, VERDICT = "run.journal", "verdict.json"
+"""Files between this command and the processes that it starts."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("verify", help="run a recording again, compare byte for byte")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="file that was recorded")
+    parser.add_argument("scenario", help=running.SCENARIO_HELP)
+    parser.set_defaults(command=verify)
+
+
+def verify(options: argparse.Namespace) -> int:
+    """Run again; 0 when every message that can be compared is equal, 1 when one is not."""
+    with needs("record"):
+        from groundlink.recording import missing_readings as missing
+        from groundlink.recording import verifying
+        from groundlink.recording.comparison import Verdict
+        from groundlink.recording.reading import Recording
+
+    console = terminal.console()
+
+    def say(line: str) -> None:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    scenario = load(options.scenario)
+    with Recording(options.recording) as recording, tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        extent = verifying.extent(recording)
+        for line in verifying.otherwise(recording, scenario, extent):
+            say(line)
+        again = verifying.journal_again(recording, scenario)
+        journals.write(folder / FOLLOWED, journals.dumped(again))
+        absent = verifying.silent_sensors(recording, scenario)
+        epoch_nanos = recording.run.epoch_nanos
+        seconds = (extent.end_nanos - epoch_nanos) / NANOS
+        code = _run(console, options.recording, again.scenario, absent, folder, seconds)
+        if code is not None:
+            return code
+        counting_on = missing.counting_on(recording)
+        verdicts = msgspec.json.decode((folder / VERDICT).read_bytes(), type=list[Verdict])
+        left_alone = {
+            topic: why
+            for topic, why in verifying.not_compared(recording).items()
+            if recording.topics[topic].messages
+        }
+    console.print(_table(verdicts, epoch_nanos))
+    for why in dict.fromkeys(left_alone.values()):
+        say(f"not compared: {', '.join(t for t in left_alone if left_alone[t] == why)}: {why}")
+    for line in _left_out(verdicts):
+        say(line)
+    different = sorted(
+        ((found.nanos, v) for v in verdicts if (found := v.first)), key=lambda pair: pair[0]
+    )
+    for _, one in different:
+        if one.topic in counting_on:
+            say(f"may differ: {_first(one, epoch_nanos)}; {counting_on[one.topic]}")
+    different = [(nanos, one) for nanos, one in different if one.topic not in counting_on]
+    for number, (_, one) in enumerate(different):
+        say(("and: " if number else "the first difference: ") + _first(one, epoch_nanos))
+    if different:
+        return 1
+    equal = [v for v in verdicts if v.is_equal]
+    say(f"equal to the byte: {sum(v.equal for v in equal)} messages of {len(equal)} topics")
+    return 0
+
+
+def _run(
+    console: Console,
+    recording: Path,
+    again: Scenario,
+    absent: Collection[str],
+    folder: Path,
+    seconds: float,
+) -> int | None:
+    """Run until all has come again; return an exit code where it did not."""
+    verdict = folder / VERDICT
+    run, endpoint = f"verify_{os.getpid()}", running.free_endpoint()
+    joining = running.joining(run, endpoint)
+    modules = process_names(again)
+    commands = {
+        "physics": ["-m", modules["physics"], "--follow", str(folder / FOLLOWED), *joining],
+        running.RECORDER: [
+            *("-m", "services.recorder.again", str(recording), "--verdict", str(verdict), *joining)
+        ],
+    }
+    commands["physics"] += ["--wait-for", running.RECORDER]
+    for name in again.sensor_names():
+        if name not in absent:
+            commands[name] = ["-m", modules[name], "--name", name, *joining]
+    supervised_run = supervised.SupervisedRun(
+        commands, run, endpoint, console, finite={running.RECORDER}
+    )
+    recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
+    failed = supervised_run.go(lambda: recorder.is_done, lambda: _progress(monitor, seconds))
+    if failed:
+        return supervised.exit_code(failed)
+    if not verdict.exists():
+        console.print("ended early: nothing is said of the recording")
+        return 1
+    return None
+
+
+def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
+    """Return how far the run is."""
+    health = monitor.health.get(running.RECORDER)
+    if health is None or health.tick < 0:
+        return Text("starting")
+    factor = monitor.real_time_factor
+    pace = "" if factor is None else f", {factor:.2f} x real time"
+    return Text(f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}")
+
+
+def _table(verdicts: list[Verdict], epoch_nanos: int) -> FittingTable:
+    counted = ("recorded", "equal", "different", "not again", "only again", "first at")
+    columns = (Column("topic", "text"), *map(Column, counted))
+    table = FittingTable("the recording and the same run again", columns)
+    for v in verdicts:
+        counts = (v.recorded, v.equal, v.different, v.missing, v.new)
+        first = "-" if v.first is None else f"{(v.first.nanos - epoch_nanos) / NANOS:.6f} s"
+        table.add_row(v.topic, *map(str, counts), first)
+    return table
+
+
+def _left_out(verdicts: list[Verdict]) -> Iterator[str]:
+    """Yield what came again and cannot be in the recording."""
+    for v in verdicts:
+        for cause, count in v.left_out.items():
+            yield f"left out when it was recorded: {v.topic}: {count} messages, {cause}"
+        if v.ragged:
+            yield f"under way when the recording began or ended: {v.topic}: {v.ragged} messages"
+
+
+def _first(verdict: Verdict, epoch_nanos: int) -> str:
+    """Return where a topic first differs: topic, time, field."""
+    found = verdict.first
+    assert found
+    stamp = f"{found.nanos // NANOS}.{found.nanos % NANOS:09d}"
+    place = f" at {(found.nanos - epoch_nanos) / NANOS:.6f} s (stamp {stamp})"
+    place += f", message {found.number} of {verdict.recorded}"
+    return f"{verdict.topic}{place if found.number else ''}: {found.words}"

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run as a live table: what arrives on the ROS side, and the processes behind it.
+
+Rule: shows a `RunMonitor` and the supervisor's children; decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.messages import missing_readings as gaps
+from groundlink.messages.base import StreamReport
+from groundlink.messages.faults import kinds_in
+from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
+from groundlink.monitor.supervisor import Child
+
+
+def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> RenderableType:
+    """Return the whole picture of a run."""
+    factor = monitor.real_time_factor
+    pace = "starting" if factor is None else f"real-time factor {factor:.3f}"
+    head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
+    if held_up := str(monitor.hold_ups):
+        head.append(f"\n{held_up}", style="yellow")
+    return Group(head, streams_table(monitor.streams), _processes(monitor, children))
+
+
+_STREAMS = (
+    Column("topic", "text"),
+    Column("type", "text", goes=1),
+    Column("declared", goes=2),
+    *map(Column, ("measured", "age p50", "p99", "sent", "arrived", "repaired")),
+    Column("lost", "words"),
+)
+
+_PROCESSES = (
+    Column("name", "text"),
+    Column("pid", goes=1),
+    Column("restarts"),
+    Column("missing readings", "words"),
+    Column("counts", "words"),
+)
+
+
+def streams_table(streams: Iterable[StreamReport]) -> FittingTable:
+    """Return what became of each stream between the gateway and the ROS side."""
+    table = FittingTable("to and from the ROS side", _STREAMS)
+    for stream in streams:
+        good = keeps_rate(stream) and not stream.lost
+        table.add_row(
+            stream.topic if stream.direction == "to ROS" else f"{stream.topic} (back)",
+            stream.type,
+            _number(stream.declared_hz, "Hz"),
+            _number(stream.measured_hz, "Hz", 2),
+            _milliseconds(stream.age_seconds),
+            _milliseconds(stream.age_p99_seconds),
+            str(stream.sent),
+            str(stream.messages) if stream.reported else NOT_REPORTED,
+            str(stream.repaired) if stream.reported else "-",
+            _losses(stream) if stream.reported else "-",
+            style="" if good else "yellow",
+        )
+    return table
+
+
+def _losses(stream: StreamReport) -> str:
+    """Return what did not arrive, by cause; 0 when nothing is amiss."""
+    causes = ("missing", "incomplete", "late", "dropped", "superseded")
+    counts = [(getattr(stream, cause), cause) for cause in causes]
+    return ", ".join(f"{count} {cause}" for count, cause in counts if count) or "0"
+
+
+def _processes(monitor: RunMonitor, children: Iterable[Child]) -> FittingTable:
+    table = FittingTable("processes", _PROCESSES, padding=1)
+    for child in children:
+        pid = str(child.pid or child.last_exit)
+        for name, counters in monitor.counters_of(child.name, child.pid).items():
+            faults = kinds_in(counters)
+            missing, counts = gaps.parted(counters)
+            shown = f"{name}: {', '.join(faults)}" if faults else name
+            said = ", ".join(f"{what} {count}" for what, count in counts.items() if count)
+            style = "yellow" if faults or missing else ""
+            table.add_row(
+                *(shown, pid, str(child.restarts), gaps.in_words(missing), said), style=style
+            )
+    return table
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return _number(None if seconds is None else 1e3 * seconds, "ms", 1)
+
+
+def _number(value: float | None, unit: str, digits: int | None = None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:g} {unit}" if digits is None else f"{value:.{digits}f} {unit}"

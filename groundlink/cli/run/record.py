@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink record SCENARIO --out RUN.mcap`: a run into a file, as fast as this machine goes.
+
+Rule: starts physics, sensors, drivers and the recorder, and nothing of ROS. What the file is worth
+is read from the file.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console, RenderableType
+from rich.text import Text
+
+from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.loader import load
+from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
+
+from . import running, supervised
+
+SECONDS = 30.0
+"""Of sim time, unless asked otherwise."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("record", help="run a scenario into a file, without ROS")
+    parser.add_argument("scenario", help=running.SCENARIO_HELP)
+    parser.add_argument("--out", required=True, metavar="RUN.mcap", help="file to write")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=SECONDS,
+        metavar="S",
+        help="sim time to record (default %(default)g s)",
+    )
+    parser.add_argument(
+        "--realtime", action="store_true", help="by the wall clock instead of as fast as it goes"
+    )
+    parser.add_argument("--run", help="name of the run (default: the scenario's)")
+    parser.add_argument(
+        "--listen", metavar="ENDPOINT", default=running.LISTEN_DEFAULT, help=running.LISTEN_HELP
+    )
+    parser.set_defaults(command=record)
+
+
+def record(options: argparse.Namespace) -> int:
+    """Record a run; 0 when the file holds every declared rate."""
+    scenario = load(options.scenario)
+    out = Path(options.out)
+    if not options.duration > 0:
+        raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
+    running.check_new_file("--out", out)
+    run = options.run or scenario.name
+    console = terminal.console()
+    commands = running.commands(scenario, options.scenario, run, options.listen)
+    del commands["gateway"]
+    commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
+    commands["physics"] += ["--lockstep", "sensors"]  # of ROS nothing is started
+    commands[running.RECORDER] = [
+        *running.recorder(options.out, run, options.listen),
+        *("--duration", f"{options.duration:g}"),
+        *(() if options.realtime else ("--ordered",)),
+    ]
+    for name in commands:
+        if name != "physics":
+            commands["physics"] += ["--wait-for", name]
+    supervised_run = supervised.SupervisedRun(
+        commands, run, options.listen, console, finite={running.RECORDER}
+    )
+    recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
+    failed = supervised_run.go(
+        lambda: recorder.is_done, lambda: _progress(monitor, options.duration)
+    )
+    if failed:
+        return supervised.exit_code(failed)
+    return _verdict(console, out, monitor)
+
+
+_TOPICS = (
+    Column("topic", "text"),
+    Column("type", "text", goes=1),
+    Column("messages"),
+    Column("declared", goes=2),
+    Column("measured"),
+)
+
+UNUSUAL = ("/faults/", "/gaps/")
+"""Topics that have messages only where something went wrong."""
+
+
+def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
+    """Return how far the recording is."""
+    health = monitor.health.get(running.RECORDER)
+    if health is None or health.tick < 0:
+        return Text("starting")
+    factor = monitor.real_time_factor
+    pace = "" if factor is None else f", {factor:.2f} x real time"
+    size = health.counters["bytes"] / 1e6
+    return Text(f"{monitor.sim_seconds:.1f} of {seconds:g} s{pace}, {size:.1f} MB")
+
+
+def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
+    """Show what the file holds; return 1 where that is less than was declared."""
+    with needs("record"):
+        from groundlink.recording.reading import Recording
+
+    if not out.exists():
+        console.print("nothing was recorded: the run was ended before it began")
+        return 1
+    with Recording(out) as recording:
+        topics = recording.topics
+    table = FittingTable(str(out), _TOPICS)
+    faults = []
+    for name, topic in topics.items():
+        if name.startswith(UNUSUAL) and not topic.messages:
+            continue
+        declared, measured = (_rate(rate) for rate in (topic.declared_hz, topic.measured_hz))
+        table.add_row(name, topic.type, str(topic.messages), declared, measured)
+        off = abs((topic.measured_hz or 0.0) / topic.declared_hz - 1) if topic.declared_hz else 0
+        if off > RATE_TOLERANCE:
+            faults.append(f"{name}: declared {declared}, measured {measured}")
+    if (health := monitor.health.get(running.RECORDER)) and health.counters["bus_dropped"]:
+        faults.append(
+            f"{health.counters['bus_dropped']} messages came faster than could be written"
+        )
+    console.print(table)
+    for fault in faults:
+        terminal.say(console, f"not kept: {fault}")
+    return 1 if faults else 0
+
+
+def _rate(rate_hz: float | None) -> str:
+    return "-" if rate_hz is None else f"{rate_hz:.2f} Hz"

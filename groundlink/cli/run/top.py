@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink top`: who is in a run, on which host, how fast and how well, as its bus tells.
+
+Rule: shows an `Overview`; it only listens, so that it can come and go at any time. The one question
+that it asks is how the emulated link is set, where there is one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import deque
+from typing import Any
+
+import msgspec
+from rich.console import Group, RenderableType
+from rich.live import Live
+from rich.text import Text
+
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.queries import link_key
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import HEALTH, process_names
+from groundlink.cli.run.dashboard import streams_table
+from groundlink.cli.terminal.output import console, stop_on_signals
+from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.messages import missing_readings as gaps
+from groundlink.messages.base import Health
+from groundlink.messages.faults import kinds_in
+from groundlink.monitor.overview import Overview
+from groundlink.process import runner as process
+from groundlink.scenario import Scenario
+from groundlink.scenario.sensors import sensor_rate_hz
+
+PERIOD_SECONDS = 1.0
+"""Between two JSON objects, and between two questions about the link."""
+
+ONCE_SECONDS = 3.5
+"""How long `--once` listens at most: two words of everybody are enough."""
+
+STYLES = {"alive": "", "there": "", "silent": "yellow", "missing": "yellow", "gone": "red"}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("top", help="show who is in a run and how well it goes, live")
+    parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
+    parser.add_argument("--run", help="name of the run; needed only where several run")
+    parser.add_argument("--json", action="store_true", help="print a JSON object each second")
+    parser.add_argument("--once", action="store_true", help="show it once and end")
+    parser.set_defaults(command=top)
+
+
+def top(options: argparse.Namespace) -> int:
+    """Show a run until Ctrl-C."""
+    stop = stop_on_signals()
+    shown = console()
+    with Bus(connect=process.endpoint(options), onlooker=True) as bus:
+        run, scenario = process.join(bus, options.run, stop)
+        overview = Overview(run, declared_rates(scenario))
+        prefix = HEALTH.key_in(run, process="")
+        moves: deque[tuple[str, bool]] = deque()
+        inbox: Inbox[Health] = Inbox(depth=1024)
+        bus.subscribe(HEALTH.key_in(run), Health, inbox)
+        bus.watch(HEALTH.key_in(run), lambda key, there: moves.append((key, there)))
+        begun = time.monotonic()
+        next_second = begun + PERIOD_SECONDS
+        live = None
+        if shown.is_terminal and not options.json and not options.once:
+            live = Live(console=shown, auto_refresh=False, screen=False)
+            live.start()
+        try:
+            while not stop.is_set():
+                while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.1):
+                    overview.heard(arrived[1], time.monotonic())
+                while moves:
+                    key, there = moves.popleft()
+                    overview.came_or_went(key.removeprefix(prefix), there)
+                now = time.monotonic()
+                if options.once:
+                    if overview.everybody_spoke or now - begun > ONCE_SECONDS:
+                        break
+                    continue
+                if live:
+                    live.update(picture(overview, now), refresh=True)
+                if now >= next_second:
+                    next_second += PERIOD_SECONDS
+                    _ask_for_link(bus, run, scenario, overview)
+                    if options.json:
+                        print(json.dumps(overview.snapshot(now)), flush=True)
+                    elif not live:
+                        shown.print(picture(overview, now))
+        finally:
+            if live:
+                live.stop()
+        if options.once and not stop.is_set():
+            _ask_for_link(bus, run, scenario, overview)
+            now = time.monotonic()
+            if options.json:
+                print(json.dumps(overview.snapshot(now)), flush=True)
+            else:
+                shown.print(picture(overview, now))
+    return 0
+
+
+def declared_rates(scenario: Scenario) -> dict[str, float | None]:
+    """Return the processes that a scenario declares, with the rate of their messages."""
+    rates: dict[str, float | None] = dict.fromkeys(process_names(scenario))
+    for vehicle in scenario.vehicles:
+        for sensor in vehicle.sensors:
+            rate_hz = sensor_rate_hz(sensor) * len(sensor.ros_topics())
+            rates[f"{vehicle.name}/{sensor.name}"] = rate_hz
+    return rates
+
+
+def _ask_for_link(bus: Bus, run: str, scenario: Scenario, overview: Overview) -> None:
+    """Ask the gateway how its emulated link is set, where the scenario has one."""
+    if scenario.gateway.link is None:
+        return
+    for reply in bus.ask(link_key(run), seconds=PERIOD_SECONDS).values():
+        _, overview.link_settings = msgspec.json.decode(
+            reply, type=tuple[str, dict[str, dict[str, float | bool]]]
+        )
+
+
+def picture(overview: Overview, now_seconds: float) -> RenderableType:
+    """Return the run as tables."""
+    now = overview.snapshot(now_seconds)
+    factor = now["real_time_factor"]
+    pace = "-" if factor is None else f"{factor:.3f}"
+    head = f"run `{now['run']}`   sim time {now['sim_seconds']:.1f} s   real-time factor {pace}"
+    parts: list[RenderableType] = [Text(head, style="bold"), _processes(now["processes"])]
+    if held_up := str(overview.monitor.hold_ups):
+        parts.insert(1, Text(held_up, style="yellow"))
+    if overview.monitor.streams:
+        parts.append(streams_table(overview.monitor.streams))
+    else:
+        parts.append(Text("nothing is known of the ROS side: no gateway speaks"))
+    parts += [Text(line) for line in _link_lines(now["link"])]
+    return Group(*parts)
+
+
+_PROCESSES = (
+    Column("name", "text"),
+    Column("state", "text"),
+    Column("host", "text", goes=1),
+    Column("pid", goes=2),
+    Column("declared", goes=3),
+    Column("measured"),
+    Column("missing readings", "words"),
+    Column("counts", "words"),
+)
+
+
+def _processes(rows: list[dict[str, Any]]) -> FittingTable:
+    table = FittingTable("processes", _PROCESSES)
+    for row in rows:
+        missing, counts = gaps.parted(row["counters"])
+        table.add_row(
+            row["name"],
+            _state(row),
+            row["host"] or "-",
+            "-" if row["pid"] is None else str(row["pid"]),
+            "" if row["declared_hz"] is None else f"{row['declared_hz']:g} Hz",
+            "" if row["measured_hz"] is None else f"{row['measured_hz']:.1f} Hz",
+            gaps.in_words(missing),
+            ", ".join(f"{name} {count}" for name, count in counts.items() if count),
+            style=STYLES[row["state"]]
+            or ("yellow" if missing or kinds_in(row["counters"]) else ""),
+        )
+    return table
+
+
+def _state(row: dict[str, Any]) -> str:
+    text: str = row["state"]
+    if text == "silent":
+        text += f" {row['heard_seconds_ago']:.0f} s"
+    text = ", ".join([text, *kinds_in(row["counters"])])
+    return f"{text}, {row['restarts']} restarts" if row["restarts"] else text
+
+
+def _link_lines(link: dict[str, Any]) -> list[str]:
+    lines = []
+    for way, fields in link["settings"].items():
+        lines.append(f"link {way}: " + ", ".join(f"{name} {v}" for name, v in fields.items()))
+    if counts := {name: count for name, count in link["counters"].items() if count}:
+        lines.append("link counts: " + ", ".join(f"{n} {count}" for n, count in counts.items()))
+    return lines

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink up SCENARIO`: all processes of a run on this machine, supervised, with a live table.
+
+Rule: starts services only as ``python -m``, so that what runs here also runs one by one elsewhere.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+
+from groundlink import __version__
+from groundlink.cli.run.dashboard import dashboard
+from groundlink.cli.terminal import output as terminal
+from groundlink.core.errors import UserError
+from groundlink.core.whole_file import whole
+from groundlink.loader import load, time_choice
+from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor
+from groundlink.monitor.supervisor import Child
+from groundlink.run import journal
+from groundlink.scenario import Scenario
+
+from . import running, supervised
+
+START_SECONDS = 20.0
+"""After this long the duration counts even if a stream has not arrived."""
+
+TELL_SECONDS = 4.0
+"""After this long the user is told what is waited for."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser("up", help="start everything a scenario needs, here")
+    parser.add_argument("scenario", help=f"{running.SCENARIO_HELP}, or a saved run to continue")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        metavar="S",
+        help="end by itself after S seconds of sim time, counted once every stream arrives; with "
+        "--no-ros and a ROS side that does not report, once every stream is sent",
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE.json", help="write what happened")
+    parser.add_argument("--run", help="name of the run (default: the scenario's)")
+    parser.add_argument(
+        "--listen",
+        metavar="ENDPOINT",
+        default=running.LISTEN_DEFAULT,
+        help=running.LISTEN_HELP,
+    )
+    parser.add_argument(
+        "--no-ros", action="store_true", help="start nothing on the ROS side; it runs elsewhere"
+    )
+    parser.add_argument(
+        "--sensors-together",
+        action="store_true",
+        help="all sensors in one process: less work, but they wait for each other",
+    )
+    parser.add_argument("--record", metavar="RUN.mcap", help="write the run to a file, too")
+    time_choice.add_arguments(parser)
+    parser.set_defaults(command=up)
+
+
+def up(options: argparse.Namespace) -> int:
+    """Run a scenario until Ctrl-C or the duration's end; 0 when every declared rate was kept."""
+    if journal.is_saved_run(file := Path(options.scenario)):
+        described = journal.loaded(journal.read(file), options.scenario).still_there()
+    else:
+        described = load(options.scenario)
+    scenario = time_choice.chosen(described, options)
+    if options.duration is not None and not options.duration > 0:
+        raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
+    if options.report and not options.report.resolve().parent.is_dir():
+        raise UserError(f"--report {options.report}: there is no folder {options.report.parent}")
+    if options.record:
+        running.check_new_file("--record", Path(options.record))
+    run = options.run or scenario.name
+    console = terminal.console()
+    commands = running.commands(
+        *(scenario, options.scenario, run, options.listen),
+        sensors_together=options.sensors_together,
+    )
+    commands["physics"] += time_choice.handed_on(options)
+    if options.record:
+        commands["physics"] += ["--wait-for", running.RECORDER]
+        commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
+    if not options.no_ros:
+        commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
+    # In real time nobody waits for a sensor or a recorder, so one that cannot work may be missing.
+    is_realtime = scenario.time.mode == "realtime"
+    dispensable = (*scenario.sensor_names(), running.RECORDER) if is_realtime else ()
+    supervised_run = supervised.SupervisedRun(
+        commands, run, options.listen, console, dispensable=dispensable
+    )
+    monitor, children = supervised_run.monitor, supervised_run.children
+    title = f"{scenario.name} (run `{run}`)"
+    started = time.time()
+    failed = supervised_run.go(
+        Duration(
+            monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.tell
+        ).is_over,
+        lambda: dashboard(title, monitor, children.values()),
+    )
+    if supervised_run.killed:
+        names = ", ".join(supervised_run.killed)
+        terminal.say(console, f"killed, as they did not end in time: {names}")
+    if failed and not failed.ended_run and monitor.first_tick is None:
+        return supervised.exit_code(failed)
+    needs_reports = not options.no_ros
+    faults = []
+    if monitor.streams or needs_reports:
+        faults = monitor.faults(needs_reports=needs_reports)
+    if options.record and children[running.RECORDER].is_left_out:
+        faults.append(f"{options.record} ends before the run; see the recorder's line above")
+    _summarise(console, monitor, children, faults)
+    if options.report:
+        report = _report(scenario, run, started, monitor, children, faults)
+        with whole(options.report) as part:
+            part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if failed:
+        return supervised.exit_code(failed)
+    return 1 if faults else 0
+
+
+class Duration:
+    """Sim time from when every stream arrives, or from `START_SECONDS` after the start.
+
+    As long as the ROS side has reported nothing and need not, it is counted from when every stream
+    was sent.
+    """
+
+    def __init__(
+        self,
+        monitor: RunMonitor,
+        seconds: float | None,
+        *,
+        needs_reports: bool = True,
+        say: Callable[[str], object] = lambda line: None,
+    ) -> None:
+        self._monitor = monitor
+        self._seconds = seconds
+        self._needs_reports = needs_reports
+        self._begun = time.monotonic()
+        self._counted_from: float | None = None
+        self._sent_from: float | None = None
+        self._say = say
+        self._is_told = False
+
+    def is_over(self) -> bool:
+        """Return whether the run has lasted that long; without a duration it never has."""
+        monitor = self._monitor
+        late = time.monotonic() - self._begun > START_SECONDS
+        if self._counted_from is None and (monitor.everything_arrives() or late):
+            self._counted_from = monitor.sim_seconds
+        if self._sent_from is None and monitor.everything_is_sent():
+            self._sent_from = monitor.sim_seconds
+        counted_from = self._counted_from
+        if not self._needs_reports and not monitor.is_reported and self._sent_from is not None:
+            counted_from = self._sent_from
+        if self._seconds is None:
+            return False
+        self._tell(counted_from is not None, late)
+        if counted_from is None:
+            return False
+        return monitor.sim_seconds - counted_from >= self._seconds
+
+    def _tell(self, is_counted: bool, late: bool) -> None:
+        """Say once what is waited for, and once what the time is counted without."""
+        monitor = self._monitor
+        if self._needs_reports or monitor.is_reported:
+            missing = ", ".join(monitor.not_arrived()) or "the ROS side's first report"
+        else:
+            missing = ", ".join(monitor.not_sent()) or "the gateway"
+        waited = time.monotonic() - self._begun
+        if not is_counted and not self._is_told and waited > TELL_SECONDS:
+            self._is_told = True
+            self._say(f"--duration: waiting for {missing}, {START_SECONDS:g} s at most")
+        elif is_counted and late and self._is_told:
+            self._is_told = False
+            self._say(f"--duration: counting without {missing}")
+
+
+def _summarise(
+    console: Console, monitor: RunMonitor, children: Mapping[str, Child], faults: list[str]
+) -> None:
+    console.print(dashboard("summary", monitor, children.values()))
+    for fault in faults:
+        terminal.say(console, f"not kept: {fault}")
+    if monitor.streams and not monitor.is_reported:
+        line = f"{NOT_REPORTED}: the ROS side sent no report of what arrived (TopicReport)"
+        terminal.say(console, line)
+    elif not faults:
+        terminal.say(console, "every declared rate was kept within 2 %")
+
+
+def _report(
+    scenario: Scenario,
+    run: str,
+    started: float,
+    monitor: RunMonitor,
+    children: Mapping[str, Child],
+    faults: list[str],
+) -> dict[str, object]:
+    """Return what happened in a run, as plain data."""
+    return {
+        "groundlink": __version__,
+        "run": run,
+        "started": started,
+        "sim_seconds": monitor.sim_seconds,
+        "real_time_factor": monitor.real_time_factor,
+        "held_up": dataclasses.asdict(monitor.hold_ups),
+        "faults": faults,
+        "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
+        "processes": {
+            name: {
+                "restarts": child.restarts,
+                "last_exit": child.last_exit,
+                "counters": counters,
+            }
+            for child in children.values()
+            for name, counters in monitor.counters_of(child.name, child.pid).items()
+        },
+        "scenario": msgspec.to_builtins(scenario),
+    }

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that the page needs of a recording, in one pass over it.
+
+Rule: streaming, and of each topic no more is decoded than is shown: one cloud of each LiDAR, every
+n-th sample of an IMU. Memory does not grow with the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.serde import SerdeError
+
+from groundlink.core.clock import NANOS
+from groundlink.recording.metadata import RunFacts
+from groundlink.recording.reading import Recorded, Recording
+from groundlink.report.analysis.thumbnails import IMAGE_TYPES, Camera
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros.faults import from_faults
+from groundlink.ros.missing_readings import from_gaps
+from groundlink.ros.streams import faults_topic, gaps_topic
+from groundlink.ros.types import STORE
+from groundlink.ros.vitals import from_vitals
+from groundlink.scenario.every_sensor import SensorSpec
+
+from .accounts import StreamAccount, accounts
+from .diagnostics import Said
+from .energy import MAX_POINTS as ENERGY_POINTS
+from .energy import Energy
+from .failures import Failures
+from .motion import Motion, stride
+from .sensors import MAX_SAMPLES, Cloud, Readings, readings_of
+from .streams import StreamTrack
+
+PROGRESS_MESSAGES = 2_000
+"""How often progress is told."""
+
+
+@dataclass
+class Gathered:
+    """A run, as its page shows it."""
+
+    path: Path
+    size_bytes: int
+    run: RunFacts
+    first_nanos: int
+    last_nanos: int
+    messages: int
+    streams: list[StreamTrack]
+    motions: list[Motion]
+    energies: list[Energy]
+    readings: dict[str, list[Readings]]
+    """What is plotted of each vehicle's sensors."""
+
+    cameras: list[Camera]
+    failures: list[Failures]
+    accounts: list[StreamAccount]
+    said: Said
+    undecodable: int
+    """Messages of decoded topics that do not fit their type."""
+
+    def seconds(self, nanos: int) -> float:
+        """Return sim time from a stamp: seconds since the run's start."""
+        return (nanos - self.run.epoch_nanos) / NANOS
+
+    @property
+    def duration_seconds(self) -> float:
+        """From the first message to the last."""
+        return (self.last_nanos - self.first_nanos) / NANOS
+
+
+def gather(recording: Recording, progress: Callable[[float], object]) -> Gathered:
+    """Read a recording; `progress` is called with the share that is read, 0..1."""
+    taking = _Taking(recording)
+    span = max(recording.last_nanos - recording.first_nanos, 1)
+    for number, message in enumerate(recording.read()):
+        taking.take(message)
+        if number % PROGRESS_MESSAGES == 0:
+            progress((message.nanos - recording.first_nanos) / span)
+    progress(1.0)
+    return taking.gathered
+
+
+class _Taking:
+    """Which message goes where."""
+
+    def __init__(self, recording: Recording) -> None:
+        run = recording.run
+        times = {"first_nanos": recording.first_nanos, "last_nanos": recording.last_nanos}
+        counted = recording.topics
+        streams = {}
+        for topic, ros_type in sorted(recording.types.items()):
+            declared = counted[topic].declared_hz if topic in counted else None
+            streams[topic] = StreamTrack(topic, ros_type, declared, **times)
+        self._streams = streams
+        self._handlers: dict[str, Callable[[Recorded], None]] = {}
+        self.gathered = Gathered(
+            path=recording.path,
+            size_bytes=recording.path.stat().st_size,
+            run=run,
+            **times,
+            messages=recording.messages,
+            streams=list(streams.values()),
+            motions=[],
+            energies=[],
+            readings={},
+            cameras=[],
+            failures=[],
+            accounts=accounts(run.scenario, **times, epoch_nanos=run.epoch_nanos),
+            said=Said(),
+            undecodable=0,
+        )
+        self._counted = expected = {name: facts.messages for name, facts in counted.items()}
+        for vehicle in run.scenario.vehicles:
+            truth, vitals = (
+                run.scenario.ground_truth_topic(vehicle),
+                run.scenario.vitals_topic(vehicle),
+            )
+            motion = Motion(vehicle.name, stride(expected.get(truth, 0)))
+            energy = Energy(vehicle.name, -(-expected.get(vitals, 0) // ENERGY_POINTS) or 1)
+            asked = stride(expected.get(vehicle.command_topic, 0))
+            self.gathered.motions.append(motion)
+            self.gathered.energies.append(energy)
+            self._decode(truth, motion.moved, motion.stride)
+            self._decode(vehicle.command_topic, motion.was_asked, asked)
+            self._on_vitals(vitals, energy)
+            kept = [reading for s in vehicle.sensors if (reading := self._reading(s))]
+            self.gathered.readings[vehicle.name] = kept
+        self._accounts = {account.topic: account for account in self.gathered.accounts}
+        for account in self.gathered.accounts:
+            account.dropped(recording.dropped.get(account.topic, 0))
+            self._on_gaps(account.sensor)
+        for sensor in run.scenario.sensor_names():
+            failures = Failures(sensor)
+            self.gathered.failures.append(failures)
+            self._on_faults(faults_topic(sensor), failures)
+        self._decode(DIAGNOSTICS_TOPIC, self.gathered.said.add, 1)
+        for topic, ros_type in recording.types.items():
+            if ros_type in IMAGE_TYPES:
+                camera = Camera(topic, recording.first_nanos, recording.last_nanos)
+                self._on_images(topic, camera)
+
+    def take(self, message: Recorded) -> None:
+        self._streams[message.topic].add(message.nanos, len(message.cdr))
+        if account := self._accounts.get(message.topic):
+            account.add(message.nanos - self.gathered.run.epoch_nanos)
+        if handler := self._handlers.get(message.topic):
+            try:
+                handler(message)
+            except (SerdeError, ValueError, AttributeError, IndexError):
+                self.gathered.undecodable += 1
+
+    def _decode(self, topic: str, use: Callable[[float, Any], object], every: int) -> None:
+        """Decode every n-th message of a topic and use it with its time."""
+        stream = self._streams.get(topic)
+        if stream is None:
+            return
+
+        def handler(message: Recorded) -> None:
+            if (stream.messages - 1) % every == 0:
+                use(self.gathered.seconds(message.nanos), _decoded(message))
+
+        self._handlers[topic] = handler
+
+    def _reading(self, sensor: SensorSpec) -> Readings | None:
+        """Keep what is plotted of a sensor's topic, if it has a plot and is in the file."""
+        run = self.gathered
+        middle = (run.seconds(run.first_nanos) + run.seconds(run.last_nanos)) / 2
+        reading = readings_of(sensor, run.run.scenario.world.datum, middle)
+        stream = None if reading is None else self._streams.get(reading.topic)
+        if reading is None or stream is None:
+            return None
+        if isinstance(reading, Cloud):
+            self._handlers[reading.topic] = lambda message: self._cloud(reading, message)
+        else:
+            counted = self._counted.get(reading.topic, 0)
+            self._decode(reading.topic, reading.add, -(-counted // MAX_SAMPLES) or 1)
+        return reading
+
+    def _cloud(self, cloud: Cloud, message: Recorded) -> None:
+        """Decode a cloud only where it is shown."""
+        seconds = self.gathered.seconds(message.nanos)
+        if cloud.is_due(seconds):
+            cloud.add(seconds, _decoded(message))
+
+    def _on_vitals(self, topic: str, energy: Energy) -> None:
+        def use(seconds: float, array: Any) -> None:
+            energy.add(seconds, from_vitals(array, 0))
+
+        self._decode(topic, use, 1)
+
+    def _on_faults(self, topic: str, failures: Failures) -> None:
+        def use(seconds: float, array: Any) -> None:
+            failures.add(seconds, from_faults(array, 0))
+
+        self._decode(topic, use, 1)
+
+    def _on_gaps(self, sensor: str) -> None:
+        def use(seconds: float, array: Any) -> None:
+            told = from_gaps(array, 0)
+            for account in self.gathered.accounts:
+                if account.sensor == sensor:
+                    account.add_told(told, self.gathered.run.epoch_nanos)
+
+        self._decode(gaps_topic(sensor), use, 1)
+
+    def _on_images(self, topic: str, camera: Camera) -> None:
+        self.gathered.cameras.append(camera)
+
+        def handler(message: Recorded) -> None:
+            if camera.is_due(message.nanos):
+                camera.add(self.gathered.seconds(message.nanos), _decoded(message))
+
+        self._handlers[topic] = handler
+
+
+def _decoded(message: Recorded) -> Any:
+    return STORE.deserialize_cdr(message.cdr, message.ros_type)

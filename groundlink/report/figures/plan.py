@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plan of the world as a picture: what stands on it, and how high the ground is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from groundlink.report.analysis.plan import Outline
+from groundlink.world.terrain import Ground
+
+from .svg_theme import BODY, FAINT, FURNITURE, GREY, WALL
+
+TALL_M = 1.6
+"""What is higher is drawn as a wall."""
+
+HEIGHTS = 160
+"""Along each side, at which terrain is looked up."""
+
+LEAST_HEIGHT_M = 0.01
+"""Flatter ground has no lines."""
+
+
+def plan(plot: Axes, outlines: Sequence[Outline]) -> None:
+    """Draw what stands, from above."""
+    for outline in outlines:
+        tall = outline.high_m > TALL_M
+        plot.add_patch(
+            Polygon(
+                outline.corners_m,
+                facecolor=WALL if tall else FURNITURE,
+                edgecolor=BODY,
+                linewidth=0.5,
+                alpha=1.0 if tall or outline.low_m < 0.1 else 0.75,
+            )
+        )
+
+
+def heights(
+    plot: Axes, ground: Ground, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> None:
+    """Draw lines of equal height over what is shown."""
+    x, y = (np.linspace(low[i], high[i], HEIGHTS) for i in range(2))
+    z = ground.height_at(*np.meshgrid(x, y))
+    known = z[np.isfinite(z)]
+    if len(known) and np.ptp(known) > LEAST_HEIGHT_M:
+        drawn = plot.contour(x, y, z, levels=9, colors=GREY, linewidths=0.7, zorder=0.5)
+        plot.clabel(drawn, fontsize=7.5, fmt="%g m", colors=FAINT)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page says of readings that were due and are not in the file.
+
+Rule: every gap with its cause; of a stream with very many the first ones, and how many more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from groundlink.core.clock import NANOS
+from groundlink.messages.missing_readings import CAUSES, in_words
+from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
+from groundlink.report.page.html import Markup, paragraph, section, table
+
+LISTED = 100
+"""Gaps of one stream that are shown one by one."""
+
+
+def missing_lines(accounts: Sequence[StreamAccount]) -> list[str]:
+    """Return what a person should know first, one line a stream."""
+    lines = []
+    for account in accounts:
+        missing = account.missing()
+        del missing[UNDER_WAY]
+        if missing:
+            lines.append(f"{account.topic}: of {account.due} readings {in_words(missing)}")
+    return lines
+
+
+def what_is_missing(accounts: Sequence[StreamAccount]) -> Markup:
+    """Return the section; nothing where no sensor is."""
+    sums: list[tuple[str, ...]] = []
+    gaps: list[tuple[str, ...]] = []
+    off: list[int] = []
+    unknown: list[int] = []
+    further = 0
+    for account in accounts:
+        holes, missing = account.holes(), account.missing()
+        if missing.keys() - {UNDER_WAY}:
+            off.append(len(sums))
+        sums.append((account.topic, str(account.due), str(account.published), in_words(missing)))
+        further += len(holes[LISTED:])
+        for hole in holes[:LISTED]:
+            if hole.cause == NOT_TOLD:
+                unknown.append(len(gaps))
+            stamps = (f"{nanos / NANOS:.4f} s" for nanos in (hole.first_nanos, hole.last_nanos))
+            gaps.append((account.topic, *stamps, str(hole.readings), hole.cause))
+    if not sums:
+        return Markup("")
+    parts = [
+        table(("topic", "due", "recorded", "missing"), sums, numbers=(1, 2), code=(0,), off=off),
+        paragraph("Due is what the scenario declares, reading by reading."),
+    ]
+    if gaps:
+        columns = ("topic", "from", "to", "readings", "cause")
+        parts.append(table(columns, gaps, numbers=(1, 2, 3), code=(0,), off=unknown))
+        parts.append(paragraph("Times are the stamps of the first and the last that is missing."))
+    if further:
+        parts.append(paragraph(f"{further} more are not listed."))
+    met = {row[-1] for row in gaps}
+    meanings = [f"{cause}: {meaning}" for cause, meaning in CAUSES.items() if cause in met]
+    if meanings:
+        parts.append(paragraph("; ".join(meanings) + "."))
+    return section("Missing readings", *parts)

@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A gathered run as one HTML page that needs nothing else.
+
+Rule: what a run did not have is not there, and is said where it could be missed. The words are
+those of the tables that `groundlink up` shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.resources import files
+from math import radians
+from string import Template
+
+import msgspec
+import yaml
+
+from groundlink.core.clock import NANOS
+from groundlink.monitor.run_monitor import NOT_REPORTED
+from groundlink.report.analysis.checkpoints import passages
+from groundlink.report.analysis.diagnostics import CAUSES, PROCESS_FIELDS
+from groundlink.report.analysis.gather import Gathered
+from groundlink.report.analysis.plan import Outline, outlines
+from groundlink.report.figures import charts as figures
+from groundlink.report.figures.plan import TALL_M
+from groundlink.report.page.missing_readings import what_is_missing
+from groundlink.report.page.verdict import keeps_rate, verdict
+from groundlink.run.routes import line
+from groundlink.world import terrain as terrains
+from groundlink.world.assets import MissingAsset
+from groundlink.world.build import solids
+
+from .html import (
+    Markup,
+    details,
+    figure,
+    heading,
+    joined,
+    paragraph,
+    picture,
+    section,
+    table,
+    text,
+    tiles,
+)
+from .sensor_sections import sensors
+
+Span = tuple[float, float]
+
+
+def page(run: Gathered) -> str:
+    """Return the whole page."""
+    scenario = run.run.scenario
+    span = run.seconds(run.first_nanos), run.seconds(run.last_nanos)
+    template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
+    level = scenario.world.terrain is None
+    around = outlines(solids(scenario), level=level)
+    sections = [_way(run, around), *_vehicles(run, span), *sensors(run, around, span)]
+    sections += [_streams(run, span), _link(run, span)]
+    sections += [
+        _cameras(run),
+        _failures(run),
+        what_is_missing(run.accounts),
+        _processes(run),
+        _origin(run),
+    ]
+    return template.substitute(
+        title=text(f"Run {run.run.run}"),
+        subtitle=text(" · ".join(filter(None, (scenario.description, _when(run))))),
+        verdict=verdict(run),
+        facts=_facts(run),
+        sections=joined(part for part in sections if part),
+        footer=text(f"{run.path.name}, made into a page by groundlink report"),
+    )
+
+
+def _when(run: Gathered) -> str:
+    if not run.run.epoch_nanos:
+        return "stamps count from zero"
+    begun = datetime.fromtimestamp(run.run.epoch_nanos / NANOS, UTC)
+    return f"sim time zero is {begun:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _facts(run: Gathered) -> Markup:
+    facts = [(f"{run.duration_seconds:.1f} s", "of sim time")]
+    for motion, energy in zip(run.motions, run.energies, strict=True):
+        whose = f", {motion.vehicle}" if len(run.motions) > 1 else ""
+        facts.append((f"{motion.distance_m:.1f} m", f"driven{whose}"))
+        facts.append((f"{motion.top_speed_mps:.2f} m/s", f"top speed{whose}"))
+        if energy.last is not None:
+            facts.append((_joules(energy.last.motor_work_j), f"work of the motors{whose}"))
+        facts.append((str(len(energy.events) + energy.further_events), f"contacts{whose}"))
+    facts.append((f"{run.messages:,}".replace(",", "\u202f"), "messages"))
+    facts.append((f"{run.size_bytes / 1e6:.1f} MB", "on disk"))
+    return tiles(facts)
+
+
+def _joules(value: float) -> str:
+    return f"{value / 1e3:.2f} kJ" if value >= 1e3 else f"{value:.1f} J"
+
+
+def _way(run: Gathered, around: Sequence[Outline]) -> Markup:
+    moved = [(m, e) for m, e in zip(run.motions, run.energies, strict=True) if m.rows]
+    if not moved:
+        return section("Way", paragraph("The file holds no ground truth, so no way is known."))
+    scenario = run.run.scenario
+    routes = [
+        line(
+            vehicle.route,
+            start_m=(vehicle.placement.x_m, vehicle.placement.y_m),
+            heading_rad=radians(vehicle.placement.yaw_deg),
+        ).points_m
+        for vehicle in scenario.vehicles
+        if vehicle.route is not None
+    ]
+    checkpoints = scenario.world.checkpoints
+    terrain, heights = scenario.world.terrain, ""
+    try:
+        ground = terrains.ground(terrain) if terrain else None
+    except MissingAsset:
+        ground, heights = None, " The heights of its terrain are not on this machine."
+    drawn = figures.trajectory(
+        around, [m for m, _ in moved], [e for _, e in moved], routes, checkpoints, ground
+    )
+    caption = (
+        "From above, by the ground truth of the base, coloured by speed. In stronger grey: what "
+        f"is taller than {TALL_M:g} m; in weaker: lower things, table tops among them."
+    )
+    if terrain:
+        caption += heights or " Lines are of equal height of the ground."
+    parts = [figure(drawn, caption)]
+    if checkpoints:
+        columns = ("vehicle", "checkpoint", "passed at", "apart")
+        rows = [
+            (motion.vehicle, by.checkpoint, f"{by.seconds:.2f} s", f"{by.apart_m:.3f} m")
+            for motion, _ in moved
+            for by in passages(motion.track(), checkpoints)
+        ]
+        parts.append(table(columns, rows, numbers=(2, 3), code=(0, 1)))
+    return section("Way", *parts)
+
+
+def _vehicles(run: Gathered, span: Span) -> list[Markup]:
+    found = []
+    for motion, energy in zip(run.motions, run.energies, strict=True):
+        whose = f" of {motion.vehicle}" if len(run.motions) > 1 else ""
+        if motion.rows:
+            caption = (
+                "True: of the base, in its own frame. Asked for: what was on the command topic."
+            )
+            found.append(section(f"Speed{whose}", figure(figures.speed(motion, span), caption)))
+        if energy.last is not None:
+            events = [
+                (
+                    f"{event.begin_seconds:.1f} s",
+                    event.name,
+                    f"{event.force_n:,.0f} N at {event.force_seconds:.3f} s".replace(",", "\u202f"),
+                    f"{event.ticks * 0.0025:.3f} s",
+                )
+                for event in energy.events
+            ]
+            columns = ("at", "touched", "largest force of a tick", "touching for")
+            parts = [
+                figure(
+                    figures.energy([energy], span),
+                    "Mechanical work of the wheels' motors: where they drive, and what they "
+                    "took up where they brake. To turn on the spot is to work on the tyres.",
+                ),
+                table(columns, events, numbers=(2, 3), code=(1,))
+                if events
+                else paragraph("It touched nothing but the ground under its wheels."),
+            ]
+            if energy.further_events:
+                parts.append(paragraph(f"{energy.further_events} more are not listed."))
+            found.append(section(f"Energy and contacts{whose}", *parts))
+    return found
+
+
+def _streams(run: Gathered, span: Span) -> Markup:
+    if not run.streams:
+        return Markup("")
+    rows, off = [], []
+    shown = [stream for stream in run.streams if stream.messages or stream.declared_hz]
+    for number, stream in enumerate(shown):
+        gaps = stream.largest_gaps
+        rows.append(
+            (
+                stream.topic,
+                stream.ros_type.rpartition("/")[2],
+                _hz(stream.declared_hz, 0),
+                _hz(stream.measured_hz, 2),
+                str(stream.messages),
+                str(stream.gaps) if stream.declared_hz else "",
+                f"{gaps[0].nanos / 1e6:.1f} ms" if gaps else "",
+                f"{stream.bytes / 1e6:.1f} MB",
+            )
+        )
+        if not keeps_rate(stream) or stream.gaps or stream.unkept():
+            off.append(number)
+    columns = ("topic", "type", "declared", "recorded", "messages", "gaps", "longest", "size")
+    parts = [table(columns, rows, numbers=range(2, 8), code=(0, 1), off=off)]
+    if any(stream.declared_hz for stream in run.streams):
+        caption = (
+            "Green where a bin of time holds the declared number of messages within 2 %, orange "
+            "where it does not, red where there are none. A gap is more than 1.5 periods."
+        )
+        parts.insert(0, figure(figures.rates(run.streams, span), caption))
+    if silent := [stream.topic for stream in run.streams if stream not in shown]:
+        parts.append(
+            paragraph(f"Nothing came on {', '.join(silent)}; nothing was declared for it.")
+        )
+    return section("Rates and gaps", *parts)
+
+
+def _hz(value: float | None, digits: int) -> str:
+    if value is None:
+        return ""
+    return f"{value:g} Hz" if not digits else f"{value:.{digits}f} Hz"
+
+
+def _link(run: Gathered, span: Span) -> Markup:
+    words = run.said.streams
+    if not words:
+        return section(
+            "Ages and losses",
+            paragraph("No gateway spoke in this run, so nothing is known of its way to ROS."),
+        )
+    rows, off = [], []
+    for number, ((topic, direction), stream) in enumerate(words.items()):
+        last = stream.last
+        is_reported = last.get("reported") != "False"
+        arrived = ("messages", "repaired") if is_reported else ("", "")
+        causes = [f"{last[cause]} {cause}" for cause in CAUSES if last.get(cause, "0") != "0"]
+        rows.append(
+            (
+                topic if direction == "to ROS" else f"{topic} (back)",
+                _milliseconds(last.get("age_seconds", "")),
+                _milliseconds(last.get("age_p99_seconds", "")),
+                *(last.get(name, "") for name in ("sent", *arrived)),
+                ", ".join(causes) or ("none" if is_reported else NOT_REPORTED),
+            )
+        )
+        if causes:
+            off.append(number)
+    parts: list[str] = []
+    if any(stream.ages for stream in words.values()):
+        caption = (
+            "From the instant of measurement to publication on the ROS side, over the last 10 s of "
+            "each moment, on a scale that is logarithmic above 1 ms."
+        )
+        parts.append(figure(figures.ages(words, span), caption))
+    columns = ("topic", "age p50", "p99", "sent", "arrived", "repaired", "lost, by cause")
+    parts.append(table(columns, rows, numbers=range(1, 6), code=(0,), off=off))
+    return section("Ages and losses", *parts)
+
+
+def _milliseconds(seconds: str) -> str:
+    return f"{1e3 * float(seconds):.1f} ms" if seconds else ""
+
+
+def _cameras(run: Gathered) -> Markup:
+    parts: list[Markup] = []
+    for camera in run.cameras:
+        shown = "".join(picture(uri, f"{at:.1f} s") for at, uri in camera.pictures)
+        parts.append(heading(camera.topic))
+        parts.append(Markup(f'<div class="pictures">{shown}</div>'))
+        if camera.unknown:
+            parts.append(paragraph(f"{camera.unknown} pictures are of a form not known here."))
+    return section("Cameras", *parts)
+
+
+def _failures(run: Gathered) -> Markup:
+    rows = []
+    for failures in run.failures:
+        for failure in failures.all:
+            end = failure.end_seconds
+            until = "the end of the recording" if end is None else f"{end:.4f} s"
+            begin = f"{failure.begin_seconds:.4f} s"
+            rows.append((failures.sensor, begin, until, str(failure.fault)))
+    if not rows:
+        return Markup("")
+    return section("Faults", table(("sensor", "from", "to", "fault"), rows, code=(0, 3)))
+
+
+def _processes(run: Gathered) -> Markup:
+    rows = []
+    for name, facts in sorted(run.said.processes.items()):
+        counts = [f"{k} {v}" for k, v in facts.items() if k not in PROCESS_FIELDS and v != "0"]
+        rows.append((name, facts.get("host", ""), facts.get("pid", ""), ", ".join(counts)))
+    if not rows:
+        return Markup("")
+    return section("Processes", table(("name", "host", "pid", "counts"), rows, code=(0,)))
+
+
+def _origin(run: Gathered) -> Markup:
+    facts = run.run
+    resolved = yaml.safe_dump(msgspec.to_builtins(facts.scenario), sort_keys=False, width=100)
+    versions = sorted(facts.versions.items())
+    return section(
+        "Where it comes from",
+        paragraph(
+            f"Scenario {facts.scenario.name}, seed {facts.scenario.seed}, time mode "
+            f"{facts.scenario.time.mode}, world {facts.world_hash[:12]}."
+        ),
+        table(("software", "version"), versions, code=(0, 1)),
+        details("The scenario, resolved", resolved),
+    )

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a person should know of a run first.
+
+Rule: all is well only where no bar of the page is orange or red.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from groundlink.monitor.run_monitor import RATE_TOLERANCE
+from groundlink.report.analysis.gather import Gathered
+from groundlink.report.analysis.streams import StreamTrack
+from groundlink.report.page.html import Markup, text
+
+from .missing_readings import missing_lines
+
+Span = tuple[float, float]
+
+SPANS = 3
+"""Named in a line."""
+
+
+def faults(run: Gathered) -> list[str]:
+    """Return what a person should know first, as lines."""
+    lines = []
+    for stream in run.streams:
+        if not keeps_rate(stream):
+            measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
+            lines.append(f"{stream.topic}: declared {stream.declared_hz:g} Hz, recorded {measured}")
+        if stream.gaps:
+            gaps = "1 gap" if stream.gaps == 1 else f"{stream.gaps} gaps"
+            longest = stream.largest_gaps[0].nanos / 1e6
+            lines.append(f"{stream.topic}: {gaps}, the longest of {longest:.0f} ms")
+        elif keeps_rate(stream) and (spans := stream.unkept()):
+            lines.append(f"{stream.topic}: not {stream.declared_hz:g} Hz {_spans(run, spans)}")
+    lines += missing_lines(run.accounts)
+    for (topic, direction), words in run.said.streams.items():
+        lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
+        if lost != "0":
+            lines.append(f"{topic}: {lost} of {sent} lost on the way {direction}")
+    for energy in run.energies:
+        if energy.events:
+            names = ", ".join(dict.fromkeys(event.name for event in energy.events))
+            lines.append(f"{energy.vehicle} touched {names}")
+    for failures in run.failures:
+        if failures.all:
+            kinds = ", ".join(dict.fromkeys(failure.fault.kind for failure in failures.all))
+            lines.append(f"{failures.sensor} was made to fail: {kinds}")
+    if run.undecodable:
+        lines.append(f"{run.undecodable} messages could not be read")
+    return lines
+
+
+def _spans(run: Gathered, spans: Sequence[Span]) -> str:
+    """Return spans of the recording as times of the run, the first of them."""
+    begin = run.seconds(run.first_nanos)
+    words = [f"from {begin + low:.1f} to {begin + high:.1f} s" for low, high in spans[:SPANS]]
+    more = len(spans) - SPANS
+    return ", ".join(words) + (f" and {more} more" if more > 0 else "")
+
+
+def keeps_rate(stream: StreamTrack) -> bool:
+    """Return whether a stream has its declared rate over all."""
+    if stream.declared_hz is None:
+        return True
+    measured = stream.measured_hz
+    return measured is not None and abs(measured / stream.declared_hz - 1) <= RATE_TOLERANCE
+
+
+def verdict(run: Gathered) -> Markup:
+    """Return the page's first words: that all was kept, or what was not."""
+    found = faults(run)
+    if not found:
+        return Markup(
+            '<div class="verdict">Every declared rate was kept from the first message to the last, '
+            "without a gap, and nothing was touched.</div>"
+        )
+    items = "".join(f"<li>{text(fault)}</li>" for fault in found)
+    return Markup(f'<div class="verdict bad">What to look at:<ul>{items}</ul></div>')

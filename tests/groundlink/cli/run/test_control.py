@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps that somebody holds up: who it is, once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from groundlink.cli.run.control import Waits
+from groundlink.messages.base import Health, encode
+from groundlink.messages.stalls import HoldUps
+
+
+class Bus:
+    """A bus on which physics says who is silent."""
+
+    def subscribe(self, key: str, message: type[Health], inbox: Any) -> None:
+        self._inbox, self._key = inbox, key
+
+    def silent(self, *names: str) -> None:
+        counters = HoldUps(silent_now=names).counters()
+        self._inbox.put(self._key, encode(Health("physics", 1, 12, counters)), Health)
+
+
+def test_who_holds_up_steps_is_said_once() -> None:
+    bus: Any = Bus()
+    waits = Waits(bus, "lab")
+    assert waits.line(12) == ""
+    bus.silent("rover/lidar")
+    assert waits.line(12) == "run `lab` waits at tick 12 for rover/lidar"
+    bus.silent("rover/lidar")
+    assert waits.line(12) == ""
+    bus.silent("rover/lidar", "rover/imu")
+    assert waits.line(12) == "run `lab` waits at tick 12 for rover/lidar, rover/imu"
+    bus.silent()
+    assert waits.line(13) == ""

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import io
+
+import pytest
+from msgspec.structs import replace
+from rich.console import Console
+
+from groundlink.cli.run.dashboard import dashboard
+from groundlink.cli.run.supervised import LINES_SHOWN, SupervisedRun
+from groundlink.cli.terminal.output import PLAIN_WIDTH
+from groundlink.messages.base import Health, StreamReport
+from groundlink.messages.stalls import HoldUps
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.monitor.supervisor import Child
+
+HEALTHY = StreamReport(
+    "/wheel_encoders",
+    "WheelEncoders",
+    50.0,
+    50.0,
+    0.0123,
+    499_998,
+    0,
+    age_p99_seconds=0.1234,
+    sent=499_999,
+    in_flight=1,
+)
+LOSSY = StreamReport(
+    "/camera/compressed",
+    "CompressedImage",
+    30.0,
+    29.97,
+    0.0123,
+    299_980,
+    18,
+    age_p99_seconds=1.2345,
+    sent=300_000,
+    missing=11,
+    incomplete=7,
+    dropped=2,
+    repaired=12_345,
+    superseded=3,
+)
+BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="from ROS", sent=7)
+
+
+def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
+    monitor = RunMonitor()
+    monitor.heard(Health("gateway", 1, 400, {}, streams), 0.0)
+    console = Console(width=width, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, []))
+    return capture.get()
+
+
+def test_who_holds_up_the_run_stands_at_its_head() -> None:
+    monitor = RunMonitor()
+    told = HoldUps(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
+    monitor.heard(Health("physics", 1, 400, {"worlds": 0} | told.counters()), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, []))
+    second = capture.get().splitlines()[1]
+    assert second.strip() == "silent: rover/lidar; time stretched by 5.0 s (rover/lidar 5.0 s)"
+
+
+def line(picture: str, topic: str) -> str:
+    return next(text for text in picture.splitlines() if topic in text)
+
+
+def test_every_figure_stands_in_the_table_uncut() -> None:
+    picture = drawn(HEALTHY, LOSSY, BACK)
+    assert "…" not in picture
+    healthy = line(picture, "/wheel_encoders")
+    for figure in ("50 Hz", "50.00 Hz", "12.3 ms", "123.4 ms", "499999", "499998"):
+        assert figure in healthy
+    assert "(back)" in line(picture, "/cmd_vel")
+    assert max(map(len, picture.splitlines())) <= PLAIN_WIDTH
+
+
+@pytest.mark.parametrize("width", [110, 80, 60, 40])
+def test_a_narrow_terminal_costs_no_number(width: int) -> None:
+    long = replace(LOSSY, topic="/front_left/camera/image_raw/compressed")
+    for streams in ((HEALTHY, LOSSY, BACK), (long,)):
+        picture = drawn(*streams, width=width)
+        assert "…" not in picture
+        assert max(map(len, picture.splitlines())) <= width
+        cells = {cell.strip() for text in picture.splitlines() for cell in text.split("│")}
+        for stream in streams:
+            for number in (stream.sent, stream.messages, stream.repaired):
+                assert str(number) in cells
+        assert {"29.97 Hz", "1234.5 ms"} <= cells
+        words = " ".join(cells).replace(",", "").split()
+        assert {"11", "7", "2", "3", "missing", "superseded"} <= set(words)
+
+
+def test_a_narrow_terminal_costs_types_first_and_then_what_does_not_change() -> None:
+    def head(width: int) -> str:
+        return line(drawn(HEALTHY, width=width), "topic")
+
+    assert "type" in head(100)
+    assert "type" not in head(85)
+    assert "declared" in head(85)
+    assert "declared" not in head(76)
+    assert "lost" in head(76)
+
+
+def test_the_processes_fit_a_narrow_terminal() -> None:
+    monitor = RunMonitor()
+    counters = {"readings": 123_456, "gap_overloaded": 12, "missed_ticks": 34, "refused": 56}
+    monitor.heard(Health("rover/front_camera", 4321, 400, counters), 0.0)
+    for width in (80, 60):
+        console = Console(width=width, file=io.StringIO())
+        with console.capture() as capture:
+            console.print(dashboard("lab", monitor, [Child("rover/front_camera", [])]))
+        picture = capture.get()
+        assert "…" not in picture
+        assert all(word in picture for word in ("123456", "12", "34", "56", "rover/front_camera"))
+        assert max(map(len, picture.splitlines())) <= width
+
+
+def test_lines_of_processes_stand_below_the_picture_of_a_terminal() -> None:
+    console = Console(width=80, file=io.StringIO(), force_terminal=True)
+    run = SupervisedRun({"gateway": []}, "run", "tcp/127.0.0.1:0", console)
+    for number in range(LINES_SHOWN + 8):
+        run.tell(f"line {number}")
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue() == ""
+    with console.capture() as capture:
+        console.print(run._with_lines("picture"))
+    shown = capture.get().split("\n")
+    assert [text.strip() for text in shown if text.strip()] == [
+        "picture",
+        *(f"line {number}" for number in range(8, LINES_SHOWN + 8)),
+    ]
+
+
+def test_what_did_not_arrive_is_told_by_cause() -> None:
+    lost = [text.split("│")[-2] for text in drawn(LOSSY).splitlines() if text.startswith("│")]
+    assert " ".join(" ".join(lost).split()) == ("11 missing, 7 incomplete, 2 dropped, 3 superseded")
+
+
+def test_what_was_not_reported_is_said_and_no_loss() -> None:
+    unknown = replace(LOSSY, messages=0, lost=0, missing=0, reported=False)
+    (row,) = (line for line in drawn(unknown).splitlines() if unknown.topic in line)
+    assert "not reported" in row
+    assert "missing" not in row
+
+
+def test_a_sensor_that_fails_says_so() -> None:
+    monitor = RunMonitor()
+    failing = {"readings": 7, "fault_stuck": 1, "fault_bias": 1}
+    for name, counters in (("rover/imu", failing), ("rover/lidar", {"readings": 9})):
+        monitor.heard(Health(name, 1, 400, counters), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    children = [Child("rover/imu", []), Child("rover/lidar", [])]
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, children))
+    picture = capture.get()
+    assert "rover/imu: stuck, bias" in line(picture, "rover/imu")
+    assert ":" not in line(picture, "rover/lidar")
+
+
+def test_a_sensor_that_misses_readings_says_why() -> None:
+    monitor = RunMonitor()
+    counters = {"readings": 7, "gap_overloaded": 12, "gap_not there": 3}
+    monitor.heard(Health("rover/camera", 1, 400, counters), 0.0)
+    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(dashboard("lab", monitor, [Child("rover/camera", [])]))
+    cells = [cell.strip() for cell in line(capture.get(), "rover/camera").split("│")]
+    assert cells[4:6] == ["12 overloaded, 3 not there", "readings 7"]

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import importlib.util
+import io
+
+import pytest
+from rich.console import Console
+
+from groundlink.cli.run import running
+from groundlink.core.errors import LackingError
+from groundlink.scenario.ros_side import Gateway
+
+
+@pytest.mark.parametrize("package", ["mcap", "rosbags", "zstandard"])
+def test_a_recorder_that_cannot_work_is_told_of_before_the_run(
+    package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Physics would wait for it at the first tick, while a real-time run goes on without it."""
+    running.recorder("run.mcap", "lab", "tcp/127.0.0.1:1")
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name == package else find(name)
+    )
+    with pytest.raises(LackingError, match=rf"`{package}` .*groundlink\[record\]"):
+        running.recorder("run.mcap", "lab", "tcp/127.0.0.1:1")
+
+
+@pytest.mark.parametrize(
+    ("bind", "peer", "words"),
+    [
+        ("127.0.0.1:7510", "127.0.0.1:7511", []),
+        ("192.0.2.1:7510", "192.0.2.2:7511", ["--peer", "192.0.2.1:0"]),
+        ("0.0.0.0:7510", "192.0.2.2:7511", ["--peer", "192.0.2.2:0"]),
+    ],
+)
+def test_a_ros_side_that_others_reach_listens_to_the_gateway_alone(
+    bind: str, peer: str, words: list[str]
+) -> None:
+    command = running.ros_side(Gateway(bind=bind, peer=peer), Console(file=io.StringIO()))
+    at = command.index("--bind")
+    assert command[at : at + 2 + len(words)] == ["--bind", peer, *words]
+    assert ("--peer" in command) == bool(words)

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults that a sensor told become rows with a begin and an end."""
+
+from __future__ import annotations
+
+from groundlink.messages.faults import Faults
+from groundlink.report.analysis.failures import Failure, Failures
+from groundlink.scenario.faults import Bias, Fault, Off, Stuck
+
+
+def test_each_fault_has_its_begin_and_its_end() -> None:
+    off, stuck, bias = Off(at_s=1.0), Stuck(at_s=2.0), Bias(value=1.0)
+    told: list[tuple[float, tuple[Fault, ...]]] = [
+        *((1.0, (off,)), (2.0, (off, stuck)), (3.0, (stuck,))),
+        *((4.0, (bias,)), (5.0, ()), (6.0, (off,))),
+    ]
+    failures = Failures("rover/imu")
+    for seconds, active in told:
+        failures.add(seconds, Faults(0, "rover/imu", 0, active))
+    assert failures.all == [
+        Failure(off, 1.0, 3.0),
+        Failure(stuck, 2.0, 4.0),
+        Failure(bias, 4.0, 5.0),
+        Failure(off, 6.0, None),
+    ]

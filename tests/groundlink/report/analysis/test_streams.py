@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Counts, gaps and bins, however long a run is."""
+
+from __future__ import annotations
+
+import pytest
+
+from groundlink.core.clock import NANOS
+from groundlink.messages.vitals import Contact, Vitals
+from groundlink.report.analysis.energy import MAX_EVENTS, Energy
+from groundlink.report.analysis.motion import MAX_POINTS, stride
+from groundlink.report.analysis.streams import LARGEST_KEPT, MAX_BINS, StreamTrack, bin_nanos
+
+
+def track(declared_hz: float | None, nanos: list[int]) -> StreamTrack:
+    stream = StreamTrack("/t", "x/T", declared_hz, first_nanos=nanos[0], last_nanos=nanos[-1])
+    for each in nanos:
+        stream.add(each, 10)
+    return stream
+
+
+def test_without_a_declared_rate_there_are_no_gaps() -> None:
+    stream = track(None, [0, NANOS, 5 * NANOS])
+    assert stream.gaps == 0
+    assert stream.bins() is None
+    assert stream.measured_hz == pytest.approx(0.4)
+    assert stream.bytes == 30
+
+
+def test_the_largest_gaps_are_kept() -> None:
+    times = [0]
+    for i in range(50):
+        times.append(times[-1] + (i % 10 + 1) * NANOS)
+    stream = track(1.0, times)
+    assert [gap.nanos // NANOS for gap in stream.largest_gaps] == [10] * LARGEST_KEPT
+    assert stream.gaps == 45
+
+
+def test_one_message_or_none_has_no_rate() -> None:
+    assert track(1.0, [5]).measured_hz is None
+    empty = StreamTrack("/t", "x/T", 10.0, first_nanos=0, last_nanos=3 * NANOS)
+    assert empty.measured_hz is None
+    assert empty.largest_gaps == []
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 7.5, 29.97, 400.0])
+@pytest.mark.parametrize("seconds", [3.0, 9.3])
+def test_a_steady_stream_keeps_its_rate_in_every_bin(rate_hz: float, seconds: float) -> None:
+    begin = 1_700_000_000 * NANOS
+    times = [begin + round(i / rate_hz * NANOS) for i in range(int(seconds * rate_hz) + 1)]
+    bins = track(rate_hz, times).bins()
+    assert bins is not None
+    assert bins.kept.all()
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 30.0])
+def test_one_lost_message_is_seen_in_its_bin(rate_hz: float) -> None:
+    times = [round(i / rate_hz * NANOS) for i in range(int(4 * rate_hz) + 1)]
+    del times[int(1.5 * rate_hz)]
+    bins = track(rate_hz, times).bins()
+    assert bins is not None
+    assert bins.kept.tolist() == [True, False, True, True]
+
+
+def test_silence_is_no_rate() -> None:
+    bins = track(0.5, [0, 6 * NANOS]).bins()
+    assert bins is not None
+    assert bins.silent.tolist() == [False, True, True, True, True, False]
+    slow = track(10.0, [0, 3 * NANOS]).bins()
+    assert slow is not None
+    assert not slow.kept.any()
+
+
+@pytest.mark.parametrize("seconds", [0.01, 1, 599, 601, 86_400])
+def test_bins_are_whole_seconds_and_few(seconds: float) -> None:
+    span = round(seconds * NANOS)
+    width = bin_nanos(span)
+    assert width % NANOS == 0
+    assert span / width <= MAX_BINS
+
+
+def test_a_long_run_is_thinned() -> None:
+    assert stride(MAX_POINTS) == 1
+    assert stride(MAX_POINTS + 1) == 2
+    assert stride(0) == 1
+
+
+def test_things_touched_apart_in_time_are_two_events() -> None:
+    energy = Energy("rover", 1)
+    for at in (1.0, 1.1, 1.6, 2.2):
+        touch = (Contact("wall", 10.0 * at, int(at * 400), 2), Contact("box", 1.0, 0, 1))
+        energy.add(at, Vitals(0, "rover", 0, at, 0.0, touch))
+    assert [(e.name, e.begin_seconds, e.end_seconds) for e in energy.events] == [
+        ("wall", 1.0, 1.6),
+        ("box", 1.0, 1.6),
+        ("wall", 2.2, 2.2),
+        ("box", 2.2, 2.2),
+    ]
+    assert energy.events[0].force_n == pytest.approx(16.0)
+    assert energy.events[0].ticks == 6
+
+
+def test_events_are_bounded() -> None:
+    energy = Energy("rover", 1)
+    for at in range(MAX_EVENTS + 7):
+        energy.add(float(at), Vitals(0, "rover", 0, 0.0, 0.0, (Contact("wall", 1.0, 0, 1),)))
+    assert len(energy.events) == MAX_EVENTS
+    assert energy.further_events == 7

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nothing is said to be well where a bar of the page is not green."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from groundlink.core.clock import NANOS
+from groundlink.report.analysis.gather import Gathered
+from groundlink.report.analysis.streams import StreamTrack
+from groundlink.report.page.verdict import faults, verdict
+
+SECONDS = 10
+
+
+def track(seconds: list[float], declared_hz: float = 10.0) -> StreamTrack:
+    found = StreamTrack(
+        "/imu", "sensor_msgs/msg/Imu", declared_hz, first_nanos=0, last_nanos=SECONDS * NANOS
+    )
+    for each in seconds:
+        found.add(round(each * NANOS), 100)
+    return found
+
+
+def run_of(gathered: Gathered, stream: StreamTrack) -> Gathered:
+    quiet: Any = SimpleNamespace(streams={})
+    return replace(
+        gathered,
+        **{"streams": [stream], "first_nanos": gathered.run.epoch_nanos, "said": quiet},
+        **{"accounts": [], "failures": [], "energies": [], "undecodable": 0},
+    )
+
+
+def every(begin_s: float, end_s: float, hz: float = 10.0) -> list[float]:
+    return [i / hz for i in range(round(begin_s * hz), round(end_s * hz))]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (every(0, 8), "not 10 Hz from 8.0 to 10.0 s"),
+        (every(2, 10), "not 10 Hz from 0.0 to 2.0 s"),
+        (
+            [*every(0, 5), *every(5, 6, 12.0), *every(6, 8), *every(8, 9, 8.0), *every(9, 10)],
+            "not 10 Hz from 5.0 to 6.0 s, from 8.0 to 9.0 s",
+        ),
+    ],
+    ids=["ends early", "begins late", "too many, too few"],
+)
+def test_what_is_not_green_is_told(gathered: Gathered, seconds: list[float], words: str) -> None:
+    stream = track(seconds)
+    bins = stream.bins()
+    assert bins is not None
+    assert not bins.kept.all()
+    run = run_of(gathered, stream)
+    assert faults(run) == [f"/imu: {words}"]
+    assert "without a gap" not in verdict(run)
+
+
+def test_where_all_is_green_all_is_well(gathered: Gathered) -> None:
+    run = run_of(gathered, track(every(0, 10)))
+    assert faults(run) == []
+    assert "without a gap" in verdict(run)
+
+
+def test_of_many_times_some_are_named(gathered: Gathered) -> None:
+    rates = (12.0, 10.0, 8.0, 10.0, 12.0, 10.0, 8.0, 10.0, 10.0, 10.0)
+    seconds = [each for i, hz in enumerate(rates) for each in every(i, i + 1, hz)]
+    (line,) = faults(run_of(gathered, track(seconds)))
+    assert line.endswith("from 4.0 to 5.0 s and 1 more")
