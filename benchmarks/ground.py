@@ -33,10 +33,10 @@ from groundlink.world.assets import VARIABLE
 from groundlink.world.mesh_asset import asset_of
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import ground
-from services.physics.engine import Engine
-from services.physics.simulation import Simulation
-from services.physics.terrain import Landscape
-from services.physics.trimesh import Meshes
+from services.physics.dynamics.engine import Engine
+from services.physics.dynamics.static_mesh import Meshes
+from services.physics.dynamics.terrain import Landscape
+from services.physics.simulation.simulation import Simulation
 
 HILLS = Hills(
     size_m=(250.0, 250.0), cell_m=1.0, height_m=10.0, longest_m=80.0, material="ground", seed=1
@@ -113,7 +113,7 @@ def resident_mb() -> float:
 
 def windows(cells: int) -> None:
     """Print what a window costs."""
-    from services.physics import terrain
+    from services.physics.dynamics import terrain
 
     terrain.LEAST_CELLS = cells
     engine = Engine()

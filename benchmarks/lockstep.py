@@ -71,9 +71,10 @@ def free_port(kind: socket.SocketKind) -> int:
 
 def physics() -> None:
     """Be the physics process; every other life waits for nobody before its last tick."""
-    from services.physics import __main__, pace
-    from services.physics import life as lives
-    from services.physics.parties import Demand
+    from services.physics import __main__
+    from services.physics.run import episode as lives
+    from services.physics.run import pacer as pace
+    from services.physics.run.participants import Demand
 
     round_number = itertools.count()
     as_ever = pace.pace_of

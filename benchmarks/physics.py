@@ -30,8 +30,8 @@ from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import Command, Message, State, encode
 from groundlink.scenario import Scenario
-from services.physics.life import Life
-from services.physics.outlets import Outlets, outlets
+from services.physics.run.episode import Life
+from services.physics.run.publishers import Outlets, outlets
 
 from .claims import Claim, add_options, judge
 

@@ -16,7 +16,7 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.pinhole import Pinhole
 from tests.services.sensors.rendering import views

@@ -18,8 +18,8 @@ from groundlink.process import runner as process
 from groundlink.process.name_claim import alone
 
 with process_needs(PHYSICS, "physics"):
-    from .authority import Physics
-    from .source import add_arguments, source
+    from services.physics.run.server import Physics
+    from services.physics.run.source import add_arguments, source
 
 NAME = PHYSICS
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from groundlink.world import assets
 from groundlink.world.assets import MissingAsset
 from groundlink.world.terrain import Ground, Terrain, asset_of, ground
-from services.physics.engine import Engine
+from services.physics.dynamics.engine import Engine
 
 ROWS, COLUMNS, CELL_M = 5, 7, 0.5
 HEIGHTS = np.random.default_rng(7).uniform(0, 3, (ROWS, COLUMNS)).astype(np.float32)

@@ -32,7 +32,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.build import solids
 from groundlink.world.solids import Box, Solid
 from services.driver.model import Follower
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 
 PERIOD_S = 0.02
 

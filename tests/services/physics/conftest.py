@@ -18,7 +18,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.world.build import solids
 from groundlink.world.solids import Solid
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 ROVER = "rover"

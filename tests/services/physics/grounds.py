@@ -22,7 +22,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 
 VEHICLES = sorted(file.stem for file in (SHIPPED / "vehicles").glob("*.yaml"))
 """Names of all shipped vehicles."""

@@ -12,8 +12,8 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import Ack
 from groundlink.scenario.schema import Time
-from services.physics.pace import pace_of
-from services.physics.patience import Patience
+from services.physics.run.pacer import pace_of
+from services.physics.run.stall_policy import Patience
 
 LAB = load(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml")
 SENSORS = LAB.sensor_names()

@@ -15,7 +15,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import assets
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain, asset_of
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 
 from .grounds import NAME, plain_scenario
 

@@ -15,7 +15,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.schema import Placement
 from groundlink.world.build import solids
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 
 from .conftest import ROVER, run
 

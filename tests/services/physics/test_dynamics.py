@@ -15,9 +15,9 @@ from groundlink.scenario.drives import Battery, Motor
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import Suspension, VehicleModel
 from groundlink.world.solids import Box, Solid
-from services.physics.air import AIR_DENSITY_KGPM3
-from services.physics.engine import GRAVITY_MPS2
-from services.physics.simulation import Simulation
+from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.simulation.simulation import Simulation
+from services.physics.vehicle.air import AIR_DENSITY_KGPM3
 
 from .grounds import FLOOR, NAME, drive, put, shipped
 

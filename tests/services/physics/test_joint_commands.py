@@ -16,8 +16,8 @@ from groundlink.ros.encoding import to_cdr
 from groundlink.ros.incoming import joint_state
 from groundlink.ros.streams import incoming
 from groundlink.run.journal import JointsCommanded
-from services.physics.life import Life
-from services.physics.outlets import unheard
+from services.physics.run.episode import Life
+from services.physics.run.publishers import unheard
 from services.sensors.surroundings import Surroundings
 
 from .grounds import drive, put, shipped

@@ -17,7 +17,7 @@ from groundlink.loader import load
 from groundlink.messages.base import Ack, Message, State, WheelCommand, decode, encode, floats
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.scenario.schema import Time
-from services.physics import authority as process
+from services.physics.run import server as process
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 

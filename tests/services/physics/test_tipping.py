@@ -9,8 +9,8 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.engine import GRAVITY_MPS2
-from services.physics.simulation import Simulation
+from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.simulation.simulation import Simulation
 
 from .grounds import NAME, VEHICLES, put, shipped
 from .tipping import rigid_deg, tipping_deg

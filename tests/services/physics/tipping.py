@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.engine import GRAVITY_MPS2
-from services.physics.vehicle import _preloads
+from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.vehicle.vehicle import _preloads
 
 STOP_NPM = 1e7
 """Stiffness of the end of a spring's travel."""

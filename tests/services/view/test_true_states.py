@@ -17,7 +17,7 @@ from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.navigation import JointState
 from groundlink.world.actors import Actor, Crate, Free
 from groundlink.world.bodies import body_names
-from services.physics.truth import BodyTruth, Truth
+from services.physics.run.ground_truth import BodyTruth, Truth
 from services.view.intake import streams_of
 from services.view.true_states import HELD, Drawable, TrueStates
 

@@ -22,7 +22,7 @@ from groundlink.scenario import Scenario, sensors
 from groundlink.scenario.drives import Differential
 from groundlink.scenario.schema import Vehicle
 from groundlink.world.build import solids
-from services.physics.simulation import Simulation
+from services.physics.simulation.simulation import Simulation
 from services.sensors.imu.model import ImuModel
 from services.sensors.model import RememberingModel
 from services.sensors.wheel_odometry.model import UNKNOWN, WheelOdometryModel

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When physics may take its next step: by the wall clock, and by how far others have come.
+
+Rule: time and acknowledgements come in as arguments. A pace answers how long to wait; it does not
+wait itself. What it means that somebody lets a run wait is the business of `patience`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from groundlink.bus.topics import GATEWAY, PHYSICS, RECORDER, driver_names
+from groundlink.messages.base import Ack
+from groundlink.scenario import Scenario
+from groundlink.scenario.route import DRIVER_WINDOW_TICKS
+
+from .participants import Parties, barriers, window
+from .wall_clock import NoWall, Wall
+
+SLOW_AT_ONCE_SECONDS = 0.2
+"""Lateness that is made up for at once where time may stretch: nobody notices it in the age of
+data."""
+
+SKIP_AT_ONCE_SECONDS = 3.0
+"""Lateness that is made up for at once where time may not stretch: more than a busy machine keeps
+one process from running. The 1,200 states that then come at once are below the 4,096 that a
+sensor's process keeps."""
+
+ASK_AGAIN_SECONDS = 0.001
+
+
+class Pace:
+    """Grants steps.
+
+    Parameters
+    ----------
+    wall
+        says when a tick is due.
+    parties
+        who has to have come so far.
+    """
+
+    def __init__(self, wall: Wall, parties: Parties) -> None:
+        self._wall, self.parties = wall, parties
+        self._held: dict[str, float] = {}
+        self.holding: Sequence[str] = ()
+        """Who made the last answer of `wait_seconds` be that the step has to wait."""
+
+        self._held_from = 0.0
+        self.stretched_seconds: dict[str, float] = {}
+        """Wall time that the run has lost, caught up with or not, by the process that did it."""
+
+    def wait_seconds(self, tick: int, now_seconds: float) -> float:
+        """Return how long to wait at `now_seconds` before stepping to `tick`; 0 for not at all."""
+        late = self._wall.late_seconds(tick, now_seconds)
+        missing = self.parties.missing(tick) if late >= 0 else ()
+        self._blame(missing, now_seconds)
+        if late <= 0:
+            self._held.clear()
+        if lost := self._wall.lost_seconds(tick, now_seconds):
+            self._charge(lost)
+        return max(-late, ASK_AGAIN_SECONDS if missing else 0.0)
+
+    def behind_seconds(self, tick: int) -> float:
+        """Return the wall time that the run has still to catch up with at a tick."""
+        return self._wall.debt_seconds(tick)
+
+    @property
+    def written_off_seconds(self) -> float:
+        """Wall time that the run has lost and does not catch up with."""
+        return self._wall.written_off_seconds
+
+    def hold(self) -> None:
+        """Let the next tick be due at once when it is asked for again: time stood still."""
+        self._wall.hold()
+        self.holding = ()
+
+    def _blame(self, missing: Sequence[str], now_seconds: float) -> None:
+        """Note down who has held up a step that was due, each an equal share of the time."""
+        for process in self.holding:
+            share = (now_seconds - self._held_from) / len(self.holding)
+            self._held[process] = self._held.get(process, 0.0) + share
+        self.holding, self._held_from = missing, now_seconds
+
+    def _charge(self, seconds: float) -> None:
+        """Count by how much time has stretched: what nobody held up, physics itself was slow."""
+        held = sum(self._held.values())
+        scale = min(1.0, seconds / held) if held else 0.0
+        causes = {process: scale * share for process, share in self._held.items()}
+        if seconds > held:
+            causes[PHYSICS] = seconds - held
+        for process, share in causes.items():
+            self.stretched_seconds[process] = self.stretched_seconds.get(process, 0.0) + share
+        self._held.clear()
+
+
+def pace_of(scenario: Scenario, life: int, others: Sequence[str]) -> Pace:
+    """Return the pace that a scenario asks for.
+
+    Parameters
+    ----------
+    others
+        processes beside its sensors and drivers that a run in lockstep waits for.
+    """
+    time = scenario.time
+    ahead = window(time.window_ticks)
+    if time.mode == "realtime":
+        present = (*scenario.sensor_names(), RECORDER) if time.waits else ()
+        at_once, most = (
+            (SLOW_AT_ONCE_SECONDS, time.deadline_s) if time.waits else (SKIP_AT_ONCE_SECONDS, inf)
+        )
+        if not time.catch_up:
+            most = 0.0
+        wall = Wall(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
+        return Pace(wall, Parties(dict.fromkeys(present, ahead), life=life))
+    demands = dict.fromkeys((*scenario.sensor_names(), *others), ahead)
+    demands |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
+    if time.lockstep == "ros":
+        demands[GATEWAY] = barriers(time.ack_ticks)
+    parties = Parties(demands, needed=demands, of_others=ahead, life=life)
+    if time.lockstep == "ros":
+        # It has no word to give before it hears of the first state.
+        parties.acknowledged(GATEWAY, Ack(life, -1, -1))
+    wall = NoWall() if time.mode == "fast" else Wall(time.factor, SLOW_AT_ONCE_SECONDS)
+    return Pace(wall, parties)

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The physics of a run: a world, its vehicles and its actors, stepped tick by tick.
+
+Rule: commands and steps in, states out. The same calls give the same bytes; nothing here reads a
+clock or knows how fast time should pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Set
+from struct import Struct
+from types import TracebackType
+from typing import Self
+
+from groundlink.core.clock import TICK_NANOS
+from groundlink.messages.base import Command, VehicleState, WheelCommand
+from groundlink.messages.navigation import JointState
+from groundlink.messages.vitals import Vitals
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world import terrain
+from groundlink.world.actors import Actor
+from groundlink.world.solids import Material, Solid, Sphere, Vector3
+from groundlink.world.spawn_checks import actor_bodies, vehicle_bodies
+from services.physics.dynamics.engine import Engine
+from services.physics.dynamics.statics import Static, add_statics
+from services.physics.dynamics.terrain import Carried, Flat, Landscape, reach_of
+from services.physics.vehicle.vehicle import SimulatedVehicle
+
+from . import actors
+from .settling import settled
+
+
+class Simulation:
+    """A PyBullet world of its own, at tick zero with every vehicle standing still.
+
+    Parameters
+    ----------
+    scenario
+        gives materials, vehicles and actors.
+    solids
+        all static solids of the world, in the world's frame.
+    epoch_nanos
+        stamp of sim time zero on the time line of commands.
+    """
+
+    def __init__(
+        self, scenario: Scenario, solids: Sequence[Solid], *, epoch_nanos: int = 0
+    ) -> None:
+        self.tick = 0
+        self._engine = Engine()
+        self._epoch_nanos = epoch_nanos
+        # What every chassis passes over must be rolled over, or nothing would touch it.
+        self._clearance_m = min(
+            (
+                model.base_height_m + model.chassis.center_m[2] - model.chassis.size_m[2] / 2
+                for model in (vehicle.model for vehicle in scenario.vehicles)
+            ),
+            default=0.0,
+        )
+        mapped, materials = scenario.world.terrain, scenario.world.materials
+        self._materials = materials
+        self._land: Landscape | Flat = (
+            Landscape(self._engine, terrain.ground(mapped), materials) if mapped else Flat()
+        )
+        self._statics: dict[int, Static] = {}
+        self._vehicles: dict[str, SimulatedVehicle] = {}
+        self._models: dict[str, VehicleModel] = {}
+        self._actors: dict[str, actors.Driven | actors.Pushed] = {}
+        self._described: dict[str, Actor] = {}
+        self._bodies: dict[int, Sequence[Solid]] = {}
+        """Of those that were taken out, too: they may have been touched before."""
+
+        self.become(scenario, solids)
+
+    def become(self, scenario: Scenario, solids: Sequence[Solid]) -> None:
+        """Take out what a scenario lacks and put in what is new in it; all else goes on.
+
+        Things are known by their names. What is new begins as it does at tick zero, vehicles at
+        their placements.
+
+        Parameters
+        ----------
+        scenario, solids
+            as those that this world was made of.
+        """
+        self._take_out(
+            {vehicle.name for vehicle in scenario.vehicles},
+            {actor.name for actor in scenario.world.actors},
+            {solid.name for solid in solids},
+        )
+        materials = scenario.world.materials
+        there = {solid.name for static in self._statics.values() for solid in static.solids}
+        statics = add_statics(
+            self._engine,
+            [solid for solid in solids if solid.name not in there],
+            materials,
+            clearance_m=self._clearance_m,
+            lowest_m=self._land.lowest_m,
+        )
+        self._statics |= statics
+        self._bodies |= {body: static.solids for body, static in statics.items()}
+        for described in scenario.vehicles:
+            if described.name not in self._vehicles:
+                self._put_vehicle(described)
+        for actor in scenario.world.actors:
+            if actor.name not in self._actors:
+                self._put_actor(actor, materials)
+        # States tell them in the scenario's order.
+        self._actors = {a.name: self._actors[a.name] for a in scenario.world.actors}
+
+    def _take_out(self, vehicles: Set[str], others: Set[str], standing: Set[str]) -> None:
+        """Take out all but those that are named."""
+        for name in self._vehicles.keys() - vehicles:
+            self._remove(self._vehicles.pop(name))
+        for name in self._actors.keys() - others:
+            self._remove(self._actors.pop(name))
+        for body, static in list(self._statics.items()):
+            # A body stands for several solids: those that stay get another one.
+            if any(solid.name not in standing for solid in static.solids):
+                self._engine.removeBody(body)
+                del self._statics[body]
+
+    def _remove(self, carried: Carried) -> None:
+        self._land.drop(carried)
+        self._engine.removeBody(carried.body)
+
+    def _put_vehicle(self, described: Vehicle) -> None:
+        vehicle = SimulatedVehicle(
+            self._engine,
+            described,
+            self._friction,
+            ground=self._land.ground,
+            epoch_nanos=self._epoch_nanos,
+        )
+        if (ground := self._land.ground) is not None:
+            rest = settled(described, ground, self._materials)
+            if rest is not None:
+                vehicle.put(rest)
+        self._vehicles[described.name] = vehicle
+        self._models[described.name] = described.model
+        self._bodies[vehicle.body] = (_whole(described.name),)
+        self._carry(vehicle, described.model.name, reach_of(described.model))
+
+    def _put_actor(self, actor: Actor, materials: Mapping[str, Material]) -> None:
+        put = actors.put(self._engine, actor, self._land.ground, materials, self.tick)
+        self._actors[actor.name] = put
+        self._described[actor.name] = actor
+        self._bodies[put.body] = (_whole(actor.name),)
+        if isinstance(put, actors.Pushed):
+            self._carry(put, actor.name, put.reach_m)
+
+    def _carry(self, carried: Carried, name: str, reach_m: float) -> None:
+        """Put terrain under a body, where there is terrain."""
+        if (window := self._land.carry(carried, name, reach_m)) is not None:
+            self._bodies[window] = (_whole(terrain.BODY),)
+
+    def _friction(self, body: int, point: Vector3) -> float:
+        fixed = self._statics.get(body)
+        return self._land.friction_at(point[0], point[1]) if fixed is None else fixed.friction
+
+    def moving(self) -> list[Solid]:
+        """Return what of vehicles and actors meets things, where they are now, in the world."""
+        found = []
+        for name, vehicle in self._vehicles.items():
+            *position, x, y, z, w = vehicle.state().poses()[0].tolist()
+            found += vehicle_bodies(name, self._models[name], tuple(position), (x, y, z, w))
+        for name, actor in self._actors.items():
+            found += actor_bodies(self._described[name], *actor.pose())
+        return found
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the engine; call nothing else after it."""
+        self._engine.close()
+
+    @property
+    def sim_nanos(self) -> int:
+        """Sim time of the present tick."""
+        return self.tick * TICK_NANOS
+
+    def command(self, vehicle_name: str, command: Command | WheelCommand | JointState) -> bool:
+        """Ask a vehicle or its wheels for a velocity, or its joints for positions.
+
+        Return whether it will act.
+
+        It acts in the first step at or after its stamp; not where its time is over.
+
+        Raises
+        ------
+        KeyError
+            when there is no such vehicle.
+        ValueError
+            when a velocity is not finite, or commands from the future pile up.
+        """
+        vehicle = self._vehicles[vehicle_name]
+        if isinstance(command, JointState):
+            return vehicle.servos.command(command)
+        return vehicle.drive.command(command)
+
+    def step(self) -> None:
+        """Go on by one tick."""
+        for vehicle in self._vehicles.values():
+            vehicle.act(self.sim_nanos)
+        for actor in self._actors.values():
+            actor.act(self.tick)
+        self._land.follow()
+        self._engine.stepSimulation()
+        self.tick += 1
+        for vehicle in self._vehicles.values():
+            vehicle.sense()
+
+    def vehicle_states(self) -> dict[str, VehicleState]:
+        """Return the truth about every vehicle at the present tick, by name."""
+        return {name: vehicle.state() for name, vehicle in self._vehicles.items()}
+
+    def actor_poses(self) -> memoryview:
+        """Return world_from_actor of every actor, as `State.actors` has it."""
+        poses = [actor.pose() for actor in self._actors.values()]
+        return memoryview(b"".join([_pack_row(*position, *turn) for position, turn in poses]))
+
+    def motor_torques(self, vehicle_name: str) -> memoryview:
+        """Return the torque of each wheel's motor in the last tick: float64, N m, forward > 0."""
+        return self._vehicles[vehicle_name].motor_torques()
+
+    def vitals(self, stamp_nanos: int) -> list[Vitals]:
+        """Return every vehicle's energy so far and what it has touched since the last call."""
+        return [
+            Vitals(
+                stamp_nanos,
+                name,
+                self.tick,
+                vehicle.ledger.motor_work_j,
+                vehicle.ledger.braked_j,
+                vehicle.ledger.contacts(self._bodies),
+                vehicle.gear.battery(),
+            )
+            for name, vehicle in self._vehicles.items()
+        ]
+
+
+_pack_row = Struct("<7d").pack
+
+
+def _whole(name: str) -> Solid:
+    """Return what stands for a body that is met as a whole and has one name wherever it is."""
+    return Solid(name, Sphere(radius_m=1.0), "")

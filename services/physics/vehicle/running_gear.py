@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A vehicle's running gear: wheels that meet the ground, turn on shafts and are steered.
+
+Rule: pure; the base's motion, the springs and what the wheels touch in, forces out. All vectors are
+in the base frame. The engine knows wheels only as balls without friction that slide on springs:
+what turns, grips and steers is here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, sin, sqrt
+from typing import NamedTuple
+
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.vitals import BatteryState
+from groundlink.scenario.vehicle import VehicleModel, Wheel
+from groundlink.world.solids import Vector3
+
+from .controller import Wheels
+from .motor import Charge, Mains, Motors
+from .shaft import TurningShaft
+from .steering_joint import Knuckle, knuckles
+from .tire import Tyre
+
+UPRIGHT = 0.2
+"""Sine of the angle between axle and ground's normal below which a wheel lies on its side."""
+
+Touch = tuple[float, float, float, float]
+"""What a wheel touches: the sum over its contact points of normal force times the ground's
+coefficient of friction, N, and the sum of the normal forces on it, N, in the base frame."""
+
+
+class Push(NamedTuple):
+    """What the ground does to the base by way of the wheels."""
+
+    force_n: Vector3
+    torque_nm: Vector3
+    """About the centre of mass."""
+
+    along_springs_n: list[float]
+    """The part of each wheel's force along its spring: it acts on the wheel, not on the base."""
+
+
+class RollingWheel:
+    """One wheel of the running gear."""
+
+    __slots__ = ("friction", "knuckle", "ratio", "resistance", "shaft", "tyre", "x_y_z_radius")
+
+    def __init__(self, wheel: Wheel, tyre: Tyre, knuckle: Knuckle | None) -> None:
+        self.x_y_z_radius = *wheel.center_m, wheel.radius_m
+        self.friction = wheel.friction
+        self.resistance = wheel.rolling_resistance
+        self.tyre = tyre
+        self.knuckle = knuckle
+        self.shaft: TurningShaft | None = None
+        self.ratio = 1.0
+        """Turns of the wheel for one of its shaft."""
+
+    @property
+    def angle_rad(self) -> float:
+        """How far it has turned on its axle."""
+        return self.shaft.angle_rad * self.ratio if self.shaft else 0.0
+
+    @property
+    def speed_radps(self) -> float:
+        """How fast it turns."""
+        return self.shaft.speed_radps * self.ratio if self.shaft else 0.0
+
+    @property
+    def torque_nm(self) -> float:
+        """Its part of what the motor gave."""
+        return self.shaft.torque_nm / (self.ratio * len(self.shaft.tyres)) if self.shaft else 0.0
+
+
+class RunningGear:
+    """The wheels of one vehicle, at rest.
+
+    Parameters
+    ----------
+    borne_kg
+        the mass that rests on each wheel on level ground.
+    """
+
+    def __init__(self, model: VehicleModel, borne_kg: Sequence[float]) -> None:
+        self._com = model.chassis.center_m
+        self._motors = Motors(model.drive)
+        self._charge = Charge(model.battery) if model.battery else None
+        self._source = self._charge or Mains()
+        self._voltage_share = 1.0
+        joints = knuckles(model)
+        self._knuckles = tuple(joints.values())
+        self.wheels = [
+            RollingWheel(
+                wheel,
+                Tyre(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio),
+                joints.get(wheel.name),
+            )
+            for wheel, mass in zip(model.wheels, borne_kg, strict=True)
+        ]
+        self._driven: list[TurningShaft] = []
+        self._free: list[TurningShaft] = []
+        for shaft in model.drive.shafts(model.wheels):
+            parts = [(model.wheels[i], self.wheels[i]) for i in shaft.wheels]
+            for wheel, rolling in parts:
+                rolling.ratio = shaft.radius_m / wheel.radius_m
+            turning = TurningShaft(
+                [rolling.tyre for _, rolling in parts],
+                radius_m=shaft.radius_m,
+                inertia_kgm2=shaft.inertia_kgm2
+                + sum(w.axle_inertia_kgm2 * rolling.ratio**2 for w, rolling in parts),
+                damping_nmsprad=sum(
+                    w.axle_damping_nmsprad * rolling.ratio**2 for w, rolling in parts
+                ),
+            )
+            for _, rolling in parts:
+                rolling.shaft = turning
+            (self._driven if shaft.driven else self._free).append(turning)
+        self.driving_w = self.braking_w = 0.0
+        """Mechanical power of the motors in the last tick: where they drive, where they brake."""
+
+    def angles(self) -> tuple[float, ...]:
+        """Return the angles of the steered wheels."""
+        return tuple(knuckle.angle_rad for knuckle in self._knuckles)
+
+    def battery(self) -> BatteryState | None:
+        """Return what the battery says, where there is one."""
+        if (charge := self._charge) is None:
+            return None
+        return BatteryState(charge.share, charge.voltage_v, charge.current_a)
+
+    def go(
+        self,
+        asked: Wheels,
+        *,
+        velocity: Vector3,
+        turn: Vector3,
+        springs: Sequence[Sequence[float]],
+        touches: Sequence[Touch | None],
+    ) -> Push:
+        """Turn shafts and joints for a tick and return how the ground pushes.
+
+        Parameters
+        ----------
+        velocity, turn
+            of the base's origin, m/s and rad/s.
+        springs
+            position (m) and velocity (m/s) of each wheel along the base's z.
+        touches
+            what each wheel touches.
+        """
+        vx, vy, vz = velocity
+        ox, oy, oz = turn
+        steer = dict(zip(self._knuckles, asked.angles_rad, strict=True))
+        meeting: list[tuple[float, ...] | None] = []
+        for wheel, spring, touch in zip(self.wheels, springs, touches, strict=True):
+            knuckle = wheel.knuckle
+            if touch is None:
+                wheel.tyre.lift()
+                if knuckle:
+                    knuckle.turn(steer[knuckle], 0.0, 0.0)
+                meeting.append(None)
+                continue
+            grip, nx, ny, nz = touch
+            load = sqrt(nx * nx + ny * ny + nz * nz) or 1.0  # wedged in: what it touches cancels
+            nx, ny, nz = nx / load, ny / load, nz / load
+            grip *= wheel.friction
+            ax, ay = 0.0, 1.0
+            if knuckle:
+                knuckle.turn(steer[knuckle], grip, vx)
+                ax, ay = -sin(knuckle.angle_rad), cos(knuckle.angle_rad)
+            # Forward and left along the ground; the axle is (ax, ay, 0).
+            fx, fy, fz = ay * nz, -ax * nz, ax * ny - ay * nx
+            size = sqrt(fx * fx + fy * fy + fz * fz)
+            if size < UPRIGHT:
+                grip, size = 0.0, 1.0
+            fx, fy, fz = fx / size, fy / size, fz / size
+            lx, ly, lz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+            x, y, z, radius = wheel.x_y_z_radius
+            x, y, z = x - radius * nx, y - radius * ny, z + spring[0] - radius * nz
+            px, py = vx + oy * z - oz * y, vy + oz * x - ox * z
+            pz = vz + ox * y - oy * x + spring[1]
+            wheel.tyre.meet(
+                fx * px + fy * py + fz * pz,
+                lx * px + ly * py + lz * pz,
+                grip,
+                wheel.resistance * load,
+            )
+            meeting.append((fx, fy, fz, lx, ly, lz, x, y, z))
+        spin = self._turn_shafts(asked.speeds_radps)
+        cx, cy, cz = self._com
+        sx = sy = sz = tx = tz = 0.0
+        ty = -spin
+        along_springs = []
+        for wheel, met in zip(self.wheels, meeting, strict=True):
+            if met is None:
+                along_springs.append(0.0)
+                continue
+            fx, fy, fz, lx, ly, lz, x, y, z = met
+            along, aside = wheel.tyre.settle(wheel.shaft.tread_mps if wheel.shaft else 0.0)
+            fx, fy, fz = along * fx + aside * lx, along * fy + aside * ly, along * fz + aside * lz
+            sx, sy, sz = sx + fx, sy + fy, sz + fz
+            x, y, z = x - cx, y - cy, z - cz
+            tx += y * fz - z * fy
+            ty += z * fx - x * fz
+            tz += x * fy - y * fx
+            along_springs.append(fz)
+        return Push((sx, sy, sz), (tx, ty, tz), along_springs)
+
+    def _turn_shafts(self, speeds: Sequence[float]) -> float:
+        """Turn all shafts by a tick; return the rate of their angular momentum about y, N m.
+
+        What turns a wheel faster turns the base the other way. All counts as on the shaft.
+        """
+        share, motors = self._voltage_share, self._motors
+        drawn = self.driving_w = self.braking_w = 0.0
+        rate = 0.0
+        for shaft, asked in zip(self._driven, speeds, strict=True):
+            before = shaft.speed_radps
+            least, most = motors.limits_nm(before, share)
+            shaft.turn(asked, least, most)
+            rate += shaft.inertia_kgm2 * (shaft.speed_radps - before)
+            speed = (before + shaft.speed_radps) / 2
+            drawn += motors.power_w(shaft.torque_nm, speed)
+            power = shaft.torque_nm * speed
+            if power > 0.0:
+                self.driving_w += power
+            else:
+                self.braking_w -= power
+        for shaft in self._free:
+            before = shaft.speed_radps
+            shaft.turn(0.0, 0.0, 0.0)
+            rate += shaft.inertia_kgm2 * (shaft.speed_radps - before)
+        self._voltage_share = self._source.draw(drawn)
+        return rate / TICK_SECONDS

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Servos of a vehicle's joints: from commanded positions to where joints are, tick by tick.
+
+Rule: pure; sim time comes in. A command acts in the step that begins at its stamp or after it, and
+holds until a newer one names the same joint. A joint moves at its `max_speed` or slower.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections.abc import Sequence
+from math import isfinite
+from struct import Struct
+
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import floats
+from groundlink.messages.navigation import JointState
+from groundlink.scenario.joints import Joint, Pose, base_from_links
+
+from .controller import MAX_WAITING
+
+Asked = dict[int, tuple[float, float]]
+"""Position and speed, by the place of a joint."""
+
+
+class Servos:
+    """The servos of one vehicle.
+
+    Parameters
+    ----------
+    epoch_nanos
+        stamp of sim time zero.
+    """
+
+    def __init__(self, joints: Sequence[Joint], *, epoch_nanos: int = 0) -> None:
+        self._joints = joints
+        self._epoch_nanos = epoch_nanos
+        self._places = {joint.name: place for place, joint in enumerate(joints)}
+        self._targets = [(0.0, joint.max_speed) for joint in joints]
+        self._waiting: list[tuple[int, Asked]] = []
+        self._moves = False
+        self._pack = Struct(f"<{len(joints)}d").pack
+        self.positions = [0.0] * len(joints)
+        self.speeds = [0.0] * len(joints)
+        self.poses: list[Pose] = []
+        """Of the links, in the base frame."""
+
+        self.state: tuple[memoryview, memoryview]
+        """Positions and speeds, float64."""
+
+        self._place()
+
+    def command(self, command: JointState) -> bool:
+        """Take a command: positions (rad, m), and how fast to go there, if `velocities` says so.
+
+        Raises
+        ------
+        ValueError
+            when it names a joint that there is not, has no positions, or a number is not finite.
+        """
+        positions = floats(command.positions).tolist()
+        speeds = [abs(speed) for speed in floats(command.velocities).tolist()]
+        if len(positions) != len(command.names):
+            raise ValueError("joints without positions; expected one for each name")
+        if not all(map(isfinite, (*positions, *speeds))):
+            raise ValueError("a position or velocity that is not a finite number")
+        if strange := set(command.names) - self._places.keys():
+            known = ", ".join(self._places) or "none"
+            raise ValueError(f"no joint `{min(strange)}` is to be commanded; there are {known}")
+        if len(self._waiting) >= MAX_WAITING:
+            raise ValueError(f"{MAX_WAITING} commands wait already: their stamps are in the future")
+        asked: Asked = {}
+        for i, (name, position) in enumerate(zip(command.names, positions, strict=True)):
+            place = self._places[name]
+            joint = self._joints[place]
+            low, high = joint.limits
+            # ROS leaves velocities out, or zero, where it has none to say.
+            speed = min(speeds[i] if speeds and speeds[i] else joint.max_speed, joint.max_speed)
+            asked[place] = min(max(position, low), high), speed
+        stamp = command.stamp_nanos - self._epoch_nanos
+        insort(self._waiting, (stamp, asked), key=lambda waiting: waiting[0])
+        return True
+
+    def step(self, sim_nanos: int) -> None:
+        """Go on by a tick from `sim_nanos`."""
+        while self._waiting and self._waiting[0][0] <= sim_nanos:
+            self._moves = True
+            for place, asked in self._waiting.pop(0)[1].items():
+                self._targets[place] = asked
+        if not self._moves:
+            return
+        self._moves = False
+        for i, (target, speed) in enumerate(self._targets):
+            most = speed * TICK_SECONDS
+            step = min(max(target - self.positions[i], -most), most)
+            self.positions[i] += step
+            self.speeds[i] = step / TICK_SECONDS
+            self._moves = self._moves or step != 0.0
+        self._place()
+
+    def _place(self) -> None:
+        """Say where the links are."""
+        self.poses = base_from_links(self._joints, self.positions)
+        packed = self._pack(*self.positions), self._pack(*self.speeds)
+        self.state = memoryview(packed[0]), memoryview(packed[1])

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wheels that turn together, the motor on their shaft and the grip of their tyres.
+
+Rule: pure; solved implicitly, so that neither a light wheel nor a hard tread makes it rattle. A
+motor holds the speed that it is asked for as far as its torque goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from groundlink.core.clock import TICK_SECONDS
+
+from .tire import Tyre
+
+STEPS = 40
+"""Of Newton's method at most; it takes three as a rule."""
+
+SLOW_RADPS = 0.05
+"""Below this speed the resistance to rolling fades: it is no brake."""
+
+
+class TurningShaft:
+    """One shaft.
+
+    Parameters
+    ----------
+    tyres
+        those of its wheels.
+    radius_m
+        from the shaft's speed to that of all of its treads.
+    inertia_kgm2
+        of all that turns, seen from the shaft.
+    damping_nmsprad
+        of its bearings, likewise.
+    """
+
+    __slots__ = (
+        "_damping",
+        "_radius",
+        "angle_rad",
+        "inertia_kgm2",
+        "speed_radps",
+        "torque_nm",
+        "tread_mps",
+        "tyres",
+    )
+
+    def __init__(
+        self,
+        tyres: Sequence[Tyre],
+        *,
+        radius_m: float,
+        inertia_kgm2: float,
+        damping_nmsprad: float,
+    ) -> None:
+        self.tyres = tuple(tyres)
+        self._radius = radius_m
+        self._damping = damping_nmsprad
+        self.inertia_kgm2 = inertia_kgm2
+        self.angle_rad = self.speed_radps = self.tread_mps = 0.0
+        self.torque_nm = 0.0
+        """What the motor gave in the last tick."""
+
+    def turn(self, asked_radps: float, least_nm: float, most_nm: float) -> None:
+        """Go on by a tick, towards a speed by a motor of some torque."""
+        before, radius = self.speed_radps, self._radius
+        damping = self._damping
+        if resisting := sum([tyre.resisting_n for tyre in self.tyres]):
+            damping += resisting * radius / max(abs(before), SLOW_RADPS)
+        inertia = self.inertia_kgm2 / TICK_SECONDS
+        speed = asked_radps
+        grip = 0.0
+        for tyre in self.tyres:
+            grip += tyre.along(speed * radius)[0]
+        torque = inertia * (speed - before) + damping * speed + radius * grip
+        if not least_nm <= torque <= most_nm:
+            torque = min(max(torque, least_nm), most_nm)
+            speed = self._driven_by(torque, inertia, damping)
+        self.torque_nm = torque
+        self.speed_radps = speed
+        self.angle_rad += speed * TICK_SECONDS
+        self.tread_mps = speed * radius
+
+    def _driven_by(self, torque: float, inertia: float, damping: float) -> float:
+        """Return the speed after a tick of a motor's torque."""
+        before, radius = self.speed_radps, self._radius
+        gripping = [tyre for tyre in self.tyres if tyre.limit_n > 0.0]
+        most = radius * sum([tyre.limit_n for tyre in gripping])
+        # The treads push or brake with no more than all of their grip.
+        low = (inertia * before + torque - most) / (inertia + damping)
+        high = low + 2 * most / (inertia + damping)
+        speed = (low + high) / 2
+        if gripping:
+            # From where the treads neither push nor brake their force rises ever less.
+            rolling = sum([tyre.rolling_mps for tyre in gripping]) / (radius * len(gripping))
+            speed = min(max(rolling, low), high)
+        for _ in range(STEPS):
+            excess = inertia * (speed - before) + damping * speed - torque
+            slope = inertia + damping
+            for tyre in gripping:
+                force, firmness = tyre.along(speed * radius)
+                excess += radius * force
+                slope += radius * radius * firmness
+            if abs(excess) < 1e-9 * slope:
+                break
+            if excess > 0.0:
+                high = speed
+            else:
+                low = speed
+            speed -= excess / slope
+            if not low <= speed <= high:
+                speed = (low + high) / 2
+        return speed

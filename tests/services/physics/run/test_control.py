@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wishes are done between two ticks, and who asks is told."""
+
+from __future__ import annotations
+
+import threading
+
+import msgspec
+import pytest
+
+from groundlink.core.errors import UserError
+from groundlink.loader.spawned import KINDS
+from groundlink.messages.control import (
+    AnyWish,
+    ControlAnswer,
+    Pause,
+    Remove,
+    Reset,
+    Restore,
+    Resume,
+    Spawn,
+    Step,
+)
+from services.physics.run import control as module
+from services.physics.run.control import Control
+
+
+class Loop:
+    """A run that steps whenever it may."""
+
+    def __init__(self) -> None:
+        self.lives = 1
+        self.spawned: list[str] = []
+        self.restored: list[bytes] = []
+        self.control = Control(self._reset, self._change, self.restored.append)
+        self.control.stepped(0)
+
+    def _reset(self) -> None:
+        self.lives += 1
+        self.control.stepped(0)
+
+    def _change(self, wish: Spawn | Remove) -> None:
+        if isinstance(wish, Remove):
+            raise UserError(f"there is no `{wish.name}`")
+        self.spawned += wish.more.names()
+
+    def turn(self, times: int = 1) -> None:
+        for _ in range(times):
+            self.control.fulfil()
+            if not self.control.paused:
+                self.control.stepped(self.control.tick + 1)
+
+    def asked(self, text: str, content: bytes = b"") -> ControlAnswer:
+        answers: list[bytes] = []
+        asking = threading.Thread(target=lambda: answers.extend(self.control.answer(text, content)))
+        asking.start()
+        while asking.is_alive():
+            self.control.fulfil()
+            asking.join(0.001)
+        return msgspec.json.decode(answers[0], type=ControlAnswer)
+
+    def wished(self, wish: AnyWish, content: bytes = b"") -> ControlAnswer:
+        return self.asked(msgspec.json.encode(wish).decode(), content)
+
+
+def test_time_stands_while_paused_and_goes_on() -> None:
+    loop = Loop()
+    loop.turn(10)
+    assert loop.wished(Pause()) == ControlAnswer("", 10, True)
+    loop.turn(10)
+    assert loop.asked("") == ControlAnswer("", 10, True)
+    loop.wished(Step(3))
+    loop.turn(10)
+    assert loop.asked("") == ControlAnswer("", 13, True)
+    assert loop.wished(Resume()) == ControlAnswer("", 13, False)
+    loop.turn(10)
+    assert loop.asked("") == ControlAnswer("", 23, False)
+
+
+def test_steps_of_a_running_run_end_in_a_pause() -> None:
+    loop = Loop()
+    loop.wished(Step(2))
+    loop.turn(5)
+    assert loop.asked("") == ControlAnswer("", 2, True)
+
+
+@pytest.mark.parametrize("wish", [Pause(), Resume()])
+def test_a_run_that_begins_again_stands_or_goes_as_before(wish: AnyWish) -> None:
+    loop = Loop()
+    loop.wished(wish)
+    loop.turn(5)
+    assert loop.wished(Reset()) == ControlAnswer("", 0, wish == Pause())
+    assert loop.lives == 2
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '{"wish":"dance"}', '{"wish":"step","ticks":0}'])
+def test_what_is_no_wish_is_refused_with_a_reason(text: str) -> None:
+    loop = Loop()
+    assert loop.asked(text).error
+    loop.turn(3)
+    assert loop.asked("") == ControlAnswer("", 3, False)
+
+
+def test_who_asks_a_busy_run_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "ANSWER_SECONDS", 0.01)
+    (answer,) = Loop().control.answer('{"wish":"pause"}')
+    assert "busy" in msgspec.json.decode(answer, type=ControlAnswer).error
+
+
+def test_the_world_is_changed_between_two_ticks_or_the_reason_told() -> None:
+    loop = Loop()
+    loop.turn(5)
+    assert loop.wished(Spawn(KINDS["box"])) == ControlAnswer("", 5, False)
+    assert loop.spawned == ["box"]
+    assert loop.wished(Remove("ball")) == ControlAnswer("there is no `ball`", 5, False)
+    loop.turn()
+    assert loop.control.tick == 6
+
+
+def test_what_is_to_be_restored_comes_with_the_wish() -> None:
+    loop = Loop()
+    assert not loop.wished(Restore(), b"a file").error
+    assert loop.restored == [b"a file"]
+
+
+@pytest.mark.parametrize("wish", [Reset(), Restore(), Remove("ball"), Spawn(KINDS["box"])])
+def test_nothing_changes_a_run_while_it_is_restored(wish: AnyWish) -> None:
+    loop = Loop()
+    loop.control.restoring_to, loop.control.tick = 800, 200
+    answer = loop.wished(wish)
+    assert answer.error == (
+        "the run is being restored, at tick 200 of 800; ask again when that is done"
+    )
+    assert (loop.lives, loop.spawned, loop.restored) == (1, [], [])
+    assert loop.wished(Pause()) == ControlAnswer("", 200, True, restoring_to=800)

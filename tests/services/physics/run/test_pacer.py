@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far runs of every mode get, and whose fault it is when that is less."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.core.errors import RunFailed
+from groundlink.messages.base import Ack
+from groundlink.scenario.route import DRIVER_WINDOW_TICKS, Square
+from groundlink.scenario.schema import Time
+from services.physics.run.pacer import SKIP_AT_ONCE_SECONDS, SLOW_AT_ONCE_SECONDS, pace_of
+from tests.services.physics.paced import LAB, LIDAR, LIFE, SENSORS, Paced
+
+HALF = {LIDAR: 0.5}
+
+
+@pytest.mark.parametrize("overload", ["slow", "skip", "fail"])
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_real_time_keeps_to_the_wall(overload: str, factor: float) -> None:
+    run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
+    run.join()
+    run.run(10.0)
+    assert run.sim_seconds == pytest.approx(10.0 * factor, abs=0.01 * factor)
+    assert run.stretched == {}
+    assert run.lines == []
+
+
+def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it_is() -> None:
+    run = Paced(Time())
+    run.join()
+    run.run(20.0, times_real=HALF)
+    window_seconds = run.time.window_ticks / TICK_RATE_HZ
+    assert run.sim_seconds == pytest.approx(10.0 + window_seconds, abs=0.2)
+    assert run.lag_ticks(LIDAR) <= run.time.window_ticks
+    lost = 20.0 - run.sim_seconds
+    assert sum(run.stretched.values()) == pytest.approx(lost, abs=SLOW_AT_ONCE_SECONDS)
+    assert run.stretched[LIDAR] > 0.95 * sum(run.stretched.values())
+    [line] = run.lines
+    assert line.startswith("the run is 5.0 s behind"), "the sensor is slow, not silent"
+
+
+def test_skip_waits_for_nobody() -> None:
+    run = Paced(Time(overload="skip"))
+    run.join()
+    run.run(10.0, times_real=HALF)
+    assert run.sim_seconds == pytest.approx(10.0, abs=0.01)
+    assert run.lag_ticks(LIDAR) > run.time.window_ticks
+
+
+@pytest.mark.parametrize(
+    ("overload", "pause", "stretched"),
+    [
+        ("skip", 0.9 * SKIP_AT_ONCE_SECONDS, 0.0),
+        ("skip", SKIP_AT_ONCE_SECONDS + 0.3, 0.3),
+        ("slow", 0.9 * SLOW_AT_ONCE_SECONDS, 0.0),
+        ("slow", SLOW_AT_ONCE_SECONDS + 0.3, 0.3),
+    ],
+)
+def test_what_physics_makes_up_for_at_once_when_it_was_not_let_run(
+    overload: str, pause: float, stretched: float
+) -> None:
+    run = Paced(Time(overload=overload, catch_up=0.0))  # type: ignore[arg-type]
+    run.join()
+    run.run(1.0)
+    run.run(9.0, pause=pause)
+    assert run.sim_seconds == pytest.approx(10.0 - stretched, abs=0.02)
+    assert run.stretched == ({"physics": pytest.approx(stretched, abs=0.01)} if stretched else {})
+
+
+@pytest.mark.parametrize(("overload", "at_once"), [("slow", 0.2), ("skip", 3.0), ("fail", 0.2)])
+@pytest.mark.parametrize("factor", [0.5, 1.0])
+def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_hold_up(
+    overload: str, at_once: float, factor: float
+) -> None:
+    run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
+    run.join()
+    run.run(1.0)
+    run.run(at_once + 0.7, pause=at_once + 0.4)  # with time to step what is made up for at once
+    behind = run.pace.behind_seconds(run.tick)
+    assert 0.1 < behind < 0.4
+    assert f"{behind:.1f} s still to catch up" in str(run.patience.hold_ups(run.pace))
+    begin = run.sim_seconds
+    run.run(2.0)
+    assert (run.sim_seconds - begin) / factor == pytest.approx(2.0 * 1.05, abs=0.01)
+    run.run(7.3)
+    assert run.sim_seconds == pytest.approx((11.0 + at_once) * factor, abs=0.01)
+    assert run.pace.behind_seconds(run.tick) == 0.0
+    assert "catch up" not in str(run.patience.hold_ups(run.pace))
+    assert run.lines == []
+
+
+def test_without_catching_up_a_run_stays_behind_and_owes_nothing() -> None:
+    run = Paced(Time(catch_up=0.0))
+    run.join()
+    run.run(10.0, pause=1.0)
+    assert run.sim_seconds == pytest.approx(9.2, abs=0.01)
+    assert run.pace.behind_seconds(run.tick) == 0.0
+    assert run.lines == []
+
+
+def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
+    run = Paced(Time(deadline_s=5.0))
+    run.join()
+    run.run(10.0, pause=6.0)
+    run.run(10.0, pause=6.0)
+    assert run.sim_seconds == pytest.approx(20.0 - 2 * 5.8, abs=0.02)
+    assert run.lines == [
+        "the run is 5.8 s behind, more than `deadline_s`, and does not catch up with that: "
+        "stamps stay behind the wall clock; `groundlink reset` begins anew"
+    ]
+
+
+def test_skip_catches_up_however_long_it_takes() -> None:
+    run = Paced(Time(overload="skip", deadline_s=5.0))
+    run.join()
+    run.run(13.0, pause=13.0)
+    run.run(220.0)
+    assert run.sim_seconds == pytest.approx(233.0, abs=0.01)
+    assert run.lines == []
+
+
+def test_fail_bears_what_is_caught_up_with() -> None:
+    run = Paced(Time(overload="fail", deadline_s=0.5))
+    run.join()
+    for _ in range(10):
+        run.run(10.0, pause=0.5)
+    assert sum(run.stretched.values()) == pytest.approx(3.0, abs=0.1)
+    with pytest.raises(RunFailed, match=r"time has stretched by 3\.6 s"):
+        run.run(1.0, pause=0.8)
+
+
+def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() -> None:
+    pace = pace_of(LAB, LIFE, ["rover/driver"])
+    pace.parties.acknowledged("gateway", Ack(LIFE, 3, 3))
+    pace.parties.acknowledged("rover/driver", Ack(LIFE, 3, 3))
+    assert pace.parties.missing(10**6) == []
+    for name in (*SENSORS, "recorder"):
+        pace.parties.acknowledged(name, Ack(LIFE, 3, 3))
+    assert pace.parties.missing(10**6) == sorted([*SENSORS, "recorder"])
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_lockstep_keeps_to_the_wall_while_all_follow(factor: float) -> None:
+    run = Paced(Time(mode="lockstep", factor=factor))
+    run.join()
+    run.run(10.0)
+    assert run.sim_seconds == pytest.approx(10.0 * factor, abs=0.05)
+    run.run(10.0, times_real={LIDAR: 0.4 * factor})
+    assert run.sim_seconds == pytest.approx(14.0 * factor, abs=1.2)
+    assert run.stretched[LIDAR] > 4.0
+
+
+def test_fast_goes_as_fast_as_the_slowest() -> None:
+    run = Paced(Time(mode="fast"), others=["recorder"])
+    run.join()
+    run.run(5.0, times_real={LIDAR: 6.0, "recorder": 40.0})
+    assert run.sim_seconds == pytest.approx(30.0, abs=1.1)
+    assert run.lag_ticks("recorder") <= run.lag_ticks(LIDAR) <= run.time.window_ticks
+    assert run.stretched == {}
+
+
+@pytest.mark.parametrize("mode", ["fast", "lockstep"])
+def test_lockstep_begins_with_all_that_it_waits_for(mode: str) -> None:
+    driven = replace(LAB, vehicles=(replace(LAB.vehicles[0], route=Square()),))
+    scenario = replace(driven, time=Time(mode=mode))  # type: ignore[arg-type]
+    pace = pace_of(scenario, LIFE, ["recorder"])
+    parties = sorted([*SENSORS, "recorder", "rover/driver"])
+    assert pace.parties.missing(0) == parties
+    for name in parties:
+        pace.parties.acknowledged(name, Ack(LIFE, 0, 0))
+    assert pace.parties.missing(DRIVER_WINDOW_TICKS + 1) == ["rover/driver"]
+    assert pace.parties.missing(401) == parties
+    pace.parties.acknowledged("gateway", Ack(LIFE, 0, 0))
+    assert "gateway" in pace.parties.missing(401)
+    pace.parties.left("gateway")
+    assert "gateway" not in pace.parties.missing(401)
+
+
+def test_lockstep_with_ros_steps_from_word_to_word() -> None:
+    time = Time(mode="fast", lockstep="ros", clock_rate_hz=100.0)
+    pace = pace_of(replace(LAB, time=time), LIFE, [])
+    for name in SENSORS:
+        pace.parties.acknowledged(name, Ack(LIFE, 400, 400))
+    assert pace.parties.missing(0) == []
+    assert pace.parties.missing(1) == ["gateway"]
+    pace.parties.acknowledged("gateway", Ack(LIFE, 0, 0))
+    assert pace.parties.missing(4) == []
+    assert pace.parties.missing(5) == ["gateway"]
+    pace.parties.left("gateway")
+    assert pace.parties.missing(5) == ["gateway"], "it is needed"
+
+
+def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
+    run = Paced(Time())
+    run.join()
+    run.run(5.0, times_real={LIDAR: 0.0})
+    before = run.sim_seconds, dict(run.stretched)
+    run.now += 100.0
+    run.pace.hold()
+    run.patience.rest()
+    run.run(1.0)
+    assert run.sim_seconds == pytest.approx(before[0] + 1.0, abs=0.02)
+    assert sum(run.stretched.values()) == pytest.approx(sum(before[1].values()), abs=0.01)
+
+
+def test_two_who_hold_up_a_step_share_the_blame() -> None:
+    run = Paced(Time())
+    run.join()
+    stopped = {LIDAR: 0.0, "rover/imu": 0.0}
+    run.run(4.0, times_real=stopped)
+    assert run.stretched[LIDAR] == pytest.approx(run.stretched["rover/imu"])
+    assert sum(run.stretched.values()) == pytest.approx(3.0, abs=0.25)
