@@ -34,14 +34,14 @@ from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Camera
 from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
-from services.sensors.rendering import lens
-from services.sensors.rendering.imager import Electronics
-from services.sensors.rendering.messages import jpeg
-from services.sensors.rendering.pinhole import Pinhole
-from services.sensors.rendering.renderer import Renderer
-from services.sensors.rendering.target import Frame
-from services.sensors.streams import RandomStreams
-from services.sensors.surroundings import Surroundings
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.rendering.cameras.messages import jpeg
+from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.gl.target import Frame
+from services.sensors.rendering.optics import lens
+from services.sensors.rendering.optics.imager import Electronics
+from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.runtime.world_replica import Surroundings
 
 from .claims import Claim, add_options, judge
 from .lidar.driving import link_poses

@@ -26,9 +26,9 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from groundlink.world.solids import Material
 from groundlink.world.terrain import ground
-from services.sensors.rendering.pinhole import Pinhole
-from services.sensors.rendering.renderer import Renderer
-from services.sensors.surroundings import Surroundings
+from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.runtime.world_replica import Surroundings
 
 PINHOLE = Pinhole(640, 480, 415.0, 415.0, 319.5, 239.5)
 HILLS = Hills(

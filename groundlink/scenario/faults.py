@@ -3,7 +3,7 @@
 
 Rule: one class a kind of fault; the tag is the kind. A fault is in effect for whole ticks, from the
 first at or after its begin: for the readings measured (stamped) from that tick on and before its
-end. What it does to them is in `services/sensors/faults.py`.
+end. What it does to them is in `services/sensors/faults/effects.py`.
 """
 
 from __future__ import annotations

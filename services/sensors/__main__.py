@@ -17,8 +17,7 @@ from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
 from groundlink.process.state_follower import follow_states
-
-from .kinds import Kind, follower, kind_name
+from services.sensors.runtime.kinds import Kind, follower, kind_name
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from groundlink.messages.base import Message
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera
-from services.sensors.model import Beside
-from services.sensors.pictures import PictureModel
-from services.sensors.rendering.camera_eye import CameraEye
-from services.sensors.rendering.messages import ENCODINGS, camera_info, image, jpeg
+from services.sensors.rendering.cameras.camera_eye import CameraEye
+from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
+from services.sensors.runtime.model import Beside
+from services.sensors.runtime.picture_times import PictureModel
 
 
 class CameraModel(PictureModel):

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
-from services.sensors.kinds import Kind, run
-from services.sensors.model import SensorModel
-from services.sensors.rendering.context import require
+from services.sensors.rendering.gl.context import require
+from services.sensors.runtime.kinds import Kind, run
+from services.sensors.runtime.model import SensorModel
 
 
 def model(scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> SensorModel:

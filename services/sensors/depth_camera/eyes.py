@@ -19,12 +19,12 @@ from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.rays.replica import Replica
-from services.sensors.rendering.context import RenderingUnavailableError, open_context
-from services.sensors.rendering.distortion import lens_pinhole, slopes
-from services.sensors.rendering.pinhole import NEAR_M, Pinhole
+from services.sensors.rendering.gl.context import RenderingUnavailableError, open_context
+from services.sensors.rendering.optics.distortion import lens_pinhole, slopes
+from services.sensors.rendering.optics.pinhole import NEAR_M, Pinhole
 
 if TYPE_CHECKING:
-    from services.sensors.rendering.target import Layer
+    from services.sensors.rendering.gl.target import Layer
 
 FAR_M = 1e5
 """Farther than any world goes."""
@@ -62,7 +62,7 @@ class DrawnEye:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
         open_context().release()  # what is missing is told by this
-        from services.sensors.rendering.camera_eye import CameraEye  # needs moderngl
+        from services.sensors.rendering.cameras.camera_eye import CameraEye  # needs moderngl
 
         self._is_colored = bool(spec.color or spec.points_topic)
         layers: tuple[Layer, ...] = ("color", "depth") if self._is_colored else ("depth",)

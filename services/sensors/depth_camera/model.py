@@ -12,10 +12,10 @@ from __future__ import annotations
 from groundlink.messages.base import Message
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
-from services.sensors.model import Beside
-from services.sensors.pictures import PictureModel
-from services.sensors.rendering.messages import camera_info, image, jpeg
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.rendering.cameras.messages import camera_info, image, jpeg
+from services.sensors.runtime.model import Beside
+from services.sensors.runtime.picture_times import PictureModel
 
 from .eyes import DepthEye, depth_eye
 from .forms import compressed_depth, pixels, points

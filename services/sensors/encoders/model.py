@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wheel encoders: 64-bit counters, read at the motor controller's rate.
 
-Rule: this says when they are read; what they count is in `services.sensors.counters`. A reading is
-stamped with its event of the schedule and has the counts of that very instant.
+Rule: this says when they are read; what they count is in `services.sensors.runtime.wheel_counters`.
+A reading is stamped with its event of the schedule and has the counts of that very instant.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.messages import base as messages
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
-from services.sensors.counters import WheelCounters
-from services.sensors.due import Due
+from services.sensors.runtime.due import Due
+from services.sensors.runtime.wheel_counters import WheelCounters
 
 
 class EncodersModel:

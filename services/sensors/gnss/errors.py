@@ -12,9 +12,9 @@ from typing import NamedTuple
 from groundlink.core.clock import Schedule
 from groundlink.messages.base import Vector3
 from groundlink.scenario.sensors import Gnss
-from services.sensors.noise import PolarNormal
-from services.sensors.streams import RandomStreams
-from services.sensors.walks import BLOCK_TICKS, Walks
+from services.sensors.noise.normal import PolarNormal
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.noise.walks import BLOCK_TICKS, Walks
 
 
 class FixErrors(NamedTuple):

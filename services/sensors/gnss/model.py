@@ -30,10 +30,10 @@ from groundlink.messages.base import BadMessage, State, Vector3, floats, packed
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
-from services.sensors import nmea
-from services.sensors.due import Due, Event
-from services.sensors.model import Datagram
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.runtime import nmea
+from services.sensors.runtime.due import Due, Event
+from services.sensors.runtime.model import Datagram
 
 from .errors import GnssErrors
 from .geodesy import Geodetic, TangentPlane, geodetic_from_ecef

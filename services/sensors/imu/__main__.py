@@ -2,7 +2,7 @@
 """Start with ``python -m services.sensors.imu --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import Imu
-from services.sensors.kinds import Kind, run
+from services.sensors.runtime.kinds import Kind, run
 
 from .model import ImuModel
 

@@ -17,9 +17,9 @@ from groundlink.core.clock import TICK_RATE_HZ, Schedule
 from groundlink.messages.base import Vector3
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.sensors import Imu
-from services.sensors.noise import NORMALS
-from services.sensors.streams import RandomStreams
-from services.sensors.walks import BLOCK_TICKS, Walks
+from services.sensors.noise.normal import NORMALS
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.noise.walks import BLOCK_TICKS, Walks
 
 from .lowpass import Six
 

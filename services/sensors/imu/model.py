@@ -32,7 +32,7 @@ from groundlink.messages import base as messages
 from groundlink.scenario import sensors
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.schema import Scenario, Vehicle
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
 
 from .errors import ImuErrors
 from .lowpass import Six, low_pass, weights

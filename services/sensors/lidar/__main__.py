@@ -2,7 +2,7 @@
 """Start with ``python -m services.sensors.lidar --name VEHICLE/SENSOR [--native HOST:PORT]``."""
 
 from groundlink.scenario.sensors import Lidar
-from services.sensors.kinds import Kind, run
+from services.sensors.runtime.kinds import Kind, run
 
 from .model import LidarModel
 from .vlp16 import Vlp16

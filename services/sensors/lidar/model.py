@@ -15,9 +15,9 @@ from groundlink.messages.base import POINT, PointCloud, State, packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar
-from services.sensors.model import Beside, LeftOut, Made
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
+from services.sensors.runtime.model import Beside, LeftOut, Made
 from services.sensors.scanning.scanner import Scan, Scanner
 
 

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors import nmea
 from services.sensors.rays.scene import Reals
+from services.sensors.runtime import nmea
 
 POSITION_PORT = 8308
 

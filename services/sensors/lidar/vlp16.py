@@ -19,8 +19,8 @@ from groundlink.core.clock import NANOS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.messages.base import PointCloud, measured_nanos
 from groundlink.scenario.sensors import Lidar
-from services.sensors.model import Datagram
 from services.sensors.rays.scene import Reals
+from services.sensors.runtime.model import Datagram
 from services.sensors.scanning.sweep import ahead_by_encoder_deg
 
 from . import packets

@@ -2,7 +2,7 @@
 """Start with ``python -m services.sensors.lidar_2d --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import Lidar2d
-from services.sensors.kinds import Kind, run
+from services.sensors.runtime.kinds import Kind, run
 
 from .model import Lidar2dModel
 

@@ -2,7 +2,7 @@
 """Start with ``python -m services.sensors.range --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import Range
-from services.sensors.kinds import Kind, run
+from services.sensors.runtime.kinds import Kind, run
 
 from .model import RangeModel
 

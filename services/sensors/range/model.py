@@ -25,10 +25,10 @@ from groundlink.messages.base import BadMessage, State
 from groundlink.messages.imagery import Range
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
-from services.sensors.due import Due
-from services.sensors.noise import PolarNormal
+from services.sensors.noise.normal import PolarNormal
+from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.probe import Probe
-from services.sensors.streams import RandomStreams
+from services.sensors.runtime.due import Due
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 """Between neighbours of a sunflower's head; it never repeats a direction (Vogel 1979)."""

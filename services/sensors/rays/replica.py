@@ -16,7 +16,7 @@ from groundlink.world.bodies import NO_BODY
 from groundlink.world.solids import Vector3
 from groundlink.world.terrain import ground
 from groundlink.world.triangles import joined, merged, of_ground
-from services.sensors.surroundings import Surroundings
+from services.sensors.runtime.world_replica import Surroundings
 
 from .scene import Numbers, Scene
 from .terrain import Relief

@@ -20,9 +20,8 @@ from groundlink.process import runner as process
 from groundlink.process.state_follower import Follower, follow_states
 from groundlink.scenario.sensors import Optics
 from groundlink.world.build import world_hash
-from services.sensors.shell import SensorProcess
-
-from .context import require
+from services.sensors.rendering.gl.context import require
+from services.sensors.runtime.runner import SensorProcess
 
 PROCESS = "sensors.rendering"
 
@@ -35,8 +34,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     options = parser.parse_args(arguments)
     require("cv2", "moderngl")
-    from .files import write
-    from .snapshot import Snapshot
+    from services.sensors.rendering.portrait.files import write
+    from services.sensors.rendering.portrait.snapshot import Snapshot
 
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = process.join_world(bus, options.run, stop)

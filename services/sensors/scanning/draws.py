@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.scene import Reals
-from services.sensors.streams import RandomStreams
 
 
 class Draws:

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from groundlink.scenario.sensors import RotatingLidar
 from groundlink.world.solids import RETROREFLECTION
+from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Hits, Numbers, Reals
-from services.sensors.streams import RandomStreams
 
 from .beams import Rays
 from .draws import Draws

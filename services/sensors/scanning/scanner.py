@@ -19,9 +19,9 @@ from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.messages.base import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import RotatingLidar
-from services.sensors.model import LeftOut
+from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.replica import Replica
-from services.sensors.streams import RandomStreams
+from services.sensors.runtime.model import LeftOut
 
 from .beams import Beams
 from .blocks import Blocks

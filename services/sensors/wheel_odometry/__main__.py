@@ -2,7 +2,7 @@
 """Start with ``python -m services.sensors.wheel_odometry --name VEHICLE/SENSOR``."""
 
 from groundlink.scenario.sensors import WheelOdometry
-from services.sensors.kinds import Kind, run
+from services.sensors.runtime.kinds import Kind, run
 
 from .model import WheelOdometryModel
 

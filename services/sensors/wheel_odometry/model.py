@@ -22,8 +22,8 @@ from groundlink.messages.navigation import Odometry
 from groundlink.scenario.drives import Ackermann, Differential, SideSteered, SkidSteer, Tracked
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
-from services.sensors.counters import WheelCounters, wrapped
-from services.sensors.due import Due
+from services.sensors.runtime.due import Due
+from services.sensors.runtime.wheel_counters import WheelCounters, wrapped
 
 from .reckoning import Floats, Reckoned, Reckoning
 

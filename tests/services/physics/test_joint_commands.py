@@ -18,7 +18,7 @@ from groundlink.ros.streams import incoming
 from groundlink.run.journal import JointsCommanded
 from services.physics.run.episode import Life
 from services.physics.run.publishers import unheard
-from services.sensors.surroundings import Surroundings
+from services.sensors.runtime.world_replica import Surroundings
 
 from .grounds import drive, put, shipped
 

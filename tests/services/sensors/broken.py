@@ -27,12 +27,12 @@ from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.messages.reading_schedule import Calendar
 from groundlink.scenario.faults import Fault
-from services.sensors.account import Account
-from services.sensors.due import Due
-from services.sensors.faulty import FaultyModel
-from services.sensors.model import LeftOut, RememberingModel, SensorModel
-from services.sensors.shell import SensorProcess
-from services.sensors.streams import RandomStreams
+from services.sensors.faults.fault_wrapper import FaultyModel
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.runtime.due import Due
+from services.sensors.runtime.model import LeftOut, RememberingModel, SensorModel
+from services.sensors.runtime.reading_ledger import Account
+from services.sensors.runtime.runner import SensorProcess
 
 EPOCH_NANOS = 1_700_000_000_000_000_000
 HASH = "cd" * 32

@@ -34,7 +34,6 @@ from groundlink.scenario.sensors import (
     StereoCamera,
     WheelOdometry,
 )
-from services.sensors.account import Account
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
 from services.sensors.encoders.model import EncodersModel
@@ -42,10 +41,11 @@ from services.sensors.gnss.model import GnssModel
 from services.sensors.imu.model import ImuModel
 from services.sensors.lidar.model import LidarModel
 from services.sensors.lidar_2d.model import Lidar2dModel
-from services.sensors.model import Beside, SensorModel, SkippingModel, parted
-from services.sensors.pictures import PictureModel
 from services.sensors.range.model import RangeModel
-from services.sensors.shell import SensorProcess
+from services.sensors.runtime.model import Beside, SensorModel, SkippingModel, parted
+from services.sensors.runtime.picture_times import PictureModel
+from services.sensors.runtime.reading_ledger import Account
+from services.sensors.runtime.runner import SensorProcess
 from services.sensors.wheel_odometry.model import WheelOdometryModel
 
 from .states import EPOCH_NANOS, WHEELS

@@ -16,7 +16,7 @@ from groundlink.cli.files.world import add_show_arguments
 from groundlink.core.errors import UserError
 from groundlink.loader.part import Kind, load_part
 from groundlink.process import runner as process
-from services.sensors.rendering.context import require
+from services.sensors.rendering.gl.context import require
 
 PROCESS = "world show"
 

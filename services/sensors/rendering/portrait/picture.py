@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from groundlink.loader.part import Kind
 from groundlink.scenario.schema import Scenario
-from services.sensors.rendering.renderer import Renderer
+from services.sensors.rendering.gl.renderer import Renderer
 
 from .marks import mark
 from .scene import scene

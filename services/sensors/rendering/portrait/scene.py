@@ -26,7 +26,7 @@ from groundlink.world.solids import Box, Solid
 from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Ground, ground
 from groundlink.world.weather import Weather
-from services.sensors.rendering.culling import Boxes
+from services.sensors.rendering.gl.culling import Boxes
 
 FLOOR = 17.0
 """Length of the floor under a vehicle, in those of its longest side."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundlink.core.frames import Floats
-from services.sensors.rendering.pinhole import Pinhole
+from services.sensors.rendering.optics.pinhole import Pinhole
 
 FIELD_DEG = 34.0
 """From the upper edge to the lower one: narrow, so that near things do not look too large."""

@@ -12,7 +12,7 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.imagery import CameraInfo
 from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
-from services.sensors.model import parted
+from services.sensors.runtime.model import parted
 from tests.services.sensors.yards import box, resting, yard
 
 SHEETS = {"camera_vga_mono": ("plumb_bob", 415.7), "camera_fisheye": ("equidistant", 305.6)}

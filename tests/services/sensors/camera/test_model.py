@@ -19,10 +19,10 @@ from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel
-from services.sensors.model import LeftOut, parted
-from services.sensors.rendering.eye import Eye
-from services.sensors.rendering.messages import jpeg
-from services.sensors.rendering.target import ALL_LAYERS
+from services.sensors.rendering.cameras.eye import Eye
+from services.sensors.rendering.cameras.messages import jpeg
+from services.sensors.rendering.gl.target import ALL_LAYERS
+from services.sensors.runtime.model import LeftOut, parted
 from services.view.canvas import Seen
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, resting, yard

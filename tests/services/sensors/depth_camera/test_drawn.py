@@ -15,7 +15,7 @@ from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
 from services.sensors.depth_camera.eyes import DrawnEye, RayEye, depth_eye
 from services.sensors.depth_camera.model import DepthCameraModel
-from services.sensors.model import parted
+from services.sensors.runtime.model import parted
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.yards import moving
 

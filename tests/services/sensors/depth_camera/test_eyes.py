@@ -12,7 +12,7 @@ import pytest
 from groundlink.scenario.depth_cameras import ColorStream
 from services.sensors.depth_camera import eyes
 from services.sensors.depth_camera.eyes import RayEye, depth_eye
-from services.sensors.rendering.context import RenderingUnavailableError
+from services.sensors.rendering.gl.context import RenderingUnavailableError
 from tests.services.sensors.yards import moving
 
 from .specs import spec, world

@@ -18,9 +18,9 @@ from groundlink.scenario.depth_cameras import ColorStream
 from groundlink.scenario.message_sizes import body_bytes
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
-from services.sensors.model import LeftOut, parted
-from services.sensors.rendering.eye import Eye
-from services.sensors.rendering.messages import jpeg
+from services.sensors.rendering.cameras.eye import Eye
+from services.sensors.rendering.cameras.messages import jpeg
+from services.sensors.runtime.model import LeftOut, parted
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import moving, resting

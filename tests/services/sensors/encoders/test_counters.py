@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from groundlink.messages import base as messages
 from groundlink.messages.base import State, encode
 from groundlink.scenario import sensors
-from services.sensors.counters import wrapped
 from services.sensors.encoders.model import EncodersModel
+from services.sensors.runtime.wheel_counters import wrapped
 from tests.services.sensors.encoders.test_model import RESOLUTION, counts, readings, turned
 from tests.services.sensors.states import WHEELS, scenario
 

@@ -18,7 +18,7 @@ from groundlink.messages.base import BadMessage, State, encode
 from groundlink.scenario import sensors
 from groundlink.scenario.vehicle import VehicleModel
 from services.sensors.encoders.model import EncodersModel
-from services.sensors.model import SensorModel
+from services.sensors.runtime.model import SensorModel
 from tests.services.sensors.states import EPOCH_NANOS, WHEELS, scenario, states
 
 TICKS_PER_REVOLUTION = 4096

@@ -12,7 +12,7 @@ import yaml
 from groundlink.loader.load import SHIPPED
 from groundlink.scenario.sensors import Gnss
 from services.sensors.gnss.errors import GnssErrors
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
 
 SHEETS = {sheet.stem: sheet for sheet in (SHIPPED / "sensors").glob("gnss_*.yaml")}
 

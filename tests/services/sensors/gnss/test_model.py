@@ -20,7 +20,7 @@ from services.sensors.gnss.errors import GnssErrors
 from services.sensors.gnss.geodesy import Geodetic, TangentPlane, ecef_from_geodetic
 from services.sensors.gnss.model import GnssModel
 from services.sensors.gnss.reception import inside
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.states import EPOCH_NANOS, scenario
 from tests.services.sensors.yards import DATUM, box, moving, resting, yard
 

@@ -14,7 +14,7 @@ from groundlink.messages.base import encode
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from services.sensors.imu import errors
 from services.sensors.imu.errors import ImuErrors
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.allan import Floats, allan_deviation
 from tests.services.sensors.imu.test_datasheets import SHEETS, read
 from tests.services.sensors.imu.test_model import (

@@ -18,7 +18,7 @@ from groundlink.scenario import sensors
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.sensors import Mount
 from services.sensors.imu.model import ImuModel
-from services.sensors.model import SensorModel
+from services.sensors.runtime.model import SensorModel
 from tests.services.sensors.states import EPOCH_NANOS, scenario, states
 
 DT = 1 / 400

@@ -16,7 +16,7 @@ from groundlink.scenario.schema import Scenario
 from groundlink.world.bodies import NO_BODY, body_names
 from groundlink.world.build import solids
 from groundlink.world.weather import Weather
-from services.sensors.model import parted
+from services.sensors.runtime.model import parted
 
 from . import rooms
 

@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 
 from groundlink.core.errors import UserError
-from services.sensors.rendering.context import open_context
+from services.sensors.rendering.gl.context import open_context
 
 
 @cache

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
-from services.sensors.rendering.mesh import VERTEX, Mesh, Skin
-from services.sensors.rendering.pinhole import Pinhole
-from services.sensors.rendering.renderer import Renderer
-from services.sensors.rendering.target import ALL_LAYERS
+from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.gl.target import ALL_LAYERS
+from services.sensors.rendering.look.mesh import VERTEX, Mesh, Skin
+from services.sensors.rendering.optics.pinhole import Pinhole
+from tests.services.sensors.rendering.gl.test_renderer import lit
 
 from . import test_calibration as calibration
 from . import views
-from .test_renderer import lit
 
 SLANTED = views.looking((0.0, 0.0, 1.0))
 SLANTED[:3, :3] @= cv2.Rodrigues(np.array([0.0, 0.0, 0.23]))[0]

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats, transform
 from groundlink.scenario import lenses
 from groundlink.scenario.schema import Scenario
-from services.sensors.rendering.imager import Electronics
-from services.sensors.rendering.lens import Lens
-from services.sensors.rendering.mesh import VERTEX, Mesh, Skin
-from services.sensors.rendering.pinhole import Pinhole
-from services.sensors.rendering.renderer import Renderer
-from services.sensors.streams import RandomStreams
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.look.mesh import VERTEX, Mesh, Skin
+from services.sensors.rendering.optics.imager import Electronics
+from services.sensors.rendering.optics.lens import Lens
+from services.sensors.rendering.optics.pinhole import Pinhole
+from tests.services.sensors.rendering.gl.test_renderer import lit
 
 from . import views
-from .test_renderer import lit
 
 PINHOLE = Pinhole(1280, 960, 840.0, 848.0, 650.0, 472.0)
 """Wide enough for a lens to bend a lot."""

@@ -13,11 +13,11 @@ import runpy, sys
 module, package, sys.argv[1:] = sys.argv[1], sys.argv[2], sys.argv[3:]
 sys.modules[package] = None  # as if it were not installed
 
-from groundlink import process
-from services.sensors import kinds
+from groundlink.process import runner
+from services.sensors.runtime import kinds
 
 def run(kind):  # the process without a run to join
-    process.run(module, lambda *_: kind.make_model(None, None, None))
+    runner.run(module, lambda *_: kind.make_model(None, None, None))
 
 kinds.run = run
 runpy.run_module(module, run_name="__main__")

@@ -13,9 +13,9 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
-from services.sensors.rendering.pinhole import Pinhole
-from services.sensors.rendering.renderer import Renderer
-from services.sensors.surroundings import Surroundings
+from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.runtime.world_replica import Surroundings
 
 SMALL = Pinhole(160, 120, 120.0, 120.0, 79.5, 59.5)
 

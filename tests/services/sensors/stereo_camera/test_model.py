@@ -19,8 +19,8 @@ from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel
-from services.sensors.model import parted
-from services.sensors.rendering.eye import Eye
+from services.sensors.rendering.cameras.eye import Eye
+from services.sensors.runtime.model import parted
 from services.sensors.stereo_camera.model import StereoCameraModel
 from tests.services.sensors.rendering.views import laboratory
 from tests.services.sensors.states import EPOCH_NANOS

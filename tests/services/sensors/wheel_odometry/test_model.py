@@ -24,7 +24,7 @@ from groundlink.scenario.schema import Vehicle
 from groundlink.world.build import solids
 from services.physics.simulation.simulation import Simulation
 from services.sensors.imu.model import ImuModel
-from services.sensors.model import RememberingModel
+from services.sensors.runtime.model import RememberingModel
 from services.sensors.wheel_odometry.model import UNKNOWN, WheelOdometryModel
 from tests.services.sensors.states import EPOCH_NANOS, WHEELS, scenario, states
 

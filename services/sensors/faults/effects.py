@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each kind of fault does to a reading.
+
+Rule: a reading and its instant in, a reading or none out. Random numbers are drawn by the instant,
+so that they are the same whenever and wherever the reading is made; what a fault has to keep of
+earlier readings is in `Past`. Faults act in the order of the table, whatever order they are given
+in: first what is measured, then what the device holds, its clock, what it sends, and the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, exact
+from groundlink.core.frames import Floats
+from groundlink.messages.base import Reading
+from groundlink.messages.missing_readings import Cause
+from groundlink.scenario import faults as specs
+
+from .fault_context import Circumstances
+from .quantities import QUANTITIES, Offsets
+from .sectors import COVERED
+
+
+def _offset(reading: Reading, fault: specs.Disturbance, offsets: Offsets) -> Reading:
+    """Add numbers to the fault's quantity."""
+    changes = QUANTITIES[type(reading)]
+    changed: Reading = changes[fault.quantity or next(iter(changes))](reading, offsets)
+    return changed
+
+
+def _constant(numbers: specs.Numbers, factor: float) -> Offsets:
+    def offsets(measurements: int, components: int) -> Floats:
+        return np.broadcast_to(np.multiply(numbers, factor), (measurements, components))
+
+    return offsets
+
+
+def _bias(fault: specs.Bias, reading: Reading, now: Circumstances) -> Reading:
+    return _offset(reading, fault, _constant(fault.value, 1.0))
+
+
+def _drift(fault: specs.Drift, reading: Reading, now: Circumstances) -> Reading:
+    seconds = (now.sim_nanos - fault.begin_tick * TICK_NANOS) / NANOS
+    return _offset(reading, fault, _constant(fault.per_s, seconds))
+
+
+def _noise_burst(fault: specs.NoiseBurst, reading: Reading, now: Circumstances) -> Reading:
+    generator = now.streams.at(_purpose(fault), now.sim_nanos)
+
+    def offsets(measurements: int, components: int) -> Floats:
+        drawn = generator.standard_normal((measurements, components))
+        return np.multiply(drawn, fault.stddev)
+
+    return _offset(reading, fault, offsets)
+
+
+def _occluded_sector(fault: specs.OccludedSector, reading: Reading, now: Circumstances) -> Reading:
+    begin, width = math.radians(fault.from_deg), math.radians(fault.width_deg)
+    covered: Reading = COVERED[type(reading)](reading, begin, width)
+    return covered
+
+
+def _stuck(fault: specs.Stuck, reading: Reading, now: Circumstances) -> Reading:
+    first = now.past.held.setdefault(fault.begin_tick, reading)
+    return replace(first, stamp_nanos=reading.stamp_nanos)  # type: ignore[attr-defined]
+
+
+def _time_jump(fault: specs.TimeJump, reading: Reading, now: Circumstances) -> Reading:
+    error = int(exact(fault.offset_s) * NANOS)
+    stamp: int = reading.stamp_nanos  # type: ignore[attr-defined]
+    wrong = {"stamp_nanos": stamp + error, "clock_error_nanos": reading.clock_error_nanos + error}
+    return replace(reading, **wrong)
+
+
+def _rate_change(fault: specs.RateChange, reading: Reading, now: Circumstances) -> Reading | None:
+    """Keep the first reading at or after each event of the lower rate, from the begin on."""
+    # Stamps are rounded down to whole nanoseconds.
+    since_nanos = now.sim_nanos + 1 - fault.begin_tick * TICK_NANOS
+    event = math.floor(since_nanos * exact(fault.rate_hz) / NANOS)
+    if event <= now.past.events.get(fault.begin_tick, -1):
+        return None
+    now.past.events[fault.begin_tick] = event
+    return reading
+
+
+def _drop(fault: specs.Drop, reading: Reading, now: Circumstances) -> Reading | None:
+    lost = now.streams.at(_purpose(fault), now.sim_nanos).random() < fault.share
+    return None if lost else reading
+
+
+def _off(fault: specs.Off, reading: Reading, now: Circumstances) -> None:
+    return None
+
+
+def _delay(fault: specs.Delay, reading: Reading, now: Circumstances) -> Reading:
+    now.late_ticks += math.ceil(exact(fault.delay_s) * TICK_RATE_HZ)
+    return reading
+
+
+EFFECTS: Mapping[type[specs.FaultSpec], Callable[[Any, Reading, Circumstances], Reading | None]] = {
+    specs.OccludedSector: _occluded_sector,
+    specs.Bias: _bias,
+    specs.Drift: _drift,
+    specs.NoiseBurst: _noise_burst,
+    specs.Stuck: _stuck,
+    specs.TimeJump: _time_jump,
+    specs.RateChange: _rate_change,
+    specs.Drop: _drop,
+    specs.Off: _off,
+    specs.Delay: _delay,
+}
+"""What each kind does, in the order in which they act."""
+
+
+class Taken(NamedTuple):
+    """What is left of a reading that never comes."""
+
+    by: Cause
+    """Kind of the fault."""
+
+
+def suffer(now: Circumstances, reading: Reading) -> Reading | Taken:
+    """Return what the faults in effect make of a reading."""
+    for fault in sorted(now.faults, key=lambda fault: _RANKS[type(fault)]):
+        suffered = EFFECTS[type(fault)](fault, reading, now)
+        if suffered is None:
+            return Taken(cast(Cause, fault.kind))
+        reading = suffered
+    return reading
+
+
+_RANKS = {kind: rank for rank, kind in enumerate(EFFECTS)}
+
+
+def _purpose(fault: specs.FaultSpec) -> str:
+    """Return what tells a fault's random numbers from others': how it ends makes no difference."""
+    return f"fault_{fault.kind}_{fault.begin_tick}"

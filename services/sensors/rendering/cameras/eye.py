@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pinhole camera on a vehicle's mount: states of the world in, pictures of an instant out.
+
+Rule: where the camera is and what it sees are those of the asked instant, between two states. When
+pictures are taken and what becomes of them is the sensor's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.frames import Floats, transform
+from groundlink.messages.base import State
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Optics
+from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.gl.target import Frame, Layer
+from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.runtime.world_replica import Surroundings
+
+
+class Eye:
+    """What a camera of a scenario sees.
+
+    Parameters
+    ----------
+    pinhole : Pinhole, optional
+        What pictures are drawn through, if not by the specification: wider, for a lens that bends.
+    span_nanos : int
+        How long before the last tick an instant may be that is looked at.
+    layers : collection of Layer
+        What frames have.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        when OpenGL is missing here or does not draw (a `UserError`).
+
+    Attributes
+    ----------
+    pinhole : Pinhole
+    renderer : Renderer
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        spec: Optics,
+        *,
+        pinhole: Pinhole | None = None,
+        span_nanos: int = 0,
+        layers: Collection[Layer] = ("color", "depth"),
+    ) -> None:
+        self._span_nanos = span_nanos
+        self.pinhole = pinhole or Pinhole.of(spec)
+        self._around = Surroundings(scenario, vehicle, spec.mount.xyz_m)
+        self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
+        self.renderer = Renderer(
+            scenario.world, self._around, self.pinhole, layers=layers, samples=spec.samples
+        )
+
+    def restart(self) -> None:
+        """Forget all states."""
+        self._around.restart()
+
+    def take(self, state: State) -> None:
+        """Remember where everything is at the next tick, and what was up to the span before.
+
+        Raises
+        ------
+        BadMessage
+            when a vehicle or a link is missing.
+        """
+        self._around.take(state)
+        self._around.forget(state.tick - 1 - -(-self._span_nanos // TICK_NANOS))
+
+    def move(self, nanos: int) -> Floats:
+        """Put the world at a sim time; return world_from_optical there, shape (4, 4).
+
+        The time is not before the oldest state that is kept, and not after the newest.
+        """
+        poses = self._around.at(nanos)
+        self.renderer.place(poses)
+        base = poses[self._around.base]
+        world_from_optical: Floats = transform(base[:3], base[3:]) @ self._base_from_optical
+        return world_from_optical
+
+    def look(self, nanos: int) -> Frame:
+        """Return what the camera sees at a sim time, as for `move`."""
+        return self.renderer.draw(self.move(nanos))

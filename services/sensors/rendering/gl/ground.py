@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A terrain on the graphics card.
+
+Rule: its heights are there once, as a texture; a picture takes one call, for the patches that
+`ground_levels` picks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.core.errors import UserError
+from groundlink.core.frames import Floats
+from groundlink.world.solids import Material
+from groundlink.world.terrain import Ground
+from services.sensors.rendering.look.ground_paint import colours, sunlit
+from services.sensors.rendering.look.lights import Lighting
+from services.sensors.rendering.look.textures import period_m, texture
+
+from .context import filtered
+from .ground_levels import HALF_PIXEL, SIDE, Levels
+from .programs import CELLS, HEIGHTS, KINDS, PATTERNS
+from .uniforms import put, put_integers
+
+MOST_PATCHES = 1024
+"""That there is room for at first."""
+
+QUARTERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+"""Signs of x and y, from the eye. In each the triangles of a patch are drawn from near to far, too:
+far off the depth buffer does not tell hills apart that follow each other."""
+
+
+class DrawnGround:
+    """What a terrain looks like.
+
+    Raises
+    ------
+    UserError
+        when it is larger than what OpenGL takes here.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        programs: Sequence[moderngl.Program],
+        ground: Ground,
+        materials: Mapping[str, Material],
+        light: Lighting,
+        label: int,
+    ) -> None:
+        self._programs, self._ground = programs, ground
+        self._levels = Levels(ground)
+        rows, columns = ground.heights.shape
+        most = int(context.info["GL_MAX_TEXTURE_SIZE"])
+        if max(rows, columns) > most:
+            raise UserError(
+                f"terrain of {columns} x {rows} heights: OpenGL takes {most} to a side here; "
+                "make its cells larger"
+            )
+        heights = context.texture((columns, rows), 1, ground.heights, dtype="f4")
+        heights.filter = moderngl.NEAREST, moderngl.NEAREST
+        looks = np.full((rows - 1, columns - 1, 4), 255, np.uint8)
+        looks[..., :3] = colours(ground, materials)
+        if light.is_sun:
+            looks[..., 3] = sunlit(ground, np.array(light.lights[0].at[:3]))
+        cells = filtered(context, context.texture((columns - 1, rows - 1), 4, looks))
+        cells.repeat_x = cells.repeat_y = False
+        kinds = context.texture((columns - 1, rows - 1), 1, ground.surface, dtype="u1")
+        kinds.filter = moderngl.NEAREST, moderngl.NEAREST
+        self._textures: dict[int, moderngl.Texture | moderngl.TextureArray] = {
+            HEIGHTS: heights,
+            CELLS: cells,
+            KINDS: kinds,
+        }
+
+        made_of = [materials[name] for name in ground.materials]
+        names = list(dict.fromkeys(material.texture for material in made_of))
+        pictures = np.stack([texture(name) for name in names])
+        layers = context.texture_array((*pictures.shape[:0:-1], len(names)), 1, pictures)
+        self._textures[PATTERNS] = filtered(context, layers)
+        self._layers = [names.index(material.texture) for material in made_of]
+        self._repeats_m = np.array([period_m(material) for material in made_of])
+
+        knots, faces = _patch()
+        vertices = context.buffer(knots.tobytes())
+        middles = knots[faces].mean(axis=1)
+        self._quarters: list[tuple[moderngl.Buffer, list[moderngl.VertexArray]]] = []
+        for towards in QUARTERS:
+            nearest_first = np.argsort(middles[:, :2] @ towards, kind="stable")
+            patches = context.buffer(reserve=MOST_PATCHES * 3 * 4)
+            content = [(vertices, "3i", "knot"), (patches, "3i /i", "patch_at")]
+            indices = context.buffer(faces[nearest_first].tobytes())
+            drawn = [
+                context.vertex_array(program, content, indices, skip_errors=True)
+                for program in programs
+            ]
+            self._quarters.append((patches, drawn))
+        for program in programs:
+            put(program, "cell_m", ground.cell_m)
+            put_integers(program, "label", label)
+
+    def draw(self, number: int, clip_from_world: Floats, eye: Floats, focal_px: float) -> None:
+        """Draw what of it a view shows, by the program of a pass.
+
+        What the view tells all programs has been told.
+        """
+        ground, program = self._ground, self._programs[number]
+        patches = self._levels.shown(clip_from_world, eye, focal_px)
+        first = np.array([ground.x0_m, ground.y0_m])
+        anchor = np.rint((eye[:2] - first) / ground.cell_m)
+        put_integers(program, "anchor", anchor)
+        put(program, "anchor_from_eye", first + anchor * ground.cell_m - eye[:2])
+        extent = ground.cell_m * (np.array(ground.heights.shape[::-1]) - 1)
+        put(program, "cells_at", np.concatenate([(eye[:2] - first) / extent, 1 / extent]))
+        put(program, "pixel", 2 * HALF_PIXEL / focal_px)
+        # Where in each pattern the eye is: what is seen of it is near, its place may be far.
+        within = np.mod(eye[:2] / self._repeats_m[:, None], 1)
+        put(program, "patterns_at", np.column_stack([self._layers, 1 / self._repeats_m, within]))
+        for unit, picture in self._textures.items():
+            picture.use(unit)
+        middles = patches[:, :2] + SIDE / 2 * patches[:, 2:]
+        quarter = (middles >= (eye[:2] - first) / ground.cell_m) @ (2, 1)
+        for which, (buffer, drawn) in enumerate(self._quarters):
+            here = patches[quarter == which]
+            if here.nbytes > buffer.size:
+                buffer.orphan(2 * here.nbytes)
+            buffer.write(here.tobytes())
+            drawn[number].render(instances=len(here))
+
+
+def _patch() -> tuple[NDArray[np.int32], NDArray[np.uint32]]:
+    """Return a patch's vertices, shape (V, 3): column, row, 1 if lowered; and faces, shape (F, 3).
+
+    Around the cells hangs a skirt: the vertices along the rim once more, lowered.
+    """
+    side = SIDE + 1
+    row, column = np.indices((side, side))
+    level = np.stack([column, row, np.zeros_like(row)], axis=-1).reshape(-1, 3)
+    number = np.arange(side * side).reshape(side, side)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    faces = [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (d, c, b))]
+    # Anticlockwise along the rim, as seen from above.
+    rim = np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
+    hem = len(level) + np.arange(len(rim))
+    on_rim, on_hem = np.roll(rim, -1), np.roll(hem, -1)
+    faces += [np.stack([rim, hem, on_hem], axis=-1), np.stack([rim, on_hem, on_rim], axis=-1)]
+    knots = np.concatenate([level, level[rim] + (0, 0, 1)])
+    return knots.astype(np.int32), np.concatenate(faces).astype(np.uint32)

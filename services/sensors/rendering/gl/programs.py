@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The programs that pictures are drawn with: how all are made, and those of sky and shadows.
+
+Rule: squares and roots stand for sRGB's curve, as 2.0 is near enough to 2.2 and costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+
+from services.sensors.rendering.look.lights import Lighting
+from services.sensors.rendering.look.textures import BRIGHTEST
+
+from . import ground_shader, surface_shader
+from .uniforms import put, put_integers, put_matrix
+
+BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS = range(7)
+"""Units of textures."""
+
+LAMP_RADIUS_M = 0.2
+
+SHARPER = -0.7
+"""Levels of detail by which the ground's patterns are finer: one looks along it, and their levels
+are made for looking at it squarely."""
+
+DEVELOPED = """
+vec3 developed(vec3 light) {
+    // Dark stays dark and lights do not burn out: Narkowicz 2015, "ACES Filmic Tone Mapping Curve".
+    vec3 c = light * exposure;
+    return sqrt(min(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 1.0));
+}
+"""
+
+SKY_VERTEX = """
+uniform mat3 world_from_clip;
+out vec3 ray;
+
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+    ray = world_from_clip * vec3(corner, 1.0);
+    gl_Position = vec4(corner, 1.0, 1.0);
+}
+"""
+
+SKY_FRAGMENT = """
+uniform vec3 horizon;
+uniform vec3 zenith;
+uniform vec4 light_at[LIGHTS];
+uniform vec3 light_power[LIGHTS];
+uniform float exposure;
+in vec3 ray;
+#ifdef TRUTH
+layout(location = 0) out float depth;
+layout(location = 1) out int label;
+
+void main() {
+    depth = uintBitsToFloat(0x7F800000u);  // +infinity
+    label = -1;
+}
+#else
+layout(location = 0) out vec4 colour;
+
+DEVELOPED;
+
+void main() {
+    vec3 d = normalize(ray);
+    vec3 c = mix(horizon, zenith, sqrt(clamp(d.z, 0.0, 1.0)));
+#ifdef SUN
+    float near = max(dot(d, light_at[0].xyz), 0.0);
+    c += light_power[0] * (0.15 * pow(near, 60.0) + 20.0 * step(0.99996, near));
+#endif
+    colour = vec4(developed(c), 1.0);
+}
+#endif
+"""
+
+SHADOW_VERTEX = """
+uniform mat4 clip_from_world;
+in vec3 position;
+in mat4 world_from_link;
+
+void main() { gl_Position = clip_from_world * world_from_link * vec4(position, 1.0); }
+"""
+
+SHADOW_FRAGMENT = """
+void main() {}
+"""
+
+
+class Pass(NamedTuple):
+    """The programs that draw everything once: its colors, or the truth about it."""
+
+    surface: moderngl.Program
+    bumped: moderngl.Program
+    """For skins with normals."""
+
+    sky: moderngl.Program
+    ground: moderngl.Program | None
+    """For terrain, where there is one."""
+
+    def lit(self) -> list[moderngl.Program]:
+        """Return those that draw surfaces."""
+        return [self.surface, self.bumped, *([self.ground] if self.ground else [])]
+
+
+class Programs(NamedTuple):
+    """All of one renderer."""
+
+    passes: tuple[Pass, ...]
+    shadow: moderngl.Program
+
+
+class Options(NamedTuple):
+    """What the programs of one renderer are compiled with."""
+
+    lights: int
+    sun: bool
+    """The lights are the sun; if not, lamps."""
+
+    window: bool
+    """There is a map of the shadows around the eye."""
+
+    fog: bool
+
+    def source(self, text: str, *, truth: int = 0, bumps: int = 0, ground: int = 0) -> str:
+        """Return the whole text of a shader; `ground` is the number of a terrain's materials."""
+        switches = {"SUN": self.sun, "WINDOW": self.window, "FOG": self.fog}
+        switches |= {"TRUTH": bool(truth), "BUMPS": bool(bumps)}
+        lines = ["#version 330", f"#define LIGHTS {self.lights}"]
+        lines += [f"#define MAPS {self.lights + self.window}"]
+        lines += [f"#define {name}" for name, on in switches.items() if on]
+        lines += [f"#define GROUND {ground}"] if ground else []
+        lines += [f"#define BRIGHTEST {BRIGHTEST}", f"#define LAMP_RADIUS_M {LAMP_RADIUS_M}"]
+        lines += [f"#define SHARPER {SHARPER}"]
+        return "\n".join([*lines, text.replace("DEVELOPED;", DEVELOPED)])
+
+
+def programs(
+    context: moderngl.Context, light: Lighting, truths: Sequence[bool], *, ground: int = 0
+) -> Programs:
+    """Return the programs, told what never changes.
+
+    Parameters
+    ----------
+    truths
+        For each pass, whether it draws depth and labels; if not, it draws colors.
+    ground
+        Materials of the terrain; 0 where there is none.
+    """
+    fog = light.extinction_per_m > 0
+    wide = light.window_m is not None
+    options = Options(len(light.lights), light.is_sun, wide, fog)
+
+    def made(vertex: str, fragment: str, **switches: int) -> moderngl.Program:
+        return context.program(
+            vertex_shader=options.source(vertex, **switches),
+            fragment_shader=options.source(fragment, **switches),
+        )
+
+    passes = tuple(
+        Pass(
+            surface=made(surface_shader.VERTEX, surface_shader.FRAGMENT, truth=truth),
+            bumped=made(surface_shader.VERTEX, surface_shader.FRAGMENT, truth=truth, bumps=1),
+            sky=made(SKY_VERTEX, SKY_FRAGMENT, truth=truth),
+            ground=made(ground_shader.VERTEX, surface_shader.FRAGMENT, truth=truth, ground=ground)
+            if ground
+            else None,
+        )
+        for truth in truths
+    )
+    # From -1..1 to 0..1, as textures are addressed.
+    halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
+    maps = [halved @ one.clip_from_world for one in light.lights]
+    units = {
+        **{"base": BASE, "bumps": BUMPS, "shadow_map": SHADOWS},
+        **{"heights": HEIGHTS, "cells": CELLS, "kinds": KINDS, "patterns": PATTERNS},
+    }
+    for program in (program for one in passes for program in (*one.lit(), one.sky)):
+        put_matrix(program, "shadow_from_world", maps)
+        put(program, "light_at", [one.at for one in light.lights])
+        put(program, "light_power", [one.power for one in light.lights])
+        for name in ("ambient_above", "ambient_below", "horizon", "zenith"):
+            put(program, name, getattr(light, name))
+        put(program, "extinction", light.extinction_per_m)
+        for name, unit in units.items():
+            put_integers(program, name, unit)
+    return Programs(passes, made(SHADOW_VERTEX, SHADOW_FRAGMENT))

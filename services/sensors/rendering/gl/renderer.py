@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of the world around a sensor, through a pinhole.
+
+Rule: the same poses give the same bits, whatever was drawn before, for one driver's version. A
+renderer has one context, current while it draws, and one size of picture; who wants several points
+of view (two eyes, the poses during an exposure) draws several times.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Collection
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.core.frames import Floats
+from groundlink.scenario.schema import World
+from groundlink.world.terrain import BODY, ground
+from services.sensors.rendering.look.labels import Labels
+from services.sensors.rendering.look.lights import lighting
+from services.sensors.rendering.look.mesh import Mesh, Skin
+from services.sensors.rendering.optics.pinhole import Pinhole
+
+from .context import filtered, open_context
+from .culling import from_near_to_far, seen
+from .ground import DrawnGround
+from .programs import BASE, SHADOWS, programs
+from .shadows import ShadowMaps
+from .stage import Stage, Things
+from .target import ColorTarget, Frame, Layer, TruthTarget
+from .uniforms import put, put_matrix
+
+
+class Renderer:
+    """Draws what a pinhole camera sees.
+
+    Parameters
+    ----------
+    world : World
+        Gives materials, light and fog.
+    around : Things
+        What there is to see.
+    pinhole : Pinhole
+    layers : collection of Layer
+        What frames have. Depth and labels are drawn by one pass, color by another.
+    samples : int
+        Of the color of each pixel: 1, 4 or 16.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        when OpenGL is missing here or does not draw (a `UserError`).
+
+    Attributes
+    ----------
+    labels : Labels
+        What the numbers in frames stand for.
+    exposure : float
+        Factor of all light; 1 suits the world's own light.
+    close : callable
+        Gives the context back; done at the latest when nobody holds the renderer any more.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        around: Things,
+        pinhole: Pinhole,
+        *,
+        layers: Collection[Layer] = ("color", "depth"),
+        samples: int = 4,
+    ) -> None:
+        context = self._context = open_context()
+        self.close = weakref.finalize(self, context.release)
+        context.front_face = "cw"  # pictures have their first row on top
+        light = lighting(world, around.static)
+        terrain = world.terrain and ground(world.terrain)
+        kinds = len(terrain.materials) if terrain else 0
+        size = pinhole.width, pinhole.height
+        self._color = ColorTarget(context, *size, samples) if "color" in layers else None
+        wants_labels = "labels" in layers
+        self._truth = (
+            TruthTarget(context, *size, labels=wants_labels)
+            if "depth" in layers or wants_labels
+            else None
+        )
+        self._targets = [target for target in (self._color, self._truth) if target]
+        truths = [target.truth for target in self._targets]
+        self._programs = programs(context, light, truths, ground=kinds)
+        self._skies = [context.vertex_array(one.sky, []) for one in self._programs.passes]
+        self.labels = Labels(
+            {solid.name for solid in world.solids},
+            {actor.name: actor.kind for actor in world.actors},
+        )
+        self._stage = Stage(context, self._programs, around, world.materials, self.labels)
+        self._ground: DrawnGround | None = None
+        if terrain:
+            number, *_ = self.labels.of_solids([BODY])
+            grounds = [one.ground for one in self._programs.passes if one.ground]
+            self._ground = DrawnGround(context, grounds, terrain, world.materials, light, number)
+        self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
+        self._textures: dict[Skin, list[moderngl.Texture]] = {}
+        self._pinhole = pinhole
+        self._nothing = Frame(np.empty((0, 0, 3), np.uint8), np.empty((0, 0), np.float32), None)
+        self.exposure = 1.0
+
+    @property
+    def mended(self) -> int:
+        """Rectangles of shadow maps that were drawn anew so far, because something had moved."""
+        return self._shadows.mended
+
+    def add(self, mesh: Mesh) -> None:
+        """Stand a mesh in the world that no solid is made of, in the world's frame."""
+        with self._context:
+            self._stage.add(mesh)
+        self._shadows.forget()
+
+    def place(self, world_from_link: Floats) -> None:
+        """Put every link of the surroundings at a pose, shape (links, 7)."""
+        with self._context:
+            self._stage.place(world_from_link)
+
+    def draw(self, world_from_optical: Floats) -> Frame:
+        """Return what is seen from a pose, shape (4, 4), with all links where they were placed."""
+        with self._context:
+            return self._drawn(world_from_optical)
+
+    def _drawn(self, world_from_optical: Floats) -> Frame:
+        eye, world_from_turned = world_from_optical[:3, 3], world_from_optical[:3, :3]
+        clip_from_turned = self._pinhole.clip_from_optical()
+        clip_from_turned[:, :3] @= world_from_turned.T
+        clip_from_world = clip_from_turned.copy()
+        clip_from_world[:, 3] -= clip_from_turned[:, :3] @ eye
+        if self._color:
+            self._shadows.update(eye)
+        shift, scale = self._shadows.window_from_map()
+        for program in (program for one in self._programs.passes for program in one.lit()):
+            put(program, "window_shift", shift)
+            put(program, "window_scale", scale)
+            put_matrix(program, "clip_from_turned", clip_from_turned)
+            put(program, "eye", eye)
+            put(program, "forward", world_from_turned[:, 2])
+            put(program, "exposure", self.exposure)
+        for sky in (one.sky for one in self._programs.passes):
+            put_matrix(sky, "world_from_clip", world_from_turned @ self._pinhole.ray_from_clip())
+            put(sky, "exposure", self.exposure)
+
+        boxes = self._stage.boxes
+        shown = from_near_to_far(boxes, seen(boxes, clip_from_world), eye)
+        parts = [*self._stage.moving, *(self._stage.standing[number] for number in shown)]
+        self._shadows.texture.use(SHADOWS)
+        for number, target in enumerate(self._targets):
+            target.begin()
+            # Far off, depths are coarse: of two that are alike, the first drawn is the nearer one.
+            self._context.depth_func = "<"
+            self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+            for part in parts:
+                if not target.truth:
+                    self._put_on(part.skin)
+                part.surfaces[number].render(instances=part.instances)
+            if self._ground:
+                focal_px = max(self._pinhole.fx, self._pinhole.fy)
+                self._ground.draw(number, clip_from_world, eye, focal_px)
+            self._context.disable(moderngl.CULL_FACE)
+            self._context.depth_func = "<="  # the sky is as far as an empty depth buffer
+            self._skies[number].render(vertices=3)
+        frame = self._nothing
+        if self._color:
+            frame = replace(frame, colour=self._color.read())
+        if self._truth:
+            depth_m, labels = self._truth.read()
+            frame = replace(frame, depth_m=depth_m, labels=labels)
+        return frame
+
+    def _put_on(self, skin: Skin) -> None:
+        if skin not in self._textures:
+            pictures = [skin.base] if skin.normal is None else [skin.base, skin.normal]
+            self._textures[skin] = [_texture(self._context, picture) for picture in pictures]
+        for unit, texture in enumerate(self._textures[skin], BASE):
+            texture.use(unit)
+
+
+def _texture(context: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.Texture:
+    height, width = picture.shape[:2]
+    components = picture.size // (height * width)
+    texture = context.texture((width, height), components, picture.tobytes(), alignment=1)
+    if components == 1:
+        texture.swizzle = "RRR1"
+    return filtered(context, texture)

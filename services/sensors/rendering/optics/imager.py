@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an image sensor makes of light: shot noise, read noise, black level, full scale.
+
+Rule: noise belongs to linear light, as electrons are counted before anything is coded; a coded
+value is squared for it and the root taken again (see `programs.DEVELOPED`; the renderer's tone
+curve counts as the sensor's own). Each pixel has its noise: a colour filter comes before it, and
+of red, green and blue pictures each colour is a pixel, as if there were three sensors.
+
+A pixel of light s, a share of full scale, holds s N / g electrons, of a full well N at gain g.
+Their number varies like Poisson's, by its root, and reading adds its own (EMVA 1288, release 4.0,
+section 2): the variance of s is s g / N + (g r / N)^2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.scenario.lenses import Imager
+from services.sensors.noise.random_streams import RandomStreams
+
+from .shutter import LIGHT
+
+IDEAL_EXPOSURE_S = 0.01
+"""As bright as the world's own light is seen."""
+
+STEPS_PER_SIGMA = 32
+"""Normal numbers are kept in 8 bits: up to 4 sigma."""
+
+STARTS = 1 << 20
+"""Places in the pool of noise where a picture's may begin."""
+
+
+class Electronics:
+    """The noise of one camera.
+
+    Parameters
+    ----------
+    spec : Imager
+    values : int
+        Numbers in a picture, all colours together.
+    streams : RandomStreams
+
+    Attributes
+    ----------
+    brightness : float
+        Factor of light by exposure and gain.
+    """
+
+    def __init__(self, spec: Imager, values: int, streams: RandomStreams) -> None:
+        exposure_s = spec.exposure_s or IDEAL_EXPOSURE_S
+        self.brightness = exposure_s / IDEAL_EXPOSURE_S * spec.gain
+        self._streams, self._values = streams, values
+        self._coded = coded(spec)
+        self._ideal = not spec.full_well_electrons and not spec.black_level
+        self._pool = np.zeros(0, np.uint8)
+        if not self._ideal:
+            normals = streams.at("grain", 0).standard_normal(values + STARTS, np.float32)
+            steps = np.clip(np.rint(STEPS_PER_SIGMA * normals), -127, 127)
+            self._pool = (steps + 128).astype(np.uint8)
+
+    def read(self, pixels: NDArray[np.uint8], tick: int) -> NDArray[np.uint8]:
+        """Return what is read at a tick where `pixels` would be without noise, in their shape."""
+        if self._ideal:
+            return pixels
+        start = int(self._streams.at("noise", tick).integers(STARTS))
+        noise = self._pool[start : start + self._values].reshape(pixels.shape)
+        return np.asarray(self._coded[pixels.astype(np.uint16) << 8 | noise])
+
+
+def coded(spec: Imager) -> NDArray[np.uint8]:
+    """Return what is read by value and noise, shape (65536,): 256 steps of noise for each value."""
+    light = LIGHT.astype(np.float64)[:, None]
+    sigma = np.zeros((256, 1))
+    if spec.full_well_electrons:
+        per_electron = spec.gain / spec.full_well_electrons
+        sigma = np.sqrt(light * per_electron + (spec.read_noise_electrons * per_electron) ** 2)
+    noise = (np.arange(256) - 128) / STEPS_PER_SIGMA
+    read = np.clip(spec.black_level + light + sigma * noise, 0.0, 1.0)
+    return np.asarray(np.rint(255 * np.sqrt(read)), np.uint8).ravel()

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a lens makes of a picture that was drawn through a pinhole.
+
+Rule: the pinhole is made so wide that every pixel that gets light has some of it: distortion has no
+black corners; only a fisheye's picture is black, beyond its circle of `MAX_FIELD_DEG`. Green obeys
+K and the coefficients exactly; red and blue are larger and smaller. Depth and labels are those of
+the nearest drawn pixel: z stays that along the optical axis. An ideal lens costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.core.frames import Floats
+from groundlink.scenario import lenses
+from services.sensors.rendering.gl.target import Frame
+
+from .distortion import slopes
+from .focus import Focus
+from .pinhole import Pinhole
+
+MOST_PIXELS = 4.0
+"""How many times those of the picture are drawn at most; beyond, its middle is less sharp."""
+
+MARGIN = 2.0
+"""Pixels drawn around what is needed."""
+
+NOWHERE = -10.0
+"""Place of what no light comes to: outside."""
+
+
+class Lens:
+    """The lens of one camera.
+
+    Parameters
+    ----------
+    spec : lenses.Lens
+    pinhole : Pinhole
+        Size of the picture, and K.
+
+    Raises
+    ------
+    UserError
+        when the lens cannot be drawn.
+
+    Attributes
+    ----------
+    drawn : Pinhole
+        Through which pictures have to be drawn.
+    """
+
+    def __init__(self, spec: lenses.Lens, pinhole: Pinhole) -> None:
+        self.drawn = pinhole
+        self._bend: _Bend | None = None
+        self._coloring: list[Callable[[Frame], NDArray[np.uint8]]] = []
+        colours = 1 + spec.chromatic_aberration * np.array([1.0, 0.0, -1.0])
+        if spec.chromatic_aberration or not spec.is_straight:
+            rays = [slopes(spec, pinhole, scale) for scale in dict.fromkeys(colours.tolist())]
+            self.drawn = covering(pinhole, rays)
+            self._bend = _Bend(self.drawn, rays)
+        if spec.aperture_m:
+            focal_px = (pinhole.fx + pinhole.fy) / 2
+            self._coloring.append(Focus(focal_px * spec.aperture_m, spec.focus_m).seen)
+        if spec.vignetting:
+            left = _left(spec.vignetting, pinhole)
+            self._coloring.append(
+                lambda frame: np.asarray(cv2.multiply(frame.colour, left, scale=1 / 255))
+            )
+
+    def seen(self, frame: Frame) -> Frame:
+        """Return what is seen where `frame` was drawn through `drawn`, in the layers it has."""
+        if self._bend:
+            frame = self._bend.bent(frame)
+        if frame.colour.size:
+            for step in self._coloring:
+                frame = replace(frame, colour=step(frame))
+        return frame
+
+
+def covering(pinhole: Pinhole, rays: list[Floats]) -> Pinhole:
+    """Return a pinhole that sees all `rays`, as sharp in its middle if that is not too costly."""
+    every = np.concatenate([of.reshape(-1, 2) for of in rays])
+    low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+    focal = np.array([pinhole.fx, pinhole.fy])
+    needed = np.prod((high - low) * focal) / (pinhole.width * pinhole.height)
+    focal *= min(1.0, (MOST_PIXELS / needed) ** 0.5)
+    width, height = np.ceil((high - low) * focal + 2 * MARGIN).astype(int).tolist()
+    cx, cy = (MARGIN - low * focal).tolist()
+    fx, fy = focal.tolist()
+    return Pinhole(width, height, fx, fy, cx, cy)
+
+
+def _left(vignetting: float, pinhole: Pinhole) -> NDArray[np.uint8]:
+    """Return the factors of coded values, 255 for 1, shape (H, W, 3): roots of those of light."""
+    x = np.arange(pinhole.width) - pinhole.cx
+    y = (np.arange(pinhole.height) - pinhole.cy)[:, None]
+    squared = x**2 + y**2
+    left = 255 / (1 + vignetting * squared / squared.max())
+    return np.repeat(np.rint(left).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+class _Bend:
+    """Maps from a drawn picture to that behind the lens."""
+
+    def __init__(self, drawn: Pinhole, rays: list[Floats]) -> None:
+        focal, middle = np.array([drawn.fx, drawn.fy]), np.array([drawn.cx, drawn.cy])
+        places = [
+            np.where(np.isnan(of), NOWHERE, of * focal + middle).astype(np.float32) for of in rays
+        ]
+        none = np.empty(0, np.float32)
+        self._colours = [cv2.convertMaps(place, none, cv2.CV_16SC2) for place in places]
+        self._nearest = np.rint(places[len(places) // 2]).astype(np.int16)  # of green
+
+    def bent(self, frame: Frame) -> Frame:
+        colour, depth_m, labels = frame.colour, frame.depth_m, frame.labels
+        if colour.size:
+            channels = cv2.split(colour) if len(self._colours) > 1 else [colour]
+            bent = [
+                cv2.remap(channel, whole, parts, cv2.INTER_LINEAR)
+                for channel, (whole, parts) in zip(channels, self._colours, strict=True)
+            ]
+            colour = np.asarray(cv2.merge(bent) if len(bent) > 1 else bent[0], np.uint8)
+        if depth_m.size:
+            depth_m = self._picked(depth_m, np.inf)
+        if labels is not None:
+            # Whole numbers below 2^24 are exact in float32, which OpenCV can remap.
+            labels = self._picked(labels.astype(np.float32), -1.0).astype(np.int32)
+        return Frame(colour, depth_m, labels)
+
+    def _picked(self, pixels: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
+        none = np.empty(0, np.int16)
+        nearest = cv2.INTER_NEAREST
+        picked = cv2.remap(pixels, self._nearest, none, nearest, borderValue=outside)
+        return np.asarray(picked, np.float32)

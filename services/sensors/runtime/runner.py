@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Around a sensor model: feeds it states in order and publishes readings.
+
+Rule: everything that is not the sensor. A model is restarted after every gap in ticks, and readings
+that a predecessor has already published are not published again. What is due and does not come is
+told; who may be behind only so far, lets states go and takes up the newest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, BadMessage, Message, State, measured_nanos
+from groundlink.messages.missing_readings import Cause
+
+from .model import Beside, LeftOut, RememberingModel, SensorModel, SkippingModel, parted
+from .reading_ledger import Account, NoAccount
+
+
+def _never(world: str) -> bool:
+    """Know of no other world."""
+    return False
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    """What a successor has to know."""
+
+    account: bytes = b""
+    model: bytes = b""
+
+
+class SensorProcess:
+    """A model between the states of a run and its readings.
+
+    Parameters
+    ----------
+    expected_world_hash
+        Of the world that the model was made for.
+    renew
+        Makes the model one for the world of another hash; False where there is none.
+    account
+        Of what is due and what becomes of it.
+    links_made
+        Tells how often the run had to be joined by another link.
+    patience_ticks
+        States that may wait: with more of them it leaves out readings rather than to be late. None
+        where nothing is to be left out, however late it gets.
+    """
+
+    def __init__(
+        self,
+        model: SensorModel,
+        *,
+        expected_world_hash: str,
+        renew: Callable[[str], object] = _never,
+        ack_ticks: int,
+        publish: Callable[[Message | Beside], object],
+        acknowledge: Callable[[Ack], object],
+        account: Account | NoAccount | None = None,
+        links_made: Callable[[], int] = lambda: 0,
+        patience_ticks: int | None = None,
+    ) -> None:
+        self._model = model
+        self._account = account or NoAccount()
+        self._links_made, self._told_by = links_made, links_made()
+        self._patience_ticks = patience_ticks
+        self._lets_go = False
+        self._gap_cause: Cause = "states lost"
+        # Asked once: it takes 20 us, more than most sensors take for a state.
+        self._skipping = (
+            model if patience_ticks is not None and isinstance(model, SkippingModel) else None
+        )
+        self._expected_world_hash, self._renew = expected_world_hash, renew
+        self.worlds = 1
+        self._ack_ticks = ack_ticks
+        self._publish = publish
+        self._acknowledge = acknowledge
+        self.acknowledged_tick = -1
+        self.epoch_nanos = 0
+        self._life: int | None = None
+        self._published_to = -1
+        self.tick = -1
+        self.readings = 0
+        self.missed_ticks = 0
+        self.refused = 0
+
+    def resume(self, ack: Ack) -> None:
+        """Go on where a predecessor stopped: what it has settled is not published again."""
+        self._model.restart()
+        self._life = ack.life
+        self._published_to = ack.settled_tick
+        # Others may need earlier states; what is remembered here is of the settled tick.
+        self.tick = max(ack.settled_tick, 0) - 1
+        self._gap_cause = "restarted"
+        self._remember(ack.memory)
+        self.acknowledged_tick = ack.tick
+        self._acknowledge(ack)
+
+    def _remember(self, memory: bytes) -> None:
+        known = msgspec.msgpack.decode(memory, type=_Memory) if memory else _Memory()
+        self._account.remember(known.account)
+        if isinstance(self._model, RememberingModel):
+            self._model.remember(known.model)
+
+    def _is_let_go(self, waiting: int) -> bool:
+        """Return whether a state is let go: once too many wait, all but the newest are."""
+        if self._patience_ticks is None:
+            return False
+        self._lets_go = waiting > (0 if self._lets_go else self._patience_ticks)
+        if self._lets_go:
+            self._gap_cause = "overloaded"
+        return self._lets_go
+
+    def take(self, state: State, waiting: int = 0) -> None:
+        """Feed one state; publish what it makes measurable. So many more have arrived by now.
+
+        Raises
+        ------
+        UserError
+            when physics simulates another world than this replica holds.
+        """
+        if state.life == self._life and state.tick <= self.tick:
+            return
+        if self._is_let_go(waiting):
+            return
+        if state.world_hash != self._expected_world_hash:
+            if not self._renew(state.world_hash):
+                raise UserError(
+                    f"the world differs: physics has {state.world_hash[:12]}, this process has "
+                    f"{self._expected_world_hash[:12]}; run the same version of Groundlink on "
+                    "every host, and restart this sensor after the scenario was changed"
+                )
+            self._expected_world_hash = state.world_hash
+            self.worlds += 1
+        self.epoch_nanos = state.epoch_nanos
+        if state.life != self._life:
+            self._life, self._published_to, self.tick = state.life, -1, -1
+            self.acknowledged_tick = -1
+            self._model.restart()
+            self._remember(b"")
+        elif self.tick >= 0 and state.tick != self.tick + 1:
+            self.missed_ticks += state.tick - self.tick - 1
+            self._published_to = -1
+            self._model.restart()
+            self._account.because(self._gap_cause)
+        self._gap_cause = "states lost"
+        self.tick = state.tick
+        if self._skipping is not None:
+            self._skipping.behind(waiting)
+        settled_before = self._model.settled_tick()
+        try:
+            made = list(self._model.readings(state))
+        except BadMessage:  # a state that is well formed and lacks what is measured
+            self.refused += 1
+            self._account.because("states lost")
+            return
+        for one in made:
+            if settled_before < self._published_to:
+                continue
+            self._published_to = -1
+            if isinstance(one, LeftOut):
+                self._account.left_out(one)
+                continue
+            self._publish(one)
+            self.readings += 1
+            output, message = parted(one)
+            self._account.published(output, measured_nanos(message) - state.epoch_nanos)
+        if state.tick % self._ack_ticks == 0:
+            self.tell_progress()
+
+    def tell_progress(self) -> None:
+        """Tell what is missing, and acknowledge the last state with what a successor must know."""
+        assert self._life is not None, "no state was taken"
+        settled = self._model.settled_tick()
+        instant = self.epoch_nanos + self.tick * TICK_NANOS
+        link = self._links_made()
+        again, self._told_by = link != self._told_by, link
+        self._account.tell(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
+        memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
+        known = _Memory(self._account.memory(), memory)
+        self.acknowledged_tick = self.tick
+        self._acknowledge(Ack(self._life, self.tick, settled, msgspec.msgpack.encode(known)))

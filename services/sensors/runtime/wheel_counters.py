@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The 64-bit counters of wheel encoders: the paper's 3.3.4.
+
+Rule: a counter is a function of its wheel's angle, plus what was missed or reset. The paper adds up
+differences of angle and counts one up or down whenever they reach the encoder's resolution; joint
+angles never wrap, so the sum of the differences is the angle itself, and the count is how many
+lines of the disc have gone past. The lines stand still on the disc, as a real encoder's do: a line
+passed forward counts up and the same line passed back counts down again. The first line is half a
+resolution away from angle zero, so that a wheel at rest there does not flicker, both directions
+count alike, and a counter is never further than half a tick from the angle. (The paper's rule
+starts anew at the last count, which makes a backlash of one tick; the two differ by one tick at
+most.)
+
+A wheel may err: by a relative error of scale, drawn for a run, and by slip, a random walk of the
+angle (`scale_stddev`, `slip_stddev`). The counter then follows the angle with these errors.
+
+What was missed, reset and slipped is all that has to be remembered. Nothing is missed and nothing
+slips where states are lost.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from groundlink.core.clock import NANOS, TICK_NANOS, exact
+from groundlink.messages.base import BadMessage, State, floats
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensors import Encoders
+from services.sensors.noise.random_streams import RandomStreams
+
+BLOCK_TICKS = 128
+"""Ticks whose slip is drawn from one stream."""
+
+
+def wrapped(count: int) -> int:
+    """Return a count as a signed counter of 64 bits holds it; of a difference, the short way."""
+    return (count + 2**63) % 2**64 - 2**63
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    """Of all counters."""
+
+    offsets: list[int]
+    """What each counter says beyond the lines that its wheel has passed."""
+
+    resets: int = 0
+    """Done so far."""
+
+    slipped: list[float] = msgspec.field(default_factory=list)
+    """Radians that each wheel's counted angle is ahead, beside its error of scale."""
+
+
+class WheelCounters:
+    """The counters of one vehicle's wheels, as one of its `encoders` sensors has them."""
+
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Encoders) -> None:
+        self._vehicle = vehicle.name
+        model = vehicle.model
+        self.names = tuple(shaft.name for shaft in model.counted)
+        """Of wheels, or of tracks, in the order of their counters."""
+
+        # A track's wheels turn together, so any of them tells how its sprocket turns.
+        self._wheels = [shaft.wheels[0] for shaft in model.counted]
+        self._gears = [
+            model.wheels[shaft.wheels[0]].radius_m / shaft.radius_m for shaft in model.counted
+        ]
+        self._joints = len(model.wheels)
+
+        self._lines_per_radian = spec.ticks_per_wheel_revolution / (2 * math.pi)
+        self._signs = [-1 if name in spec.reversed_wheels else 1 for name in self.names]
+        self._start_ticks = spec.start_ticks
+        self._missed = spec.missed_ticks
+        self._slip_stddev = spec.slip_stddev
+        self._slips: tuple[int, list[list[float]]] = (-1, [])
+        self._reset_ticks = [-int(-exact(s) * NANOS // TICK_NANOS) for s in spec.resets_s]
+        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        normal = self._streams.at("scale", 0).standard_normal(len(self.names))
+        scales = (1 + spec.scale_stddev * normal).tolist()
+        self._gears = [gear * scale for gear, scale in zip(self._gears, scales, strict=True)]
+        self.remember(b"")
+
+    def remember(self, memory: bytes) -> None:
+        """Go on from an earlier `memory()`; from an empty one, as when physics starts."""
+        if memory:
+            self._memory = msgspec.msgpack.decode(memory, type=_Memory)
+        else:
+            count = len(self.names)
+            self._memory = _Memory([self._start_ticks] * count, slipped=[0.0] * count)
+        self.restart()
+
+    def memory(self) -> bytes:
+        """Return what the last state does not tell."""
+        return msgspec.msgpack.encode(self._memory)
+
+    def restart(self) -> None:
+        """Forget earlier angles: time jumped or states were lost."""
+        self._angles: list[float] = []
+        self._turned: list[float] = []
+        self._before: tuple[list[float], list[int]] = ([], [])
+
+    def advance(self, state: State) -> None:
+        """Take the state of the next tick.
+
+        Raises
+        ------
+        BadMessage
+            when it lacks a wheel of the vehicle.
+        """
+        vehicle = state.vehicles.get(self._vehicle)
+        angles = [] if vehicle is None else floats(vehicle.joint_positions).tolist()
+        if len(angles) != self._joints:
+            raise BadMessage(
+                f"state of tick {state.tick}: {len(angles)} joint positions of `{self._vehicle}`, "
+                f"expected {self._joints}"
+            )
+        angles = [angles[i] * gear for i, gear in zip(self._wheels, self._gears, strict=True)]
+        if self._slip_stddev:
+            angles = self._slipped(state.tick, angles)
+        last = self._angles or angles
+        self._reset(state.tick, last)
+        self._before = (last, list(self._memory.offsets))
+        self._angles = angles
+        if self._missed:
+            self._miss(state.tick, last)
+
+    def ticks(self, lead_nanos: int = 0) -> tuple[int, ...]:
+        """Return the counters at `lead_nanos` (of the last tick, not above 0) from the last state.
+
+        Between two states by linear interpolation: within a tick a wheel turns at constant speed.
+        """
+        angles, offsets = self._angles, self._memory.offsets
+        if lead_nanos:
+            share = 1 + lead_nanos / TICK_NANOS
+            angles_before, offsets_before = self._before
+            angles = [b + share * (now - b) for b, now in zip(angles_before, angles, strict=True)]
+            pairs = zip(offsets_before, offsets, strict=True)
+            offsets = [b + round(share * wrapped(now - b)) for b, now in pairs]
+        return tuple(
+            wrapped(sign * self._line(angle) + offset)
+            for sign, angle, offset in zip(self._signs, angles, offsets, strict=True)
+        )
+
+    def _line(self, angle: float) -> int:
+        return math.floor(angle * self._lines_per_radian + 0.5)
+
+    def _reset(self, tick: int, angles: list[float]) -> None:
+        """Let the counters begin anew if they were to do so before this tick."""
+        memory = self._memory
+        while memory.resets < len(self._reset_ticks) and self._reset_ticks[memory.resets] < tick:
+            memory.resets += 1
+            memory.offsets = [
+                wrapped(-sign * self._line(angle))
+                for sign, angle in zip(self._signs, angles, strict=True)
+            ]
+
+    def _slipped(self, tick: int, angles: list[float]) -> list[float]:
+        """Return angles with each wheel's slip up to this tick."""
+        block, row = divmod(tick, BLOCK_TICKS)
+        if block != self._slips[0]:
+            generator = self._streams.at("slip", block * BLOCK_TICKS)
+            normal = generator.standard_normal((BLOCK_TICKS, len(angles)))
+            self._slips = block, (self._slip_stddev * normal).tolist()
+        last, self._turned = self._turned or angles, angles
+        self._memory.slipped = [
+            slipped + slip * math.sqrt(abs(now - before))
+            for slipped, slip, now, before in zip(
+                self._memory.slipped, self._slips[1][row], angles, last, strict=True
+            )
+        ]
+        return [angle + slip for angle, slip in zip(angles, self._memory.slipped, strict=True)]
+
+    def _miss(self, tick: int, last: list[float]) -> None:
+        """Take back some of the lines that went by in this tick."""
+        pairs = zip(self._angles, last, strict=True)
+        steps = [self._line(now) - self._line(before) for now, before in pairs]
+        generator = self._streams.at("missed_ticks", tick)
+        missed = generator.binomial([abs(step) for step in steps], self._missed).tolist()
+        self._memory.offsets = [
+            wrapped(offset - sign * int(math.copysign(count, step)))
+            for offset, sign, count, step in zip(
+                self._memory.offsets, self._signs, missed, steps, strict=True
+            )
+        ]

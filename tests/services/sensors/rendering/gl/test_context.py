@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a user reads where pictures cannot be drawn."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+
+import moderngl
+import pytest
+
+from groundlink.core.errors import UserError
+from services.sensors.rendering.gl import context
+
+DEBIAN = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
+
+
+def test_a_context_draws() -> None:
+    opened = context.open_context()
+    assert opened.version_code >= 330
+    opened.release()
+
+
+def line() -> str:
+    with pytest.raises(UserError) as caught:
+        context.open_context()
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_without_moderngl(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name == "moderngl" else real(name)
+    )
+    assert "pip install groundlink[camera]" in line()
+
+
+def test_without_egl(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(**_: object) -> None:
+        raise Exception("libEGL.so\nnot loaded")
+
+    monkeypatch.setattr(moderngl, "create_context", missing)
+    text = line()
+    assert DEBIAN in text
+    assert "libEGL.so not loaded" in text
+
+
+@pytest.mark.parametrize(("right", "wrong"), [("0.2, 0.4", "0.0, 0.0"), ("1234.5", "0.0")])
+def test_a_driver_that_draws_nothing(
+    right: str, wrong: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fragment = context._FRAGMENT.replace(right, wrong)
+    assert fragment != context._FRAGMENT
+    monkeypatch.setattr(context, "_FRAGMENT", fragment)
+    text = line()
+    assert "test triangle" in text
+    assert DEBIAN in text
+
+
+def test_a_process_ends_with_one_line_and_3() -> None:
+    broken = (
+        "import moderngl, threading\n"
+        "def missing(**_): raise Exception('no EGL')\n"
+        "moderngl.create_context = missing\n"
+        "from groundlink.process import runner\n"
+        "from services.sensors.rendering.gl.context import open_context\n"
+        "runner.run('sensors.camera', lambda *_: open_context())\n"
+    )
+    done = subrunner.run(
+        [sys.executable, "-c", broken], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 3
+    assert done.stderr.startswith("sensors.camera: cameras need OpenGL 3.3")
+    assert done.stderr.count("\n") == 1

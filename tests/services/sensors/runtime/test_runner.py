@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The process around a model, with a stand-in model and without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import msgspec
+import pytest
+
+from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Ack, Clock, Message, State
+from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.reading_schedule import Events
+from services.sensors.runtime.model import Made
+from services.sensors.runtime.reading_ledger import Account
+from services.sensors.runtime.runner import SensorProcess
+
+HASH = "ab" * 32
+PERIOD = 40
+ACK_TICKS = 50
+
+
+class EveryFortyTicks:
+    """Measures over 40 ticks; like a LiDAR it settles a tick when its revolution is out."""
+
+    def __init__(self) -> None:
+        self.restart()
+        self.restarts = 0
+
+    def restart(self) -> None:
+        self.restarts = getattr(self, "restarts", 0) + 1
+        self._settled = -1
+        self._expected: int | None = None
+
+    def readings(self, state: State) -> Iterable[Made]:
+        assert self._expected in (None, state.tick), "a model never sees a gap"
+        self._expected = state.tick + 1
+        if state.tick % PERIOD == 0:
+            if self._settled >= 0:
+                stamp = state.epoch_nanos + (state.tick - PERIOD) * TICK_NANOS
+                yield Clock(stamp, state.epoch_nanos, state.tick, state.life)
+            self._settled = state.tick
+
+    def settled_tick(self) -> int:
+        return self._settled
+
+
+class Counts(EveryFortyTicks):
+    """Remembers how many states it has seen since physics began."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen = 0
+
+    def readings(self, state: State) -> Iterable[Made]:
+        self.seen += 1
+        return super().readings(state)
+
+    def memory(self) -> bytes:
+        return str(self.seen).encode()
+
+    def remember(self, memory: bytes) -> None:
+        self.seen = int(memory or b"0")
+
+
+class Bench:
+    def __init__(
+        self,
+        model: EveryFortyTicks | None = None,
+        worlds: Sequence[str] = (),
+        patience_ticks: int | None = None,
+    ) -> None:
+        self.model = model or EveryFortyTicks()
+        self.asked: list[str] = []
+        self.worlds = worlds
+        self.published: list[Message] = []
+        self.acks: list[Ack] = []
+        self.told: list[Gaps] = []
+        self.links_made = 0
+        self.account = Account("rover/it", Events(TICK_RATE_HZ / PERIOD), [""], self.told.append)
+        self.sensor = SensorProcess(
+            self.model,
+            expected_world_hash=HASH,
+            renew=self._renew,
+            ack_ticks=ACK_TICKS,
+            publish=self.published.append,
+            acknowledge=self.acks.append,
+            account=self.account,
+            links_made=lambda: self.links_made,
+            patience_ticks=patience_ticks,
+        )
+
+    def _renew(self, world: str) -> bool:
+        self.asked.append(world)
+        return world in self.worlds
+
+    def take(self, ticks: Iterable[int], epoch: int = 0, waiting: int = 0) -> None:
+        for tick in ticks:
+            state = State("run", epoch, epoch, tick, tick * TICK_NANOS, HASH, {})
+            self.sensor.take(state, waiting)
+
+    def stamps(self) -> list[int]:
+        """Return those of what was published, in ticks."""
+        return [
+            (m.stamp_nanos - m.epoch_nanos) // TICK_NANOS
+            for m in self.published
+            if isinstance(m, Clock)
+        ]
+
+    def gaps(self) -> list[tuple[str, int, int, int]]:
+        """Return what was told to be missing: why, from and to which tick, how many."""
+        return [
+            (gap.cause, gap.first_nanos // TICK_NANOS, gap.last_nanos // TICK_NANOS, gap.readings)
+            for told in self.told
+            for gap in told.gaps
+        ]
+
+    def memories(self) -> list[bytes]:
+        """Return what the model remembered at each word of its process."""
+        return [msgspec.msgpack.decode(ack.memory)[1] for ack in self.acks]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_states_go_in_and_readings_come_out(bench: Bench) -> None:
+    bench.take(range(200))
+    assert bench.stamps() == [0, 40, 80, 120]
+    assert (bench.sensor.readings, bench.sensor.missed_ticks) == (4, 0)
+    assert bench.told == []
+
+
+def test_a_gap_is_counted_and_restarts_the_model(bench: Bench) -> None:
+    bench.take([*range(100), *range(110, 250)])
+    assert bench.sensor.missed_ticks == 10
+    assert bench.stamps() == [0, 40, 120, 160, 200]
+    assert bench.gaps() == [("states lost", 80, 80, 1)]
+    assert bench.account.missing == {"states lost": 1}
+
+
+def test_repeated_states_are_passed_over(bench: Bench) -> None:
+    bench.take([0, 1, 1, 0, *range(2, 81)])
+    assert bench.stamps() == [0, 40]
+    assert bench.sensor.missed_ticks == 0
+
+
+def test_a_new_life_of_physics_begins_anew_without_a_gap(bench: Bench) -> None:
+    bench.take(range(100), epoch=1)
+    bench.take(range(100), epoch=2)
+    assert bench.stamps() == [0, 40, 0, 40]
+    assert bench.sensor.missed_ticks == 0
+    assert bench.told == []
+
+
+def test_a_successor_repeats_nothing_that_was_settled(bench: Bench) -> None:
+    bench.sensor.resume(Ack(0, 130, 120))
+    bench.take(range(300))
+    assert bench.stamps() == [120, 160, 200, 240]
+
+
+def test_a_successor_of_nobody_publishes_everything(bench: Bench) -> None:
+    bench.sensor.resume(Ack(0, -1, -1))
+    bench.take(range(100))
+    assert bench.stamps() == [0, 40]
+
+
+def test_a_gap_after_resuming_withholds_nothing(bench: Bench) -> None:
+    bench.sensor.resume(Ack(0, 50, 40))
+    bench.take([*range(130), *range(150, 250)])
+    assert bench.stamps() == [40, 80, 160, 200]
+
+
+def test_who_joins_a_run_under_way_was_not_there(bench: Bench) -> None:
+    bench.take(range(110, 201))
+    assert bench.stamps() == [120, 160]
+    assert bench.gaps() == [("not there", 0, 80, 3)]
+
+
+def test_what_a_successor_cannot_make_up_for_is_missing_since_its_predecessor(
+    bench: Bench,
+) -> None:
+    bench.take(range(101))
+    after = Bench()
+    after.sensor.resume(bench.acks[-1])
+    after.take(range(300, 401))
+    assert bench.stamps() + after.stamps() == [0, 40, 320, 360]
+    assert after.gaps() == [("restarted", 80, 280, 6)]
+
+
+def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
+    bench = Bench(patience_ticks=100)
+    bench.take(range(90), waiting=100)
+    bench.take(range(90, 190), waiting=101)
+    # Not before it is abreast: else it would be behind again at once.
+    bench.take(range(190, 240), waiting=1)
+    bench.take(range(240, 401))
+    assert bench.stamps() == [0, 40, 240, 280, 320, 360]
+    assert bench.gaps() == [("overloaded", 80, 200, 4)]
+    patient = Bench()
+    patient.take(range(401), waiting=1000)
+    assert patient.told == []
+
+
+def test_what_is_lost_after_what_was_let_go_has_its_own_cause() -> None:
+    bench = Bench(patience_ticks=100)
+    bench.take([*range(90), 100])
+    bench.take(range(101, 150), waiting=101)
+    bench.take([*range(150, 300), *range(350, 500)])
+    assert bench.gaps() == [("overloaded", 80, 120, 2), ("states lost", 280, 320, 2)]
+
+
+def test_what_may_have_gone_by_a_dead_link_is_told_again_by_the_next_one(bench: Bench) -> None:
+    lost, later = ("states lost", 80, 80, 1), ("states lost", 240, 240, 1)
+    bench.take([*range(100), *range(110, 230)])
+    assert bench.gaps() == [lost]
+    bench.links_made += 1
+    bench.take([*range(230, 245), *range(246, 330)])
+    assert bench.gaps() == [lost, lost, later]
+    assert bench.told[1].stamp_nanos > bench.told[0].stamp_nanos, "a recorder takes no older one"
+    assert bench.account.missing == {"states lost": 2}
+    bench.take(range(330, 13_000))
+    bench.links_made += 1
+    bench.take(range(13_000, 13_200))
+    assert bench.gaps() == [lost, lost, later], "it has come by now, or never will"
+
+
+def test_a_new_life_hears_nothing_of_the_one_before(bench: Bench) -> None:
+    bench.take([*range(100), *range(110, 200)])
+    bench.links_made += 1
+    bench.take(range(200), epoch=9)
+    assert len(bench.told) == 1
+
+
+def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
+    bench.take(range(101))
+    told = [(ack.life, ack.tick, ack.settled_tick) for ack in bench.acks]
+    assert told == [(0, 0, 0), (0, ACK_TICKS, 40), (0, 2 * ACK_TICKS, 80)]
+
+
+def test_another_world_is_refused(bench: Bench) -> None:
+    with pytest.raises(UserError, match="the world differs: physics has cdcdcdcdcdcd"):
+        bench.sensor.take(State("run", 0, 0, 0, 0, "cd" * 32, {}))
+
+
+def test_a_changed_world_is_asked_for_once_and_then_known() -> None:
+    other = "cd" * 32
+    bench = Bench(worlds=[other])
+    bench.take(range(50))
+    for tick in range(50, 140):
+        bench.sensor.take(State("run", 0, 0, tick, tick * 2_500_000, other, {}))
+    assert bench.asked == [other]
+    assert (bench.sensor.worlds, bench.sensor.missed_ticks) == (2, 0)
+    assert bench.stamps() == [0, 40, 80]
+    with pytest.raises(UserError, match="physics has efefefefefef, this process has cdcdcdcdcdcd"):
+        bench.sensor.take(State("run", 0, 0, 140, 0, "ef" * 32, {}))
+
+
+def test_what_a_model_remembers_goes_with_its_progress() -> None:
+    bench = Bench(Counts())
+    bench.take(range(101))
+    assert bench.memories() == [b"1", b"51", b"101"]
+
+
+def test_a_successor_is_told_what_its_predecessor_remembered() -> None:
+    before, model = Bench(Counts()), Counts()
+    before.take(range(51))
+    bench = Bench(model)
+    bench.sensor.resume(before.acks[-1])
+    bench.take(range(30, 60))
+    assert model.seen == 51 + 20  # From the settled tick on: earlier states are for others.
+    assert bench.acks[:1] == before.acks[-1:]  # And tells it on, should it end at once.
+
+
+def test_a_gap_is_remembered_over_but_no_new_life_of_physics() -> None:
+    model = Counts()
+    bench = Bench(model)
+    bench.take([*range(100), *range(110, 120)], epoch=1)
+    assert model.seen == 110
+    bench.take(range(10), epoch=2)
+    assert model.seen == 10
+
+
+class Skips(EveryFortyTicks):
+    """Notes how far behind it is told to be."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[int] = []
+
+    def behind(self, waiting: int) -> None:
+        self.told.append(waiting)
+
+
+def test_a_model_that_skips_is_told_how_far_behind_it_is() -> None:
+    model = Skips()
+    bench = Bench(model, patience_ticks=100)
+    for tick, waiting in enumerate((0, 3, 41)):
+        bench.take([tick], waiting=waiting)
+    assert model.told == [0, 3, 41]
+
+
+def test_one_that_is_waited_for_is_not() -> None:
+    model = Skips()
+    Bench(model).take(range(3), waiting=41)
+    assert model.told == []
