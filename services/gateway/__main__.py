@@ -23,6 +23,8 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 
 with process_needs("gateway", "gateway"):
+    from services.gateway.lockstep.gateway import REPAIR, Lockstep
+    from services.gateway.lockstep.reply_mailbox import Words
     from udp_bridge.around import PeersOnly, Sealed
     from udp_bridge.header import BadMessage
     from udp_bridge.keys import BadKey, Misfits, read_key
@@ -33,17 +35,15 @@ with process_needs("gateway", "gateway"):
     from udp_bridge.types import CONTROL
     from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
 
+    from .bus_session import NAME, Kept
     from .emulated import Emulated
     from .following import Following
     from .gateway import Gateway
-    from .kept import NAME, Kept
-    from .lockstep import REPAIR, Lockstep
     from .memory import known_of, memory_of, recall
+    from .peer_resolver import Whereabouts
     from .rmw_zenoh import Facade
     from .streams import repair_table, waiting_table
     from .subscriptions import Address
-    from .whereabouts import Whereabouts
-    from .words import Words
 
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""

@@ -24,6 +24,7 @@ from groundlink.ros.base import Bases
 from groundlink.ros.encoding import to_cdr
 from groundlink.ros.streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
+from services.gateway.lockstep.reply_mailbox import Words
 from udp_bridge import control
 from udp_bridge.control import LinkReport, Subscribe, Wish, Word
 from udp_bridge.fragments import TooLarge
@@ -33,13 +34,12 @@ from udp_bridge.link import Link
 from udp_bridge.message import Message as WireMessage
 from udp_bridge.types import CONTROL, SUBSCRIBE
 
-from .attendance import Attendance
 from .incoming import LATCHED, Incoming
+from .missing_readings import Attendance
 from .reports import PeerReports, peer_counters, with_pushed_out
 from .rmw_zenoh import Facade, NoFacade
 from .streams import wire_type
 from .subscriptions import Address, Subscriptions, TopicKey
-from .words import Words
 
 STALE_SLACK_NANOS = 100_000_000
 """A stream may be this much ahead of the clock that the gateway has heard."""

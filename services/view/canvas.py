@@ -22,9 +22,9 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import RotatingLidar, Sensor
 
-from .colours import Colouring
-from .placing import PoseHistory
+from .colors import Colouring
 from .plots import TIMELINE, Plots
+from .point_placement import PoseHistory
 
 WORLD = "world"
 

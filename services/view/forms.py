@@ -27,9 +27,9 @@ from groundlink.scenario.sensors import Encoders, Lidar
 
 from . import forms_imagery, forms_relayed
 from .canvas import WORLD, Canvas, Seen, Trail
-from .colours import Colours, of_bodies, of_cells, of_points
-from .placing import Reals, points_in_world
+from .colors import Colours, of_bodies, of_cells, of_points
 from .plots import XYZ, XYZ_COLOURS
+from .point_placement import Reals, points_in_world
 
 ASKED = (255, 170, 60)
 """Colour of what a vehicle is asked for."""

@@ -21,8 +21,8 @@ from groundlink.messages.base import floats
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 
 from .canvas import Canvas, Seen
-from .colours import RAINBOW
-from .placing import points_in_world
+from .colors import RAINBOW
+from .point_placement import points_in_world
 
 ColourModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
 

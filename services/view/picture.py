@@ -23,7 +23,7 @@ from groundlink.world.links import links
 
 from . import link_panel
 from .canvas import WORLD, Canvas, Seen
-from .colours import Colouring
+from .colors import Colouring
 from .forms import FORMS
 from .layout import TEXT
 from .meshes import Mesh, mesh, world

@@ -24,7 +24,7 @@ from groundlink.messages.base import Clock, Health, Message, decode, measured_na
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.reading_schedule import Calendar, calendar
 from groundlink.process import runner as process
-from services.gateway.attendance import COUNTER_PREFIX
+from services.gateway.missing_readings import COUNTER_PREFIX
 from tests.system.rig import wait_for
 
 SETTLED_SECONDS = 10.0

@@ -69,7 +69,7 @@ def test_a_process_ends_with_one_line_and_3() -> None:
         "from services.sensors.rendering.gl.context import open_context\n"
         "runner.run('sensors.camera', lambda *_: open_context())\n"
     )
-    done = subrunner.run(
+    done = subprocess.run(
         [sys.executable, "-c", broken], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 3

@@ -14,7 +14,7 @@ from groundlink.core.errors import UserError
 from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
-from services.gateway.wishes import ANSWERS_KEPT, WISHES_WAITING, Wishes
+from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, Wishes
 from udp_bridge import Link, Message, wishing
 from udp_bridge.address_guard import open_socket
 from udp_bridge.seal import FROM_ROS

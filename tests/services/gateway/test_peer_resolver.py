@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.process.runner import NoSuchHost
-from services.gateway.whereabouts import Whereabouts
+from services.gateway.peer_resolver import Whereabouts
 from tests.system.rig import wait_for
 
 

@@ -9,7 +9,7 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Clock
 from groundlink.messages.reading_schedule import calendar
-from services.gateway.attendance import Attendance
+from services.gateway.missing_readings import Attendance
 
 SCENARIO = load(SHIPPED / "indoor_lab.yaml")
 VEHICLE = SCENARIO.vehicles[0]

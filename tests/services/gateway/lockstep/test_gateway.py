@@ -18,10 +18,10 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command, Message, State, WheelEncoders, encode
 from groundlink.scenario.schema import Time
 from services.gateway.__main__ import _say
+from services.gateway.bus_session import Resumed
 from services.gateway.gateway import Gateway
-from services.gateway.kept import Resumed
-from services.gateway.lockstep import LIMIT_MS, Lockstep
-from services.gateway.words import Words
+from services.gateway.lockstep.gateway import LIMIT_MS, Lockstep
+from services.gateway.lockstep.reply_mailbox import Words
 from udp_bridge import control
 from udp_bridge.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
 from udp_bridge.message import Message as WireMessage

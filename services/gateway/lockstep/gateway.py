@@ -21,22 +21,21 @@ from groundlink.core.backoff import Quiet
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
 from groundlink.scenario import Scenario
+from services.gateway.streams import answers
 from udp_bridge.gathering import Tally
 from udp_bridge.lockstep import ANEW, DONE, Barrier, Sent, Word
 from udp_bridge.repair import Resend
 from udp_bridge.types import CONTROL
 
-from .others import Others
-from .streams import answers
-from .words import Words
+from .reply_mailbox import Words
+from .sensor_progress import Others
 
 if TYPE_CHECKING:
     from groundlink.bus.inbox import Inbox
+    from services.gateway.bus_session import Resumed
+    from services.gateway.gateway import Gateway, ToRos
     from udp_bridge.link import Link
     from udp_bridge.message import Message as WireMessage
-
-    from .gateway import Gateway, ToRos
-    from .kept import Resumed
 
 REPEAT_SECONDS = 0.02
 """How long a Word may take before its Barrier is sent again."""

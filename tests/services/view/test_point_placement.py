@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.frames import transform
-from services.view.placing import PoseHistory, points_in_world
+from services.view.point_placement import PoseHistory, points_in_world
 
 STAMP = 1_700_000_000_000_000_000
 

@@ -24,7 +24,7 @@ from groundlink.scenario import Scenario
 
 from .emulated import Emulated
 from .gateway import Gateway
-from .wishes import Wishes
+from .run_commands import Wishes
 
 NAME = "gateway"
 
