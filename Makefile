@@ -6,7 +6,7 @@ REPORT ?=
 BIN := .venv/bin
 READY := .venv/.ready
 SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
-	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
+	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
 .PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments clean
 

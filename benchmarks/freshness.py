@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from groundlink.emulation import Impairment
-from udp_bridge.repair import parse_mode
+from udp_bridge.sender.repair import parse_mode
 
 from . import bridge_ages, tcp_ages
 from .tcp_ages import Arrival

@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 from groundlink.emulation import Impairment
 from udp_bridge import Message
-from udp_bridge.fec import repair_count
-from udp_bridge.fragments import DatagramSize, plan
-from udp_bridge.repair import Fec, Mode, parse_mode
+from udp_bridge.sender.repair import Fec, Mode, parse_mode
+from udp_bridge.wire.fec import repair_count
+from udp_bridge.wire.fragments import DatagramSize, plan
 
 from .virtual_link import LINK, MSG_TYPE, NANOS, TOPIC, VirtualLink
 

@@ -14,8 +14,8 @@ import threading
 from collections import Counter, OrderedDict
 from dataclasses import dataclass, field
 
-from udp_bridge.header import Refused, parse
-from udp_bridge.types import MSG_TYPES
+from udp_bridge.wire.header import Refused, parse
+from udp_bridge.wire.types import MSG_TYPES
 
 _Key = tuple[int, str]
 _UNDER_WAY = 2048

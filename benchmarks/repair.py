@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tests.udp_bridge.simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
 from udp_bridge import Message
-from udp_bridge.repair import Fec, Mode, Resend
+from udp_bridge.sender.repair import Fec, Mode, Resend
 
 from .bridge import resending
 

@@ -19,7 +19,7 @@ import threading
 import time
 from collections import Counter
 
-from udp_bridge.accounts import Account
+from udp_bridge.sender.accounts import Account
 
 from .lossy_relay import Books, Relay
 from .soak_ends import LOCAL, REPAIR, TOOK, TOPICS, End, Receiver, Sender

@@ -20,10 +20,10 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from udp_bridge import Link, Message
-from udp_bridge.accounts import Account
-from udp_bridge.leaving import Address
-from udp_bridge.repair import Resend
-from udp_bridge.types import MSG_TYPES
+from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.outgoing import Address
+from udp_bridge.sender.repair import Resend
+from udp_bridge.wire.types import MSG_TYPES
 
 DATAGRAM = 8192
 TOPICS = (

@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 from groundlink.emulation import Impairment, OneWay
 from udp_bridge import Message
-from udp_bridge.flow import DatagramKey
-from udp_bridge.fragments import DatagramSize
-from udp_bridge.header import Header
-from udp_bridge.leaving import Address
-from udp_bridge.receiving import Inbox
-from udp_bridge.repair import Mode
-from udp_bridge.repair_wire import Request
-from udp_bridge.sending import Outbox
+from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.sender.credit_window import DatagramKey
+from udp_bridge.sender.outgoing import Address
+from udp_bridge.sender.repair import Mode
+from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.wire.fragments import DatagramSize
+from udp_bridge.wire.header import Header
+from udp_bridge.wire.repair import Request
 
 NANOS = 1_000_000_000
 MSG_TYPE, TOPIC, LINK = 1, "/points", "lidar"

@@ -12,14 +12,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from udp_bridge import Limits, Message
-from udp_bridge.fec import is_available
-from udp_bridge.header import NANOS, SEQ_NUMBERS, Header, parse
-from udp_bridge.leaving import Address
-from udp_bridge.receiving import Inbox
-from udp_bridge.repair import Fec, Mode, Resend
-from udp_bridge.repair_wire import parse_resend
-from udp_bridge.sending import Outbox
-from udp_bridge.types import RESEND
+from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.sender.outgoing import Address
+from udp_bridge.sender.repair import Fec, Mode, Resend
+from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.wire.fec import is_available
+from udp_bridge.wire.header import NANOS, SEQ_NUMBERS, Header, parse
+from udp_bridge.wire.repair import parse_resend
+from udp_bridge.wire.types import RESEND
 
 MS = NANOS // 1000
 SENDERS = 3

@@ -23,7 +23,7 @@ import atheris
 with atheris.instrument_imports(include=["udp_bridge"]):
     from udp_bridge import Refused, parse
 
-from udp_bridge.recording import datagrams
+from udp_bridge.wire.capture import datagrams
 
 from .twins import SENDERS, Twins
 

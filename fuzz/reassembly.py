@@ -17,11 +17,11 @@ import time
 from pathlib import Path
 
 from udp_bridge import MSG_TYPES, Header, Message, fragments
-from udp_bridge.fec import is_available
-from udp_bridge.fragments import DatagramSize
-from udp_bridge.recording import datagrams
-from udp_bridge.repair import parse_mode
-from udp_bridge.sending import Outbox
+from udp_bridge.sender.repair import parse_mode
+from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.wire.capture import datagrams
+from udp_bridge.wire.fec import is_available
+from udp_bridge.wire.fragments import DatagramSize
 
 from .twins import SENDERS, Twins
 

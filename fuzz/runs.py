@@ -17,9 +17,9 @@ import time
 from typing import Any
 
 from udp_bridge import Limits, Message, fragments
-from udp_bridge.receiving import Inbox
-from udp_bridge.runs import IS_BUILT
-from udp_bridge.udp_socket import UdpSocket
+from udp_bridge.io.batch_io import IS_BUILT
+from udp_bridge.io.udp_socket import UdpSocket
+from udp_bridge.receiver.inbox import Inbox
 
 from .reassembly import message, mutated, peak_mb
 

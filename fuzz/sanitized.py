@@ -22,9 +22,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TESTS = (
-    "tests/udp_bridge/test_runs.py",
+    "tests/udp_bridge/io/test_batch_io.py",
     "tests/udp_bridge/test_orders.py",
-    "tests/udp_bridge/test_parking.py",
+    "tests/udp_bridge/io/test_credit_mailbox.py",
     "tests/bridge/test_fuzz.py::test_runs_of_parts_give_what_single_datagrams_give",
     "tests/services/sensors/rays",
     "tests/services/sensors/scanning",

@@ -12,7 +12,7 @@ import os
 import socket
 import struct
 
-from udp_bridge.udp_socket import UdpSocket
+from udp_bridge.io.udp_socket import UdpSocket
 
 _SO_ATTACH_FILTER = 26
 _INSTRUCTION = struct.Struct("=HBBI")

@@ -22,9 +22,9 @@ from groundlink.loader import load
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
 from udp_bridge import Link, Message
-from udp_bridge.control import LinkReport, parse
-from udp_bridge.repair import Mode
-from udp_bridge.types import CONTROL
+from udp_bridge.sender.repair import Mode
+from udp_bridge.wire.control import LinkReport, parse
+from udp_bridge.wire.types import CONTROL
 
 from .lossy import lossy_socket
 from .processes import PATIENCE_S, Late, Program, Silent, python

@@ -24,7 +24,7 @@ import time
 from typing import Any
 
 from udp_bridge import Link, Message
-from udp_bridge.link import DEFAULT_RECEIVE_BUFFER
+from udp_bridge.io.link import DEFAULT_RECEIVE_BUFFER
 
 from .lossy import lossy_socket
 
@@ -53,7 +53,7 @@ class Publisher:
 
 def own_publisher(way: str) -> Publisher:
     """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
-    from udp_bridge.ros_end import deliveries
+    from udp_bridge.node import deliveries
     from udp_bridge_ros2 import environment, topics
 
     environment.apply_defaults(os.environ)

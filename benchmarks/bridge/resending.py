@@ -13,7 +13,7 @@ from contextlib import closing
 from pathlib import Path
 
 from benchmarks.claims import Claim
-from udp_bridge.repair import Resend
+from udp_bridge.sender.repair import Resend
 
 from .latency import measure
 from .ours import UdpBridge

@@ -3,7 +3,7 @@
 
 Rule: an estimate for people before a run, from the scenario alone: the largest message, as ROS
 takes it, and the plain cut of PROTOCOL.md without what repair and sealing add. The gateway's own
-cut is `udp_bridge.fragments`, which nothing here imports; a test holds the two together.
+cut is `udp_bridge.wire.fragments`, which nothing here imports; a test holds the two together.
 """
 
 from __future__ import annotations

@@ -25,15 +25,15 @@ from groundlink.scenario.ros_side import Gateway as GatewaySettings
 with process_needs("gateway", "gateway"):
     from services.gateway.lockstep.gateway import REPAIR, Lockstep
     from services.gateway.lockstep.reply_mailbox import Words
-    from udp_bridge.around import PeersOnly, Sealed
-    from udp_bridge.header import BadMessage
-    from udp_bridge.keys import BadKey, Misfits, read_key
-    from udp_bridge.link import DEFAULT_RECEIVE_BUFFER, Link
-    from udp_bridge.memory import keep_memory
-    from udp_bridge.printable import printable
-    from udp_bridge.seal import TO_ROS
-    from udp_bridge.types import CONTROL
-    from udp_bridge.udp_socket import DatagramSocket, UdpSocket, buffer_hint
+    from udp_bridge.io.link import DEFAULT_RECEIVE_BUFFER, Link
+    from udp_bridge.io.memory import keep_memory
+    from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
+    from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket, buffer_hint
+    from udp_bridge.wire.header import BadMessage
+    from udp_bridge.wire.keys import BadKey, Misfits, read_key
+    from udp_bridge.wire.printable import printable
+    from udp_bridge.wire.seal import TO_ROS
+    from udp_bridge.wire.types import CONTROL
 
     from .bus_session import NAME, Kept
     from .emulated import Emulated

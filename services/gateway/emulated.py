@@ -19,10 +19,10 @@ from groundlink.core.clock import NANOS
 from groundlink.emulation import Impairment, LinkScript, OneWay, Script
 from groundlink.emulation.model import Course
 from groundlink.emulation.script import Changes, parse_changes
-from udp_bridge.around import Around
-from udp_bridge.header import Buffer, Refused
-from udp_bridge.udp_socket import DatagramSocket
-from udp_bridge.worker_thread import ErrorCounter, WorkerThread
+from udp_bridge.io.socket_wrappers import Around
+from udp_bridge.io.udp_socket import DatagramSocket
+from udp_bridge.io.worker_thread import ErrorCounter, WorkerThread
+from udp_bridge.wire.header import Buffer, Refused
 
 from .subscriptions import Address
 

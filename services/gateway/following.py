@@ -17,7 +17,7 @@ from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:
     from groundlink.bus.inbox import Inbox
-    from udp_bridge.link import Link
+    from udp_bridge.io.link import Link
 
     from .gateway import Gateway
 

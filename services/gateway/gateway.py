@@ -25,14 +25,14 @@ from groundlink.ros.encoding import to_cdr
 from groundlink.ros.streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
 from services.gateway.lockstep.reply_mailbox import Words
-from udp_bridge import control
-from udp_bridge.control import LinkReport, Subscribe, Wish, Word
-from udp_bridge.fragments import TooLarge
-from udp_bridge.header import BadMessage as BadHeader
-from udp_bridge.header import Refused
-from udp_bridge.link import Link
-from udp_bridge.message import Message as WireMessage
-from udp_bridge.types import CONTROL, SUBSCRIBE
+from udp_bridge.io.link import Link
+from udp_bridge.wire import control
+from udp_bridge.wire.control import LinkReport, Subscribe, Wish, Word
+from udp_bridge.wire.fragments import TooLarge
+from udp_bridge.wire.header import BadMessage as BadHeader
+from udp_bridge.wire.header import Refused
+from udp_bridge.wire.message import Message as WireMessage
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE
 
 from .incoming import LATCHED, Incoming
 from .missing_readings import Attendance

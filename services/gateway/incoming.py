@@ -14,9 +14,9 @@ from groundlink.messages.base import BadMessage, Message
 from groundlink.ros.incoming import Body, reader
 from groundlink.ros.streams import incoming
 from groundlink.scenario import Scenario
-from udp_bridge.control import Subscribe
-from udp_bridge.message import Message as WireMessage
-from udp_bridge.types import MSG_TYPES, type_number
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.message import Message as WireMessage
+from udp_bridge.wire.types import MSG_TYPES, type_number
 
 from .streams import wire_type
 

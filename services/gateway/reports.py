@@ -13,9 +13,9 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import StreamReport
-from udp_bridge.accounts import Account, arrived
-from udp_bridge.control import NO_AGE, LinkReport, TopicReport
-from udp_bridge.types import MSG_TYPES
+from udp_bridge.sender.accounts import Account, arrived
+from udp_bridge.wire.control import NO_AGE, LinkReport, TopicReport
+from udp_bridge.wire.types import MSG_TYPES
 
 TO_ROS = "to ROS"
 FROM_ROS = "from ROS"

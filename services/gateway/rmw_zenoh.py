@@ -16,8 +16,8 @@ from collections.abc import Callable, Container, Iterable, Iterator
 from groundlink.bus.session import Bus
 from groundlink.ros.types import STORE
 from groundlink.scenario.ros_side import RmwZenoh
-from udp_bridge.message import Message
-from udp_bridge.types import MSG_TYPES
+from udp_bridge.wire.message import Message
+from udp_bridge.wire.types import MSG_TYPES
 
 from .subscriptions import TopicKey
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from groundlink.core.errors import UserError
 from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
-from udp_bridge.wishing import (
+from udp_bridge.wire.run_commands import (
     ERROR_BYTES,
     PAUSE,
     PAUSED,

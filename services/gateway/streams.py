@@ -18,9 +18,9 @@ from groundlink.ros.streams import Outgoing, answers_mistake
 from groundlink.scenario import Scenario
 from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.sensors import RepairBy
-from udp_bridge.lockstep import Answer
-from udp_bridge.repair import Mode, parse_mode
-from udp_bridge.types import MSG_TYPES, type_number
+from udp_bridge.sender.repair import Mode, parse_mode
+from udp_bridge.wire.lockstep import Answer
+from udp_bridge.wire.types import MSG_TYPES, type_number
 
 if TYPE_CHECKING:
     from .gateway import Gateway

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from groundlink.core.clock import NANOS
-from udp_bridge.control import Subscribe
+from udp_bridge.wire.control import Subscribe
 
 Address = tuple[str, int]
 TopicKey = tuple[int, str]

@@ -16,15 +16,17 @@ from contextlib import contextmanager
 import pytest
 
 from tests.ros.waiting import wait_until
-from tests.udp_bridge.ros_end.test_end import Ros
-from udp_bridge import Header, Link, address_guard, address_validation
-from udp_bridge.control import AddressChallenge, CreditRequest, Subscribe, parse
-from udp_bridge.header import parse as parse_header
-from udp_bridge.leaving import Address
-from udp_bridge.lockstep import Barrier, Sent
-from udp_bridge.ros_end import inlet, lockstep, outlet
-from udp_bridge.ros_end.end import End, Settings
-from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
+from tests.udp_bridge.node.test_end import Ros
+from udp_bridge import Header, Link
+from udp_bridge.io import address_guard
+from udp_bridge.node import inlet, lockstep, outlet
+from udp_bridge.node.end import End, Settings
+from udp_bridge.sender.outgoing import Address
+from udp_bridge.wire import address_validation
+from udp_bridge.wire.control import AddressChallenge, CreditRequest, Subscribe, parse
+from udp_bridge.wire.header import parse as parse_header
+from udp_bridge.wire.lockstep import Barrier, Sent
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
 TEXT, TWIST = type_number("String"), type_number("Twist")
 BODY = b"\x00\x01\x00\x00\x02\x00\x00\x00a\x00"

@@ -13,19 +13,20 @@ from pathlib import Path
 import pytest
 
 from tests.udp_bridge.vectors import VECTORS
-from udp_bridge import MSG_TYPES, Header, Link, Message, Refused, control, parse
-from udp_bridge.address_validation import AddressChallenge, AddressResponse
-from udp_bridge.around import Around
-from udp_bridge.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
-from udp_bridge.fec import RAPTORQ
-from udp_bridge.header import Buffer
-from udp_bridge.leaving import Address
-from udp_bridge.lockstep import WAITING, Answer, Barrier, Sent, Word
-from udp_bridge.repair_wire import Offer, Request, Symbol, parse_resend, parse_symbol
-from udp_bridge.seal import Seal
-from udp_bridge.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE
-from udp_bridge.udp_socket import UdpSocket
-from udp_bridge.wishing import PAUSED, STEP, Wish, WishAnswer
+from udp_bridge import MSG_TYPES, Header, Link, Message, Refused, parse
+from udp_bridge.io.socket_wrappers import Around
+from udp_bridge.io.udp_socket import UdpSocket
+from udp_bridge.sender.outgoing import Address
+from udp_bridge.wire import control
+from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
+from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
+from udp_bridge.wire.fec import RAPTORQ
+from udp_bridge.wire.header import Buffer
+from udp_bridge.wire.lockstep import WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.repair import Offer, Request, Symbol, parse_resend, parse_symbol
+from udp_bridge.wire.run_commands import PAUSED, STEP, Wish, WishAnswer
+from udp_bridge.wire.seal import Seal
+from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE
 
 from .pcap import Packet, write
 from .tshark import DISSECTOR, Decoded, columns, decode

@@ -29,7 +29,7 @@ from benchmarks.loss import (
 )
 from benchmarks.virtual_link import NANOS, VirtualLink
 from groundlink.emulation import Impairment
-from udp_bridge.fragments import DatagramSize
+from udp_bridge.wire.fragments import DatagramSize
 
 SEED = 1
 MESSAGES = {1: 200, 4: 60, 8: 60, 16: 60, 64: 25}

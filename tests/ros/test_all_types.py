@@ -6,8 +6,8 @@ from __future__ import annotations
 from groundlink.messages.navigation import Transforms
 from groundlink.ros.encoding import ROS_FORMS, to_cdr
 from tests.vectors.examples import EXAMPLES, STAMP, fields
-from udp_bridge.control import Subscribe
-from udp_bridge.types import MSG_TYPES, type_number
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.types import MSG_TYPES, type_number
 
 from .conftest import LATCHED, RELIABLE, FarEnd, Ros
 from .waiting import wait_until

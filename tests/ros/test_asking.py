@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import pytest
 
-from udp_bridge.ros_end.asking import HEARD_NANOS, Asking, Unable
-from udp_bridge.wishing import PAUSE, PAUSED, RESET, RUNNING, Wish, WishAnswer
+from udp_bridge.node.asking import HEARD_NANOS, Asking, Unable
+from udp_bridge.wire.run_commands import PAUSE, PAUSED, RESET, RUNNING, Wish, WishAnswer
 
 GATEWAY = ("127.0.0.1", 7510)
 OTHER = ("127.0.0.1", 7520)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 
-from udp_bridge.control import Subscribe
+from udp_bridge.wire.control import Subscribe
 
 from . import bodies
 from .conftest import FarEnd, Ros

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from udp_bridge.repair import Fec, Resend
-from udp_bridge.ros_end.options import parse_datagram, parse_repair
+from udp_bridge.node.options import parse_datagram, parse_repair
+from udp_bridge.sender.repair import Fec, Resend
 
 from .bodies import cloud, imu, transforms
 from .conftest import RELIABLE, SENSOR_DATA, FarEnd, Ros

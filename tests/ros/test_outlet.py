@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from udp_bridge import MSG_TYPES, Message
-from udp_bridge.ros_end import outlet as module
-from udp_bridge.ros_end.outlet import MAX_TOPICS, QUICK_SECONDS, Outlet
+from udp_bridge.node import outlet as module
+from udp_bridge.node.outlet import MAX_TOPICS, QUICK_SECONDS, Outlet
 
 from .waiting import wait_until
 

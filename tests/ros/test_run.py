@@ -5,9 +5,18 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.ros_end.asking import Unable
-from udp_bridge.ros_end.run import Run
-from udp_bridge.wishing import ASK, PAUSE, PAUSED, RESET, RESUME, RUNNING, STEP, WishAnswer
+from udp_bridge.node.asking import Unable
+from udp_bridge.node.run import Run
+from udp_bridge.wire.run_commands import (
+    ASK,
+    PAUSE,
+    PAUSED,
+    RESET,
+    RESUME,
+    RUNNING,
+    STEP,
+    WishAnswer,
+)
 
 
 class Simulator:

@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from udp_bridge import Link, Message, control
-from udp_bridge.control import Subscribe, Wish, WishAnswer
-from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
-from udp_bridge.wishing import PAUSED, STEP
+from udp_bridge import Link, Message
+from udp_bridge.wire import control
+from udp_bridge.wire.control import Subscribe, Wish, WishAnswer
+from udp_bridge.wire.run_commands import PAUSED, STEP
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
 from .bodies import imu
 from .calling import Caller

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from udp_bridge.accounts import Account
-from udp_bridge.control import NO_AGE, TopicReport
+from udp_bridge.sender.accounts import Account
+from udp_bridge.wire.control import NO_AGE, TopicReport
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge.ros_end.verdicts import (
+from udp_bridge.node.verdicts import (
     BUFFER_HINT,
     ERROR,
     GOOD_BUFFER_BYTES,

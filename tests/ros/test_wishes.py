@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.control import Subscribe
-from udp_bridge.ros_end.wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+from udp_bridge.node.wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+from udp_bridge.wire.control import Subscribe
 
 
 def outgoing(number: int) -> Outgoing:

@@ -18,7 +18,7 @@ from tests.system.rig import wait_for
 from tests.udp_bridge.cpp.test_cpp import HEADER, compiler
 from tests.udp_bridge.vectors import load
 from udp_bridge import MSG_TYPES, Header, Reassembler, parse
-from udp_bridge.control import CreditRequest, TopicReport
+from udp_bridge.wire.control import CreditRequest, TopicReport
 
 from .conftest import ROOT, Ros1
 

@@ -21,8 +21,8 @@ from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES, fields
 from udp_bridge import Link, Reassembler
 from udp_bridge import Message as WireMessage
-from udp_bridge.control import Subscribe
-from udp_bridge.types import MSG_TYPES, type_number
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.types import MSG_TYPES, type_number
 
 from .rig import Observer, Rig, rig, wait_for
 

@@ -28,8 +28,8 @@ from groundlink.deploy.certificates import Authority
 from groundlink.loader import load
 from groundlink.messages.base import Health
 from udp_bridge import Link
-from udp_bridge.address_guard import open_socket
-from udp_bridge.seal import FROM_ROS as FROM_ROS_SIDE
+from udp_bridge.io.address_guard import open_socket
+from udp_bridge.wire.seal import FROM_ROS as FROM_ROS_SIDE
 
 from .rig import LAB, Observer, Rig, rig, wait_for
 from .secured import Heard, Secured

@@ -15,9 +15,9 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import COMMAND
 from groundlink.messages.base import Command
 from udp_bridge import Link
-from udp_bridge.address_guard import open_socket
-from udp_bridge.seal import FROM_ROS
-from udp_bridge.types import type_number
+from udp_bridge.io.address_guard import open_socket
+from udp_bridge.wire.seal import FROM_ROS
+from udp_bridge.wire.types import type_number
 
 from .rig import Rig, rig, wait_for
 

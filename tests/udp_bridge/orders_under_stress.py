@@ -12,15 +12,15 @@ import threading
 from collections import deque
 
 from udp_bridge import Message
-from udp_bridge.control import Credit
-from udp_bridge.control import parse as parse_control
-from udp_bridge.flow import DatagramKey
-from udp_bridge.header import Header
-from udp_bridge.parking import Parking
-from udp_bridge.placing import NOWHERE, Credits
-from udp_bridge.sending import Outbox
-from udp_bridge.types import CONTROL
-from udp_bridge.udp_socket import UdpSocket
+from udp_bridge.io.credit_mailbox import Parking
+from udp_bridge.io.udp_socket import UdpSocket
+from udp_bridge.receiver.receive_slots import NOWHERE, Credits
+from udp_bridge.sender.credit_window import DatagramKey
+from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.wire.control import Credit
+from udp_bridge.wire.control import parse as parse_control
+from udp_bridge.wire.header import Header
+from udp_bridge.wire.types import CONTROL
 
 LOCAL = ("127.0.0.1", 0)
 ROUNDS = 300

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 from tests.udp_bridge.vectors import FOLDER
 from udp_bridge import Header, Message, fragments, parse
-from udp_bridge.control import Credit, LinkReport, Subscribe, TopicReport
-from udp_bridge.receiving import Inbox
-from udp_bridge.types import CONTROL, REPAIR, RESEND, SUBSCRIBE
+from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.wire.control import Credit, LinkReport, Subscribe, TopicReport
+from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SUBSCRIBE
 
 Arrival = tuple[int, int, bytes]
 REPORT = 255

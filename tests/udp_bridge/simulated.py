@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from udp_bridge import Message
-from udp_bridge.receiving import Inbox
-from udp_bridge.sending import Outbox
+from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.sender.send_queue import Outbox
 
 MS = 1_000_000
 SECOND = 1000 * MS

@@ -19,7 +19,7 @@ from fuzz.conversation import (
     Forgery,
 )
 from udp_bridge import MSG_TYPES
-from udp_bridge.repair_wire import Offer, Request
+from udp_bridge.wire.repair import Offer, Request
 
 INDEX = st.integers(0, SENDERS - 1)
 FORGER = st.integers(1, SENDERS - 1)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from udp_bridge import Header, Limits, Reassembler
-from udp_bridge.pool import KEPT_BYTES
+from udp_bridge.receiver.pool import KEPT_BYTES
 
 FLOOD = 4000
 MS = 1_000_000

@@ -6,9 +6,9 @@ from __future__ import annotations
 import pytest
 
 from udp_bridge import parse
-from udp_bridge.header import Header
-from udp_bridge.receiving import Inbox
-from udp_bridge.repair_wire import Offer, Request, parse_resend
+from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.wire.header import Header
+from udp_bridge.wire.repair import Offer, Request, parse_resend
 
 SENDER = ("192.0.2.1", 1)
 MS = 1_000_000

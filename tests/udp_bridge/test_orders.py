@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from udp_bridge import runs
+from udp_bridge.io import batch_io as runs
 
 STRESS = Path(__file__).with_name("orders_under_stress.py")
 PATIENCE_S = 120.0

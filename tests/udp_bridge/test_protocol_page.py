@@ -10,22 +10,14 @@ from pathlib import Path
 import pytest
 
 import udp_bridge
-from udp_bridge import (
-    MSG_TYPES,
-    Limits,
-    address_validation,
-    control,
-    fec_parts,
-    flow,
-    parse,
-    resend,
-    resend_asking,
-    resend_budget,
-    resend_offers,
-    round_trip,
-    token_bucket,
-)
-from udp_bridge.control import Subscribe
+from udp_bridge import MSG_TYPES, Limits, parse
+from udp_bridge.receiver import fec as fec_parts
+from udp_bridge.receiver import nack as resend_asking
+from udp_bridge.receiver import round_trip
+from udp_bridge.sender import credit_window as flow
+from udp_bridge.sender import resend, resend_budget, resend_offers, token_bucket
+from udp_bridge.wire import address_validation, control
+from udp_bridge.wire.control import Subscribe
 
 from .vectors import load
 
@@ -70,7 +62,7 @@ def test_every_reason_in_code_is_on_the_page_and_the_other_way_round() -> None:
         reason.strip() for reasons, _ in table("**Refused**") for reason in reasons.split(",")
     }
     in_code = set()
-    for path in SOURCE.glob("*.py"):
+    for path in SOURCE.rglob("*.py"):
         in_code |= reasons_in(path)
     assert in_code == on_page
 

@@ -9,14 +9,13 @@ from typing import Any, cast
 
 import pytest
 
+from tests.udp_bridge.io.test_link import DEFAULT_BUFFER, LOCAL, wait_for
 from udp_bridge import Link, Message
-from udp_bridge.header import Header
-from udp_bridge.repair import Fec, Mode, Resend
-from udp_bridge.repair_wire import Offer
-from udp_bridge.types import CONTROL, RESEND
-from udp_bridge.udp_socket import DatagramSocket, UdpSocket
-
-from .test_link import DEFAULT_BUFFER, LOCAL, wait_for
+from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket
+from udp_bridge.sender.repair import Fec, Mode, Resend
+from udp_bridge.wire.header import Header
+from udp_bridge.wire.repair import Offer
+from udp_bridge.wire.types import CONTROL, RESEND
 
 
 def lossy(rng: random.Random, share: float) -> DatagramSocket:

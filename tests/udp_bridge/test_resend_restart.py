@@ -12,11 +12,11 @@ import random
 import pytest
 
 from udp_bridge import Message
-from udp_bridge.header import Header
-from udp_bridge.message import Message as Whole
-from udp_bridge.reassembly import Reassembler
-from udp_bridge.repair import Resend
-from udp_bridge.repair_wire import Offer
+from udp_bridge.receiver.reassembly import Reassembler
+from udp_bridge.sender.repair import Resend
+from udp_bridge.wire.header import Header
+from udp_bridge.wire.message import Message as Whole
+from udp_bridge.wire.repair import Offer
 
 from .simulated import MS, SECOND, SENDER, Loss, Simulation, bursts, independent, no_loss
 

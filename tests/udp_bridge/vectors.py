@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from udp_bridge.recording import datagrams
+from udp_bridge.wire.capture import datagrams
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 

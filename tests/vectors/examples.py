@@ -23,8 +23,8 @@ from groundlink.ros.encoding import ROS_FORMS, to_cdr
 from groundlink.ros.types import STORE, header, pose, vector
 from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
-from udp_bridge.control import Subscribe
-from udp_bridge.types import type_number
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.types import type_number
 
 FOLDER = Path(__file__).parent
 DATAGRAM_BYTES = 256

@@ -22,10 +22,10 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
 from groundlink.scenario import Scenario
 from services.gateway.streams import answers
-from udp_bridge.gathering import Tally
-from udp_bridge.lockstep import ANEW, DONE, Barrier, Sent, Word
-from udp_bridge.repair import Resend
-from udp_bridge.types import CONTROL
+from udp_bridge.receiver.gathering import Tally
+from udp_bridge.sender.repair import Resend
+from udp_bridge.wire.lockstep import ANEW, DONE, Barrier, Sent, Word
+from udp_bridge.wire.types import CONTROL
 
 from .reply_mailbox import Words
 from .sensor_progress import Others
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from groundlink.bus.inbox import Inbox
     from services.gateway.bus_session import Resumed
     from services.gateway.gateway import Gateway, ToRos
-    from udp_bridge.link import Link
-    from udp_bridge.message import Message as WireMessage
+    from udp_bridge.io.link import Link
+    from udp_bridge.wire.message import Message as WireMessage
 
 REPEAT_SECONDS = 0.02
 """How long a Word may take before its Barrier is sent again."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
-from udp_bridge.gathering import Gathering
-from udp_bridge.lockstep import ANEW, WAITING, Sent, Word
-from udp_bridge.message import Message
+from udp_bridge.receiver.gathering import Gathering
+from udp_bridge.wire.lockstep import ANEW, WAITING, Sent, Word
+from udp_bridge.wire.message import Message
 
 
 class Words:

@@ -25,8 +25,8 @@ from groundlink.scenario.ros_side import RosType
 from tests.udp_bridge.vectors import FOLDER, load
 from tests.vectors.examples import EXAMPLES, SUBSCRIBE, fields
 from udp_bridge import Reassembler
-from udp_bridge.control import Subscribe
-from udp_bridge.types import MSG_TYPES
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.types import MSG_TYPES
 
 OLDER_STORE = get_typestore(Stores.ROS2_JAZZY)
 INCOMING = ("pose", "odometry", "map")

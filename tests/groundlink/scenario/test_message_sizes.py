@@ -22,8 +22,8 @@ from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
 from groundlink.scenario.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar
-from udp_bridge.fragments import TooLarge, plan
-from udp_bridge.message import Message
+from udp_bridge.wire.fragments import TooLarge, plan
+from udp_bridge.wire.message import Message
 
 LAB = SHIPPED / "indoor_lab.yaml"
 SCENARIO = load(LAB)

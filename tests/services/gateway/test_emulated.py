@@ -21,9 +21,9 @@ from groundlink.scenario.ros_side import Gateway as Settings
 from services.gateway.__main__ import sockets
 from services.gateway.emulated import Emulated
 from udp_bridge import Link, Message
-from udp_bridge.around import Sealed
-from udp_bridge.seal import FROM_ROS
-from udp_bridge.udp_socket import UdpSocket
+from udp_bridge.io.socket_wrappers import Sealed
+from udp_bridge.io.udp_socket import UdpSocket
+from udp_bridge.wire.seal import FROM_ROS
 
 LOCAL = ("127.0.0.1", 0)
 SECRET = "00112233445566778899aabbccddeeff"

@@ -37,11 +37,11 @@ from services.gateway.incoming import LEASE_SECONDS
 from services.gateway.streams import TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
-from udp_bridge import wishing
-from udp_bridge.accounts import Account
-from udp_bridge.control import LinkReport, Subscribe, TopicReport, Wish
-from udp_bridge.message import Message as WireMessage
-from udp_bridge.types import CONTROL, SUBSCRIBE, type_number
+from udp_bridge.sender.accounts import Account
+from udp_bridge.wire import run_commands as wishing
+from udp_bridge.wire.control import LinkReport, Subscribe, TopicReport, Wish
+from udp_bridge.wire.message import Message as WireMessage
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
 PEER = ("127.0.0.1", 7511)
 STRANGER = ("127.0.0.1", 9999)

@@ -5,8 +5,8 @@ import pytest
 
 from groundlink.messages.base import StreamReport
 from services.gateway.reports import PeerReports, peer_counters
-from udp_bridge.accounts import Account
-from udp_bridge.control import NO_AGE, LinkReport, TopicReport
+from udp_bridge.sender.accounts import Account
+from udp_bridge.wire.control import NO_AGE, LinkReport, TopicReport
 
 NANOS = 10**9
 

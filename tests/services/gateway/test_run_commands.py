@@ -15,11 +15,12 @@ from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Re
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
 from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, Wishes
-from udp_bridge import Link, Message, wishing
-from udp_bridge.address_guard import open_socket
-from udp_bridge.seal import FROM_ROS
-from udp_bridge.types import CONTROL
-from udp_bridge.wishing import PAUSED, RUNNING, STOPPED, Wish, WishAnswer
+from udp_bridge import Link, Message
+from udp_bridge.io.address_guard import open_socket
+from udp_bridge.wire import run_commands as wishing
+from udp_bridge.wire.run_commands import PAUSED, RUNNING, STOPPED, Wish, WishAnswer
+from udp_bridge.wire.seal import FROM_ROS
+from udp_bridge.wire.types import CONTROL
 
 
 class Bench:

@@ -12,7 +12,7 @@ from groundlink.loader.load import SHIPPED
 from groundlink.ros.streams import outgoing
 from groundlink.scenario.sensors import Repair, RepairBy
 from services.gateway.streams import repair_table, waiting_table
-from udp_bridge.repair import Fec, Mode, Resend
+from udp_bridge.sender.repair import Fec, Mode, Resend
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Imu
 from services.gateway.gateway import Gateway
 from udp_bridge import Header, Link, Message
-from udp_bridge.control import Subscribe
-from udp_bridge.types import SUBSCRIBE, type_number
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.types import SUBSCRIBE, type_number
 
 RUN = "lab"
 IMU = type_number("Imu")

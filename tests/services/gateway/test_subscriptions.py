@@ -4,7 +4,7 @@ from __future__ import annotations
 import pytest
 
 from services.gateway.subscriptions import IDLE_SECONDS, MAX_RECEIVERS, Subscriptions
-from udp_bridge.control import Subscribe
+from udp_bridge.wire.control import Subscribe
 
 IMU = (2, "/imu")
 CLOUD = (1, "/points")

@@ -23,7 +23,7 @@ from groundlink.emulation.model import FATES
 from services.link import relay as module
 from services.link.relay import Relay
 from udp_bridge import Link, Message
-from udp_bridge.control import Subscribe
+from udp_bridge.wire.control import Subscribe
 
 LOCAL = ("127.0.0.1", 0)
 REPOSITORY = Path(__file__).resolve().parents[3]

@@ -17,7 +17,7 @@ import pytest
 
 from tests.udp_bridge.vectors import FOLDER, IN_ORDER, NAMES, VECTORS, Vector, load
 from udp_bridge import Header, Message, Reassembler, fragments
-from udp_bridge.receiving import Inbox
+from udp_bridge.receiver.inbox import Inbox
 
 HERE = Path(__file__).parent
 HEADER = HERE.parents[2] / "udp-bridge/cpp"

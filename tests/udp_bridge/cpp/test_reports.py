@@ -24,8 +24,8 @@ from tests.udp_bridge.reported import (
     told,
 )
 from udp_bridge import BadMessage, parse
-from udp_bridge.control import Subscribe
-from udp_bridge.fragments import split
+from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.fragments import split
 
 from .test_cpp import SANITIZERS, compiled
 

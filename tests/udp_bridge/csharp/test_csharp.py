@@ -26,8 +26,8 @@ from tests.udp_bridge.reported import by_python, challenges, controls, edge, jou
 from tests.udp_bridge.reported import told as reported
 from tests.udp_bridge.vectors import IN_ORDER, NAMES, VECTORS, Vector, load
 from udp_bridge import Header, Message, Reassembler, fragments, parse
-from udp_bridge.control import Credit, CreditRequest, Subscribe, TopicReport
-from udp_bridge.receiving import Inbox
+from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.wire.control import Credit, CreditRequest, Subscribe, TopicReport
 
 FOLDER = Path(__file__).parents[3] / "udp-bridge/csharp"
 BUFFER = 1 << 30

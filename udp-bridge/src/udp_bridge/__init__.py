@@ -7,14 +7,14 @@ time come in as arguments. The format itself is described in PROTOCOL.md.
 
 from __future__ import annotations
 
-from .counters import Counters
-from .fragments import TooLarge, fragments
-from .header import BadMessage, Header, Refused, parse
-from .holdings import Limits
-from .link import Link
-from .message import Message
-from .reassembly import Reassembler
-from .types import MSG_TYPES, type_number
+from udp_bridge.io.link import Link
+from udp_bridge.receiver.counters import Counters
+from udp_bridge.receiver.limits import Limits
+from udp_bridge.receiver.reassembly import Reassembler
+from udp_bridge.wire.fragments import TooLarge, fragments
+from udp_bridge.wire.header import BadMessage, Header, Refused, parse
+from udp_bridge.wire.message import Message
+from udp_bridge.wire.types import MSG_TYPES, type_number
 
 __all__ = [
     "MSG_TYPES",

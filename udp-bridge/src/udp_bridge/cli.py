@@ -17,19 +17,19 @@ import threading
 import time
 from typing import Any, Dict, List, NoReturn, Optional
 
-from .address_guard import open_socket
-from .counters import Counters
-from .fragments import DatagramSize, check_datagram_size, plan
-from .header import NANOS
-from .keys import read_key
-from .leaving import Address
-from .link import Link
-from .message import Message
-from .reassembly import Reassembler
-from .recording import BadRecording, datagrams
-from .seal import FROM_ROS, TO_ROS
-from .types import MSG_TYPES, type_number
-from .udp_socket import buffer_hint
+from udp_bridge.io.address_guard import open_socket
+from udp_bridge.io.link import Link
+from udp_bridge.io.udp_socket import buffer_hint
+from udp_bridge.receiver.counters import Counters
+from udp_bridge.receiver.reassembly import Reassembler
+from udp_bridge.sender.outgoing import Address
+from udp_bridge.wire.capture import BadRecording, datagrams
+from udp_bridge.wire.fragments import DatagramSize, check_datagram_size, plan
+from udp_bridge.wire.header import NANOS
+from udp_bridge.wire.keys import read_key
+from udp_bridge.wire.message import Message
+from udp_bridge.wire.seal import FROM_ROS, TO_ROS
+from udp_bridge.wire.types import MSG_TYPES, type_number
 
 DATAGRAM_NANOS = 1000
 """Time that passes from one recorded datagram to the next: recordings have no times, and so a

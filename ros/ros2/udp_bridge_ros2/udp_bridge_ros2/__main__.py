@@ -36,8 +36,8 @@ def main(argv: list[str] | None = None) -> int:
         from rclpy.signals import SignalHandlerOptions
         from rclpy.utilities import remove_ros_args
 
-        from udp_bridge.memory import keep_memory
-        from udp_bridge.ros_end.options import add_options
+        from udp_bridge.io.memory import keep_memory
+        from udp_bridge.node.options import add_options
 
         from .node import BridgeNode
     except ImportError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes and who listens, as ROS 2 tells it (a `Graph` of `udp_bridge.ros_end.answers`)."""
+"""Who publishes and who listens, as ROS 2 tells it (a `Graph` of `udp_bridge.node.answers`)."""
 
 from __future__ import annotations
 

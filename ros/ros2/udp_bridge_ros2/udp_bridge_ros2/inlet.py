@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from udp_bridge.ros_end.inlet import Subscription
+from udp_bridge.node.inlet import Subscription
 
 from . import topics
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from udp_bridge.types import MessageType
+    from udp_bridge.wire.types import MessageType
 
 
 class Subscriptions:

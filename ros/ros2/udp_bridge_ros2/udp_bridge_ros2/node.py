@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node: an end of a bridge with ROS 2's publishers and subscriptions, and what it tells.
 
-Rule: it only reads parameters and wires; what the end does is in `udp_bridge.ros_end.end`. The
+Rule: it only reads parameters and wires; what the end does is in `udp_bridge.node.end`. The
 thread that calls `turn` owns the subscriptions.
 """
 
@@ -15,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from udp_bridge.ros_end.end import End, Settings
+from udp_bridge.node.end import End, Settings
 
 from . import environment
 from .diagnostics import Diagnostics

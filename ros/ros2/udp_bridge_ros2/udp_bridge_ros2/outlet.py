@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from rclpy.serialization import deserialize_message
 
-from udp_bridge.ros_end.options import prefix_frames
-from udp_bridge.ros_end.outlet import Publication
+from udp_bridge.node.options import prefix_frames
+from udp_bridge.node.outlet import Publication
 
 from . import topics
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-    from udp_bridge.header import Buffer
-    from udp_bridge.ros_end.deliveries import Delivery
-    from udp_bridge.types import MessageType
+    from udp_bridge.node.deliveries import Delivery
+    from udp_bridge.wire.header import Buffer
+    from udp_bridge.wire.types import MessageType
 
 
 class Publishers:

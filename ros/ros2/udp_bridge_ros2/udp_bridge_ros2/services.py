@@ -19,9 +19,9 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from udp_bridge.ros_end.asking import Asking
-from udp_bridge.ros_end.run import Run
-from udp_bridge.ros_end.triggers import triggers
+from udp_bridge.node.asking import Asking
+from udp_bridge.node.run import Run
+from udp_bridge.node.triggers import triggers
 
 THREADS = 8
 """Calls that may wait at a time. Only one of them steps, and all others end within seconds."""

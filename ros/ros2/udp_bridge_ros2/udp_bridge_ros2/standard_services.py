@@ -20,9 +20,9 @@ from simulation_interfaces.srv import (
     StepSimulation,
 )
 
-from udp_bridge.ros_end.asking import Unable
-from udp_bridge.ros_end.run import Run, is_paused
-from udp_bridge.wishing import WishAnswer
+from udp_bridge.node.asking import Unable
+from udp_bridge.node.run import Run, is_paused
+from udp_bridge.wire.run_commands import WishAnswer
 
 FEATURES = (
     SimulatorFeatures.SIMULATION_RESET,

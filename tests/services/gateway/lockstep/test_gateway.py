@@ -22,10 +22,10 @@ from services.gateway.bus_session import Resumed
 from services.gateway.gateway import Gateway
 from services.gateway.lockstep.gateway import LIMIT_MS, Lockstep
 from services.gateway.lockstep.reply_mailbox import Words
-from udp_bridge import control
-from udp_bridge.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
-from udp_bridge.message import Message as WireMessage
-from udp_bridge.types import CONTROL, type_number
+from udp_bridge.wire import control
+from udp_bridge.wire.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.message import Message as WireMessage
+from udp_bridge.wire.types import CONTROL, type_number
 
 PEER = ("127.0.0.1", 7511)
 RUN = "lab"

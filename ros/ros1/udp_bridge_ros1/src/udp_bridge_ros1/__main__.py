@@ -27,8 +27,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     try:
         import rospy
 
-        from udp_bridge.memory import keep_memory
-        from udp_bridge.ros_end.options import add_options
+        from udp_bridge.io.memory import keep_memory
+        from udp_bridge.node.options import add_options
 
         from .master import Watch, wait_for_master
         from .node import BridgeNode

@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence
 
 import rospy
 
-from udp_bridge.ros_end.options import prefix_frames
-from udp_bridge.ros_end.outlet import Publication
+from udp_bridge.node.options import prefix_frames
+from udp_bridge.node.outlet import Publication
 
 from .messages import kind
 
 if TYPE_CHECKING:
-    from udp_bridge.header import Buffer
-    from udp_bridge.ros_end.deliveries import Delivery
-    from udp_bridge.types import MessageType
+    from udp_bridge.node.deliveries import Delivery
+    from udp_bridge.wire.header import Buffer
+    from udp_bridge.wire.types import MessageType
 
 _SEQ = Struct("<I")
 

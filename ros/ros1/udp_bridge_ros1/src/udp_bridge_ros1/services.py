@@ -10,9 +10,9 @@ import logging
 
 import rospy
 
-from udp_bridge.ros_end.asking import Asking
-from udp_bridge.ros_end.run import Run
-from udp_bridge.ros_end.triggers import triggers
+from udp_bridge.node.asking import Asking
+from udp_bridge.node.run import Run
+from udp_bridge.node.triggers import triggers
 
 
 class Services:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, Callable, Deque, Tuple
 
 import rospy
 
-from udp_bridge.ros_end.inlet import Subscription
+from udp_bridge.node.inlet import Subscription
 
 from .cdr import Malformed, Plan
 from .messages import kind
 
 if TYPE_CHECKING:
-    from udp_bridge.types import MessageType
+    from udp_bridge.wire.types import MessageType
 
 Take = Callable[[bytes], None]
 WAITING = 256

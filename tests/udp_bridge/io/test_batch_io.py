@@ -1,0 +1,473 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many at once and one by one do the same, over real sockets."""
+
+from __future__ import annotations
+
+import random
+import socket
+import struct
+from collections.abc import Iterator
+
+import pytest
+
+from udp_bridge import Header, Message, parse
+from udp_bridge.io import batch_io as runs
+from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Place, Run
+from udp_bridge.sender.fec import symbols_of
+from udp_bridge.sender.outgoing import Run as Leaving
+from udp_bridge.sender.repair import Fec
+from udp_bridge.wire.control import Credit
+from udp_bridge.wire.control import parse as parse_control
+from udp_bridge.wire.fragments import Parts, Split, plan
+from udp_bridge.wire.repair import Offer, Request
+
+LOCAL = ("127.0.0.1", 0)
+PART = 1000
+CREDITS = Credits(0, 1 << 20, 7)
+
+needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
+RECEIVING = [pytest.param(runs.ManyAtOnce, marks=needs_many), runs.OneByOne]
+SENDING = [pytest.param(runs.SendingMany, marks=needs_many), runs.SendingOne]
+Pair = tuple[socket.socket, socket.socket]
+
+
+@pytest.fixture
+def pair() -> Iterator[Pair]:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as two,
+    ):
+        for end in (one, two):
+            end.bind(LOCAL)
+        two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, (10).to_bytes(8, "little") * 2)
+        yield one, two
+
+
+def parts_of(size: int, seq_number: int = 0, topic: str = "/points") -> Parts:
+    body = memoryview(random.Random(size).randbytes(size))
+    count = -(-size // PART)
+    message = Message(1, topic, "lidar", 5 + seq_number, seq_number, b"")
+    return Parts(message.header(parts_max=count).pack(), body, Split(PART, count))
+
+
+def whole(parts: Parts) -> list[bytes]:
+    return [head + bytes(part) for head, part in Parts(parts.packed, parts.body, parts.cut)]
+
+
+def place(parts: Parts, sender: socket.socket, *, is_open: bool, due_nanos: int = 0) -> Place:
+    count = parts.cut.parts_max
+    block = bytearray(count * PART)
+    name = sender.getsockname()
+    return Place(block, parts.packed, name, PART, 0, bytearray(count), is_open, due_nanos, 0)
+
+
+def received(receiving: type, two: socket.socket, at: Place, count: int) -> tuple[bytes, list[Run]]:
+    """Receive `count` datagrams; return what lies in the block, and the runs."""
+    receiver, found, credits = receiving(), [], CREDITS
+    taken = 0
+    while taken < count:
+        run, _ = receiver.receive(two, at, credits)
+        assert run is not None
+        found.append(run)
+        taken += run.parts_count + (run.stray is not None)
+        for first, some in run.rows:
+            at.arrived[first : first + some] = b"\1" * some
+        at = at._replace(next=max(0, at.arrived.find(0)))
+        if run.parts_count:
+            at = at._replace(is_open=True, head=run.head)
+        credits = Credits(run.uncredited_bytes, 1 << 20, credits.number + run.credits)
+    return bytes(at.block), found
+
+
+@pytest.mark.parametrize("sending", SENDING)
+def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
+    one, two = pair
+    sender = sending()
+    for size in (2500, 7001, 5000, 200_000):
+        parts = parts_of(size)
+        expected = whole(parts)
+        to = two.getsockname()
+        middle = parts.cut.parts_max - 1
+        for first, count in ((0, middle), (middle, parts.cut.parts_max - middle)):
+            assert (
+                sender.send(one, Leaving(parts, first, count, size=0), to, lambda _: False) == count
+            )
+        assert [two.recv(65536) for _ in expected] == expected
+
+
+@pytest.mark.parametrize("sending", SENDING)
+def test_repair_symbols_of_the_longest_names_are_sent_as_a_run(sending: type, pair: Pair) -> None:
+    one, two = pair
+    message = Message(1, "/" + "n" * 233, "", 5, 0, bytes(range(256)) * 40)
+    cut = plan(message, 1472, coded=True)
+    symbols = symbols_of(message, cut, Fec(0.5))
+    assert len(symbols.packed) == 260
+    count = symbols.cut.parts_max
+    run = Leaving(symbols, 0, count, size=0)
+    assert sending().send(one, run, two.getsockname(), lambda _: False) == count > 1
+    assert [two.recv(65536) for _ in range(count)] == whole(symbols)
+
+
+@pytest.mark.parametrize("sending", SENDING)
+def test_a_datagram_that_can_not_be_sent_is_left_out(sending: type, pair: Pair) -> None:
+    complaints: list[int] = []
+
+    def complain(number: int) -> bool:
+        complaints.append(number)
+        return False
+
+    run = Leaving(parts_of(2500), 0, 3, size=0)
+    assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
+    assert len(complaints) == 3
+
+
+@pytest.mark.parametrize("sending", SENDING)
+def test_what_can_not_be_sent_is_tried_once_more_when_told_so(sending: type, pair: Pair) -> None:
+    complaints: list[int] = []
+
+    def complain(number: int) -> bool:
+        complaints.append(number)
+        return True
+
+    run = Leaving(parts_of(2500), 0, 3, size=0)
+    assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
+    assert len(complaints) == 6
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize("is_anything_expected", [False, True])
+def test_datagrams_of_any_size_come_back_whole(
+    receiving: type, pair: Pair, is_anything_expected: bool
+) -> None:
+    one, two = pair
+    rng = random.Random(1)
+    sent = [rng.randbytes(size) for size in (0, 10, 32, 500, 32 + PART, 1500, 65507)]
+    for raw in sent:
+        one.sendto(raw, two.getsockname())
+    at = place(parts_of(16_000), one, is_open=False) if is_anything_expected else NOWHERE
+    _, found = received(receiving, two, at, len(sent))
+    assert [run.stray for run in found] == sent
+    assert {run.sender for run in found} == {one.getsockname()}
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize("is_open", [False, True])
+def test_parts_land_in_their_places(receiving: type, pair: Pair, is_open: bool) -> None:
+    one, two = pair
+    parts = parts_of(7001)
+    for raw in whole(parts):
+        one.sendto(raw, two.getsockname())
+    like = parts if is_open else parts_of(7001, seq_number=900)
+    block, found = received(receiving, two, place(like, one, is_open=is_open), 8)
+    assert block[:7001] == parts.body
+    assert [run.stray for run in found] == [None] * len(found)
+    assert found[0].head == parts.packed
+    assert found[-1].last_size == 1
+    assert len(found) == (1 if receiving is runs.ManyAtOnce else 8)
+
+
+def changed(raw: bytes, index: int, value: int) -> bytes:
+    return raw[:index] + bytes([value]) + raw[index + 1 :]
+
+
+FIRST, SECOND, *_, LAST = whole(parts_of(4500))
+WRONG = {
+    "type": changed(SECOND, 0, 2),
+    "header size": changed(SECOND, 1, 28),
+    "number of another message": changed(SECOND, 2, 9),
+    "part that is none": changed(SECOND, 6, 5),
+    "count of parts": changed(SECOND, 7, 4),
+    "second": changed(SECOND, 8, 9),
+    "nanosecond": changed(SECOND, 12, 9),
+    "topic size": changed(SECOND, 16, 6),
+    "link size": changed(SECOND, 17, 4),
+    "topic": changed(SECOND, 19, ord("q")),
+    "link": changed(SECOND, 25, ord("q")),
+    "padding": changed(SECOND, 31, 1),
+    "copy of the one before": FIRST,
+    "short part": SECOND[:-1],
+    "long part": SECOND + b"x",
+    "only a header": SECOND[:32],
+    "half a header": SECOND[:16],
+    "nothing": b"",
+}
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG.keys())
+def test_what_is_not_exactly_the_next_part_is_handed_over_whole(
+    receiving: type, pair: Pair, wrong: bytes
+) -> None:
+    one, two = pair
+    parts = parts_of(4500)
+    for raw in (FIRST, wrong, *whole(parts)[1:]):
+        one.sendto(raw, two.getsockname())
+    block, found = received(receiving, two, place(parts, one, is_open=False), 6)
+    assert [run.stray for run in found if run.stray is not None] == [wrong]
+    assert sum(run.parts_count for run in found) == 5
+    assert block[:4500] == parts.body
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+def test_a_part_from_elsewhere_is_handed_over_whole(receiving: type, pair: Pair) -> None:
+    one, two = pair
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(LOCAL)
+        for raw, sender in ((FIRST, one), (SECOND, other), (SECOND, one)):
+            sender.sendto(raw, two.getsockname())
+        at = place(parts_of(4500), one, is_open=False, due_nanos=1)
+        _, found = received(receiving, two, at, 3)
+        strays = [(run.stray, run.sender) for run in found if run.stray is not None]
+        assert strays == [(SECOND, other.getsockname())]
+    assert sum(run.parts_count for run in found) == 2
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize(
+    "order", [(0, 1, 3, 2, 4), (0, 4, 1, 2, 3), (0, 2, 1, 4, 3), (0, 3, 4, 1, 2)], ids=str
+)
+def test_parts_lie_in_their_places_in_whatever_order_they_come(
+    receiving: type, pair: Pair, order: tuple[int, ...]
+) -> None:
+    one, two = pair
+    parts = parts_of(4500)
+    datagrams = whole(parts)
+    for number in order:
+        one.sendto(datagrams[number], two.getsockname())
+    block, found = received(receiving, two, place(parts, one, is_open=False), 5)
+    assert block[: len(parts.body)] == parts.body
+    rows = [row for run in found for row in run.rows]
+    assert [n for first, count in rows for n in range(first, first + count)] == list(order)
+    assert [run.stray for run in found] == [None] * len(found)
+    last = next(run for run in found if any(sum(row) == 5 for row in run.rows))
+    assert last.last_size == 500
+
+
+@needs_many
+def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
+    one, two = pair
+    # All that comes is there before it is received; behind it nothing is worth a wait.
+    two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, 50_000))
+    parts = parts_of(200_000)
+    datagrams = whole(parts)
+    for number in (*range(0, 200, 2), *range(1, 200, 2)):
+        one.sendto(datagrams[number], two.getsockname())
+    at = place(parts, one, is_open=False)
+    found: list[Run] = []
+    strays: list[bytes] = []
+    receiver = runs.ManyAtOnce()
+    while sum(run.parts_count for run in found) + len(strays) < 200:
+        run, _ = receiver.receive(two, at, CREDITS)
+        assert run is not None
+        found.append(run)
+        strays += [run.stray] if run.stray is not None else []
+        for first, count in run.rows:
+            at.arrived[first : first + count] = b"\1" * count
+        at = at._replace(next=at.arrived.find(0), is_open=True, head=run.head or at.head)
+    assert max(len(run.rows) for run in found) == 64
+    block = bytes(at.block)
+    for number in range(200):
+        if at.arrived[number]:
+            assert block[number * PART : (number + 1) * PART] == datagrams[number][32:]
+    assert 0 < len(strays) < 10
+
+
+@needs_many
+def test_a_gap_is_not_waited_for_longer_than_it_takes_to_ask_for_it(pair: Pair) -> None:
+    one, two = pair
+    datagrams = whole(parts_of(4500))
+    one.sendto(datagrams[0], two.getsockname())
+    one.sendto(datagrams[2], two.getsockname())
+    at = place(parts_of(4500), one, is_open=False)._replace(patience_nanos=1)
+    run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
+    assert run is not None
+    assert (run.rows, run.stray) == (((0, 1), (2, 1)), None)
+
+
+def request_of(topic: str, *parts: int) -> bytes:
+    """Return the request that Python would send for parts of a message of 5."""
+    head = Header(65, 3, 0, 1, 0, 8, topic).pack()
+    return head + Request(1, 5, 1, 999, parts).pack()
+
+
+def offer_of(topic: str, **other: int) -> bytes:
+    """Return the offer of such a message, or of another one."""
+    offer = Offer(1, other.pop("parts_max", 5), 500)
+    return Header(65, 3, 0, 1, 0, 8, topic)._replace(**other).pack() + offer.pack()
+
+
+def place_to_ask(parts: Parts, sender: socket.socket, patience_nanos: int) -> Place:
+    at = place(parts, sender, is_open=False)
+    return at._replace(patience_nanos=patience_nanos, may_ask=True)
+
+
+ASKING = CREDITS._replace(goodput=999)
+LONG_NANOS = 10**10
+
+
+@needs_many
+@pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
+def test_a_gap_is_asked_for_as_python_would_and_filled_in_the_same_run(
+    pair: Pair, topic: str
+) -> None:
+    one, two = pair
+    one.settimeout(10.0)
+    parts = parts_of(4500, 3, topic)
+    for number in (0, 2, 1, 3, 4):
+        one.sendto(whole(parts)[number], two.getsockname())
+    at = place_to_ask(parts, one, 1)
+    run, _ = runs.ManyAtOnce().receive(two, at, ASKING)
+    assert run is not None
+    assert run.rows == ((0, 1), (2, 1), (1, 1), (3, 2))
+    assert run.asked == b"\2"
+    assert run.asked_nanos > 0
+    assert one.recv(1000) == request_of(topic, 1)
+    assert bytes(at.block)[:4500] == parts.body
+
+
+@needs_many
+@pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
+def test_an_offer_behind_parts_is_answered_at_once_and_handed_over(pair: Pair, topic: str) -> None:
+    one, two = pair
+    one.settimeout(10.0)
+    parts = parts_of(4500, 3, topic)
+    offer = offer_of(topic)
+    for raw in (*(whole(parts)[number] for number in (0, 1, 3)), offer):
+        one.sendto(raw, two.getsockname())
+    run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    assert run is not None
+    assert (run.rows, run.stray) == (((0, 2), (3, 1)), offer)
+    assert run.asked == b"\x14"
+    assert one.recv(1000) == request_of(topic, 2, 4)
+
+
+@needs_many
+@pytest.mark.parametrize(
+    "stray",
+    [
+        offer_of("/points", seq_number=4),
+        offer_of("/points", time_nsec=9),
+        offer_of("/points", parts_max=6),
+        offer_of("/pointz"),
+        offer_of("/points") + b"\0",
+        offer_of("/points")[:-1],
+        request_of("/points", 1),
+        b"",
+    ],
+)
+def test_nothing_is_asked_for_behind_anything_else(pair: Pair, stray: bytes) -> None:
+    one, two = pair
+    one.setblocking(False)
+    parts = parts_of(4500, 3)
+    for raw in (whole(parts)[0], whole(parts)[2], stray):
+        one.sendto(raw, two.getsockname())
+    run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    assert run is not None
+    assert (run.stray, run.asked) == (stray, b"")
+    with pytest.raises(BlockingIOError):
+        one.recv(1000)
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+@pytest.mark.parametrize("nsec", [10**9, -1])
+def test_a_time_that_is_none_begins_no_message(receiving: type, pair: Pair, nsec: int) -> None:
+    one, two = pair
+    wrong = FIRST[:12] + nsec.to_bytes(4, "little", signed=True) + FIRST[16:]
+    one.sendto(wrong, two.getsockname())
+    _, found = received(receiving, two, place(parts_of(4500), one, is_open=False), 1)
+    assert [run.stray for run in found] == [wrong]
+
+
+@needs_many
+def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair) -> None:
+    one, two = pair
+    one.sendto(FIRST, two.getsockname())
+    at = place(parts_of(4500), one, is_open=False, due_nanos=1)
+    run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
+    assert run is not None
+    assert (run.parts_count, run.stray) == (1, None)
+
+
+@needs_many
+@pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
+def test_credits_are_those_that_python_would_send(pair: Pair, topic: str) -> None:
+    one, two = pair
+    one.settimeout(10.0)
+    parts = parts_of(20_500, 3, topic)
+    for raw in whole(parts):
+        one.sendto(raw, two.getsockname())
+    size = len(whole(parts)[0])
+    buffer = 8 * (10 * size - 1)  # one for every ten parts, and one at the end
+    at = place(parts, one, is_open=True)
+    run, _ = runs.ManyAtOnce().receive(two, at, Credits(0, buffer, 2**32 - 1))
+    assert run is not None
+    assert (run.parts_count, run.credits, run.uncredited_bytes) == (21, 3, 0)
+    for number, part in ((2**32 - 1, 9), (0, 19), (1, 20)):
+        _, offset = parse(raw := one.recv(1000))
+        told = Message(64, topic, "", 5 + 3, number, b"")
+        assert raw[:offset] == told.header().pack()
+        assert parse_control(raw[offset:]) == Credit(1, part, 3, buffer)
+
+
+@pytest.mark.parametrize("receiving", RECEIVING)
+def test_nothing_is_received_when_nothing_comes(receiving: type, pair: Pair) -> None:
+    pair[1].setblocking(False)
+    assert receiving().receive(pair[1], NOWHERE, CREDITS)[0] is None
+
+
+@needs_many
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"next": 5},
+        {"next": -1},
+        {"next": 2, "arrived": bytearray(b"\0\0\1\0\0")},
+        {"arrived": bytearray(256)},
+        {"arrived": bytearray(6)},
+        {"part_size": 1001},
+        {"part_size": 2**62},
+        {"part_size": 0},
+        {"head": b""},
+        {"head": b"\xff" * 32},
+        {"head": bytes(256)},
+        {"sender": ("nowhere", 5)},
+        {"sender": ("127.0.0.1", 65536)},
+    ],
+    ids=str,
+)
+def test_a_place_that_is_none_is_an_error(pair: Pair, change: dict[str, object]) -> None:
+    at = place(parts_of(4500), pair[0], is_open=False)._replace(**change)  # type: ignore[arg-type]
+    pair[1].setblocking(False)
+    with pytest.raises(ValueError, match=r"block|address"):
+        runs.ManyAtOnce().receive(pair[1], at, CREDITS)
+
+
+@needs_many
+@pytest.mark.parametrize(("first", "count"), [(-1, 2), (3, 0), (3, 3), (0, 300)])
+def test_parts_that_are_none_are_an_error(pair: Pair, first: int, count: int) -> None:
+    run = Leaving(parts_of(4500), first, count, size=0)
+    if count <= 0:
+        assert runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False) == 0
+        return
+    with pytest.raises(ValueError, match="parts do not lie in the body"):
+        runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False)
+
+
+@needs_many
+def test_an_empty_datagram_is_no_credit_before_one_was_sent_for() -> None:
+    """The sanitizers judge, see `fuzz/sanitized.py`.
+
+    A sender whose address is all zero is the one that memory for credits begins with. IPv4 has
+    it in broadcasts only, so here a name in another family stands for it, whose bytes are zero.
+    """
+    with (
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as two,
+    ):
+        one.bind(bytes(12))
+        two.bind("")  # any free name
+        one.sendto(b"", two.getsockname())
+        run, _ = runs.ManyAtOnce().receive(two, NOWHERE, CREDITS)
+    assert run is not None
+    assert (run.stray, run.sender, run.parked) == (b"", ("0.0.0.0", 0), 0)

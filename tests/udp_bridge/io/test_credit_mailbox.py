@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Credits are kept while nobody waits for one, and none of them is lost or taken by mistake."""
+
+from __future__ import annotations
+
+import random
+import socket
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from udp_bridge import Link, Message
+from udp_bridge.io import batch_io as runs
+from udp_bridge.io.credit_mailbox import Parking
+from udp_bridge.io.socket_wrappers import PeersOnly
+from udp_bridge.io.udp_socket import UdpSocket
+from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Run
+from udp_bridge.sender.credit_window import DatagramKey
+from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.wire.control import Credit, CreditRequest
+from udp_bridge.wire.header import Header, parse
+from udp_bridge.wire.types import CONTROL
+
+LOCAL = ("127.0.0.1", 0)
+TO = ("127.0.0.1", 9)
+PATIENCE_S = 10.0
+BODY = random.Random(5).randbytes(3_000_000)
+needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
+
+
+def credit(number: int, part: int = 3, *, topic: str = "/image", msg_type: int = 33) -> bytes:
+    header = Header(CONTROL, number + 7, 0, 1, 5 + number, 6, topic)
+    return header.pack() + Credit(msg_type, part, number, 4 << 20).pack()
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[socket.socket, UdpSocket]]:
+    receiver = UdpSocket(LOCAL, receive_buffer=4 << 20, wait_s=0.05)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(LOCAL)
+        yield peer, receiver
+    receiver.close()
+
+
+def taken(receiver: UdpSocket | PeersOnly) -> list[Run]:
+    """Receive until nothing comes."""
+    found = []
+    while (run := receiver.receive_run(NOWHERE, Credits(0, 1 << 20, 0))) is not None:
+        found.append(run)
+    return found
+
+
+def strays(found: list[Run]) -> list[bytes]:
+    return [run.stray for run in found if run.stray is not None]
+
+
+@needs_many
+def test_credits_for_what_is_sent_are_kept_and_counted(
+    ends: tuple[socket.socket, UdpSocket],
+) -> None:
+    peer, receiver = ends
+    assert receiver.park_credits(peer.getsockname(), credit(0)) == []
+    sent = [credit(number) for number in range(5)]
+    for raw in sent:
+        peer.sendto(raw, receiver.address)
+    found = taken(receiver)
+    assert strays(found) == []
+    assert sum(run.parked for run in found) == 5
+    assert sum(run.parked_bytes for run in found) == sum(map(len, sent))
+    kept = [(number, 3, 4 << 20) for number in range(5)]
+    assert receiver.parked_credits(False) == kept
+    assert receiver.parked_credits(False) == []
+    peer.sendto(sent[0], receiver.address)
+    taken(receiver)
+    assert receiver.park_credits(peer.getsockname(), credit(0, topic="/other")) == kept[:1]
+
+
+@needs_many
+def test_an_awaited_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
+    peer, receiver = ends
+    receiver.park_credits(peer.getsockname(), credit(0))
+    receiver.parked_credits(True)
+    peer.sendto(credit(1), receiver.address)
+    assert strays(taken(receiver)) == [credit(1)]
+    receiver.parked_credits(False)
+    peer.sendto(credit(2), receiver.address)
+    assert strays(taken(receiver)) == []
+    assert receiver.parked_credits(True) == [(2, 3, 4 << 20)]
+
+
+def ordered(outbox: Outbox, receiver: UdpSocket) -> Parking:
+    """Send what fits of a message and leave the rest to the socket."""
+    outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), receiver.receive_buffer, 0)
+    outbox.put(Message(33, "/image", "", 5, 0, BODY))
+    parking = Parking(receiver, dict.fromkeys(("sent_messages", "sent_datagrams", "sent_bytes"), 0))
+    while outbox.take(0, 1 << 20) is not None:
+        parking.follow(outbox, 0)
+    parking.collect(0, waits=True)
+    parking.order()
+    return parking
+
+
+def parts_at(peer: socket.socket) -> list[tuple[int, bytes]]:
+    """Return what came so far, part numbers and slices."""
+    peer.setblocking(False)
+    found = []
+    try:
+        while True:
+            header, offset = parse(memoryview(raw := peer.recv(1 << 16)))
+            found.append((header.part_number, raw[offset:]))
+    except BlockingIOError:
+        return found
+
+
+@needs_many
+def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
+    ends: tuple[socket.socket, UdpSocket],
+) -> None:
+    peer, receiver = ends
+    outbox = Outbox(peer.getsockname(), "loopback")
+    parking = ordered(outbox, receiver)
+    window = outbox.pacer.window
+    parts = -(-len(BODY) // 65280)
+    assert window.room(65280) == 0
+    newest = -1
+    (flight,) = window.flights(33, "/image") or []
+    upcoming = first = flight[2]
+    runs_over = []
+    while upcoming < parts:
+        newest += 2  # so many parts are acknowledged, and no more than that many may go
+        peer.sendto(credit(0, newest), receiver.address)
+        found = taken(receiver)
+        assert strays(found) == []
+        runs_over += [run.order_is_over for run in found]
+        came = parts_at(peer)
+        assert came == [(n, BODY[n * 65280 : (n + 1) * 65280]) for n, _ in came]
+        assert [n for n, _ in came] == list(range(upcoming, min(upcoming + 2, parts)))
+        upcoming += len(came)
+    assert runs_over == [False] * (len(runs_over) - 1) + [True]
+    assert not outbox.is_idle  # until it is told
+    assert parking.collect(9, waits=False)
+    assert outbox.is_idle
+    assert parking._sent["sent_messages"] == 1
+    assert parking._sent["sent_datagrams"] == parts - first
+    rows = window.flights(33, "/image") or []
+    assert [row[:3] for row in rows] == [(0, newest + 1, parts - newest - 1)]
+
+
+@needs_many
+@pytest.mark.parametrize("wrong", [(1, 3, 4 << 20), (0, 200, 4 << 20), (0, 3, 1 << 20)])
+def test_credits_that_tell_an_order_nothing_are_handed_over(
+    ends: tuple[socket.socket, UdpSocket], wrong: tuple[int, int, int]
+) -> None:
+    peer, receiver = ends
+    outbox = Outbox(peer.getsockname(), "loopback")
+    parking = ordered(outbox, receiver)
+    number, part, buffer = wrong
+    header = Header(CONTROL, 1, 0, 1, 5, 6, "/image").pack()
+    raw = header + Credit(33, part, number, buffer).pack()
+    peer.sendto(raw, receiver.address)
+    assert strays(taken(receiver)) == [raw]
+    assert parts_at(peer) == []
+    assert not parking.collect(0, waits=True)
+    peer.sendto(credit(0), receiver.address)  # taken back, it is held no more
+    assert strays(taken(receiver)) == [credit(0)]
+    assert parts_at(peer) == []
+
+
+@needs_many
+def test_more_than_can_be_kept_are_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
+    peer, receiver = ends
+    receiver.park_credits(peer.getsockname(), credit(0))
+    for number in range(70):
+        peer.sendto(credit(number), receiver.address)
+    found = taken(receiver)
+    assert strays(found) == [credit(number) for number in range(64, 70)]
+    assert len(receiver.parked_credits(False)) == sum(run.parked for run in found) == 64
+
+
+def flipped(raw: bytes, at: int) -> bytes:
+    return raw[:at] + bytes((raw[at] ^ 0x81,)) + raw[at + 1 :]
+
+
+FREE = {2, 3, 4, 5, 8, 9, 10, 11, 12, 13, 14}
+"""Bytes of a Credit's header that may be anything: its number, and all but the top of its time."""
+FREE_OF_BODY = {2, 3, 4, 5, 6, 7, 8, 9, 10, 11}
+
+
+@needs_many
+def test_what_is_no_such_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
+    peer, receiver = ends
+    receiver.park_credits(peer.getsockname(), credit(0))
+    right = credit(1)
+    body_at = len(right) - 12
+    fixed = [
+        at
+        for at in range(len(right))
+        if at not in FREE and not (at >= body_at and at - body_at in FREE_OF_BODY)
+    ]
+    wrong = [flipped(right, at) for at in fixed]
+    wrong += [right[:-1], right + b"\0", b"", credit(1, topic="/images"), credit(1, msg_type=1)]
+    wrong.append(Header(CONTROL, 1, 0, 1, 5, 6, "/image").pack() + CreditRequest().pack())
+    wrong += [random.Random(1).randbytes(size) for size in (10, 300, 65507)]
+    for raw in wrong:
+        peer.sendto(raw, receiver.address)
+    assert strays(taken(receiver)) == wrong
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(right, receiver.address)
+        assert strays(taken(receiver)) == [right]
+    assert receiver.parked_credits(False) == []
+
+
+@needs_many
+def test_credits_of_those_who_were_not_let_in_are_refused(
+    ends: tuple[socket.socket, UdpSocket],
+) -> None:
+    peer, receiver = ends
+    around = PeersOnly(receiver, [TO])
+    around.park_credits(peer.getsockname(), credit(0))
+    peer.sendto(credit(1), receiver.address)
+    assert [run.refused for run in taken(around)] == ["stranger"]
+    assert around.parked_credits(False) == []
+
+
+class Shelf:
+    """A socket that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[int, int, int]] = []
+        self.like: list[bytes] = []
+        self.is_awaited = False
+
+    def park_credits(self, to: tuple[str, int], like: bytes) -> list[tuple[int, int, int]]:
+        self.like.append(like)
+        return self.parked_credits(self.is_awaited)
+
+    def parked_credits(self, is_awaited: bool) -> list[tuple[int, int, int]]:
+        self.is_awaited = is_awaited
+        kept, self.kept = self.kept, []
+        return kept
+
+
+def outbox_with(*topics: str) -> Outbox:
+    outbox = Outbox(TO, "loopback")
+    outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+    for topic in topics:
+        outbox.put(Message(33, topic, "", 5, 0, bytes(3_000_000)))
+    return outbox
+
+
+def test_what_was_kept_makes_room() -> None:
+    shelf = Shelf()
+    parking = Parking(shelf, {})
+    outbox = outbox_with("/image", "/other")
+    assert not parking.collect(0, waits=True)  # nothing was sent yet
+    while (datagram := outbox.take(0, 1 << 20)) is not None:
+        assert datagram.run is not None
+        parking.follow(outbox, 0)
+    assert [like[18:24] for like in shelf.like] == [b"/image", b"/other"]
+    assert not outbox.is_idle
+    assert not parking.collect(0, waits=True)
+    assert shelf.is_awaited
+    before = outbox.pacer.window.in_flight_bytes
+    shelf.kept = [(0, 3, 8 << 20)]
+    assert parking.collect(0, waits=False)
+    assert not shelf.is_awaited
+    assert outbox.pacer.window.in_flight_bytes < before
+
+
+def test_nothing_is_awaited_when_nothing_waits() -> None:
+    shelf = Shelf()
+    parking = Parking(shelf, {})
+    outbox = outbox_with("/image")
+    while outbox.take(0, 1 << 22) is not None:
+        parking.follow(outbox, 0)
+    assert outbox.is_idle
+    parking.collect(0, waits=True)
+    assert not shelf.is_awaited
+
+
+def test_a_stream_of_many_threads_and_topics_never_waits_in_vain() -> None:
+    count, topics = 150, ("/a", "/b", "/c")
+    came: list[tuple[str, int]] = []
+    is_whole = threading.Event()
+    bodies = {topic: random.Random(topic).randbytes(1_500_000) for topic in topics}
+
+    def on_message(message: Message, _: object) -> None:
+        assert message.body == bodies[message.topic]
+        came.append((message.topic, message.seq_number))
+        if len(came) == count * len(topics):
+            is_whole.set()
+
+    waiting = {(33, topic): 1 << 30 for topic in topics}
+    with (
+        Link(LOCAL, on_message=on_message) as receiver,
+        Link(LOCAL, receiver.address, large_waiting=waiting) as link,
+    ):
+
+        def send(topic: str) -> None:
+            rng = random.Random(topic)
+            for _ in range(count):
+                link.send(33, topic, "", time.time_ns(), bodies[topic])
+                if rng.random() < 0.5:
+                    link.flush(PATIENCE_S)
+
+        threads = [threading.Thread(target=send, args=(topic,)) for topic in topics]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert is_whole.wait(PATIENCE_S)
+        assert link.flush(PATIENCE_S)
+        assert link.counters()["superseded"] == 0
+    for topic in topics:
+        assert [number for name, number in came if name == topic] == list(range(count))

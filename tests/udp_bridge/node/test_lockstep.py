@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node's half of lockstep between a gateway and a ROS that the test plays; no DDS, no clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from udp_bridge import Message
+from udp_bridge.node import lockstep
+from udp_bridge.node.lockstep import GIVE_UP_S, SETTLE_S, Lockstep
+from udp_bridge.wire import control
+from udp_bridge.wire.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.types import CONTROL, type_number
+
+GATEWAY = ("127.0.0.1", 7510)
+LIFE = 77
+ODOM, CLOCK, TWIST = map(type_number, ("Odometry", "Clock", "Twist"))
+ANSWERS = (Answer("/cmd_vel", "/odom", TWIST),)
+
+
+class StandIn:
+    """Node, outlet, inlet and link in one: what the half between them needs of each."""
+
+    def __init__(self) -> None:
+        self.published: list[Message] = []
+        self.words: list[Word] = []
+        self.warnings: list[str] = []
+        self.topics = [(TWIST, "/cmd_vel")]
+        self._known: set[str] = set()
+
+    def info(self, line: str) -> None:
+        pass
+
+    def warning(self, line: str) -> None:
+        self.warnings.append(line)
+
+    def publishers(self, topic: str) -> frozenset[Hashable]:
+        return frozenset({"controller"})
+
+    def is_published(self, topic: str) -> bool:
+        return True
+
+    is_heard = is_published
+
+    def listen(self, topic: str, take: Callable[[], object]) -> object:
+        return self
+
+    def prepare(self, row: Any, message: Message, sender: Any) -> bool:
+        is_new = message.topic not in self._known
+        self._known.add(message.topic)
+        return is_new
+
+    def publishes(self, topic: str) -> bool:
+        return topic in self._known
+
+    def put_all(self, messages: Sequence[Message], sender: Any, then: Callable[[], Any]) -> None:
+        self.published += messages
+        then()
+
+    def mend(self, *_: Any) -> None:
+        pass
+
+    def flush(self, _: float) -> bool:
+        return True
+
+    def left(self, _: Any) -> dict[tuple[int, str], int]:
+        return {}
+
+    def send(self, kind: int, topic: str, _: str, stamp: int, body: bytes, to: Any) -> None:
+        assert (kind, to) == (CONTROL, GATEWAY)
+        said = control.parse(body)
+        assert isinstance(said, Word)
+        self.words.append(said)
+
+
+class Rig:
+    """A node's half of lockstep."""
+
+    def __init__(self, ros: Any) -> None:
+        self.now_s = 100.0
+        self.ros = ros
+        self.half = Lockstep(ros, ros, ros, log=ros, wake=lambda: None, drop=lambda *_: None)
+
+    def told(self, tick: int, first: int, *, come: bool = True) -> None:
+        """Hear a Barrier that tells of an odometry and a clock with this number."""
+        rows = () if tick < 0 else ((ODOM, "/odom"), (CLOCK, "/clock"))
+        if come:
+            for kind, topic in rows:
+                message = Message(kind, topic, "", tick, first, b"\0\1\0\0")
+                self.half.holds(message, GATEWAY)
+        sent = tuple(Sent(kind, topic, first, 1) for kind, topic in rows)
+        self._barrier = Barrier(LIFE, tick, 4000, sent, ANSWERS)
+        self.half.take(self._barrier, GATEWAY, self.ros)
+
+    def turn(self, seconds: float = 0.0) -> None:
+        """Let time pass; the Barrier is repeated."""
+        for _ in range(4):
+            self.now_s += seconds / 4
+            self.half.turn(self.ros)
+        self.half.take(self._barrier, GATEWAY, self.ros)
+
+    def numbers(self, topic: str) -> list[int]:
+        return [one.seq_number for one in self.ros.published if one.topic == topic]
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
+    it = Rig(StandIn())
+    clock = SimpleNamespace(monotonic=lambda: it.now_s, time_ns=lambda: 0)
+    monkeypatch.setattr(lockstep, "time", clock)
+    return it
+
+
+def started_again(rig: Rig) -> None:
+    """Let it be told of what a predecessor got, and get it again."""
+    rig.told(8, first=5, come=False)
+    rig.told(8, first=6)
+    rig.turn(4 * SETTLE_S)
+
+
+def test_who_is_there_from_the_begin_gives_its_word_when_all_is_answered(rig: Rig) -> None:
+    rig.told(-1, first=0)
+    rig.turn()
+    assert rig.ros.words[-1].state == DONE
+    rig.told(0, first=0)
+    rig.turn(4 * SETTLE_S)
+    assert rig.numbers("/odom") == [0]
+    for _ in range(10):  # a controller may take its time
+        rig.turn(GIVE_UP_S / 2)
+    assert rig.ros.words[-1].state == WAITING
+    rig.half.heard("/cmd_vel")
+    rig.turn()
+    assert rig.ros.words[-1] == Word(LIFE, 0, DONE)
+    assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
+
+
+def test_a_successor_asks_for_what_was_sent_before_it_was_there(rig: Rig) -> None:
+    rig.told(8, first=5, come=False)
+    rig.turn(SETTLE_S)
+    assert [word.state for word in rig.ros.words] == [ANEW, ANEW]
+    assert rig.ros.published == []
+
+
+def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answered(
+    rig: Rig,
+) -> None:
+    rig.told(8, first=5, come=False)
+    rig.told(8, first=6)
+    rig.turn(0.9 * SETTLE_S)
+    assert rig.ros.published == []
+    rig.turn(2 * SETTLE_S)
+    assert rig.numbers("/odom") == [6]
+    assert rig.ros.words[-1].state == WAITING
+    rig.half.heard("/cmd_vel")
+    rig.turn()
+    assert rig.ros.words[-1] == Word(LIFE, 8, DONE)
+
+
+def test_an_answer_that_a_predecessor_may_have_got_is_given_up(rig: Rig) -> None:
+    started_again(rig)
+    assert rig.numbers("/odom") == [6]
+    rig.turn(GIVE_UP_S / 2)
+    assert rig.ros.words[-1].state == WAITING
+    rig.turn(GIVE_UP_S / 2)
+    rig.turn(1.0)
+    assert rig.ros.words[-1] == Word(LIFE, 8, DONE)
+    assert any("tick 8 goes on without a message on /cmd_vel" in one for one in rig.ros.warnings)
+
+
+def test_once_a_tick_was_answered_answers_are_awaited_for_as_long_as_it_takes(rig: Rig) -> None:
+    started_again(rig)
+    rig.half.heard("/cmd_vel")
+    rig.turn()
+    rig.told(16, first=7)
+    rig.turn()
+    assert rig.numbers("/odom") == [6, 7]
+    for _ in range(10):
+        rig.turn(GIVE_UP_S / 2)
+    assert rig.ros.words[-1].state == WAITING

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from udp_bridge import Header, Message, Reassembler
+from udp_bridge.receiver.gathering import HELD_MESSAGES, Gathering, Tally, in_order
+from udp_bridge.wire.lockstep import Sent
+
+ODOM, CLOCK, IMU = 36, 8, 2
+
+
+def message(msg_type: int, topic: str, number: int, stamp: int = 0) -> Message:
+    return Message(msg_type, topic, "", stamp, number, b"body")
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 20), st.randoms(use_true_random=False))
+def test_any_order_and_any_copies_give_the_same(first: int, count: int, rng: random.Random) -> None:
+    sent = [message(ODOM, "/odom", (first + index) % 2**32) for index in range(count)]
+    come = sent + rng.sample(sent, rng.randrange(count))
+    rng.shuffle(come)
+    dropped: list[Message] = []
+    gathering = Gathering(dropped.append)
+    for one in come:
+        gathering.put(one)
+    told = (Sent(ODOM, "/odom", first, count),)
+    assert gathering.missing(told) == 0
+    assert gathering.take(told) == sent
+    assert len(dropped) == len(come) - count
+    assert gathering.take_all() == []
+
+
+def test_what_is_told_later_is_held_and_what_nobody_tells_of_any_more_goes() -> None:
+    dropped: list[Message] = []
+    gathering = Gathering(dropped.append)
+    for number in (3, 4, 5, 7):
+        gathering.put(message(ODOM, "/odom", number))
+    gathering.put(message(IMU, "/imu", 0))
+    told = (Sent(ODOM, "/odom", 5, 2),)
+    assert gathering.missing(told) == 1
+    assert [one.seq_number for one in gathering.take(told)] == [5]
+    assert [one.seq_number for one in dropped] == [3, 4]
+    assert {(one.topic, one.seq_number) for one in gathering.take_all()} == {
+        ("/odom", 7),
+        ("/imu", 0),
+    }
+
+
+class _Counted(dict[int, Message]):
+    """A topic's messages; counts how often they are looked at."""
+
+    looks = 0
+
+    def __contains__(self, number: object) -> bool:
+        type(self).looks += 1
+        return super().__contains__(number)
+
+    def __iter__(self) -> Iterator[int]:
+        for number in super().__iter__():
+            type(self).looks += 1
+            yield number
+
+
+def test_ranges_are_counted_without_counting_to_their_end() -> None:
+    gathering = Gathering()
+    told = tuple(Sent(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
+    for sent in told:
+        gathering._held[sent.msg_type, sent.topic] = _Counted()
+        for number in (2**32 - 1, 0, 0xFFFE, 2**31):
+            gathering.put(message(IMU, sent.topic, number))
+    _Counted.looks = 0
+    missing = 255 * (0xFFFF - 2)
+    assert gathering.missing(told) == missing
+    for number in range(1, 100):
+        gathering.put(message(IMU, "/7", number))
+        assert gathering.missing(told) == missing - number
+    assert _Counted.looks < 2000
+    assert [one.seq_number for one in gathering.take(told[:1])] == [2**32 - 1, 0]
+    assert gathering.missing(told) == missing - 99 + 2
+
+
+def test_small_bodies_keep_no_large_blocks() -> None:
+    gathering, reassembler = Gathering(), Reassembler()
+    for number in range(100):
+        for part in range(2):
+            header = Header(IMU, number, part, 2, number, 0, "/imu")
+            got = reassembler.receive(header.pack() + b"x", "sender", number)
+        assert got is not None
+        gathering.put(got)
+    held = gathering.take_all()
+    assert [bytes(one.body) for one in held] == [b"xx"] * 100
+    assert sum(memoryview(memoryview(one.body).obj).nbytes for one in held) < 1000
+
+
+def test_it_holds_no_more_than_its_bound() -> None:
+    dropped: list[Message] = []
+    gathering = Gathering(dropped.append)
+    for number in range(HELD_MESSAGES + 1):
+        gathering.put(message(ODOM, "/odom", number))
+    assert [one.seq_number for one in dropped] == [HELD_MESSAGES]
+
+
+def test_the_order_of_publishing_is_that_of_stamps_and_clock_comes_last() -> None:
+    wanted = [
+        message(IMU, "/imu", 9, 1),
+        message(CLOCK, "/clock", 0, 1),
+        message(IMU, "/imu", 7, 2),
+        message(IMU, "/imu", 8, 2),
+        message(ODOM, "/a", 3, 2),
+        message(ODOM, "/odom", 1, 2),
+        message(CLOCK, "/clock", 1, 2),
+    ]
+    assert in_order(reversed(wanted)) == wanted
+
+
+def test_a_tally_tells_what_left_since_the_last_time() -> None:
+    tally = Tally()
+    assert tally.since({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (Sent(ODOM, "/odom", 0, 2),)
+    tally.tell({(ODOM, "/odom"): 2})
+    assert tally.since({(ODOM, "/odom"): 2}) == ()
+    left = {(ODOM, "/odom"): 5, (IMU, "/imu"): 2**32 + 1}
+    assert tally.since(left)[1] == Sent(ODOM, "/odom", 2, 3)
+    tally.tell({(IMU, "/imu"): 2**32 - 1})
+    assert tally.since({(IMU, "/imu"): 2**32 + 1}) == (Sent(IMU, "/imu", 2**32 - 1, 2),)

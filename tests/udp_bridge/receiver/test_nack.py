@@ -1,0 +1,387 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a receiver asks for, first one event at a time, then over whole simulated links."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.udp_bridge.simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
+from udp_bridge import Message
+from udp_bridge.receiver.nack import TRIES, WANTS, Asking
+from udp_bridge.sender.repair import Fec, Mode, Resend
+from udp_bridge.wire.header import Header
+from udp_bridge.wire.repair import Offer
+
+PARTS = 8
+OFFER = Offer(1, PARTS, 500)
+
+
+def part(number: int, seq: int = 0) -> Header:
+    return Header(1, seq, number, PARTS, 1, seq, "/p")
+
+
+class Bench:
+    """What is asked of one topic."""
+
+    def __init__(self) -> None:
+        self.asking = Asking()
+        self.came: dict[int, set[int]] = {}
+
+    def saw(self, now: int, *numbers: int, seq: int = 0) -> None:
+        for number in numbers:
+            came = self.came.setdefault(seq, set())
+            came.add(number)
+            self.asking.saw(part(number, seq), is_whole=len(came) == PARTS, now_nanos=now)
+
+    def offered(self, now: int, seq: int = 0, *, is_finished: bool = False) -> None:
+        self.asking.offered(part(0, seq), OFFER, is_finished=is_finished, now_nanos=now)
+
+    def due(self, now: int) -> list[tuple[int, tuple[int, ...]]]:
+        """Return seq_number and parts, or the number of whole messages."""
+        return [
+            (asked.seq_number, asked.request.parts or (-asked.request.messages,))
+            for asked in self.asking.due(1, now)
+        ]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    bench.saw(0, *range(PARTS), seq=99)
+    bench.offered(0, 99, is_finished=True)
+    assert bench.due(0) == []
+    return bench
+
+
+def test_gaps_within_a_round_trip_of_a_request_are_asked_for_together(bench: Bench) -> None:
+    bench.saw(0, 0, 2, seq=100)
+    assert bench.due(MS) == [(100, (1,))]
+    bench.saw(5 * MS, 1, seq=100)  # so the round trip takes 4 ms
+    bench.saw(10 * MS, 0, 2, seq=101)
+    assert (101, (1,)) in bench.due(11 * MS)
+    bench.saw(12 * MS, 4, seq=101)
+    bench.saw(13 * MS, 6, seq=101)
+    assert [asked for asked in bench.due(14 * MS) if asked[0] == 101] == []
+    assert (101, (3, 5)) in bench.due(15 * MS)
+    bench.saw(16 * MS, 0, 2, seq=102)
+    bench.due(17 * MS)
+    bench.saw(17 * MS, 4, seq=102)
+    bench.offered(17 * MS, 102)  # now it is known that nothing overtook it
+    assert (102, (3, 5, 6, 7)) in bench.due(17 * MS)
+
+
+def test_a_gap_is_asked_for_when_it_is_a_millisecond_old(bench: Bench) -> None:
+    bench.saw(0, 0, 1, 4, seq=100)
+    assert bench.due(MS - 1) == []
+    bench.saw(MS, 7, seq=100)
+    assert bench.due(MS) == [(100, (2, 3))]
+    assert bench.due(2 * MS) == [(100, (5, 6))]
+
+
+def test_what_comes_after_all_is_not_asked_for(bench: Bench) -> None:
+    bench.saw(0, 0, 2, 1, seq=100)
+    assert bench.due(SECOND // 4) == []
+
+
+def test_an_offer_shows_the_lost_end_at_once(bench: Bench) -> None:
+    bench.saw(0, *range(5), seq=100)
+    assert bench.due(MS) == []
+    bench.offered(MS, 100)
+    assert bench.due(MS) == [(100, (5, 6, 7))]
+
+
+def test_a_newer_message_shows_the_lost_end_too(bench: Bench) -> None:
+    bench.saw(0, *range(5), seq=100)
+    bench.saw(0, 0, seq=101)
+    assert bench.due(MS) == [(100, (5, 6, 7))]
+
+
+def test_lost_messages_are_asked_for_together(bench: Bench) -> None:
+    bench.saw(0, *range(PARTS), seq=103)
+    assert bench.due(MS) == [(100, (-3,))]
+    bench.offered(MS, 104)
+    assert bench.due(MS) == [(104, (-1,))]
+
+
+def test_a_whole_message_on_its_way_is_not_asked_for_part_by_part(bench: Bench) -> None:
+    bench.saw(0, *range(PARTS), seq=101)
+    assert bench.due(MS) == [(100, (-1,))]
+    bench.saw(20 * MS, 0, 1, 2, seq=100)
+    assert bench.due(22 * MS) == []
+    bench.saw(22 * MS, 3, 4, 5, seq=100)
+    assert bench.due(23 * MS) == []
+    assert bench.due(SECOND // 4) == [(100, (6, 7))]
+
+
+def test_numbers_wrap() -> None:
+    bench = Bench()
+    bench.offered(0, 2**32 - 2, is_finished=True)
+    bench.saw(0, *range(PARTS), seq=1)
+    assert bench.due(MS) == [(2**32 - 1, (-2,))]
+
+
+def test_repetitions_come_more_slowly_and_in_more_copies(bench: Bench) -> None:
+    bench.saw(0, *range(7), seq=100)
+    bench.offered(0, 100)
+    times, copies = [], []
+    for now in range(0, 600 * MS, MS):
+        for asked in bench.asking.due(1, now):
+            times.append(now // MS)
+            copies.append(asked.copies)
+    assert times == [0, 50, 125, 238, 388]  # 50 ms times 1, 1.5, 2.25, 3, and then too old
+    assert copies == [1, 2, 2, 3, 3]
+
+
+def test_waiting_follows_the_round_trip(bench: Bench) -> None:
+    bench.saw(0, *range(7), seq=100)
+    bench.offered(0, 100)
+    assert bench.due(0) == [(100, (7,))]
+    bench.saw(4 * MS, 7, seq=100)
+    bench.saw(10 * MS, *range(7), seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (7,))]
+    assert bench.due(10 * MS + 11 * MS) == []
+    assert bench.due(10 * MS + 12 * MS) == [(101, (7,))]  # 4 ms and four times half of it
+
+
+def test_on_a_short_way_a_gap_is_asked_for_sooner(bench: Bench) -> None:
+    bench.saw(0, *range(7), seq=100)
+    bench.offered(0, 100)
+    assert bench.due(0) == [(100, (7,))]
+    bench.saw(MS // 5, 7, seq=100)  # a round trip of 0.2 ms
+    bench.saw(MS, 0, 2, seq=101)
+    assert bench.due(MS + MS // 20 - 1) == []
+    assert bench.due(MS + MS // 20) == [(101, (1,))]
+
+
+def measured(bench: Bench, nanos: int) -> None:
+    """Let a round trip take so long."""
+    bench.saw(0, *range(7), seq=100)
+    bench.offered(0, 100)
+    assert bench.due(0) == [(100, (7,))]
+    bench.saw(nanos, 7, seq=100)
+
+
+def test_what_was_lost_again_is_seen_by_what_came_behind_it(bench: Bench) -> None:
+    measured(bench, 4 * MS)
+    bench.saw(10 * MS, 0, 7, seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (1, 2, 3, 4, 5, 6))]
+    bench.saw(14 * MS, 1, 4, seq=101)
+    assert bench.due(15 * MS - 1) == []
+    assert bench.due(15 * MS) == [(101, (2, 3))]  # it might have been overtaken until then
+    assert bench.due(16 * MS) == []  # 5 and 6 are on their way
+
+
+def test_an_offer_behind_what_was_sent_again_shows_its_lost_end(bench: Bench) -> None:
+    measured(bench, 4 * MS)
+    bench.saw(10 * MS, 0, 7, seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (1, 2, 3, 4, 5, 6))]
+    bench.offered(11 * MS, 101)
+    assert bench.due(11 * MS) == []  # the sender had not heard of it yet
+    bench.saw(12 * MS, *range(1, 5), seq=101)
+    bench.offered(12 * MS, 101)
+    assert bench.due(12 * MS) == [(101, (5, 6))]
+    bench.offered(12 * MS, 101)
+    assert bench.due(12 * MS) == []
+
+
+def test_an_offer_when_the_round_trip_is_over_repeats_a_request_once(bench: Bench) -> None:
+    measured(bench, 4 * MS)
+    bench.saw(10 * MS, *range(7), seq=101)
+    bench.offered(10 * MS, 101)
+    assert bench.due(10 * MS) == [(101, (7,))]
+    asked = []
+    for now in range(11 * MS, 30 * MS, MS):
+        bench.offered(now, 101)
+        asked += [now // MS] * len(bench.due(now))
+    assert asked == [16]  # 4 ms and half of it; from then on as without the offers
+
+
+def test_parts_in_a_row_are_taken_together(bench: Bench) -> None:
+    bench.asking.saw(part(2, 100), is_whole=False, now_nanos=0, count=3)
+    assert bench.due(MS) == [(100, (0, 1))]
+    bench.offered(MS, 100)
+    assert bench.due(MS) == [(100, (5, 6, 7))]
+    bench.asking.saw(part(5, 100), is_whole=False, now_nanos=2 * MS, count=2)
+    assert bench.due(500 * MS) == [(100, (0, 1, 7))]
+
+
+def test_a_stale_message_is_not_asked_for_any_more(bench: Bench) -> None:
+    bench.saw(0, 0, seq=100)
+    bench.offered(500 * MS, 100)
+    assert bench.asking.is_wanted(part(1, 100), 500 * MS)
+    assert not bench.asking.is_wanted(part(1, 100), 500 * MS + 1)
+    assert bench.due(500 * MS + 1) == []
+
+
+def test_what_is_kept_in_mind_is_bounded(bench: Bench) -> None:
+    bench.saw(0, *range(PARTS), seq=100_000)
+    assert bench.due(MS) == [(100_000 - WANTS + 1, (1 - WANTS,))]
+    asked = 1
+    for now in range(2 * MS, 400 * SECOND, SECOND // 2):
+        bench.offered(now, 100_000, is_finished=True)
+        asked += len(bench.due(now))
+    assert asked <= TRIES
+    assert bench.due(400 * SECOND) == []
+
+
+def test_a_part_is_asked_for_so_often_and_no_more(bench: Bench) -> None:
+    bench.saw(0, *range(7), seq=100)
+    offer = OFFER._replace(limit_ms=100_000)
+    bench.asking.offered(part(0, 100), offer, is_finished=False, now_nanos=0)
+    asked = sum(len(bench.due(now)) for now in range(0, 90 * SECOND, SECOND // 10))
+    assert asked == TRIES
+
+
+def test_a_restarted_sender_is_asked_for_nothing_old(bench: Bench) -> None:
+    bench.saw(0, 0, seq=100)
+    bench.asking.forget()
+    bench.saw(MS, *range(PARTS), seq=0)
+    assert bench.due(SECOND // 4) == []
+
+
+def clouds(sim: Simulation, count: int, parts: int = 64, period: int = 100 * MS) -> list[Message]:
+    rng = random.Random(9)
+    some = [rng.randbytes(parts * 232 - 5) for _ in range(4)]
+    sent = [Message(1, "/p", "l", i * period, i, some[i % 4]) for i in range(count)]
+    for message in sent:
+        sim.send(message.stamp_nanos, message)
+    sim.run(count * period + 2 * SECOND)
+    return sent
+
+
+def simulation(mode: Mode | None, loss: Loss, loss_back: Loss, delay: int = 10 * MS) -> Simulation:
+    repair = {(1, "/p"): mode} if mode is not None else None
+    return Simulation(repair=repair, loss=loss, loss_back=loss_back, datagram=256, delay=delay)
+
+
+@pytest.mark.parametrize("kind", ["independent 10 %", "bursts of 5, 5 %"])
+def test_9990_of_10000_arrive_in_time_over_20_ms(kind: str) -> None:
+    """Of 400 messages none may be missing, which is likely at no more than 0.1 %.
+
+    `python -m benchmarks.repair` counts many more.
+    """
+
+    def make(seed: int) -> Loss:
+        rng = random.Random(seed)
+        return bursts(rng, 0.05, 5) if kind.startswith("bursts") else independent(rng, 0.1)
+
+    sim = simulation(Resend(500 * MS), make(1), make(2))
+    sent = clouds(sim, 400)
+    assert len(sim.delivered) == len(sent)
+    assert all(message.body == sent[message.seq_number].body for _, message in sim.delivered)
+    slowest = max(when - message.stamp_nanos for when, message in sim.delivered)
+    assert slowest <= 500 * MS + 10 * MS
+    counters = sim.inbox.reassembler.counters
+    assert (counters.late, counters.incomplete, counters.refused) == (0, 0, {})
+    assert counters.repaired > 180
+    report = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
+    assert (report.numbers, report.missing, report.incomplete) == (400, 0, 0)
+    assert report.repaired == counters.repaired
+    # What goes out again is what was lost, and little more.
+    lost = sim.sent_datagrams - sim.inbox.datagrams
+    assert sim.outbox.resender.resent < 1.2 * lost
+
+
+def test_without_loss_nothing_is_asked_for() -> None:
+    sim = simulation(Resend(500 * MS), no_loss, no_loss)
+    sent = clouds(sim, 50)
+    assert [message for _, message in sim.delivered] == [
+        message._replace(parts=64) for message in sent
+    ]
+    assert (sim.inbox.requests_sent, sim.inbox.reassembler.counters.repaired) == (0, 0)
+
+
+def test_without_repair_messages_are_lost() -> None:
+    sim = simulation(None, independent(random.Random(1), 0.1), no_loss)
+    clouds(sim, 100)
+    assert len(sim.delivered) <= 3  # 0.9**64 is 0.1 %
+
+
+@pytest.mark.parametrize("stamp", [1, 10])  # topics such as /tf mix their stamps
+def test_a_mended_message_behind_a_newer_one_is_handed_over(stamp: int) -> None:
+    lost = iter([False, False, True])  # the first message, its offer, the second message
+    sim = Simulation(
+        repair={(2, "/p"): Resend(500 * MS)}, loss=lambda _: next(lost, False), delay=10 * MS
+    )
+    for index in range(4):
+        stamps = (0, stamp, 2, 3)
+        sim.send(index * 4 * MS, Message(2, "/p", "", stamps[index], 0, bytes([index])))
+    sim.run(SECOND)
+    assert [message.seq_number for _, message in sim.delivered] == [0, 2, 3, 1]
+    report = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
+    assert (report.numbers, report.late, report.missing, report.repaired) == (4, 0, 0, 1)
+    assert sim.inbox.reassembler.counters.messages == 4
+
+
+def test_the_end_of_a_topic_that_falls_silent_is_mended() -> None:
+    lost = iter([False, False, True, True, True])
+    sim = Simulation(
+        repair={(2, "/p"): Resend(500 * MS)}, loss=lambda _: next(lost, False), delay=10 * MS
+    )
+    for index in range(2):
+        sim.send(index * 4 * MS, Message(2, "/p", "", index, 0, b"goal"))
+    sim.run(SECOND)
+    assert [message.seq_number for _, message in sim.delivered] == [0, 1]
+
+
+def test_after_an_outage_the_newest_flow_and_no_backlog() -> None:
+    began, ended = 3 * SECOND, 5 * SECOND
+
+    def lost(now: int) -> bool:
+        return began <= now < ended
+
+    sim = simulation(Resend(500 * MS), lost, lost)
+    clouds(sim, 80)
+    after = [(when, message) for when, message in sim.delivered if when >= ended]
+    assert after[0][0] - ended < 500 * MS
+    assert all(when - message.stamp_nanos <= 520 * MS for when, message in after)
+    assert [message.stamp_nanos for _, message in after][-20:] == [
+        stamp * 100 * MS for stamp in range(60, 80)
+    ]
+
+
+def test_a_restarted_sender_is_understood() -> None:
+    loss = independent(random.Random(5), 0.1)
+    sim = simulation(Resend(500 * MS), loss, no_loss)
+    for index in range(40):
+        if index == 20:
+            sim.at(index * 100 * MS - 1, sim.restart_sender)
+        sim.send(index * 100 * MS, Message(1, "/p", "", index * 100 * MS, 0, bytes(5000)))
+    sim.run(6 * SECOND)
+    stamps = {message.stamp_nanos for _, message in sim.delivered}
+    assert len(stamps) >= 39
+    assert {message.seq_number for _, message in sim.delivered} == set(range(20))
+
+
+def test_memory_of_a_hostile_sender_is_bounded() -> None:
+    sim = Simulation()
+    for topic in range(300):
+        offer = Header(65, 10, 0, 1, 0, 0, f"/{topic}").pack() + Offer(1, 255, 1 << 31).pack()
+        sim._arrive(offer)
+    holdings = sim.inbox.reassembler._holdings
+    topics = [topic for _, topic in holdings.topics(("192.0.2.1", 1))]
+    assert sum(topic.asking is not None for topic in topics) == 128
+
+
+def test_fec_and_resend_stand_side_by_side() -> None:
+    table = {(1, "/a"): Fec(0.2), (2, "/b"): Resend(500 * MS)}
+    sim = Simulation(
+        repair=table,
+        loss=independent(random.Random(3), 0.05),
+        loss_back=independent(random.Random(4), 0.05),
+        datagram=256,
+        delay=MS,
+    )
+    for index in range(100):
+        stamp = index * 20 * MS
+        sim.send(stamp, Message(1, "/a", "", stamp, 0, bytes(3000)))
+        sim.send(stamp, Message(2, "/b", "", stamp, 0, bytes(100)))
+    sim.run(4 * SECOND)
+    got = [sum(m.msg_type == kind for _, m in sim.delivered) for kind in (1, 2)]
+    assert got[1] == 100
+    assert got[0] >= 99

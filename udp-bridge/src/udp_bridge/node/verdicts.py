@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the node says of its topics and its link: levels, one line each, and key values.
+
+Rule: counts come in, plain rows go out; ROS is not known here. The levels are those of
+diagnostic_msgs/DiagnosticStatus, and these are their rules:
+
+- STALE: nothing was published, or acknowledged by the peer, for `STALE_NANOS`;
+- WARN: since the last word messages were lost or dropped, or a subscriber did not take them, or
+  datagrams were refused or dropped by the kernel, or a thread of the link raised an exception; or
+  the receive buffer is smaller than `GOOD_BUFFER_BYTES`;
+- ERROR: the receiving thread has made no turn for 5 s;
+- OK: none of that; "not reported" where the peer has never reported what arrives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Callable, Dict, List, Mapping, Tuple
+
+from udp_bridge.io.link import Link
+from udp_bridge.sender.accounts import Account
+from udp_bridge.wire.control import NO_AGE, TopicReport
+from udp_bridge.wire.types import MSG_TYPES
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+STALE_NANOS = 5_000_000_000
+GOOD_BUFFER_BYTES = 4 << 20
+"""As the kernel accounts it; half of it may be under way (PROTOCOL.md, section 8)."""
+BUFFER_HINT = "sudo sysctl -w net.core.rmem_max=8388608, then start the node again"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One DiagnosticStatus, less its hardware_id."""
+
+    level: int
+    name: str
+    message: str
+    values: Mapping[str, str]
+
+
+@dataclass
+class _Before:
+    """What was said of something the last time."""
+
+    lost: int = 0
+    done: int = -1
+    since_nanos: int = 0
+
+
+class Verdicts:
+    """Remembers what was said last, so that a level is about what happened since."""
+
+    def __init__(self) -> None:
+        self._before: Dict[Tuple[str, ...], _Before] = {}
+        self._older: Dict[Tuple[str, ...], _Before] = {}
+
+    def begin(self) -> None:
+        """Begin a round; what nothing was said about in the last one is forgotten."""
+        self._before, self._older = {}, self._before
+
+    def all_of(
+        self,
+        link: Link,
+        now_nanos: int,
+        *,
+        lost: Callable[[str], Mapping[str, int]] = lambda _: {},
+    ) -> List[Verdict]:
+        """Return what is so of a link and of all its topics, since this was asked last.
+
+        `lost` returns by subscriber how many messages of a topic it did not take in time.
+        """
+        self.begin()
+        judged = [self.link(link.counters(), link.receive_buffer)]
+        arrivals = link.arrivals()
+        for (host, port), topic, _, report in arrivals:
+            if MSG_TYPES[report.msg_type].ros_type is not None:
+                of = lost(topic or MSG_TYPES[report.msg_type].default_topic)
+                judged.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
+        for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
+            accounts = link.accounts((host, port))
+            # A peer that reports one topic reports every topic of which something arrived.
+            reported = any(account.report is not None for account in accounts)
+            for account in accounts:
+                if MSG_TYPES[account.msg_type].ros_type is not None:
+                    peer = f"{host}:{port}"
+                    judged.append(self.leaving(account, peer, now_nanos, reported=reported))
+        return judged
+
+    def arriving(
+        self,
+        topic: str,
+        report: TopicReport,
+        sender: str,
+        now_nanos: int,
+        lost: Mapping[str, int] = MappingProxyType({}),
+    ) -> Verdict:
+        """Return what is so of a topic that comes from a peer; `lost` is by its subscribers."""
+        causes = {name: getattr(report, name) for name in _CAUSES}
+        causes.update((f"not taken by {name}", count) for name, count in sorted(lost.items()))
+        values = {
+            "type": MSG_TYPES[report.msg_type].name,
+            "peer": sender,
+            "direction": "to ROS",
+            "sent": str(report.numbers),
+            "delivered": str(report.published),
+            **{name: str(count) for name, count in causes.items()},
+            "waiting": str(report.pending),
+            "repaired": str(report.repaired),
+            "duplicates": str(report.duplicates),
+            "bytes": str(report.body_bytes),
+            "age p50 (ms)": _milliseconds(report.age_p50_nanos),
+            "age p99 (ms)": _milliseconds(report.age_p99_nanos),
+        }
+        key = ("to ROS", topic, values["type"], sender)
+        return self._judge(key, topic, causes, report.published, values, now_nanos)
+
+    def leaving(
+        self, account: Account, peer: str, now_nanos: int, *, reported: bool = True
+    ) -> Verdict:
+        """Return what is so of a topic that goes to a peer, which may have reported nothing yet."""
+        if not reported:
+            account = account._replace(missing=0, in_flight=account.sent)
+        causes = {name: getattr(account, name) for name in _CAUSES}
+        report = account.report
+        values = {
+            "type": MSG_TYPES[account.msg_type].name,
+            "peer": peer,
+            "direction": "from ROS",
+            "sent": str(account.sent),
+            "delivered": str(account.delivered),
+            **{name: str(count) for name, count in causes.items()},
+            "in flight": str(account.in_flight),
+            "repaired": str(account.repaired),
+            "superseded": str(account.superseded),
+            "bytes": str(account.delivered_bytes),
+            "age p50 (ms)": _milliseconds(report.age_p50_nanos if report else NO_AGE),
+            "age p99 (ms)": _milliseconds(report.age_p99_nanos if report else NO_AGE),
+        }
+        if not reported:
+            return Verdict(OK, account.topic, "not reported", values)
+        key = ("from ROS", account.topic, values["type"], peer)
+        return self._judge(key, account.topic, causes, account.delivered, values, now_nanos)
+
+    def link(self, counts: Mapping[str, Any], receive_buffer: int) -> Verdict:
+        """Return what is so of the node's socket; `counts` are those of `Link.counters`."""
+        refused: Dict[str, int] = counts["refused"]
+        trouble = {
+            "kernel_drops": int(counts["kernel_drops"]),
+            "refused": sum(refused.values()),
+            "errors": int(counts["errors"]),
+        }
+        before = self._last(("link",))
+        more = sum(trouble.values()) - before.lost
+        is_small = receive_buffer < GOOD_BUFFER_BYTES
+        values = {
+            "receive buffer (bytes)": str(receive_buffer),
+            "kernel drops": str(trouble["kernel_drops"]),
+            "datagrams": str(counts["received_datagrams"]),
+            "bytes": str(counts["received_bytes"]),
+            "unreachable": str(counts["unreachable"]),
+            "errors": str(trouble["errors"]),
+            "refused": str(trouble["refused"]),
+            **{f"refused: {reason}": str(count) for reason, count in sorted(refused.items())},
+        }
+        if is_small:
+            values["hint"] = BUFFER_HINT
+        self._before["link",] = _Before(lost=sum(trouble.values()))
+        said = []
+        if more > 0:
+            said.append(f"{more} datagrams refused, dropped by the kernel, or failed")
+        if is_small:
+            said.append(f"the receive buffer has only {receive_buffer} bytes: {BUFFER_HINT}")
+        level = WARN if said else OK
+        if counts["deaf"]:
+            level = ERROR
+            said.append("the receiving thread does not respond; restart the node")
+        return Verdict(level, "link", "; ".join(said) or "well", values)
+
+    def _judge(
+        self,
+        key: Tuple[str, ...],
+        topic: str,
+        causes: Mapping[str, int],
+        done: int,
+        values: Mapping[str, str],
+        now_nanos: int,
+    ) -> Verdict:
+        before = self._last(key)
+        lost = sum(causes.values())
+        since = now_nanos if done != before.done else before.since_nanos
+        self._before[key] = _Before(lost=lost, done=done, since_nanos=since)
+        if now_nanos - since >= STALE_NANOS:
+            seconds = (now_nanos - since) / 1e9
+            return Verdict(STALE, topic, f"nothing for {seconds:.0f} s", values)
+        if lost > before.lost:
+            named = ", ".join(f"{count} {name}" for name, count in causes.items() if count)
+            return Verdict(WARN, topic, f"{lost - before.lost} lost; in all {named}", values)
+        return Verdict(OK, topic, "all arrives", values)
+
+    def _last(self, key: Tuple[str, ...]) -> _Before:
+        return self._older.get(key, _Before())
+
+
+_CAUSES = ("missing", "incomplete", "late", "dropped")
+
+
+def _milliseconds(age_nanos: int) -> str:
+    return "" if age_nanos == NO_AGE else f"{age_nanos / 1e6:.3f}"
