@@ -15,14 +15,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.estimation.environments import python_of
+from experiments.estimation.evaluation import missed, write_csv
+from experiments.estimation.programs import PROGRAMS
+from experiments.output.report import write_report
+from experiments.output.say import Say
 from groundlink.core.errors import UserError
 
-from .environments import python_of
-from .evaluation import missed, write_csv
 from .experiment import OUT, Options
-from .programs import PROGRAMS
-from .report import write_report
-from .say import Say
 from .table import EXPERIMENTS, SHORT
 
 

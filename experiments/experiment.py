@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .evaluation import Result, evaluate
-from .recordings import Recording, record
-from .say import Say
-from .setups import Changes, Setup
-from .trajectories import Trajectory, read_tum
+from experiments.estimation.evaluation import Result, evaluate
+from experiments.estimation.trajectories import Trajectory, read_tum
+from experiments.output.say import Say
+from experiments.recording.recordings import Recording, record
+from experiments.recording.setups import Changes, Setup
 
 OUT = Path("build/experiments")
 """Where all goes, unless somebody says otherwise."""

@@ -6,8 +6,8 @@ Rule: one row each; an experiment is a function of its own module.
 
 from __future__ import annotations
 
-from . import guard, indoor_cameras, indoors, live, loss, outdoors, track, transfer
 from .experiment import Experiment
+from .studies import guard, indoor_cameras, indoors, live, loss, outdoors, track, transfer
 
 EXPERIMENTS: dict[str, Experiment] = {
     "transfer": Experiment(

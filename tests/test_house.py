@@ -73,7 +73,7 @@ def test_every_file_names_its_licence() -> None:
 def test_every_module_has_a_docstring_and_stays_small() -> None:
     modules = {file: read(file) for file in FILES if "tests" not in file.relative_to(ROOT).parts}
     assert [file for file, text in modules.items() if not ast.get_docstring(ast.parse(text))] == []
-    assert [file for file, text in modules.items() if text.count("\n") > 350] == []
+    assert [file for file, text in modules.items() if text.count("\n") > 500] == []
 
 
 def impurities(text: str) -> set[str]:

@@ -14,7 +14,7 @@ import random
 
 import pytest
 
-from benchmarks.loss import (
+from benchmarks.loss.__main__ import (
     LIMIT_NANOS,
     MODES,
     SHAPES,
@@ -27,7 +27,7 @@ from benchmarks.loss import (
     run,
     verdict,
 )
-from benchmarks.virtual_link import NANOS, VirtualLink
+from benchmarks.loss.virtual_link import NANOS, VirtualLink
 from groundlink.emulation import Impairment
 from udp_bridge.wire.fragments import DatagramSize
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.accounts import Account, compare, read_accounts, write_accounts
+from experiments.recording.accounts import Account, compare, read_accounts, write_accounts
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
 from groundlink.messages.base import Clock

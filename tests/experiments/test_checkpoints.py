@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.checkpoints import accumulated, begun_at
-from experiments.trajectories import Trajectory
+from experiments.estimation.checkpoints import accumulated, begun_at
+from experiments.estimation.trajectories import Trajectory
 from groundlink.core.frames import matrix_from_quaternion, multiply
 
 SECONDS = np.arange(0.0, 40.05, 0.1)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments import environments
-from experiments.programs import DEBIAN_PACKAGES, DRIVERS, EVO, PROGRAMS, Program
-from experiments.say import Say
+from experiments.estimation import environments
+from experiments.estimation.programs import DEBIAN_PACKAGES, DRIVERS, EVO, PROGRAMS, Program
+from experiments.output.say import Say
 from groundlink.core.errors import UserError
 
 SAY = Say()

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.evaluation import Result, median, missed, read_csv, write_csv
+from experiments.estimation.evaluation import Result, median, missed, read_csv, write_csv
 
 ONE = Result(
     experiment="indoor",

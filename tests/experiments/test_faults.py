@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import SeekingReader
 
-from experiments.faults import FAULTS, spoiled, with_fault
+from experiments.recording.faults import FAULTS, spoiled, with_fault
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.base import POINT, Imu, PointCloud
 from groundlink.messages.navigation import Transform, Transforms

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.faults import CLOUD, FAULTS, IMU, TF
-from experiments.guard import LISTENERS, SETUP, is_worse
-from experiments.setups import ROOT
+from experiments.recording.faults import CLOUD, FAULTS, IMU, TF
+from experiments.recording.setups import ROOT
+from experiments.studies.guard import LISTENERS, SETUP, is_worse
 from groundlink.loader import load
 from groundlink.world.build import solids
 from groundlink.world.solids import Mesh

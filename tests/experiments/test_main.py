@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from experiments import __main__ as module
-from experiments.evaluation import Result, read_csv
+from experiments.estimation.evaluation import Result, read_csv
 from experiments.experiment import Experiment, Options
 from groundlink.core.errors import UserError
 

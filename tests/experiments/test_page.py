@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.page import KEPT, PAGE, table, text_of, with_table
+from experiments.output.page import KEPT, PAGE, table, text_of, with_table
 from experiments.table import EXPERIMENTS
 
 from .test_evaluation import ONE

@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.evaluation import write_csv, write_rows
-from experiments.report import write_report
+from experiments.estimation.evaluation import write_csv, write_rows
+from experiments.output.report import write_report
 
 from .test_evaluation import ONE
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from experiments import indoor_cameras, indoors, vocabulary
-from experiments.setups import CRAWL_MPS, Setup, waypoints
+from experiments.estimation import vocabulary
+from experiments.recording.setups import CRAWL_MPS, Setup, waypoints
+from experiments.studies import indoor_cameras, indoors
 from groundlink.loader import load
 
 PLAIN = Setup(name="plain", scenario="indoor_paper", seconds=10.0)

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.environments import is_installed
-from experiments.evaluation import read_csv
+from experiments.estimation.environments import is_installed
+from experiments.estimation.evaluation import read_csv
+from experiments.estimation.programs import EVO, YAG_SLAM
 from experiments.experiment import OUT
-from experiments.programs import EVO, YAG_SLAM
-from experiments.setups import ROOT
+from experiments.recording.setups import ROOT
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 pytest.importorskip("tf2_msgs", reason="no ROS 2 messages here")

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from experiments.surfaces import distances_m
+from experiments.estimation.surfaces import distances_m
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 
 QUARTER = (0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))

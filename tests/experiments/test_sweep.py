@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments import sweep as module
-from experiments.evaluation import Result, read_csv
+from experiments.estimation.evaluation import Result, read_csv
 from experiments.experiment import Experiment, Options
-from experiments.setups import Setup
+from experiments.recording.setups import Setup
+from experiments.studies import sweep as module
 from groundlink.__main__ import main as groundlink
 from groundlink.core.errors import UserError
 

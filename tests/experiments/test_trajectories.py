@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.trajectories import Trajectory, read_tum, write_tum
+from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
 from groundlink.core.errors import UserError
 
 SECONDS = np.linspace(0.0, 2 * pi, 629)

@@ -19,8 +19,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from benchmarks.two_hosts import HOSTS, NotAllowed
-from benchmarks.two_hosts import run as run_on_two_hosts
+from benchmarks.freshness.two_hosts import HOSTS, NotAllowed
+from benchmarks.freshness.two_hosts import run as run_on_two_hosts
 from groundlink.bus.control_client import ask
 from groundlink.core.clock import TICK_NANOS
 from groundlink.emulation import Impairment

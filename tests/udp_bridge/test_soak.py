@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.soak import soak
-from benchmarks.soak_memory import JUDGED_MINUTES, Sample, judged
+from benchmarks.soak.__main__ import soak
+from benchmarks.soak.memory import JUDGED_MINUTES, Sample, judged
 
 
 def test_sums_add_up_through_loss_kills_and_restarts() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from groundlink.core.errors import UserError
 
-MODULE = "experiments.sweep"
+MODULE = "experiments.studies.sweep"
 REPOSITORY = Path(__file__).resolve().parents[3]
 NO_PREFIX = "\0"
 """Begins no option: all words are the module's, `--help` too."""

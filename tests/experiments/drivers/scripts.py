@@ -6,7 +6,7 @@ from __future__ import annotations
 import importlib.util
 from typing import Any
 
-from experiments.programs import DRIVERS
+from experiments.estimation.programs import DRIVERS
 
 
 def script(name: str) -> Any:

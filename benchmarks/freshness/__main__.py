@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How old data are at the end of a lossy link, ours and TCP's: `python -m benchmarks.freshness`.
+
+Rule: 1 MB ten times a second over a link that loses 5 % of what it carries and takes 10 ms each
+way, for all the same emulation: of datagrams, in the project's own relay, or of IP packets between
+two network namespaces, where the kernel's TCP is, and ours again. A loss costs TCP more the smaller
+its packets are, so it is measured at the size of Ethernet and at the largest there is, and with
+Linux's default congestion control, CUBIC, and with BBR, which mostly overlooks random loss. Ours
+sends 1 MB in four messages over Ethernet's packets, as it does not fit into 255 of them; as one
+message it would go in IP fragments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from groundlink.emulation import Impairment
+from udp_bridge.sender.repair import parse_mode
+
+from . import bridge_ages, tcp_ages
+from .tcp_ages import Arrival
+from .two_hosts import NotAllowed
+
+PICTURE = Path(__file__).parents[2] / "docs" / "freshness.png"
+LINK = Impairment(loss=0.05, delay_ms=10)
+SIZE = 1_000_000
+RATE_HZ = 10.0
+ETHERNET_MTU, LARGEST_MTU = 1500, 65_535
+BLOCKS = 4
+"""Of 250 kB, which fit into 255 datagrams of an Ethernet packet each; 1 MB does not."""
+SAMPLE_NANOS = 5_000_000
+WORSE_AT_LEAST = 20.0
+
+
+class Result(NamedTuple):
+    """One way to send, in milliseconds."""
+
+    name: str
+    delivered: int
+    ages_ms: list[float]
+    """Of the messages that arrived, sorted."""
+    newest_ms: list[float]
+    """How old the newest one at the receiver was, sampled all the time; sorted. It also counts
+    what did not arrive."""
+
+
+def result(name: str, arrivals: list[Arrival], seconds: float) -> Result:
+    """Return the ages of what arrived.
+
+    From the first arrival on, at most until the sender's end: what came of the start is of no
+    interest, and behind the end nothing could be fresh.
+    """
+    rows = sorted(arrivals, key=lambda row: row.at_nanos)
+    if not rows:
+        return Result(name, 0, [], [])
+    end = rows[0].stamp_nanos + round((seconds - 1 / RATE_HZ) * 1e9)
+    newest = []
+    stamp, index = rows[0].stamp_nanos, 0
+    for now in range(rows[0].at_nanos, end, SAMPLE_NANOS):
+        while index < len(rows) and rows[index].at_nanos <= now:
+            stamp = max(stamp, rows[index].stamp_nanos)
+            index += 1
+        newest.append((now - stamp) / 1e6)
+    ages = sorted((row.at_nanos - row.stamp_nanos) / 1e6 for row in rows)
+    return Result(name, len(rows), ages, sorted(newest))
+
+
+def at(values: list[float], share: float) -> float:
+    """Return the value that so many do not exceed."""
+    return values[min(len(values) - 1, int(share * len(values)))] if values else float("inf")
+
+
+def ways(seconds: float) -> dict[str, Callable[[], list[Arrival]]]:
+    """Return every way to send by its name; the first is the one that is compared."""
+
+    def ours(datagram: str, mode: object) -> Callable[[], list[Arrival]]:
+        return lambda: bridge_ages.measure(
+            LINK,
+            size=SIZE,
+            rate_hz=RATE_HZ,
+            seconds=seconds,
+            datagram=datagram,
+            mode=parse_mode(mode),
+        )
+
+    def ours_in_packets(mode: object, blocks: int) -> Callable[[], list[Arrival]]:
+        return lambda: bridge_ages.measure_packets(
+            LINK,
+            size=SIZE,
+            rate_hz=RATE_HZ,
+            seconds=seconds,
+            datagram="mtu",
+            mode=parse_mode(mode),
+            mtu=ETHERNET_MTU,
+            blocks=blocks,
+        )
+
+    def tcp(congestion: str, mtu: int) -> Callable[[], list[Arrival]]:
+        return lambda: tcp_ages.measure(
+            LINK, size=SIZE, rate_hz=RATE_HZ, seconds=seconds, congestion=congestion, mtu=mtu
+        )
+
+    return {
+        "UDP Bridge, fec 20 %": ours("loopback", {"fec": 0.2}),
+        "UDP Bridge, resend": ours("loopback", "resend"),
+        "UDP Bridge, no repair": ours("loopback", "none"),
+        "UDP Bridge, fec 20 %, Ethernet": ours_in_packets({"fec": 0.2}, BLOCKS),
+        "UDP Bridge, resend, Ethernet": ours_in_packets("resend", BLOCKS),
+        "UDP Bridge, resend, IP fragments": ours_in_packets("resend", 1),
+        "TCP, CUBIC, Ethernet": tcp("cubic", ETHERNET_MTU),
+        "TCP, CUBIC, 64 kB packets": tcp("cubic", LARGEST_MTU),
+        "TCP, BBR, Ethernet": tcp("bbr", ETHERNET_MTU),
+    }
+
+
+COMPARED = (
+    ("UDP Bridge, fec 20 %", "TCP, CUBIC, Ethernet"),
+    ("UDP Bridge, fec 20 %, Ethernet", "TCP, CUBIC, Ethernet"),
+)
+"""The ways for which TCP is to be as much worse as claimed: datagrams of 64 kB against TCP's own
+packets, each of which is one loss to its link, and both over the very same network."""
+
+
+def _compared(ours: Result, theirs: Result) -> float:
+    """Print how much older TCP is at p99; return it for what arrived."""
+    ratio = at(theirs.ages_ms, 0.99) / at(ours.ages_ms, 0.99)
+    newest = at(theirs.newest_ms, 0.99) / at(ours.newest_ms, 0.99)
+    print(f"{theirs.name} is {ratio:.0f} times older at p99 than {ours.name}, ", end="")
+    print(f"its newest {newest:.0f} times")
+    return ratio
+
+
+def draw(results: list[Result], path: Path) -> None:
+    """Draw which share of the time the newest data were older than an age."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(10, 4.5), constrained_layout=True)
+    for row in results:
+        style = "-" if row.name.startswith("UDP") else "--"
+        shares = [1 - index / len(row.newest_ms) for index in range(len(row.newest_ms))]
+        axes.plot(row.newest_ms, shares, style, label=row.name)
+    axes.set(
+        xscale="log",
+        yscale="log",
+        ylim=(0.005, 1.05),
+        xlabel="age of the newest data at the receiver in ms",
+        ylabel="share of the time in which it was older",
+        title="1 MB at 10 Hz over a link that loses 5 % and takes 10 ms each way",
+    )
+    axes.grid(visible=True, which="both", alpha=0.3)
+    figure.legend(loc="outside right upper")
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def main() -> int:
+    """Measure, print the table, draw the picture; 1 when TCP is not as much worse as claimed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.freshness")
+    parser.add_argument("--seconds", type=float, default=30.0, help="for each way")
+    parser.add_argument("--picture", type=Path, default=PICTURE)
+    arguments = parser.parse_args()
+    messages = round(arguments.seconds * RATE_HZ)
+    print(f"{'':32} delivered   age p50        p99    newest p50        p99")
+    results = {}
+    for name, measure in ways(arguments.seconds).items():
+        try:
+            row = result(name, measure(), arguments.seconds)
+        except (NotAllowed, OSError) as error:
+            print(f"{name:32} not measured: {error}", flush=True)
+            continue
+        results[name] = row
+        ages = (
+            at(values, share) for values in (row.ages_ms, row.newest_ms) for share in (0.5, 0.99)
+        )
+        columns = " ".join(f"{age:9.1f} ms" for age in ages)
+        print(f"{name:32} {row.delivered:4} of {messages:3} {columns}", flush=True)
+    ratios = [
+        _compared(results[ours], results[theirs])
+        for ours, theirs in COMPARED
+        if ours in results and theirs in results
+    ]
+    if len(ratios) < len(COMPARED):
+        return 2
+    draw(list(results.values()), arguments.picture)
+    print(f"drawn: {arguments.picture}")
+    return 0 if min(ratios) >= WORSE_AT_LEAST else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

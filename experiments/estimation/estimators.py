@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How programs that estimate a way are run on a recording, and judged.
+
+Rule: one place says whose trajectory a program tells and how it is started; every experiment on
+recordings uses it, so that their figures can be compared.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from experiments.experiment import Options, Way, judged, recorded
+from experiments.output import figures
+from experiments.recording.recordings import Recording
+from experiments.recording.setups import Setup
+
+from . import environments
+from .evaluation import Result
+from .programs import GENZ_LIO, KISS_ICP, SMALL_GICP, YAG_SLAM, Program
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """A program, and how it is run."""
+
+    program: Program
+    frame: str
+    """Whose trajectory it tells."""
+
+    settings: tuple[str, ...] = ()
+    """Options of its driver."""
+
+    knows_scale: bool = True
+
+
+AT_REST_S = 1.0
+"""By then a vehicle has come to rest on its springs, and still crawls."""
+
+LIDAR_INERTIAL = Estimator(GENZ_LIO, "imu_link", ("--from-s", str(AT_REST_S)))
+KISS = Estimator(KISS_ICP, "lidar_link")
+GICP = Estimator(SMALL_GICP, "lidar_link")
+SLAM_2D = Estimator(YAG_SLAM, "scan_link")
+
+
+def tum_of(
+    options: Options, estimator: Estimator, recording: Recording, experiment: str, case: str = ""
+) -> Path:
+    """Return the file of an estimate; what else the program writes is beside it."""
+    words = "_".join([estimator.program.name, *case.replace("%", "").split()])
+    return options.folder("runs", recording.folder.name) / f"{experiment}_{words}.tum"
+
+
+def ran(
+    options: Options,
+    estimator: Estimator,
+    recording: Recording,
+    *,
+    experiment: str,
+    case: str = "",
+    more: Sequence[str] = (),
+    bag: Path | None = None,
+    limit_m: float = 0.0,
+) -> tuple[Result, Way]:
+    """Run a program on a recording and return how well it did.
+
+    Parameters
+    ----------
+    more
+        options of its driver, beside its settings.
+    bag
+        what it gets in place of the recording's own.
+    """
+    tum = tum_of(options, estimator, recording, experiment, case)
+    began_s = time.monotonic()
+    environments.run(
+        estimator.program,
+        [bag or recording.bag, tum, *estimator.settings, *more],
+        options.out,
+        options.say,
+        label=f"{experiment}, seed {recording.seed} {case}".strip(),
+        log=tum.with_suffix(".log"),
+    )
+    return judged(
+        *(options, recording, tum),
+        frame=estimator.frame,
+        experiment=experiment,
+        program=estimator.program.name,
+        case=case,
+        took_s=time.monotonic() - began_s,
+        limit_m=limit_m,
+        scale=not estimator.knows_scale,
+    )
+
+
+def compared(options: Options, setup: Setup, limits: Mapping[Estimator, float]) -> list[Result]:
+    """Run programs on a drive for each seed; draw the first.
+
+    Parameters
+    ----------
+    limits
+        the largest ATE (m) that is accepted of each program; 0 for any.
+    """
+    results = []
+    for seed in options.seeds:
+        recording = recorded(options, replace(setup, seed=seed))
+        done = [
+            ran(options, estimator, recording, experiment=setup.name, limit_m=limit_m)
+            for estimator, limit_m in limits.items()
+        ]
+        results += [result for result, _ in done]
+        if seed == options.seeds[0]:
+            figures.trajectories(
+                options.figure(setup.name), recording.scenario, [way for _, way in done]
+            )
+    return results

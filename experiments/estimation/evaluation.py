@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a program's trajectory is from the truth: measured by evo, kept as plain records.
+
+Rule: the truth is interpolated to the times of the estimate, so that no error of time is measured
+as one of place. Estimates are of the frame whose truth is given.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from experiments.output.say import Say
+
+from . import environments
+from .programs import EVO
+from .trajectories import Trajectory, read_tum, write_tum
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """One run of one program on one recording."""
+
+    experiment: str
+    program: str
+    case: str
+    """What differs between runs of the same program: `mono`, `odometry alone` ..."""
+
+    seed: int
+    ate_m: float
+    """RMSE of positions after the alignment."""
+
+    largest_m: float
+    start_to_end_m: float
+    """After the alignment: how much the way from the first pose to the last is wrong."""
+
+    way_m: float
+    """Length of the true way between the first pose and the last."""
+
+    poses: int
+    scale: float
+    """What the estimate was multiplied by; 1 where its scale was not touched."""
+
+    took_s: float
+    """Of the program, on the wall clock."""
+
+    limit_m: float = 0.0
+    """Largest ATE that is accepted; 0 for none."""
+
+
+def evaluate(
+    truth: Trajectory,
+    estimate_tum: Path,
+    out: Path,
+    say: Say,
+    *,
+    scale: bool = False,
+) -> tuple[dict[str, float], Trajectory, Trajectory]:
+    """Return errors by name of `Result`, and the truth and the aligned estimate at its times.
+
+    Raises
+    ------
+    UserError
+        when there is no estimate.
+    """
+    estimate = read_tum(estimate_tum)
+    matched = truth.at(estimate.seconds)
+    reference = estimate_tum.with_suffix(".truth.tum")
+    aligned = estimate_tum.with_suffix(".aligned.tum")
+    write_tum(reference, matched)
+    printed = environments.run(
+        EVO,
+        [reference, estimate_tum, *(["--scale"] if scale else []), "--out", aligned],
+        out,
+        say,
+        label=estimate_tum.stem,
+        log=estimate_tum.with_suffix(".evo.log"),
+    )
+    errors: dict[str, float] = json.loads(printed.strip().splitlines()[-1])
+    return errors, matched, read_tum(aligned)
+
+
+def write_csv(file: Path, results: Iterable[Result]) -> None:
+    """Write results as a table."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, [field.name for field in fields(Result)])
+        writer.writeheader()
+        for result in results:
+            row = asdict(result)
+            writer.writerow({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()})
+
+
+def write_rows(file: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table of another kind."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(head)
+        writer.writerows(rows)
+
+
+def read_csv(file: Path) -> list[Result]:
+    """Return results as they were written."""
+    types = {"str": str, "int": int, "float": float}
+    with file.open(encoding="utf-8", newline="") as stream:
+        return [
+            Result(
+                **{field.name: types[str(field.type)](row[field.name]) for field in fields(Result)}
+            )
+            for row in csv.DictReader(stream)
+        ]
+
+
+def median(results: Sequence[Result], what: str = "ate_m") -> float:
+    """Return the median over seeds of a figure."""
+    return float(statistics.median(getattr(result, what) for result in results))
+
+
+def missed(results: Sequence[Result]) -> list[str]:
+    """Return in words which limits are not kept; each is of the median over seeds."""
+    groups: dict[tuple[str, str, str], list[Result]] = {}
+    for result in results:
+        groups.setdefault((result.experiment, result.program, result.case), []).append(result)
+    return [
+        f"{experiment}, {program} {case}: {median(group):.4f} m, expected below "
+        f"{group[0].limit_m:g} m"
+        for (experiment, program, case), group in groups.items()
+        if group[0].limit_m and not median(group) < group[0].limit_m
+    ]

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The programs of others that the experiments use, each pinned, each in an environment of its own.
+
+Rule: one table. None of them is a dependency of Groundlink, nor is any part of them in this
+repository; pip fetches them when an experiment wants them, and they run as processes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+DRIVERS = Path(__file__).parents[1] / "drivers"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """A program of others."""
+
+    name: str
+    what: str
+    requirements: tuple[str, ...]
+    """What pip installs; wheels alone, unless an option among them says more."""
+
+    driver: str
+    """The script in `drivers` that feeds it."""
+
+    licence: str
+    libraries: tuple[str, ...] = ()
+    """Shared libraries of the system that it needs."""
+
+
+BAG_READER = ("rosbags==0.11.9", "numpy==2.4.6")
+"""What every driver reads bags with."""
+
+ROS_2 = (
+    "ros-kilted-rclpy==9.1.2",
+    "ros-kilted-rmw-fastrtps-cpp==9.3.3",
+    "ros-kilted-rmw-implementation==3.0.4",
+    "ros-kilted-rosidl-typesupport-fastrtps-c==3.8.1",
+    "ros-kilted-rosidl-typesupport-fastrtps-cpp==3.8.1",
+    "ros-kilted-geometry-msgs==5.5.1",
+    "ros-kilted-nav-msgs==5.5.1",
+    "ros-kilted-sensor-msgs==5.5.1",
+    "--no-binary=empy",  # which rosidl wants, and which has no wheel
+)
+"""What a node of rclpy needs, as in pyproject.toml."""
+
+_OPENGL = {
+    "libOpenGL.so.0": "libopengl0",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libX11.so.6": "libx11-6",
+    "libXext.so.6": "libxext6",
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+    "libGLX.so.0": "libglx0",
+}
+DEBIAN_PACKAGES = dict(_OPENGL)
+"""By shared library: Debian's package of it."""
+
+YAG_SLAM = Program(
+    name="yag-slam",
+    what="2D graph SLAM with loop closure on laser scans and wheel odometry, after OpenKarto",
+    requirements=("yag-slam==0.2.5", "opencv-python-headless==5.0.0.93", *BAG_READER),
+    driver="yag_slam_2d.py",
+    licence="LGPL-3.0",
+)
+ORB_SLAM3 = Program(
+    name="orb-slam3",
+    what="ORB-SLAM3 on one camera, or on a camera with depth",
+    requirements=("pyorbslam3==0.1.1", "opencv-python-headless==5.0.0.93", *BAG_READER),
+    driver="orb_slam3.py",
+    licence="GPL-3.0",
+    libraries=tuple(_OPENGL),
+)
+GENZ_LIO = Program(
+    name="genz-lio",
+    what="LiDAR-inertial odometry; reads bags by its own loader",
+    requirements=("genz-lio==0.1.1", *BAG_READER),
+    driver="genz_lio_odometry.py",
+    licence="GPL-2.0-only",
+)
+KISS_ICP = Program(
+    name="kiss-icp",
+    what="odometry by a LiDAR alone; reads bags by its own loader",
+    requirements=("kiss-icp==1.3.0", *BAG_READER),
+    driver="kiss_icp_odometry.py",
+    licence="MIT",
+)
+SMALL_GICP = Program(
+    name="small-gicp",
+    what="odometry by a LiDAR alone, with the library's voxel map (VGICP)",
+    requirements=("small-gicp==1.0.1", *BAG_READER),
+    driver="small_gicp_odometry.py",
+    licence="MIT",
+)
+EVO = Program(
+    name="evo",
+    what="errors of trajectories",
+    requirements=("evo==1.38.1", "numpy==2.4.6"),
+    driver="evo_errors.py",
+    licence="GPL-3.0",
+)
+
+YAG_SLAM_LIVE = Program(
+    name="yag-slam-live",
+    what="the same as a ROS 2 node",
+    requirements=(*YAG_SLAM.requirements, *ROS_2),
+    driver="yag_slam_live.py",
+    licence="LGPL-3.0",
+)
+
+PROGRAMS = {
+    program.name: program
+    for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, GENZ_LIO, KISS_ICP, SMALL_GICP, EVO)
+}

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of docs/experiments.md, from what was measured: `python -m experiments.output.page`.
+
+Rule: a table on the page is that of a CSV file beside it, to the letter; text between tables is
+written by people. Tables and figures that the page shows are copied into docs/experiments, and each
+table stands between two marks, `<!-- NAME -->` and `<!-- end of NAME -->`, with its command.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import re
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+from experiments.estimation.evaluation import Result, median, read_csv
+from experiments.experiment import OUT
+from experiments.recording.setups import ROOT
+
+PAGE = ROOT / "docs" / "experiments.md"
+KEPT = ROOT / "docs" / "experiments"
+"""Tables and figures that the page shows."""
+
+
+def table(name: str, results: Sequence[Result]) -> str:
+    """Return the table of an experiment with its command."""
+    return "\n".join([f"`python -m experiments {name}`", "", *table_of(results)])
+
+
+def table_of(results: Sequence[Result]) -> list[str]:
+    """Return a line for each program and case, medians over seeds."""
+    lines = [
+        "| program | ATE, median | of each seed | start to end, median | way | limit | took |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    groups: dict[tuple[str, str], list[Result]] = {}
+    for result in results:
+        groups.setdefault((result.program, result.case), []).append(result)
+    for (program, case), group in groups.items():
+        limit_m = group[0].limit_m
+        each = ", ".join(_length(result.ate_m) for result in group)
+        lines.append(
+            f"| {f'{program}, {case}' if case else program} | {_length(median(group))} | {each} "
+            f"| {_length(median(group, 'start_to_end_m'))} | {median(group, 'way_m'):.1f} m "
+            f"| {_length(limit_m) if limit_m else '-'} | {median(group, 'took_s'):.0f} s |"
+        )
+    return lines
+
+
+def listing(file: Path) -> str:
+    """Return a table of another kind as it stands in its file."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        head, *rows = csv.reader(stream)
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def text_of(file: Path) -> str:
+    """Return what the page shows of a table."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        head = next(csv.reader(stream))
+    if head == [field.name for field in fields(Result)]:
+        return table(file.stem, read_csv(file))
+    return listing(file)
+
+
+def _length(metres: float) -> str:
+    """Return a length as people read it."""
+    if math.isinf(metres):
+        return "lost"
+    return f"{metres:.2f} m" if metres >= 1 else f"{100 * metres:.2f} cm"
+
+
+def with_table(page: str, name: str, text: str) -> str:
+    """Return a page with another table between its marks.
+
+    Raises
+    ------
+    ValueError
+        when the page has no such marks.
+    """
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    pattern = re.compile(re.escape(begin) + ".*?" + re.escape(end), re.DOTALL)
+    if not pattern.search(page):
+        raise ValueError(f"{PAGE}: no {begin} with its {end}")
+    return pattern.sub(lambda _: f"{begin}\n{text}\n{end}", page)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Take over what was measured."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.output.page")
+    parser.add_argument("--out", type=Path, default=OUT)
+    options = parser.parse_args(arguments)
+    KEPT.mkdir(exist_ok=True)
+    page = PAGE.read_text(encoding="utf-8")
+    tables, figures = options.out / "tables", options.out / "figures"
+    for file in (*sorted(tables.glob("*.csv")), *sorted(figures.glob("*.png"))):
+        if f"<!-- {file.stem} -->" in page or f"({KEPT.name}/{file.name})" in page:
+            shutil.copy(file, KEPT)
+    for file in sorted(KEPT.glob("*.csv")):
+        try:
+            page = with_table(page, file.stem, text_of(file))
+        except ValueError as error:
+            print(error, file=sys.stderr)
+            return 2
+    PAGE.write_text(page, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One page of all that was run: `experiments.md` beside the tables and figures that it shows.
+
+Rule: made anew after each experiment, of files alone: what was run before, and is still there, is
+on it too. What it means is said by docs/experiments.md.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.table import EXPERIMENTS
+
+from .page import text_of
+
+
+def write_report(out: Path) -> Path:
+    """Write the page of a folder; return its file."""
+    parts = ["# Experiments"]
+    for name, experiment in EXPERIMENTS.items():
+        tables = _files(out / "tables", name, ".csv")
+        figures = _files(out / "figures", name, ".png")
+        if not tables and not figures:
+            continue
+        parts += [f"## {name}", experiment.what]
+        parts += [text_of(file) for file in tables]
+        parts += [f"![{file.stem}]({file.relative_to(out)})" for file in figures]
+    page = out / "experiments.md"
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    return page
+
+
+def _files(folder: Path, name: str, ending: str) -> list[Path]:
+    """Return the files of one experiment: NAME and NAME_MORE."""
+    found = sorted(folder.glob(f"{name}*{ending}"))
+    return [file for file in found if file.stem == name or file.stem.startswith(f"{name}_")]

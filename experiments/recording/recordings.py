@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run through the whole chain into a bag: bus, gateway, UDP Bridge, ROS node, recording node.
+
+Rule: a recording is made once; its folder is named by all that it depends on. On the bus the same
+run is recorded as well, so what is missing in the bag, or has other bytes, is counted and never
+assumed to be nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import IO
+
+from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
+from experiments.output.say import Say
+from groundlink.cli.run.running import free_endpoint
+from groundlink.core.errors import UserError
+from groundlink.monitor.supervisor import end_with_parent
+from groundlink.scenario import Scenario
+
+from .accounts import Account, compare, lost, read_accounts, write_accounts
+from .setups import ROOT, Setup, loaded
+from .truth import frames_of, truth_of
+
+END_S = 20.0
+"""How long processes may take to end."""
+
+SILENT_S = 180.0
+"""A run whose clock stands for so long on the wall clock is given up."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a run has left: a folder with a bag, the truth, and what arrived of each topic."""
+
+    folder: Path
+
+    @property
+    def bag(self) -> Path:
+        """The bag as the ROS side wrote it."""
+        return self.folder / "run.mcap"
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario, resolved; an outdoor one takes half a second."""
+        return loaded(self.folder)
+
+    @property
+    def seed(self) -> int:
+        """The run's seed."""
+        return self.scenario.seed
+
+    @property
+    def accounts(self) -> list[Account]:
+        """What was sent and what arrived of each topic."""
+        return read_accounts(self.folder / "accounts.csv")
+
+    def truth(self, frame: str = "") -> Trajectory:
+        """Return world_from_frame over the run; of the vehicle's base if no frame is named."""
+        base = read_tum(self.folder / "truth.tum")
+        if not frame:
+            return base
+        frames = json.loads((self.folder / "frames.json").read_text(encoding="utf-8"))
+        return base.seen_from(frames[frame])
+
+
+def record(setup: Setup, out: Path, say: Say) -> Recording:
+    """Return the recording of a setup; it is made where there is none of these sources yet.
+
+    Raises
+    ------
+    UserError
+        when the run fails, or one in lockstep has not brought all into the bag.
+    """
+    folder = out / "recordings"
+    folder.mkdir(parents=True, exist_ok=True)
+    made = folder / f"{setup.name}-{setup.seed}-{_digest(setup, folder)}"
+    if (made / "accounts.csv").exists():
+        return Recording(made)
+    part = made.with_name(f"{made.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir()
+    _run(setup, part, say)
+    say(f"{setup.name}, seed {setup.seed}: comparing the bag with the bus")
+    bus, bag = part / "bus.mcap", part / "run.mcap"
+    accounts = compare(bus, bag, loaded(part))
+    if setup.is_lossless and (words := lost(accounts)):
+        raise UserError(f"{setup.name}, seed {setup.seed}: not all came to {bag}: {words}")
+    write_tum(part / "truth.tum", truth_of(bus, loaded(part)))
+    (part / "frames.json").write_text(json.dumps(frames_of(bus)), encoding="utf-8")
+    write_accounts(part / "accounts.csv", accounts)
+    bus.unlink()
+    part.rename(made)
+    return Recording(made)
+
+
+def _digest(setup: Setup, folder: Path) -> str:
+    scratch = folder / f".digest-{os.getpid()}"
+    scratch.mkdir(exist_ok=True)
+    try:
+        return setup.digest(scratch)
+    finally:
+        shutil.rmtree(scratch)
+
+
+def _run(setup: Setup, folder: Path, say: Say) -> None:
+    """Start everything, wait until the bag is full, and end everything."""
+    bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
+    scenario = setup.write(folder, {"bind": bind, "peer": peer})
+    run = f"experiment_{os.getpid()}_{random.randrange(10**6)}"
+    up = ["-m", "groundlink", "up", str(scenario), "--run", run, "--listen", free_endpoint()]
+    if setup.time.get("mode") != "realtime":  # sensors may wait for each other: it is less work
+        up.append("--sensors-together")
+    bag = ("-m", "experiments.recording.ros_bag", str(folder / "run.mcap"), str(setup.seconds))
+    domain = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
+    with (
+        process(bag, folder / "bag.log", domain) as recorder,
+        process(
+            (*up, "--record", str(folder / "bus.mcap")), folder / "up.log", domain
+        ) as supervisor,
+    ):
+        _wait(setup, recorder, supervisor, folder, say)
+
+
+def _wait(
+    setup: Setup,
+    recorder: subprocess.Popen[str],
+    supervisor: subprocess.Popen[str],
+    folder: Path,
+    say: Say,
+) -> None:
+    begun_s = moved_s = time.monotonic()
+    seconds = -1.0
+    while recorder.poll() is None:
+        now_s = time.monotonic()
+        told = last_told(folder / "bag.log")
+        if told.get("seconds", 0.0) > seconds:
+            seconds, moved_s = told.get("seconds", 0.0), now_s
+        say.progress(
+            f"{setup.name}, seed {setup.seed}: recording, {max(seconds, 0.0):.0f} of "
+            f"{setup.seconds:g} s, {told.get('messages', 0):.0f} messages, {now_s - begun_s:.0f} s"
+        )
+        if supervisor.poll() is not None or now_s - moved_s > SILENT_S:
+            why = "has ended" if supervisor.poll() is not None else f"stood for {SILENT_S:g} s"
+            last = (folder / "up.log").read_text(encoding="utf-8").strip().splitlines()[-5:]
+            raise UserError(
+                f"{setup.name}, seed {setup.seed}: the run {why} at {max(seconds, 0.0):.1f} s; "
+                f"{folder / 'up.log'} says:\n" + "\n".join(last)
+            )
+        time.sleep(0.2)
+    if recorder.returncode:
+        raise UserError(f"{setup.name}: the recording node has failed; see {folder / 'bag.log'}")
+    say(
+        f"{setup.name}, seed {setup.seed}: recorded {setup.seconds:g} s in "
+        f"{time.monotonic() - begun_s:.0f} s"
+    )
+
+
+def last_told(log: Path) -> dict[str, float]:
+    """Return the last line of JSON of a log; nothing where there is none."""
+    lines = log.read_text(encoding="utf-8").splitlines()
+    for line in reversed(lines):
+        if line.startswith("{"):
+            try:
+                told: dict[str, float] = json.loads(line)
+                return told
+            except json.JSONDecodeError:  # it is being written
+                continue
+    return {}
+
+
+@contextmanager
+def process(
+    command: Sequence[str],
+    log: Path,
+    environment: dict[str, str],
+    python: str = sys.executable,
+) -> Iterator[subprocess.Popen[str]]:
+    """Start a Python process whose output goes to a file; end it at last."""
+    output: IO[str]
+    with log.open("w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            [python, *command],
+            cwd=ROOT,
+            env=os.environ | environment | {"PYTHONUNBUFFERED": "1"},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            text=True,
+            preexec_fn=end_with_parent,
+        )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def free_port() -> int:
+    """Return a UDP port that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

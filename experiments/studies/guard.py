@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The guard against wrong data: runs that are spoiled on purpose have to be found out.
+
+Rule: one recording; each fault is put into a copy of its bag. A program finds a fault when it does
+clearly worse than on the bag as it was; a direct test when a quantity is not what it has to be. A
+fault that nobody finds, or an alarm without a fault, fails the experiment.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.reader import make_reader
+
+from experiments.estimation.estimators import GICP, KISS, LIDAR_INERTIAL, Estimator, ran
+from experiments.estimation.evaluation import Result, write_rows
+from experiments.experiment import Options, recorded
+from experiments.recording.faults import CLOUD, FAULTS, IMU, Fault, with_fault
+from experiments.recording.recordings import Recording
+from experiments.recording.setups import Setup
+from experiments.recording.truth import frames_of
+from groundlink.core.errors import UserError
+from groundlink.messages.base import POINT
+from groundlink.ros.types import STORE, nanos, xyz
+from groundlink.world.build import solids
+
+from .direct import Measured, Sweep, imu_quantities, scan_quantities
+from .track import there_and_back
+
+SECONDS = 40.0
+SHORT_SECONDS = 14.0
+
+WORSE = 2.0
+"""Times the error without a fault ..."""
+
+WORSE_M = 0.02
+"""... and this much more: then a program is said to find the fault."""
+
+SETUP = Setup(
+    name="guard",
+    scenario="track",
+    seconds=SECONDS,
+    sensors={
+        "lidar": {"datasheet": "sensors/vlp16.yaml"},
+        "scanner": None,
+        "odometry": None,
+        "encoders": None,
+    },
+    vehicle={
+        "placement": {"x_m": -4.0, "y_m": 0.0, "yaw_deg": 0.0},
+        "route": there_and_back(4.0, 1.0, laps=2),
+    },
+)
+"""The hall of the track, of which all surfaces are boxes and cylinders, with turns on the spot."""
+
+LISTENERS: dict[str, tuple[Estimator, ...]] = {
+    IMU: (LIDAR_INERTIAL,),
+    CLOUD: (LIDAR_INERTIAL, KISS, GICP),
+}
+"""Who takes messages of a type; the mounts are taken by who needs two sensors at once."""
+
+
+def guard(options: Options) -> Sequence[Result]:
+    """Show each fault to the programs that take its messages, and to direct tests."""
+    seconds = SHORT_SECONDS if options.short else SECONDS
+    recording = recorded(options, dataclasses.replace(SETUP, seconds=seconds))
+    results: list[Result] = []
+    rows: list[tuple[str, Measured]] = [("", quantity) for quantity in direct(recording)]
+    clean: dict[str, Result] = {}
+    for estimator in (LIDAR_INERTIAL, KISS, GICP):
+        result, _ = ran(options, estimator, recording, experiment="guard", case="no fault")
+        clean[result.program] = result
+        results.append(result)
+    finders: list[tuple[str, str]] = []
+    wrong = [q.words for _, q in rows if not q.holds]
+    missed = [f"without a fault: {words}" for words in wrong]
+    for name, fault in FAULTS.items():
+        bag = options.folder("runs", recording.folder.name) / f"{name}.mcap"
+        bag.unlink(missing_ok=True)
+        with_fault(recording.bag, bag, fault)
+        found = _by_programs(options, recording, bag, name, fault, clean, results)
+        quantities = direct(recording, bag)
+        rows += [(name, quantity) for quantity in quantities]
+        found += [f"{q.words}: {q.value:.3g}" for q in quantities if not q.holds]
+        options.say(f"guard: {fault.words}: found by {'; '.join(found) or 'nobody'}")
+        finders.append((fault.words, "; ".join(found) or "nobody"))
+        if not found:
+            missed.append(fault.words)
+        bag.unlink()
+    tables = options.folder("tables")
+    write_rows(tables / "guard_found.csv", ("fault", "found by"), finders)
+    write_rows(
+        tables / "guard_direct.csv",
+        ("fault", "quantity", "value", "expected", "tolerance", "holds"),
+        [_row(name, quantity) for name, quantity in rows if not (name and quantity.holds)],
+    )
+    if missed:
+        raise UserError("guard: not as it has to be: " + "; ".join(missed))
+    return results
+
+
+def _by_programs(
+    options: Options,
+    recording: Recording,
+    bag: Path,
+    name: str,
+    fault: Fault,
+    clean: dict[str, Result],
+    results: list[Result],
+) -> list[str]:
+    """Return who does clearly worse, or not at all, and add what each did to the results."""
+    found = []
+    for estimator in LISTENERS.get(fault.ros_type, (LIDAR_INERTIAL,)):
+        program = estimator.program.name
+        try:
+            result, _ = ran(options, estimator, recording, experiment="guard", case=name, bag=bag)
+        except UserError as error:
+            options.say(str(error))
+            found.append(f"{program} (it fails)")
+            continue
+        results.append(result)
+        usual_m = clean[program].ate_m
+        if is_worse(result.ate_m, usual_m):
+            found.append(f"{program} ({100 * usual_m:.1f} -> {100 * result.ate_m:.1f} cm)")
+    return found
+
+
+def is_worse(error_m: float, usual_m: float) -> bool:
+    """Return whether an error is clearly larger than it is without a fault."""
+    return error_m > WORSE * usual_m and error_m > usual_m + WORSE_M
+
+
+def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
+    """Return what the direct tests say of a recording's bag, or of another one of the same run."""
+    bag = bag or recording.bag
+    base, frames = recording.truth(), frames_of(bag)
+    sweeps = []
+    stamps, rates, forces = [], [], []
+    with bag.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages(["/points", "/imu"]):
+            if channel.topic == "/points":
+                cloud: Any = STORE.deserialize_cdr(message.data, CLOUD)
+                points = np.frombuffer(cloud.data, POINT)
+                places = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
+                times = points["time"].astype(np.float64)
+                sweeps.append(Sweep(nanos(cloud.header.stamp) / 1e9, places, times))
+            else:
+                imu: Any = STORE.deserialize_cdr(message.data, IMU)
+                stamps.append(nanos(imu.header.stamp) / 1e9)
+                rates.append(xyz(imu.angular_velocity))
+                forces.append(xyz(imu.linear_acceleration))
+    return [
+        *scan_quantities(sweeps, base.seen_from(frames["lidar_link"]), solids(recording.scenario)),
+        *imu_quantities(
+            np.array(stamps), np.array(rates), np.array(forces), base.seen_from(frames["imu_link"])
+        ),
+    ]
+
+
+def _row(name: str, q: Measured) -> tuple[str, ...]:
+    numbers = (f"{q.value:.4g}", f"{q.expected:.5g}", f"{q.tolerance:g}")
+    return (name or "none", q.words, *numbers, "yes" if q.holds else "no")

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Live, as the paper ran it: SLAM is a ROS node beside the bridge, and its results come back.
+
+Rule: `indoor_paper` as it is shipped, in real time, and one node that knows nothing of Groundlink.
+What is judged is what came back on the bus, where the viewer takes it from as well.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+from PIL import Image
+
+from experiments.estimation.environments import python_of
+from experiments.estimation.evaluation import Result
+from experiments.estimation.programs import DRIVERS, YAG_SLAM_LIVE
+from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
+from experiments.experiment import Options, judged
+from experiments.output import figures
+from experiments.recording.recordings import Recording, free_port, last_told, process
+from experiments.recording.setups import IN_REAL_TIME, Setup, loaded
+from experiments.recording.truth import truth_of
+from groundlink.bus.inbox import Inbox
+from groundlink.bus.session import Bus, BusError
+from groundlink.bus.topics import FROM_ROS
+from groundlink.cli.run.running import free_endpoint
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.messages.navigation import OccupancyGrid, PoseStamped
+from groundlink.scenario import Scenario
+from udp_bridge_ros2.environment import apply_defaults
+
+SECONDS, SHORT_S = 117.0, 22.0
+"""Two laps, after 2 s of standstill."""
+
+SCAN_FRAME = "scan_link"
+DEPTH = 10_000
+JOIN_S, LOOK_S = 60.0, 0.2
+MOMENT_S = 1e-6
+"""What a stamp and the same in a file may differ by."""
+OCCUPIED, UNKNOWN, FREE = 0, 205, 254
+"""Of map_server's picture, whose first row is the northern one."""
+
+
+def slam(options: Options) -> Sequence[Result]:
+    """Return the error of the poses that came back, for each seed."""
+    python = python_of(YAG_SLAM_LIVE, options.out, options.say)
+    results = []
+    for seed in options.seeds:
+        seconds = SHORT_S if options.short else SECONDS
+        setup = Setup(
+            name="live", scenario="indoor_paper", seconds=seconds, seed=seed, time=IN_REAL_TIME
+        ).varied(options.vary)
+        folder = options.folder("runs", f"live-{seed}")
+        recording, map_yaml = _run(options, setup, folder, str(python))
+        tum = folder / "poses.tum"
+        result, way = judged(
+            *(options, recording, tum),
+            frame="",
+            experiment="live",
+            program=YAG_SLAM_LIVE.name,
+            case="poses as they came back",
+            took_s=seconds,
+            limit_m=0.05,
+        )
+        results.append(result)
+        if seed == options.seeds[0]:
+            scenario = recording.scenario
+            figures.trajectories(options.figure("live"), scenario, [way])
+            figures.map_beside_plan(options.figure("live_map"), scenario, map_yaml, way)
+    return results
+
+
+def _run(options: Options, setup: Setup, folder: Path, python: str) -> tuple[Recording, Path]:
+    """Run the scenario and the node; leave truth, poses and map in the folder.
+
+    Raises
+    ------
+    UserError
+        when the node does not keep up, or what it told does not come back.
+    """
+    peers = {name: f"127.0.0.1:{free_port()}" for name in ("bind", "peer")}
+    scenario = setup.write(folder, peers)
+    run, endpoint = f"live_{os.getpid()}", free_endpoint()
+    domain = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
+    apply_defaults(domain)
+    mount = [str(number) for number in _mount(loaded(folder))]
+    node = (str(DRIVERS / YAG_SLAM_LIVE.driver), str(folder / "graph.tum"), "--mount", *mount)
+    bus_file = folder / "bus.mcap"
+    bus_file.unlink(missing_ok=True)
+    up = ["-m", "groundlink", "up", str(scenario), "--run", run, "--listen", endpoint]
+    up += ["--record", str(bus_file), "--duration", str(setup.seconds)]
+    poses: Inbox[PoseStamped] = Inbox(depth=DEPTH)
+    maps: Inbox[OccupancyGrid] = Inbox(depth=DEPTH)
+    label = f"live, seed {setup.seed}"
+    with process(node, folder / "node.log", domain, python) as slam_node:
+        with process(up, folder / "up.log", domain) as supervisor:
+            with _joined(endpoint, supervisor, folder) as bus:
+                options.say(f"{label}: `groundlink view --connect {endpoint}` shows it")
+                vehicle = loaded(folder).vehicles[0].name
+                bus.subscribe(FROM_ROS["pose"].key_in(run, vehicle=vehicle), PoseStamped, poses)
+                bus.subscribe(FROM_ROS["map"].key_in(run, vehicle=vehicle), OccupancyGrid, maps)
+                while supervisor.poll() is None:
+                    told = last_told(folder / "node.log")
+                    options.say.progress(f"{label}: {told}")
+                    if slam_node.poll() is not None:
+                        raise UserError(f"{label}: the node has ended; see {folder / 'node.log'}")
+                    time.sleep(LOOK_S)
+        if supervisor.returncode:
+            raise UserError(f"{label}: the run has failed; see {folder / 'up.log'}")
+    told = last_told(folder / "node.log")
+    options.say(f"{label}: {told}; {len(poses)} poses and {len(maps)} maps came back")
+    if told["late"] or not len(poses) or not len(maps):
+        raise UserError(f"{label}: the node did not keep up, or nothing came back; see {folder}")
+    map_yaml = _write(folder, poses, maps)
+    came = read_tum(folder / "poses.tum").seconds
+    sent = read_tum(folder / "graph.tum").between(came[0] - MOMENT_S, came[-1] + MOMENT_S)
+    if len(sent.seconds) != len(came):
+        raise UserError(f"{label}: {len(came)} of {len(sent.seconds)} poses came back")
+    write_tum(folder / "truth.tum", truth_of(bus_file, loaded(folder)))
+    return Recording(folder), map_yaml
+
+
+def _mount(scenario: Scenario) -> tuple[float, float, float]:
+    """Return base_from_scan as x, y, yaw, as one tells it to a SLAM program."""
+    (scanner,) = (s for s in scenario.vehicles[0].sensors if s.frame == SCAN_FRAME)
+    x_m, y_m, _ = scanner.mount.xyz_m
+    return x_m, y_m, math.radians(scanner.mount.rpy_deg[2])
+
+
+def _joined(endpoint: str, supervisor: subprocess.Popen[str], folder: Path) -> Bus:
+    """Return the bus of a run that is being started, as soon as there is one."""
+    end_s = time.monotonic() + JOIN_S
+    while supervisor.poll() is None and time.monotonic() < end_s:
+        try:
+            return Bus(connect=endpoint, onlooker=True)
+        except BusError:
+            time.sleep(LOOK_S)
+    raise UserError(f"live: there is no bus at {endpoint}; see {folder / 'up.log'}")
+
+
+def _write(folder: Path, poses: Inbox[PoseStamped], maps: Inbox[OccupancyGrid]) -> Path:
+    """Write the poses that came as TUM, and the last map as map_server has it; return its YAML."""
+    rows = [pose for _, pose in iter(lambda: poses.get(seconds=0), None)]
+    *_, (_, grid) = iter(lambda: maps.get(seconds=0), None)
+    seconds = np.array([row.stamp_nanos / NANOS for row in rows])
+    at, turns = (
+        np.array([getattr(r, name) for r in rows]) for name in ("position_m", "orientation")
+    )
+    write_tum(folder / "poses.tum", Trajectory(seconds, at, turns))
+    cells = np.frombuffer(grid.cells, np.int8).reshape(grid.height, grid.width)
+    picture = np.select([cells < 0, cells > 50], [UNKNOWN, OCCUPIED], FREE).astype(np.uint8)
+    Image.fromarray(picture[::-1]).save(folder / "map.png")
+    told = {
+        "image": "map.png",
+        "resolution": grid.resolution_m,
+        "origin": [*grid.origin_position_m[:2], 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
+    file = folder / "map.yaml"
+    file.write_text(yaml.safe_dump(told, sort_keys=False), encoding="utf-8")
+    return file

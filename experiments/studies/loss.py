@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a bad link costs SLAM: the same drive in real time over links that lose datagrams.
+
+Rule: bus, gateway, UDP Bridge, ROS node, bag, and only then programs; a link in the gateway loses
+datagrams on their way to ROS, with a seed. Without loss the row is what a program makes of whole
+data.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.reader import make_reader
+
+from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, SLAM_2D, ran
+from experiments.estimation.evaluation import Result, write_rows
+from experiments.experiment import Options, recorded
+from experiments.recording.recordings import Recording
+from experiments.recording.setups import IN_REAL_TIME, Setup
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.recording.ros_channels import RosFile
+from groundlink.ros.streams import TF_STATIC_TOPIC
+
+from .track import there_and_back
+
+SECONDS = 40.0
+SHORT_SECONDS = 12.0
+
+RESENT: Any = {"resend": 0.5}
+"""What is lost is asked for again, for half a second."""
+
+
+class Link(NamedTuple):
+    """A way to ROS."""
+
+    lost: float
+    """Share of datagrams."""
+
+    repair: Any = "none"
+    datagram: str = "loopback"
+    """How large they are: as on one machine, or as over a network."""
+
+    @property
+    def words(self) -> str:
+        """What tables call it."""
+        small = ", datagrams of 1,472 bytes" if self.datagram == "mtu" else ""
+        return f"{100 * self.lost:g} % lost{small}{', repaired' if self.repair == RESENT else ''}"
+
+
+LINKS = (
+    Link(0.0),
+    Link(0.01),
+    Link(0.01, RESENT),
+    Link(0.05),
+    Link(0.05, RESENT),
+    Link(0.01, datagram="mtu"),
+    Link(0.01, RESENT, "mtu"),
+)
+
+TOPICS = ("/points", "/scan", "/imu", "/odom")
+
+_TIME = struct.Struct("<iI")
+"""A stamp, behind the CDR's four bytes."""
+
+Row = tuple[str, ...]
+
+
+def loss(options: Options) -> Sequence[Result]:
+    """Run SLAM by clouds, and by scans, on data that came over each of the links."""
+    results: list[Result] = []
+    rows: list[Row] = []
+    for link in LINKS:
+        case = link.words
+        setup = Setup(
+            name="loss",
+            scenario="track",
+            seconds=SHORT_SECONDS if options.short else SECONDS,
+            sensors={"lidar": {"datasheet": "sensors/vlp16.yaml"}},
+            vehicle={
+                "placement": {"x_m": -4.0, "y_m": 0.0, "yaw_deg": 0.0},
+                "route": there_and_back(4.0, 0.6),
+            },
+            top={"gateway": {"datagram": link.datagram}},
+            link={"seed": 7, "to_ros": {"loss": link.lost}},
+            repair=link.repair,
+            time=IN_REAL_TIME,
+        )
+        recording = recorded(options, setup)
+        arrived = {account.topic: account for account in recording.accounts}
+        told = [f"{arrived[topic].arrived} of {arrived[topic].sent}" for topic in TOPICS]
+        options.say(f"loss, {case}: " + ", ".join(map(" ".join, zip(TOPICS, told, strict=True))))
+        errors = [_error(options, recording, case, which, results) for which in _RUNS]
+        rows.append((case, *told, *errors))
+    head = ("link", *TOPICS, *(f"{which}, ATE (m)" for which in _RUNS))
+    write_rows(options.folder("tables") / "loss_arrived.csv", head, rows)
+    return results
+
+
+def _error(
+    options: Options, recording: Recording, case: str, which: str, results: list[Result]
+) -> str:
+    """Return how well a program did, in words, and add it to the results; it may do nothing."""
+    try:
+        result = _RUNS[which](options, recording, case)
+    except UserError as error:
+        options.say(f"loss, {case}: {which}: {error}")
+        return "none"
+    results.append(result)
+    return f"{result.ate_m:.4f}"
+
+
+def _inertial(options: Options, recording: Recording, case: str) -> Result:
+    bag = options.folder("runs", recording.folder.name) / "in_order.mcap"
+    bag.unlink(missing_ok=True)
+    in_order(recording.bag, bag)
+    return ran(options, LIDAR_INERTIAL, recording, experiment="loss", case=case, bag=bag)[0]
+
+
+def in_order(bag: Path, out: Path) -> None:
+    """Write clouds, the IMU and mounts of a bag in the order of their stamps.
+
+    What is sent again comes after what overtook it; genz-lio's loader refuses such a bag.
+    """
+    found = []
+    with bag.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages(
+            ["/points", "/imu", TF_STATIC_TOPIC]
+        ):
+            assert schema is not None
+            second, nano = _TIME.unpack_from(message.data, 4)
+            nanos = 0 if channel.topic == TF_STATIC_TOPIC else second * NANOS + nano
+            found.append((nanos, channel.topic, schema.name, message.data))
+    file = RosFile(out)
+    for nanos, topic, ros_type, cdr in sorted(found):
+        latched = topic == TF_STATIC_TOPIC
+        file.topic(topic, ros_type, latched=latched).write(nanos, memoryview(cdr))
+    file.commit({})
+    file.close()
+
+
+def _lidar(options: Options, recording: Recording, case: str) -> Result:
+    return ran(options, GICP, recording, experiment="loss", case=case)[0]
+
+
+def _scans(options: Options, recording: Recording, case: str) -> Result:
+    return ran(options, SLAM_2D, recording, experiment="loss", case=case)[0]
+
+
+_RUNS = {"LiDAR and IMU": _inertial, "LiDAR alone": _lidar, "scans": _scans}

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How ORB-SLAM3 is run on the pictures of a drive, indoors and outdoors, for each seed.
+
+Rule: one place says what it gets and which frame it tells of; what differs is in the drive.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from experiments.estimation.estimators import Estimator, ran, tum_of
+from experiments.estimation.evaluation import Result
+from experiments.estimation.programs import ORB_SLAM3
+from experiments.estimation.vocabulary import vocabulary
+from experiments.experiment import Options, recorded
+from experiments.output import figures
+from experiments.recording.recordings import Recording
+from experiments.recording.setups import Setup
+
+FRAME = "camera_optical_frame"
+
+LOST_S = 5.0
+"""Of a drive, after which who begins a new map has lost the old one: the error counts as infinite,
+however good the map of the rest is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """A drive with a camera, and how ORB-SLAM3 takes it."""
+
+    setup: Setup
+    scenes: Setup
+    """What its vocabulary is trained from; see `vocabulary`."""
+
+    from_s: float
+    """Stamp of the first frame that is given: when the vehicle has begun to move, since from one
+    camera that stands nothing can be learned."""
+
+    limit_m: Callable[[Recording], float]
+    words: tuple[str, ...] = ()
+    """Options of the driver."""
+
+    has_depth: bool = False
+    """Without, an estimate cannot know its scale."""
+
+
+def orb_slam3(options: Options, pictures: Pictures) -> Sequence[Result]:
+    """Run it for each seed; draw the first."""
+    name, case = pictures.setup.name, "RGB-D" if pictures.has_depth else "mono"
+    trained = vocabulary(options, pictures.scenes)
+    settings = ("--vocabulary", str(trained), "--from-s", str(pictures.from_s), *pictures.words)
+    slam = Estimator(ORB_SLAM3, FRAME, settings, knows_scale=pictures.has_depth)
+    results = []
+    for seed in options.seeds:
+        recording = recorded(options, replace(pictures.setup, seed=seed))
+        limit_m = pictures.limit_m(recording)
+        result, way = ran(options, slam, recording, experiment=name, case=case, limit_m=limit_m)
+        tum = tum_of(options, slam, recording, name, case)
+        told = json.loads(tum.with_suffix(".json").read_text(encoding="utf-8"))
+        words = ", ".join(f"{what} {number:.5g}" for what, number in told.items())
+        options.say(f"{name}, seed {seed}: {words}")
+        if told["map_begun_s"] > LOST_S:
+            options.say(f"{name}, seed {seed}: lost; a new map after {told['map_begun_s']:.0f} s")
+            result = replace(result, ate_m=math.inf)
+        results.append(result)
+        if seed == options.seeds[0]:
+            figures.trajectories(options.figure(name), recording.scenario, [way])
+    return results

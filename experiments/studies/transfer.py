@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Section 6.1 of the paper: what a message takes until ROS publishes it, by its size and the way.
+
+Rule: nothing is measured here; `benchmarks.bridge` does that, and draws the paper's Figure 9.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from experiments.estimation.evaluation import Result, write_rows
+from experiments.experiment import Options
+from experiments.recording.setups import ROOT
+from groundlink.core.errors import UserError
+
+ROSBRIDGE = "ROSBRIDGE"
+"""Environment: the program `rosbridge_websocket` of a rosbridge that is installed, to go along."""
+
+
+def transfer(options: Options) -> Sequence[Result]:
+    """Measure; there is no trajectory to be judged.
+
+    Raises
+    ------
+    UserError
+        when what is claimed of the ratios does not hold, or it cannot be measured.
+    """
+    file = options.folder("runs", "transfer") / "times.json"
+    command = ["-m", "benchmarks.bridge", "--only", "latency", "--json", str(file)]
+    command += ["--figure", str(options.figure("transfer"))]
+    if options.short:
+        command.append("--quick")
+    if rosbridge := os.environ.get(ROSBRIDGE):
+        command += ["--rosbridge", rosbridge]
+    else:
+        options.say(f"transfer: no rosbridge goes along; {ROSBRIDGE} would name its program")
+    if subprocess.run([sys.executable, *command], cwd=ROOT, check=False).returncode:
+        raise UserError("transfer: it could not be measured; what is said above says why")
+    rows = json.loads(file.read_text(encoding="utf-8"))["latency"]
+    ways = list(rows[0]["ms"])
+    write_rows(
+        options.folder("tables") / "transfer_ms.csv",
+        ("bytes", *ways),
+        [(f"{row['bytes']:,}", *(f"{row['ms'][way]:.3f}" for way in ways)) for row in rows],
+    )
+    return []
