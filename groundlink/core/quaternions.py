@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from groundlink.messages.base import Quaternion, Vector3
+from groundlink.core.fields import Quaternion, Vector3
 
 SMALL_SINE = 1e-150
 """Below it a squared component underflows; the rotation is none."""

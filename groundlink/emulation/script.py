@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from groundlink.world.solids import Spec
+from groundlink.core.fields import NonNegative, Spec
 
 from .settings import Impairment
 
@@ -24,7 +24,7 @@ Changes = dict[str, float | bool]
 class Event(Spec, frozen=True, kw_only=True):
     """From `at_s` seconds of sim time on, the named fields have new values."""
 
-    at_s: Annotated[float, Meta(ge=0)]
+    at_s: NonNegative
     to_ros: Changes = msgspec.field(default_factory=dict)
     from_ros: Changes = msgspec.field(default_factory=dict)
 

@@ -10,9 +10,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from groundlink.world.solids import Spec
+from groundlink.core.fields import Fraction01, Spec
 
-Share = Annotated[float, Meta(ge=0, le=1)]
 Milliseconds = Annotated[float, Meta(ge=0, le=60_000)]
 
 
@@ -25,16 +24,16 @@ class Impairment(Spec, frozen=True, kw_only=True):
         when loss and burst contradict each other.
     """
 
-    loss: Share = 0.0
+    loss: Fraction01 = 0.0
     """Share of datagrams that are lost."""
 
     burst: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
     """Mean number of datagrams that are lost in a row (Gilbert 1960); 0 = each on its own."""
 
-    duplicate: Share = 0.0
+    duplicate: Fraction01 = 0.0
     """Share of datagrams that arrive twice."""
 
-    reorder: Share = 0.0
+    reorder: Fraction01 = 0.0
     """Share of datagrams that are held up by `reorder_ms`, so that later ones overtake them."""
 
     reorder_ms: Milliseconds = 5.0
@@ -50,7 +49,7 @@ class Impairment(Spec, frozen=True, kw_only=True):
     queue_kb: Annotated[float, Meta(gt=0, le=1e6)] = 256.0
     """Kilobytes that may wait for the rate; what does not fit is dropped."""
 
-    bit_errors: Share = 0.0
+    bit_errors: Fraction01 = 0.0
     """Probability of an error in each bit of UDP payload."""
 
     outage: bool = False

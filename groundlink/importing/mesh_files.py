@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats
 from groundlink.world.colors import linear
-from groundlink.world.solids import Vector3
 
 from . import pcd
 from .files import BadFile, Tell, one_line, reading

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Positive, Spec
+from groundlink.core.fields import Positive, Spec
 
 
 class MeshFile(Spec, frozen=True, kw_only=True, tag_field="kind", tag="mesh"):

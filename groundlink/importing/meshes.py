@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats
 from groundlink.world import assets
 from groundlink.world.mesh_asset import Part, asset_of
-from groundlink.world.solids import Mesh, Vector3
+from groundlink.world.solids import Mesh
 
 from . import scans
 from .files import BadFile, Tell

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from groundlink.world.solids import NonNegative, Positive, Spec, Vector3
+from groundlink.core.fields import NonNegative, Positive, Spec, Vector3
 
 Place2 = tuple[float, float]
 """x and y in the world."""

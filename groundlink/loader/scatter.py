@@ -15,12 +15,13 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from groundlink.core.fields import NonNegative, Positive, Spec
 from groundlink.core.frames import Floats
 from groundlink.scenario.schema import Placement
 from groundlink.world.bounds import bounds
 from groundlink.world.objects.outdoor_objects import erect
 from groundlink.world.objects.outdoors import Outdoor, Place2
-from groundlink.world.solids import NonNegative, Positive, Solid, Spec
+from groundlink.world.solids import Solid
 from groundlink.world.terrain import Ground, Terrain, ground
 
 from .document import DataPath, Document, ScenarioError

@@ -16,12 +16,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.files import Tell, silent
 from groundlink.scenario.change import Addition
 from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.world.actors import Actor, Along, Crate, Free, Hinge, Person, parts
-from groundlink.world.solids import Box, Cylinder, Material, Solid, Vector3
+from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.terrain import Ground
 
 from .document import ScenarioError, read

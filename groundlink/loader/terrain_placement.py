@@ -11,8 +11,8 @@ import math
 
 import msgspec
 
+from groundlink.core.fields import Vector3
 from groundlink.world.objects.outdoors import Fence, Outdoor
-from groundlink.world.solids import Vector3
 from groundlink.world.terrain import Terrain, ground
 
 from .document import DataPath, Document, ScenarioError

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-Vector3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+from groundlink.core.fields import Quaternion, Vector3
+
 Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
 
 POINT = np.dtype(

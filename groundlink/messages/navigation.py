@@ -12,7 +12,9 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from .base import Message, Quaternion, Reading, Vector3, exactly
+from groundlink.core.fields import Quaternion, Vector3
+
+from .base import Message, Reading, exactly
 from .imagery import Uint32
 
 COVARIANCE_6X6_BYTES = 36 * 8

@@ -17,7 +17,8 @@ import numpy as np
 from rosbags.serde import SerdeError
 
 from groundlink.core.clock import NANOS
-from groundlink.messages.base import BadMessage, Command, Message, Quaternion, packed
+from groundlink.core.fields import Quaternion
+from groundlink.messages.base import BadMessage, Command, Message, packed
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.messages.relayed import Relayed
 

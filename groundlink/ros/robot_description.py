@@ -14,21 +14,12 @@ from collections.abc import Collection, Sequence
 from math import isinf
 from xml.etree import ElementTree
 
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, rpy_from_matrix
 from groundlink.messages.navigation import Transform
 from groundlink.scenario.joints import Joint
 from groundlink.scenario.vehicle import VehicleModel, Wheel
-from groundlink.world.solids import (
-    Box,
-    Cylinder,
-    Material,
-    Mesh,
-    Quaternion,
-    Shape,
-    Solid,
-    Sphere,
-    Vector3,
-)
+from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
 
 Element = ElementTree.Element
 

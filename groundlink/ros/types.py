@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from groundlink.core.clock import NANOS
-from groundlink.messages.base import Quaternion, Vector3
+from groundlink.core.fields import Quaternion, Vector3
 
 WHEEL_ENCODERS_DEFINITION = """\
 std_msgs/Header header

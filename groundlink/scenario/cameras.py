@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Positive
+from groundlink.core.fields import Positive
 
 from .every_sensor import Rate, SensorSpec
 from .lenses import Imager, Lens

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import NonNegative, Positive, Spec
+from groundlink.core.fields import NonNegative, Positive, Spec
 
 from .cameras import Optics
 from .every_sensor import RosTopic

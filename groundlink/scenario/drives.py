@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Fraction01, NonNegative, Positive, Spec
+from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec
 
 if TYPE_CHECKING:
     from .vehicle import Wheel

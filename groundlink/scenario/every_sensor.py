@@ -13,8 +13,8 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
+from groundlink.core.fields import Spec, Vector3
 from groundlink.core.frames import multiply, quaternion_from_rpy
-from groundlink.world.solids import Spec, Vector3
 
 from .faults import Fault, Quantity
 

@@ -17,7 +17,7 @@ import yaml
 from msgspec import Meta
 
 from groundlink.core.clock import TICK_RATE_HZ, exact
-from groundlink.world.solids import NonNegative, Positive, Spec
+from groundlink.core.fields import NonNegative, Positive, Spec
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
 

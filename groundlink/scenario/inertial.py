@@ -13,7 +13,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.world.solids import NonNegative, Spec
+from groundlink.core.fields import NonNegative, Spec
 
 LOW_PASS_TAIL = 1e-9
 """Share of a step that a low pass leaves out, so that it is full after a finite time."""

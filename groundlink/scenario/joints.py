@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from math import cos, hypot, sin
 from typing import Literal
 
+from groundlink.core.fields import Positive, Quaternion, Spec, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.core.quaternions import multiply, rotate
-from groundlink.world.solids import Positive, Quaternion, Solid, Spec, Vector3
+from groundlink.world.solids import Solid
 
 from .every_sensor import Name
 

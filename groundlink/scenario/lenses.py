@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import NonNegative, Positive, Spec
+from groundlink.core.fields import NonNegative, Positive, Spec
 
 COEFFICIENTS = {
     "plumb_bob": ("k1", "k2", "p1", "p2", "k3"),

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Literal
 from msgspec import Meta
 
 from groundlink.core.clock import exact
-from groundlink.world.solids import Fraction01, NonNegative, Positive
+from groundlink.core.fields import Fraction01, NonNegative, Positive
 
 from .every_sensor import Address, Rate, SensorSpec
 from .faults import Quantity

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
+from groundlink.core.fields import Spec
 from groundlink.emulation import LinkScript
-from groundlink.world.solids import Spec
 
 from .every_sensor import Address, Name, Peer, Rate, Repair, RosTopic
 

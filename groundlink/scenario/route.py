@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Positive, Spec
+from groundlink.core.fields import Positive, Spec
 
 Side = Literal["left", "right"]
 

@@ -15,11 +15,12 @@ from msgspec import Meta, field
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
+from groundlink.core.fields import Spec, Vector3
 from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.objects.outdoors import Outdoor
 from groundlink.world.objects.room import Clutter, Furniture, Room
-from groundlink.world.solids import Material, Solid, Spec, Vector3
+from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
 

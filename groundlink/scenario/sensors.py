@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Fraction01, NonNegative, Positive, Spec
+from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec
 
 from .cameras import Camera, Optics
 from .depth_cameras import DepthCamera, StereoCamera

@@ -14,16 +14,8 @@ from typing import Annotated
 from msgspec import Meta, field
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.world.solids import (
-    Fraction01,
-    Material,
-    NonNegative,
-    Positive,
-    Size3,
-    Solid,
-    Spec,
-    Vector3,
-)
+from groundlink.core.fields import Fraction01, NonNegative, Positive, Size3, Spec, Vector3
+from groundlink.world.solids import Material, Solid
 
 from .drives import Ackermann, Battery, Differential, Drive, Shaft, SkidSteer, Tracked
 from .every_sensor import Frame, Mount, Name

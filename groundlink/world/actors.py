@@ -15,7 +15,9 @@ from typing import Annotated
 from msgspec import Meta
 from msgspec.structs import replace
 
-from .solids import Box, Cylinder, NonNegative, Positive, Size3, Solid, Spec, Sphere, Vector3
+from groundlink.core.fields import NonNegative, Positive, Size3, Spec, Vector3
+
+from .solids import Box, Cylinder, Solid, Sphere
 
 MOST_PARTS = 16
 """Of one body: what physics can join."""

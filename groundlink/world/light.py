@@ -10,7 +10,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from .solids import Spec, Vector3
+from groundlink.core.fields import Spec, Vector3
 
 
 class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):

@@ -16,10 +16,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.fields import Vector3
 from groundlink.world import assets
 from groundlink.world.assets import MissingAsset
-
-from .solids import Vector3
 
 D = TypeVar("D", bound=np.generic)
 

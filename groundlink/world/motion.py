@@ -12,8 +12,9 @@ from itertools import pairwise
 from math import atan2, cos, hypot, pi, radians, sin
 from typing import NamedTuple, Protocol
 
+from groundlink.core.fields import Quaternion, Vector3
+
 from .actors import Along, Free, Hinge, Motion, Point
-from .solids import Quaternion, Vector3
 from .terrain import Ground
 
 TURN_RADPS = pi

@@ -7,23 +7,19 @@ solid does (collide, reflect, look like something) is the business of those who 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from msgspec import Meta, Struct
-
+from groundlink.core.fields import (
+    Fraction01,
+    NonNegative,
+    Positive,
+    Quaternion,
+    Size3,
+    Spec,
+    Vector3,
+)
 from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.world.assets import Digest
-
-Positive = Annotated[float, Meta(gt=0)]
-NonNegative = Annotated[float, Meta(ge=0)]
-Fraction01 = Annotated[float, Meta(ge=0, le=1)]
-Vector3 = tuple[float, float, float]
-Size3 = tuple[Positive, Positive, Positive]
-Quaternion = tuple[float, float, float, float]
-
-
-class Spec(Struct, frozen=True, forbid_unknown_fields=True):
-    """A part of a scenario: immutable, and an unknown key is an error."""
 
 
 class Box(Spec, frozen=True, tag_field="kind", tag="box"):
@@ -98,7 +94,7 @@ class Material(Spec, frozen=True):
     """Share of what an ideal retroreflector sends back to where the light came from; 0 for a
     diffuse surface."""
 
-    friction: Annotated[float, Meta(ge=0)] = 0.8
+    friction: NonNegative = 0.8
     """Coulomb coefficient of the surface; a contact has the product of both surfaces'."""
 
     color: tuple[Fraction01, Fraction01, Fraction01] = (0.6, 0.6, 0.6)

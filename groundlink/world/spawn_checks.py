@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec.structs import replace
 
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import multiply, transform
 
 from . import motion, terrain
 from .actors import Actor, parts
 from .bounds import bounds, intersect
 from .build import WorldError
-from .solids import Mesh, Quaternion, Solid, Vector3
+from .solids import Mesh, Solid
 from .spawn_pose import start, touching
 from .terrain import Ground
 

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
 
 from .bounds import bounds
-from .solids import Box, Quaternion, Solid, Vector3
+from .solids import Box, Solid
 from .terrain import Ground
 
 if TYPE_CHECKING:

@@ -28,11 +28,10 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
+from groundlink.core.fields import Positive, Spec, Vector3
 from groundlink.core.frames import Floats
 from groundlink.world import assets
 from groundlink.world.assets import Digest, MissingAsset
-
-from .solids import Positive, Spec, Vector3
 
 D = TypeVar("D", bound=np.generic)
 

@@ -7,7 +7,7 @@ cast one.
 
 from __future__ import annotations
 
-from .solids import NonNegative, Positive, Size3, Spec, Vector3
+from groundlink.core.fields import NonNegative, Positive, Size3, Spec, Vector3
 
 
 class Dust(Spec, frozen=True, kw_only=True):

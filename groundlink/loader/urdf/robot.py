@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, quaternion_from_rpy, transform
 from groundlink.loader.document import ScenarioError
 from groundlink.loader.explain import nearest
 from groundlink.scenario.vehicle import ROUNDED
-from groundlink.world.solids import Vector3
 
 from .elements import EXPAND, Element, parse
 

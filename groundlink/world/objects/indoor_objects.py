@@ -13,8 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import quaternion_from_rpy
-from groundlink.world.solids import Box, Cylinder, Shape, Solid, Vector3
+from groundlink.world.solids import Box, Cylinder, Shape, Solid
 
 from .room import Cabinet, Chair, Door, Furniture, Pillar, Room, Shelf, Table
 

@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
 
-from groundlink.world.solids import Box, Cylinder, Solid, Sphere, Vector3
+from groundlink.core.fields import Vector3
+from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 
 from .indoor_objects import Frame
 from .outdoors import (

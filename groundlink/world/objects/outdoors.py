@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Positive, Size3, Spec
+from groundlink.core.fields import Positive, Size3, Spec
 
 Place2 = tuple[float, float]
 

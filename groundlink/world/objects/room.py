@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.world.solids import Positive, Size3, Spec, Vector3
+from groundlink.core.fields import Positive, Size3, Spec, Vector3
 
 
 class Door(Spec, frozen=True):

@@ -12,9 +12,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.messages.vitals import Contact
-from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Vector3
+from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid
 
 Touch = tuple[int, int, Vector3, float]
 """Tick, number of the other body, point in the world (m), normal force (N)."""

@@ -13,19 +13,10 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION, Floats, matrix_from_quaternion
 from groundlink.world.bounds import bounds
-from groundlink.world.solids import (
-    Box,
-    Cylinder,
-    Material,
-    Mesh,
-    Quaternion,
-    Shape,
-    Solid,
-    Sphere,
-    Vector3,
-)
+from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
 
 from .engine import Engine
 from .static_mesh import Meshes

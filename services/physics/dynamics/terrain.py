@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION, Floats
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.bounds import bounds
-from groundlink.world.solids import Material, Solid, Sphere, Vector3
+from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.spawn_pose import touching
 from groundlink.world.terrain import Ground
 

@@ -14,11 +14,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.world import motion
 from groundlink.world.actors import Actor, Free, parts
 from groundlink.world.bounds import bounds, half_extents, middle
-from groundlink.world.solids import Box, Material, Mesh, Quaternion, Solid, Vector3
+from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.engine import Engine
 from services.physics.dynamics.statics import DRIVEN, FREE, MEETS, body_of

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Self
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.core.fields import Vector3
 from groundlink.messages.base import Command, VehicleState, WheelCommand
 from groundlink.messages.navigation import JointState
 from groundlink.messages.vitals import Vitals
@@ -20,7 +21,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import terrain
 from groundlink.world.actors import Actor
-from groundlink.world.solids import Material, Solid, Sphere, Vector3
+from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.spawn_checks import actor_bodies, vehicle_bodies
 from services.physics.dynamics.engine import Engine
 from services.physics.dynamics.statics import Static, add_statics

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from math import sqrt
 
+from groundlink.core.fields import Vector3
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.solids import Vector3
 
 from .urdf import chassis_moments
 

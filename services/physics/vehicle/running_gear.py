@@ -13,9 +13,9 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.fields import Vector3
 from groundlink.messages.vitals import BatteryState
 from groundlink.scenario.vehicle import VehicleModel, Wheel
-from groundlink.world.solids import Vector3
 
 from .controller import Wheels
 from .motor import Charge, Mains, Motors

@@ -14,9 +14,10 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.vehicle import Chassis, VehicleModel, Wheel
-from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere, Vector3
+from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 
 MAX_SPRING_FORCE_N = 1e7
 MAX_SPRING_SPEED_MPS = 10.0

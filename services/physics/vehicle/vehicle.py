@@ -17,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.quaternions import multiply
 from groundlink.messages.base import VehicleState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.mesh_asset import surface
-from groundlink.world.solids import Mesh, Quaternion, Vector3
+from groundlink.world.solids import Mesh
 from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.energy_and_contacts import Ledger

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats
-from groundlink.messages.base import Imu, PointCloud, Reading, Vector3, WheelEncoders, packed
+from groundlink.messages.base import Imu, PointCloud, Reading, WheelEncoders, packed
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from groundlink.messages.navigation import NavSatFix, Odometry
 from services.sensors.runtime.wheel_counters import wrapped

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from groundlink.core.clock import Schedule
-from groundlink.messages.base import Vector3
+from groundlink.core.fields import Vector3
 from groundlink.scenario.sensors import Gnss
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams

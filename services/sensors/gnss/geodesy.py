@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from groundlink.messages.base import Vector3
+from groundlink.core.fields import Vector3
 
 SEMI_MAJOR_AXIS_M = 6378137.0
 """a: NGA.STND.0036, WGS 84, table 3.1."""

@@ -25,8 +25,9 @@ import numpy as np
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
 from groundlink.core.errors import UserError
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion
-from groundlink.messages.base import BadMessage, State, Vector3, floats, packed
+from groundlink.messages.base import BadMessage, State, floats, packed
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.clock import TICK_RATE_HZ, Schedule
-from groundlink.messages.base import Vector3
+from groundlink.core.fields import Vector3
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.sensors import Imu
 from services.sensors.noise.normal import NORMALS

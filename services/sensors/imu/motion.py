@@ -20,6 +20,7 @@ import math
 from typing import NamedTuple
 
 from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.core.quaternions import (
     conjugate,
@@ -29,7 +30,6 @@ from groundlink.core.quaternions import (
     rotate,
     rotation_vector,
 )
-from groundlink.messages.base import Quaternion, Vector3
 from groundlink.scenario.sensors import Mount
 
 STANDARD_GRAVITY_MPS2 = 9.80665

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.fields import Vector3
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.bodies import NO_BODY
-from groundlink.world.solids import Vector3
 from groundlink.world.terrain import ground
 from groundlink.world.triangles import joined, merged, of_ground
 from services.sensors.runtime.world_replica import Surroundings

@@ -12,13 +12,14 @@ import math
 import numpy as np
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
 from groundlink.messages.base import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.actors import parts
 from groundlink.world.build import solids
 from groundlink.world.links import links as links_of
-from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere, Vector3
+from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere
 
 POSE_BYTES = 7 * 8
 """In a state: position and quaternion, float64."""

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from groundlink.core import frames, quaternions
-from groundlink.messages.base import Quaternion, Vector3
+from groundlink.core.fields import Quaternion, Vector3
 
 RANDOM = np.random.default_rng(3)
 UNIT: list[Quaternion] = [
