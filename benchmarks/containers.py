@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GATEWAY, HEALTH, PHYSICS, process_names
 from groundlink.core.clock import TICK_SECONDS
@@ -122,7 +122,7 @@ class Word(NamedTuple):
 
 def words(bus: Bus, processes: Sequence[str]) -> dict[str, Word]:
     """Return a new word of every process; end where one says nothing."""
-    inbox: Inbox[Health] = Inbox(depth=1024)
+    inbox: BusInbox[Health] = BusInbox(depth=1024)
     bus.subscribe(HEALTH.key_in("benchmark"), Health, inbox)
     found: dict[str, Word] = {}
     deadline = time.monotonic() + WORDS_SECONDS

@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
 from groundlink.core.clock import NANOS, TICK_RATE_HZ
@@ -39,7 +39,7 @@ def ages_ms(endpoint: str, seconds: float) -> list[float]:
     RuntimeError
         when a state is missing: it might have been the youngest.
     """
-    states: Inbox[State] = Inbox(depth=4096)
+    states: BusInbox[State] = BusInbox(depth=4096)
     ages: list[float] = []
     least, tick = float("inf"), -1
     ticks = round(LEAST_OVER_SECONDS * TICK_RATE_HZ)

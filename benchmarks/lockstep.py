@@ -23,7 +23,7 @@ from pathlib import Path
 import yaml
 
 from groundlink.bus.control_client import ask
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, HEALTH
 from groundlink.cli.run import running
@@ -92,7 +92,7 @@ def physics() -> None:
     process.run(__main__.NAME, __main__.main)
 
 
-def life_seconds(acks: Inbox[Ack], needed: set[str], after: int) -> tuple[int, float]:
+def life_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[int, float]:
     """Return a life after another one, and how long it took from the first word to the end."""
     reached: dict[str, int] = {}
     life, begun = after, 0.0
@@ -108,7 +108,7 @@ def life_seconds(acks: Inbox[Ack], needed: set[str], after: int) -> tuple[int, f
     return life, time.monotonic() - begun
 
 
-def lost(health: Inbox[Message]) -> dict[str, int]:
+def lost(health: BusInbox[Message]) -> dict[str, int]:
     """Return what processes have counted that must not be."""
     found: dict[str, int] = {}
     while len(health) and (arrived := health.get(seconds=0)):
@@ -128,8 +128,8 @@ def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[
     receiver = ("-m", "udp_bridge", "listen", "--bind", scenario.gateway.peer, "--quiet")
     supervisor = Supervisor({**commands, running.ROS_SIDE: receiver}, lambda *said: print(*said))
     needed = {*scenario.sensor_names(), "gateway"}
-    acks: Inbox[Ack] = Inbox(depth=100_000)
-    health: Inbox[Message] = Inbox(depth=10_000)
+    acks: BusInbox[Ack] = BusInbox(depth=100_000)
+    health: BusInbox[Message] = BusInbox(depth=10_000)
     with Bus(listen=endpoint) as bus:
         bus.subscribe(ACK.key_in(RUN), Ack, acks)
         bus.subscribe(HEALTH.key_in(RUN), Health, health)

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
@@ -111,7 +111,7 @@ def tick_us(scenario: Scenario, publish: Outlets) -> float:
 
 def listen(endpoint: str, key: str, pipe: multiprocessing.connection.Connection) -> None:
     """Take states off the bus, as a sensor does, until told to end; say how many came."""
-    inbox: Inbox[State] = Inbox(depth=1024)
+    inbox: BusInbox[State] = BusInbox(depth=1024)
     with Bus(connect=endpoint) as bus:
         bus.subscribe(key, State, inbox)
         pipe.send("ready")

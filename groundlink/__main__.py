@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
-from groundlink.core.errors import UserError, why
+from groundlink.core.errors import UserError, os_error_text
 
 INTERRUPTED = 128 + signal.SIGINT
 """Exit code after Ctrl-C, as shells have it."""
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _failed(why(error), UserError.exit_code)
+        return _failed(os_error_text(error), UserError.exit_code)
 
 
 def _failed(line: str, code: int) -> int:

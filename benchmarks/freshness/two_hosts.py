@@ -21,7 +21,7 @@ import time
 import traceback
 from collections.abc import Callable
 
-from groundlink.emulation import Impairment, OneWay
+from groundlink.emulation import Impairment, LinkDirection
 
 HOSTS = ("10.77.0.1", "10.77.0.2")
 _NEWUSER, _NEWNET = 0x10000000, 0x40000000
@@ -46,7 +46,7 @@ def run(
     mtu: int,
     seconds: float,
     seed: int = 1,
-) -> tuple[OneWay[None], OneWay[None]]:
+) -> tuple[LinkDirection[None], LinkDirection[None]]:
     """Run a program on each host and return what the link did, each way.
 
     It ends after some seconds, or when the second host's program does.
@@ -89,11 +89,11 @@ def run(
 
 def _join(
     files: list[int], impairment: Impairment, *, seconds: float, seed: int
-) -> tuple[OneWay[None], OneWay[None]]:
+) -> tuple[LinkDirection[None], LinkDirection[None]]:
     """Carry packets both ways until the time is over, or the second host's process."""
     first, second, end_of_second = files
-    there: OneWay[None] = OneWay(impairment, seed=seed, direction="there")
-    back: OneWay[None] = OneWay(impairment, seed=seed, direction="back")
+    there: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="there")
+    back: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="back")
     ways = ((first, second, there), (second, first, back))
     end = time.monotonic_ns() + round(seconds * 1e9)
     while (now := time.monotonic_ns()) < end:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from groundlink.emulation import Impairment, OneWay
+from groundlink.emulation import Impairment, LinkDirection
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.sender.credit_window import DatagramKey
@@ -57,8 +57,8 @@ class VirtualLink:
         self.handed: list[Handed] = []
         self.sent_bytes = 0
         """Of the datagrams that the sender sent, headers included."""
-        self.there: OneWay[None] = OneWay(impairment, seed=seed, direction="there")
-        self.back: OneWay[None] = OneWay(impairment, seed=seed, direction="back")
+        self.there: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="there")
+        self.back: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="back")
         table = {} if mode is None else {(MSG_TYPE, TOPIC): mode}
         self.outbox = Outbox(RECEIVER, datagram, repair=table)
         self.receiver = Inbox(receive_buffer=RECEIVE_BUFFER, on_credit=lambda *_: None)

@@ -28,7 +28,7 @@ from experiments.output import figures
 from experiments.recording.recordings import Recording, free_port, last_told, process
 from experiments.recording.setups import IN_REAL_TIME, Setup, loaded
 from experiments.recording.truth import truth_of
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
 from groundlink.bus.topics import FROM_ROS
 from groundlink.cli.run.running import free_endpoint
@@ -98,8 +98,8 @@ def _run(options: Options, setup: Setup, folder: Path, python: str) -> tuple[Rec
     bus_file.unlink(missing_ok=True)
     up = ["-m", "groundlink", "up", str(scenario), "--run", run, "--listen", endpoint]
     up += ["--record", str(bus_file), "--duration", str(setup.seconds)]
-    poses: Inbox[PoseStamped] = Inbox(depth=DEPTH)
-    maps: Inbox[OccupancyGrid] = Inbox(depth=DEPTH)
+    poses: BusInbox[PoseStamped] = BusInbox(depth=DEPTH)
+    maps: BusInbox[OccupancyGrid] = BusInbox(depth=DEPTH)
     label = f"live, seed {setup.seed}"
     with process(node, folder / "node.log", domain, python) as slam_node:
         with process(up, folder / "up.log", domain) as supervisor:
@@ -147,7 +147,7 @@ def _joined(endpoint: str, supervisor: subprocess.Popen[str], folder: Path) -> B
     raise UserError(f"live: there is no bus at {endpoint}; see {folder / 'up.log'}")
 
 
-def _write(folder: Path, poses: Inbox[PoseStamped], maps: Inbox[OccupancyGrid]) -> Path:
+def _write(folder: Path, poses: BusInbox[PoseStamped], maps: BusInbox[OccupancyGrid]) -> Path:
     """Write the poses that came as TUM, and the last map as map_server has it; return its YAML."""
     rows = [pose for _, pose in iter(lambda: poses.get(seconds=0), None)]
     *_, (_, grid) = iter(lambda: maps.get(seconds=0), None)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 
 from groundlink.core.errors import UserError
-from groundlink.messages.control import AnyWish, ControlAnswer
+from groundlink.messages.control import AnyRunCommand, ControlAnswer
 
 from .queries import control_key
 from .session import Bus
@@ -19,7 +19,7 @@ ANSWER_SECONDS = 7.0
 
 
 def ask(
-    bus: Bus, run: str, wish: AnyWish | None = None, *, content: bytes | None = None
+    bus: Bus, run: str, wish: AnyRunCommand | None = None, *, content: bytes | None = None
 ) -> ControlAnswer:
     """Return physics' answer to a wish, with what comes with it, or how it is.
 

@@ -15,7 +15,7 @@ from typing import Generic
 from groundlink.messages.base import BadMessage, M, decode
 
 
-class Inbox(Generic[M]):
+class BusInbox(Generic[M]):
     """A queue of messages of one or more keys.
 
     Parameters

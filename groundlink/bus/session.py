@@ -25,7 +25,7 @@ from groundlink.messages.base import M, Message, encode
 
 from . import zenoh_config as zenoh_settings
 from .credentials import from_environment
-from .inbox import Inbox
+from .inbox import BusInbox
 from .topics import Delivery
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -217,7 +217,7 @@ class Bus:
             self._session.declare_subscriber(key, lambda sample: take(sample.payload.to_bytes()))
         )
 
-    def subscribe(self, key: str, message_type: type[M], inbox: Inbox[M]) -> None:
+    def subscribe(self, key: str, message_type: type[M], inbox: BusInbox[M]) -> None:
         """Put every message that arrives under `key` into `inbox`."""
 
         def hand_over(sample: zenoh.Sample) -> None:
@@ -226,7 +226,7 @@ class Bus:
         self._declared.append(self._session.declare_subscriber(key, hand_over))
 
     def subscribe_in_order(
-        self, key: str, type_of: Callable[[str], type[M] | None], inbox: Inbox[M]
+        self, key: str, type_of: Callable[[str], type[M] | None], inbox: BusInbox[M]
     ) -> None:
         """Put every message that arrives under a key expression into `inbox` as it came.
 

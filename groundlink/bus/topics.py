@@ -76,7 +76,7 @@ class Delivery(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Topic:
+class BusTopic:
     """A kind of stream."""
 
     name: str
@@ -96,7 +96,7 @@ class Topic:
         return f"{ROOT}/{run}/{self.key.format(**fields)}"
 
 
-STATE = Topic(
+STATE = BusTopic(
     name="state",
     key="state",
     message=State,
@@ -105,7 +105,7 @@ STATE = Topic(
     delivery=Delivery.NEWEST,
 )
 CLOCK = replace(STATE, name="clock", key="clock", message=Clock, rate="time.clock_rate_hz")
-COMMAND = Topic(
+COMMAND = BusTopic(
     name="command",
     key="{vehicle}/command",
     message=Command,
@@ -117,9 +117,9 @@ COMMAND = Topic(
 
 def _of_sensor(
     name: str, message: type[Message], rate: str = "rate_hz", *, bulky: bool = False
-) -> Topic:
+) -> BusTopic:
     """Return the row of a kind of sensor's main stream."""
-    return Topic(
+    return BusTopic(
         name=name,
         key="{vehicle}/{sensor}",
         message=message,
@@ -130,7 +130,7 @@ def _of_sensor(
     )
 
 
-def _beside(main: Topic, **messages: type[Message]) -> dict[str, Topic]:
+def _beside(main: BusTopic, **messages: type[Message]) -> dict[str, BusTopic]:
     """Return the rows of what a sensor publishes beside its main stream, by name."""
     return {
         name: replace(main, name=f"{main.name}.{name}", key=f"{main.key}/{name}", message=message)
@@ -149,7 +149,7 @@ WHEEL_ODOMETRY = _of_sensor("wheel_odometry", Odometry)
 CAMERA = _of_sensor("camera", CompressedImage, bulky=True)
 DEPTH_CAMERA = _of_sensor("depth_camera", Image, bulky=True)
 STEREO_CAMERA = _of_sensor("stereo_camera", Image, bulky=True)
-FAULTS = Topic(
+FAULTS = BusTopic(
     name="faults",
     key="faults/{process}",
     message=Faults,
@@ -160,7 +160,7 @@ FAULTS = Topic(
 GAPS = replace(
     FAULTS, name="gaps", key="gaps/{process}", message=Gaps, rate="when readings are missing"
 )
-ACK = Topic(
+ACK = BusTopic(
     name="ack",
     key="ack/{process}",
     message=Ack,
@@ -168,7 +168,7 @@ ACK = Topic(
     rate="8 Hz",
     delivery=Delivery.ALL,
 )
-HEALTH = Topic(
+HEALTH = BusTopic(
     name="health",
     key="health/{process}",
     message=Health,
@@ -176,7 +176,7 @@ HEALTH = Topic(
     rate="1 Hz",
     delivery=Delivery.ALL,
 )
-GROUND_TRUTH = Topic(
+GROUND_TRUTH = BusTopic(
     name="ground_truth",
     key="{vehicle}/ground_truth",
     message=Odometry,
@@ -193,7 +193,7 @@ TRUE_POINTS = replace(
     rate="as the cloud",
 )
 BODIES = replace(STATE, name="bodies", key="bodies", message=Bodies, rate="bodies.rate_hz")
-VITALS = Topic(
+VITALS = BusTopic(
     name="vitals",
     key="{vehicle}/vitals",
     message=Vitals,
@@ -203,9 +203,9 @@ VITALS = Topic(
 )
 
 
-def _from_ros(name: str, message: type[Message]) -> Topic:
+def _from_ros(name: str, message: type[Message]) -> BusTopic:
     """Return the row of what a vehicle's stack tells by ROS."""
-    return Topic(
+    return BusTopic(
         name=f"from_ros.{name}",
         key=f"{{vehicle}}/from_ros/{name}",
         message=message,
@@ -226,7 +226,7 @@ FROM_ROS = {
 RELAYED = replace(_from_ros("topics", Relayed), key="{vehicle}/from_ros/topics/{topic}")
 """Of its further topics, each under its name in ROS."""
 
-SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
+SENSOR_TOPICS: dict[type[SensorSpec], BusTopic] = {
     Lidar: POINTS,
     Lidar2d: SCAN,
     ImuSpec: IMU,
@@ -240,7 +240,7 @@ SENSOR_TOPICS: dict[type[SensorSpec], Topic] = {
 }
 """The main stream of each kind of sensor."""
 
-SIDE_TOPICS: dict[type[SensorSpec], dict[str, Topic]] = {
+SIDE_TOPICS: dict[type[SensorSpec], dict[str, BusTopic]] = {
     Camera: _beside(CAMERA, image=Image, camera_info=CameraInfo),
     DepthCamera: _beside(
         DEPTH_CAMERA,
@@ -314,7 +314,7 @@ class Output:
     name: str
     """By which the sensor's model tags what belongs to it; empty for the main one."""
 
-    row: Topic
+    row: BusTopic
     ros_topic: str
 
 

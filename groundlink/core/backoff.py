@@ -10,7 +10,7 @@ QUIET_SECONDS = 2.0
 MOST_QUIET_SECONDS = 60.0
 
 
-class Quiet:
+class Backoff:
     """Waits for `QUIET_SECONDS`, and after each time of asking for twice as long, to a limit.
 
     A run that people have paused is quiet, too, and nobody shall ask much of it.

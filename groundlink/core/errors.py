@@ -19,7 +19,7 @@ class UserError(Exception):
     exit_code: ClassVar[int] = 2
 
 
-class LackingError(UserError):
+class RequirementError(UserError):
     """Something that a process needs and this machine lacks; others may go on without it."""
 
     exit_code: ClassVar[int] = 3
@@ -31,14 +31,14 @@ class RunFailed(UserError):
     exit_code: ClassVar[int] = 4
 
 
-def why(error: OSError) -> str:
+def os_error_text(error: OSError) -> str:
     """Return what the operating system refused: where, the reason, and a fix where one is known."""
     if error.errno in TOO_MANY_FILES or error.filename is None:
-        return reason(error)
-    return f"{error.filename}: {reason(error)}"
+        return os_error_reason(error)
+    return f"{error.filename}: {os_error_reason(error)}"
 
 
-def reason(error: OSError) -> str:
+def os_error_reason(error: OSError) -> str:
     """Return why the operating system refused something, without where."""
     told = (error.strerror or str(error) or type(error).__name__).lower()
     return (

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from .errors import LackingError
+from .errors import RequirementError
 
 OWN = ("groundlink", "services")
 """Packages of this distribution. If one of them is missing, the installation is broken."""
@@ -23,7 +23,7 @@ def needs(extra: str) -> Iterator[None]:
 
     Raises
     ------
-    LackingError
+    RequirementError
         when a package is not installed.
     """
     try:
@@ -32,7 +32,7 @@ def needs(extra: str) -> Iterator[None]:
         package = (error.name or "").partition(".")[0]
         if package in OWN:
             raise
-        raise LackingError(
+        raise RequirementError(
             f"the Python package `{package}` is not installed. "
             f"Fix: pip install 'groundlink[{extra}]'"
         ) from None
@@ -44,6 +44,6 @@ def process_needs(process: str, extra: str) -> Iterator[None]:
     try:
         with needs(extra):
             yield
-    except LackingError as error:
+    except RequirementError as error:
         print(f"{process}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

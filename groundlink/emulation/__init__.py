@@ -7,8 +7,8 @@ and threads are those of the relay and of the gateway.
 
 from __future__ import annotations
 
-from .model import OneWay
-from .script import Event, LinkScript, Script, changed
+from .model import LinkDirection
+from .script import LinkEvent, LinkScript, ScriptPlayer, changed
 from .settings import Impairment
 
-__all__ = ["Event", "Impairment", "LinkScript", "OneWay", "Script", "changed"]
+__all__ = ["Impairment", "LinkDirection", "LinkEvent", "LinkScript", "ScriptPlayer", "changed"]

@@ -24,7 +24,7 @@ WAITING_BYTES = 64 << 20
 """What may be on the way at a time; each datagram counts `OVERHEAD_BYTES` more."""
 
 OVERHEAD_BYTES = 256
-FATES = ("lost", "outage", "rate_limited", "corrupted", "overflow", "delivered")
+OUTCOMES = ("lost", "outage", "rate_limited", "corrupted", "overflow", "delivered")
 """Every datagram and every copy ends as one of these, unless it is still on the way."""
 
 NOTES = ("delayed", "reordered", "flipped")
@@ -35,14 +35,14 @@ _DRAWS = struct.Struct("<8Q")
 _LOSS, _DUPLICATE, _CORRUPT, _FLIPS, _JITTER, _REORDER, _JITTER_2, _REORDER_2 = range(8)
 
 
-class Course(NamedTuple):
+class DirectionState(NamedTuple):
     """How far a direction has come: what decides on the next datagram's fate, but for time."""
 
     datagrams: int
     in_burst: bool
 
 
-class OneWay(Generic[T]):
+class LinkDirection(Generic[T]):
     """One direction.
 
     Parameters
@@ -60,7 +60,7 @@ class OneWay(Generic[T]):
         self.settings = settings
         """May be exchanged at any time, and holds for datagrams from then on."""
 
-        self.counts = dict.fromkeys(("datagrams", "duplicated", *FATES, *NOTES), 0)
+        self.counts = dict.fromkeys(("datagrams", "duplicated", *OUTCOMES, *NOTES), 0)
         self.waiting_bytes = 0
         self._state = hashlib.blake2b(f"{seed}/{direction}".encode(), digest_size=64)
         self._flips = flips
@@ -77,12 +77,12 @@ class OneWay(Generic[T]):
         return len(self._waiting)
 
     @property
-    def course(self) -> Course:
+    def course(self) -> DirectionState:
         """How far it has come; what is on the way is no part of it."""
-        return Course(self._index, self._in_burst)
+        return DirectionState(self._index, self._in_burst)
 
     @course.setter
-    def course(self, course: Course) -> None:
+    def course(self, course: DirectionState) -> None:
         self._index, self._in_burst = course
 
     def next_due(self) -> int | None:

@@ -21,7 +21,7 @@ DIRECTIONS = ("to_ros", "from_ros")
 Changes = dict[str, float | bool]
 
 
-class Event(Spec, frozen=True, kw_only=True):
+class LinkEvent(Spec, frozen=True, kw_only=True):
     """From `at_s` seconds of sim time on, the named fields have new values."""
 
     at_s: NonNegative
@@ -41,14 +41,14 @@ class LinkScript(Spec, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0)] = 0
     to_ros: Impairment = Impairment()
     from_ros: Impairment = Impairment()
-    events: tuple[Event, ...] = ()
+    events: tuple[LinkEvent, ...] = ()
     """In any order."""
 
     def __post_init__(self) -> None:
-        Script(self).at(float("inf"))
+        ScriptPlayer(self).at(float("inf"))
 
 
-class Script:
+class ScriptPlayer:
     """A link script that is being played."""
 
     def __init__(self, script: LinkScript) -> None:

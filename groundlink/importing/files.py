@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from groundlink.core.errors import LackingError, UserError
+from groundlink.core.errors import RequirementError, UserError
 
 Tell = Callable[[str], None]
 """Takes one line about a file that a person should know of."""
@@ -37,7 +37,7 @@ def reading(file: Path, kind: str) -> Iterator[None]:
     except ModuleNotFoundError as error:
         if error.name not in ("PIL", "trimesh"):  # an optional dependency of trimesh
             raise BadFile(f"{file}: not a valid {kind}") from None
-        raise LackingError(
+        raise RequirementError(
             f"{file}: reading a {kind} needs `{error.name}`; pip install 'groundlink[physics]'"
         ) from None
     except FileNotFoundError:

@@ -14,48 +14,48 @@ import msgspec
 from groundlink.scenario.change import Addition
 
 
-class Wish(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
+class RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
     """What somebody wants of a run."""
 
 
-class Pause(Wish, frozen=True, tag="pause"):
+class Pause(RunCommand, frozen=True, tag="pause"):
     """Let sim time stand still."""
 
 
-class Resume(Wish, frozen=True, tag="resume"):
+class Resume(RunCommand, frozen=True, tag="resume"):
     """Let sim time go on, as the scenario's mode has it."""
 
 
-class Step(Wish, frozen=True, tag="step"):
+class Step(RunCommand, frozen=True, tag="step"):
     """Let sim time stand still after so many ticks more."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=10**9)] = 1
 
 
-class Reset(Wish, frozen=True, tag="reset"):
+class Reset(RunCommand, frozen=True, tag="reset"):
     """Begin again at tick 0 with everything at its start; a run that was paused is so still."""
 
 
-class Spawn(Wish, frozen=True, tag="spawn"):
+class Spawn(RunCommand, frozen=True, tag="spawn"):
     """Put something into the world; after a reset it is there from the start."""
 
     more: Addition
 
 
-class Remove(Wish, frozen=True, tag="remove"):
+class Remove(RunCommand, frozen=True, tag="remove"):
     """Take a vehicle, an actor or a solid out of the world; a reset does not bring it back."""
 
     name: str
 
 
-class Restore(Wish, frozen=True, tag="restore"):
+class Restore(RunCommand, frozen=True, tag="restore"):
     """Go on from where a saved run was; the query's payload is the file, see `journal`.
 
     The answer comes when the file has been read; `ControlAnswer.restoring_to` tells how it goes on.
     """
 
 
-AnyWish = Pause | Resume | Step | Reset | Spawn | Remove | Restore
+AnyRunCommand = Pause | Resume | Step | Reset | Spawn | Remove | Restore
 
 
 class ControlAnswer(msgspec.Struct, frozen=True):

@@ -19,7 +19,7 @@ _SHOWN_SECONDS = 0.05
 
 
 @dataclass(frozen=True)
-class HoldUps:
+class Stalls:
     """What a run has been through."""
 
     silent_now: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ class HoldUps:
         }
 
     @classmethod
-    def read(cls, counters: Mapping[str, int]) -> HoldUps:
+    def read(cls, counters: Mapping[str, int]) -> Stalls:
         """Return what counters tell; of others than physics, nothing."""
 
         def seconds(prefix: str) -> dict[str, float]:

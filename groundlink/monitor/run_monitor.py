@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from groundlink.bus.topics import PHYSICS, TIME_KEEPERS
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import Health, StreamReport
-from groundlink.messages.stalls import HoldUps
+from groundlink.messages.stalls import Stalls
 
 from .stream_totals import StreamTotals
 
@@ -83,10 +83,10 @@ class RunMonitor:
         return (self.tick - self.first_tick) * TICK_SECONDS / wall
 
     @property
-    def hold_ups(self) -> HoldUps:
+    def hold_ups(self) -> Stalls:
         """Who has held up the run, as far as physics has told."""
         physics = self.health.get(PHYSICS)
-        return HoldUps.read(physics.counters if physics else {})
+        return Stalls.read(physics.counters if physics else {})
 
     @property
     def is_reported(self) -> bool:

@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from groundlink.core.errors import LackingError, RunFailed, UserError
+from groundlink.core.errors import RequirementError, RunFailed, UserError
 
 RESTART_SECONDS = 0.2
 """Between a crash and the restart; it doubles with each crash within `STEADY_SECONDS`."""
@@ -33,7 +33,7 @@ MAX_FALSE_STARTS = 5
 END_SECONDS = 1.2
 """How long children may take to end by themselves before they are killed."""
 
-TOLD = (UserError.exit_code, LackingError.exit_code, RunFailed.exit_code)
+TOLD = (UserError.exit_code, RequirementError.exit_code, RunFailed.exit_code)
 """Exit codes of a child that has said in a line why it ends."""
 
 _LIBC = ctypes.CDLL(None)
@@ -125,7 +125,7 @@ class Supervisor:
             if code == 0 and child.name in self._finite:
                 child.process, child.is_done = None, True
                 continue
-            if code == LackingError.exit_code and child.name in self._dispensable:
+            if code == RequirementError.exit_code and child.name in self._dispensable:
                 child.process, child.last_exit, child.is_left_out = None, "left out", True
                 self._say(child.name, "the others go on without it")
                 continue

@@ -15,7 +15,7 @@ VARIABLE = "ALIVE_FILE"
 """Environment variable with the file's name; without it nothing is touched."""
 
 
-class Alive:
+class LivenessFile:
     """Whether a process is well, shown to the machine it runs on.
 
     Parameters

@@ -15,7 +15,7 @@ import random
 import time
 from typing import Protocol
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, ROOT
 from groundlink.core.errors import UserError
@@ -49,7 +49,7 @@ class Claims(Protocol):
         """
 
 
-def alone(bus: Bus, run_name: str, process: str) -> Claims:
+def claim_name(bus: Bus, run_name: str, process: str) -> Claims:
     """Return when no other process of this name is in a run, nor will be.
 
     One that was cut off is still counted as there for some seconds; it is waited for.
@@ -67,7 +67,7 @@ def alone(bus: Bus, run_name: str, process: str) -> Claims:
             time.sleep(PAUSE_SECONDS)
         withdraw = bus.announce(own)
         if _is_mine(bus, claims, own):
-            return Claim(bus, run_name, process, own)
+            return NameClaim(bus, run_name, process, own)
         withdraw()
 
 
@@ -86,7 +86,7 @@ def _is_mine(bus: Bus, claims: str, own: str) -> bool:
     return True
 
 
-class Claim:
+class NameClaim:
     """Sees who else claims the name of a process that runs.
 
     Parameters
@@ -122,7 +122,7 @@ class Claim:
                 )
 
 
-class Unclaimed:
+class NoClaim:
     """Stands for the claim of a process of which several may be there."""
 
     def check(self, now_seconds: float) -> None:
@@ -135,7 +135,7 @@ class _There:
     def __init__(self, bus: Bus, run_name: str, process: str) -> None:
         self._bus, self._run, self._process = bus, run_name, process
         self._key = HEALTH.key_in(run_name, process=process)
-        self._beats: Inbox[Health] | None = None
+        self._beats: BusInbox[Health] | None = None
         self._deadline = time.monotonic() + GONE_SECONDS
 
     def is_there(self) -> bool:
@@ -149,7 +149,7 @@ class _There:
         is_there = bool(self._bus.present(self._key, seconds=LOOK_SECONDS))
         where = "and does not answer" if is_there else "or is just being started"
         if is_there and self._beats is None:
-            self._beats = Inbox(depth=1)
+            self._beats = BusInbox(depth=1)
             self._bus.subscribe(self._key, Health, self._beats)
         beat = self._beats.get(seconds=0.5) if is_there and self._beats is not None else None
         if beat is not None:

@@ -23,13 +23,13 @@ import msgspec
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
 from groundlink.bus.topics import HEALTH, ROOT
-from groundlink.core.errors import TOO_MANY_FILES, LackingError, UserError, reason
+from groundlink.core.errors import TOO_MANY_FILES, RequirementError, UserError, os_error_reason
 from groundlink.messages.base import Health, StreamReport
 from groundlink.scenario import Scenario
 
 from . import asset_exchange
-from .liveness_file import Alive
-from .name_claim import Claims, Unclaimed
+from .liveness_file import LivenessFile
+from .name_claim import Claims, NoClaim
 
 JOIN_SECONDS = 20.0
 """How long a process waits for physics to serve the run's scenario, or what it missed."""
@@ -95,8 +95,8 @@ def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) ->
     except OSError as error:
         if error.errno not in TOO_MANY_FILES:
             raise
-        print(f"{process}: {reason(error)}", file=sys.stderr)
-        sys.exit(LackingError.exit_code)
+        print(f"{process}: {os_error_reason(error)}", file=sys.stderr)
+        sys.exit(RequirementError.exit_code)
     sys.exit(0)
 
 
@@ -160,10 +160,10 @@ class Heartbeat:
 
     def __init__(self, bus: Bus, run_name: str, process: str, claim: Claims | None = None) -> None:
         key = HEALTH.key_in(run_name, process=process)
-        self._process, self._claim = process, claim or Unclaimed()
+        self._process, self._claim = process, claim or NoClaim()
         self._publish = bus.publisher(key, HEALTH.delivery)
         self._next = 0.0
-        self._alive = Alive(process, bus.is_linked, os.environ)
+        self._alive = LivenessFile(process, bus.is_linked, os.environ)
         bus.announce(key)
 
     def due(self) -> bool:

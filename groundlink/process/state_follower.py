@@ -11,21 +11,21 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
-from groundlink.core.backoff import Quiet
+from groundlink.core.backoff import Backoff
 from groundlink.messages.base import Ack, State, decode
 
-from .name_claim import Claims, Unclaimed
+from .name_claim import Claims, NoClaim
 from .runner import JOIN_SECONDS, Heartbeat
 
 STATES_KEPT = 4096
 """States that may wait for a busy process: ten seconds of sim time."""
 
 
-class StateTaker(Protocol):
+class StateConsumer(Protocol):
     """What a process that follows a run's states does with them."""
 
     @property
@@ -43,24 +43,24 @@ class StateTaker(Protocol):
         """Take one state, in order; so many more have arrived by now."""
 
 
-class Follower(NamedTuple):
+class StateFollower(NamedTuple):
     """A process that follows a run's states, or one of several parts of it that do."""
 
     name: str
     """As others know it."""
 
-    taker: StateTaker
+    taker: StateConsumer
     counters: Callable[[], dict[str, int]]
     """What it counts, `refused` among it, to which messages are added that were none."""
 
-    claim: Claims = Unclaimed()
+    claim: Claims = NoClaim()
     """To its name."""
 
 
 def follow_states(
     bus: Bus,
     run_name: str,
-    followers: Sequence[Follower],
+    followers: Sequence[StateFollower],
     ended: Callable[[], bool],
     *,
     waited_for: bool = False,
@@ -76,11 +76,11 @@ def follow_states(
         Physics never goes on without them: what the bus has lost, as it does for a process that was
         stopped for longer than a link lives, physics has still, and its newest state may be it.
     """
-    states: Inbox[State] = Inbox(depth=STATES_KEPT)
+    states: BusInbox[State] = BusInbox(depth=STATES_KEPT)
     bus.subscribe(STATE.key_in(run_name), State, states)
     life = _catch_up(bus, run_name, followers)
     heartbeats = [Heartbeat(bus, run_name, f.name, f.claim) for f in followers]
-    quiet = Quiet(time.monotonic())
+    quiet = Backoff(time.monotonic())
     while not ended():
         if arrived := states.get(seconds=0.1):
             quiet.heard(time.monotonic())
@@ -102,7 +102,7 @@ def follow_states(
 
 
 def _catch_up(
-    bus: Bus, run_name: str, followers: Sequence[Follower], known_life: int | None = None
+    bus: Bus, run_name: str, followers: Sequence[StateFollower], known_life: int | None = None
 ) -> int | None:
     """Give followers what they missed; return of which life it is, None where that was nothing.
 
@@ -122,7 +122,7 @@ def _catch_up(
     return life
 
 
-def _has_all(taker: StateTaker, ack: Ack, states: Sequence[bytes]) -> bool:
+def _has_all(taker: StateConsumer, ack: Ack, states: Sequence[bytes]) -> bool:
     """Return whether somebody has taken the last of these states, and physics knows how far."""
     is_taken = not states or decode(states[-1], State).tick <= taker.tick
     return is_taken and taker.acknowledged_tick <= ack.tick

@@ -25,9 +25,9 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.core.whole_file import whole
 from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
 from groundlink.messages.control import Remove, Spawn
 from groundlink.messages.navigation import JointState
@@ -287,7 +287,7 @@ def write(path: Path, content: bytes) -> None:
     UserError
         when it cannot be written.
     """
-    with whole(path) as part, part.open("wb") as file:
+    with write_atomically(path) as part, part.open("wb") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

@@ -67,7 +67,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or (options.once and finished.is_set())
 
-        follower = following.Follower(options.name, driver, counters)
+        follower = following.StateFollower(options.name, driver, counters)
         following.follow_states(
             bus, run, [follower], ended, waited_for=scenario.time.mode != "realtime"
         )

@@ -18,7 +18,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs
 from groundlink.messages.base import Ack, Clock
 from groundlink.process import runner as process
-from groundlink.process.name_claim import alone
+from groundlink.process.name_claim import claim_name
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     keep_memory()
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = process.join(bus, options.run, stop)
-        claim = alone(bus, run, NAME)
+        claim = claim_name(bus, run, NAME)
         changed: Scenario | None = scenario
         kept = Kept(bus, run, claim)
         peer = Whereabouts(options.peer or scenario.gateway.peer, process.address)

@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 from groundlink.bus.control_client import ask
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, HEALTH, ROOT, STATE, Delivery
@@ -47,7 +47,7 @@ class Kept:
 
     def __init__(self, bus: Bus, run: str, claim: Claims) -> None:
         self.bus, self.run, self._claim = bus, run, claim
-        self.inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
+        self.inbox: BusInbox[Message] = BusInbox(depth=MESSAGES_KEPT)
         self.publishers: dict[str, Callable[[Message], bytes]] = {}
         self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
         self.wishes = Wishes(partial(ask, bus, run), backlog=lambda: len(self.inbox))
@@ -56,7 +56,7 @@ class Kept:
         """What the last gateway in this process left to the next: in which life, its memory."""
 
         self._types: dict[str, type[Message]] = {}
-        self._physics: Inbox[Health] = Inbox(depth=16)
+        self._physics: BusInbox[Health] = BusInbox(depth=16)
         self._worlds: int | None = None
         bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)
 

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 import msgspec
 
 from groundlink.core.clock import NANOS
-from groundlink.emulation import Impairment, LinkScript, OneWay, Script
-from groundlink.emulation.model import Course
+from groundlink.emulation import Impairment, LinkDirection, LinkScript, ScriptPlayer
+from groundlink.emulation.model import DirectionState
 from groundlink.emulation.script import Changes, parse_changes
 from udp_bridge.io.socket_wrappers import Around
 from udp_bridge.io.udp_socket import DatagramSocket
@@ -39,16 +39,16 @@ class Emulated(Around):
     Parameters
     ----------
     flips
-        whether bit errors are delivered, see `OneWay`.
+        whether bit errors are delivered, see `LinkDirection`.
     """
 
     def __init__(self, inner: DatagramSocket, script: LinkScript, *, flips: bool) -> None:
         super().__init__(inner)
-        self._script = Script(script)
-        self._to_ros: OneWay[Address] = OneWay(
+        self._script = ScriptPlayer(script)
+        self._to_ros: LinkDirection[Address] = LinkDirection(
             script.to_ros, seed=script.seed, direction="to_ros", flips=flips
         )
-        self._from_ros: OneWay[Address] = OneWay(
+        self._from_ros: LinkDirection[Address] = LinkDirection(
             script.from_ros, seed=script.seed, direction="from_ros", flips=flips
         )
         self._refused: deque[Refused] = deque()
@@ -102,12 +102,12 @@ class Emulated(Around):
                 for name, count in (*way.counts.items(), ("waiting", way.waiting))
             }
 
-    def courses(self) -> dict[str, Course]:
+    def courses(self) -> dict[str, DirectionState]:
         """Return by direction how far the link has come."""
         with self._outgoing, self._incoming:
             return {"to_ros": self._to_ros.course, "from_ros": self._from_ros.course}
 
-    def take_up(self, courses: dict[str, Course]) -> None:
+    def take_up(self, courses: dict[str, DirectionState]) -> None:
         """Go on with the random numbers of an earlier link of the same script."""
         with self._outgoing, self._incoming:
             for direction, way in (("to_ros", self._to_ros), ("from_ros", self._from_ros)):

@@ -16,7 +16,7 @@ from groundlink.messages.base import Ack, Clock, Message, measured_nanos
 from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:
-    from groundlink.bus.inbox import Inbox
+    from groundlink.bus.inbox import BusInbox
     from udp_bridge.io.link import Link
 
     from .gateway import Gateway
@@ -63,7 +63,7 @@ class Following:
 
         self.counts = {"clocks_missed": 0}
 
-    def listen(self, inbox: Inbox[Message]) -> tuple[str, Message] | None:
+    def listen(self, inbox: BusInbox[Message]) -> tuple[str, Message] | None:
         """Return what has arrived from the bus, if anything does."""
         if not self._piled and len(inbox) > PILE and not self._is_waited_for:
             self._newest = None

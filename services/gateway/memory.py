@@ -12,7 +12,7 @@ import msgspec
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GATEWAY
-from groundlink.emulation.model import Course
+from groundlink.emulation.model import DirectionState
 from groundlink.messages.base import Ack, decode
 
 from .emulated import Emulated
@@ -26,7 +26,7 @@ class _Memory(msgspec.Struct, array_like=True):
     """By stream: the stamp of its newest message that went to ROS."""
 
     counts: dict[str, int]
-    link: dict[str, Course]
+    link: dict[str, DirectionState]
     """By direction: how far the emulated link has come with its random numbers."""
 
     next_due: dict[str, int] = {}

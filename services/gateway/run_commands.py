@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable
 
 from groundlink.core.errors import UserError
-from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from udp_bridge.wire.run_commands import (
     ERROR_BYTES,
     PAUSE,
@@ -37,7 +37,7 @@ BACKLOG_LOOKS = 500
 """So often, every millisecond, it is looked whether what physics has published before an answer was
 sent: clocks go first."""
 
-ON_THE_BUS: dict[int, AnyWish] = {PAUSE: Pause(), RESUME: Resume(), RESET: Reset()}
+ON_THE_BUS: dict[int, AnyRunCommand] = {PAUSE: Pause(), RESUME: Resume(), RESET: Reset()}
 """What physics is told for each wish; for a step how far, and for a question nothing."""
 
 
@@ -53,7 +53,7 @@ class Wishes:
     """
 
     def __init__(
-        self, ask: Callable[[AnyWish | None], ControlAnswer], *, backlog: Callable[[], int]
+        self, ask: Callable[[AnyRunCommand | None], ControlAnswer], *, backlog: Callable[[], int]
     ) -> None:
         self._ask, self._backlog = ask, backlog
         self._tell: Callable[[WishAnswer], object] | None = None

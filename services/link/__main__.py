@@ -14,7 +14,7 @@ import msgspec
 
 from groundlink.core.errors import UserError
 from groundlink.emulation.arguments import Outages, add_arguments, impairments
-from groundlink.emulation.model import FATES, NOTES
+from groundlink.emulation.model import NOTES, OUTCOMES
 from groundlink.process import runner as process
 
 from .relay import Relay
@@ -80,7 +80,9 @@ def _tell(relay: Relay, *, as_json: bool) -> None:
         print(json.dumps(ways | rest), flush=True)
         return
     for name, counts in ways.items():
-        fates = ", ".join(f"{fate} {counts[fate]}" for fate in (*FATES, "waiting") if counts[fate])
+        fates = ", ".join(
+            f"{fate} {counts[fate]}" for fate in (*OUTCOMES, "waiting") if counts[fate]
+        )
         notes = ", ".join(f"{note} {counts[note]}" for note in NOTES if counts[note])
         print(
             f"{name}: datagrams {counts['datagrams']} + duplicated {counts['duplicated']} = "

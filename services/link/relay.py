@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
-from groundlink.emulation import Impairment, OneWay
+from groundlink.emulation import Impairment, LinkDirection
 
 Address = tuple[str, int]
 
@@ -62,8 +62,12 @@ class Relay:
         seed: int,
         flips: bool = False,
     ) -> None:
-        self.forward: OneWay[Address] = OneWay(forward, seed=seed, direction="forward", flips=flips)
-        self.back: OneWay[Address] = OneWay(back, seed=seed, direction="back", flips=flips)
+        self.forward: LinkDirection[Address] = LinkDirection(
+            forward, seed=seed, direction="forward", flips=flips
+        )
+        self.back: LinkDirection[Address] = LinkDirection(
+            back, seed=seed, direction="back", flips=flips
+        )
         self.kernel_drops = 0
         """Datagrams that the kernel dropped in front of the link for want of buffer."""
 

@@ -15,7 +15,7 @@ from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
 from groundlink.bus.topics import PHYSICS
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
-from groundlink.process.name_claim import alone
+from groundlink.process.name_claim import claim_name
 
 with process_needs(PHYSICS, "physics"):
     from services.physics.run.server import Physics
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     router = process.router_of(options)
     listen = options.listen or (None if router else DEFAULT_ENDPOINT)
     with Bus(connect=router, listen=listen, name=NAME) as bus:
-        claim = alone(bus, run, NAME)
+        claim = claim_name(bus, run, NAME)
         physics = Physics(
             *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
         )

@@ -11,7 +11,7 @@ from groundlink.bus.queries import journal_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import RECORDER as NAME
 from groundlink.core.clock import NANOS
-from groundlink.core.errors import LackingError, UserError
+from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
 
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         except OSError as error:
             problem = f"cannot write {files.path}: {(error.strerror or str(error)).lower()}"
             if files.has_begun:
-                raise LackingError(f"{problem}; it ends with what was written before") from None
+                raise RequirementError(f"{problem}; it ends with what was written before") from None
             raise UserError(problem) from None
 
 

@@ -11,11 +11,11 @@ import time
 from collections.abc import Collection, Iterable
 from typing import Protocol
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, HEALTH, RECORDER
-from groundlink.core.backoff import Quiet
+from groundlink.core.backoff import Backoff
 from groundlink.messages.base import Ack, Clock, Health, Message, State, decode
 from groundlink.process import runner as process
 from groundlink.ros.streams import incoming, outgoing, recorded_only
@@ -80,7 +80,7 @@ def record(
             dropped=inbox.dropped_of,
         )
 
-    inbox: Inbox[Message] = Inbox(depth=MESSAGES_KEPT)
+    inbox: BusInbox[Message] = BusInbox(depth=MESSAGES_KEPT)
     recorder = new()
     streams = (*outgoing(scenario, run), *recorded_only(scenario, run), *incoming(scenario, run))
     for stream in streams:
@@ -104,7 +104,7 @@ def record(
             acknowledge(decode(missed[0], Ack).life, tick)
 
     tell_where()
-    quiet = Quiet(time.monotonic())
+    quiet = Backoff(time.monotonic())
     next_commit = 0.0
     try:
         while not stop.wait(REST_SECONDS) and not recorder.is_complete:
@@ -142,7 +142,7 @@ def _tick(recorder: Recorder) -> int:
     return recorder.clock.tick if recorder.clock else -1
 
 
-def _counts(recorder: Recorder, inbox: Inbox[Message]) -> dict[str, int]:
+def _counts(recorder: Recorder, inbox: BusInbox[Message]) -> dict[str, int]:
     return recorder.counts | {
         "bytes": recorder.file.size_bytes if recorder.file else 0,
         "bus_dropped": inbox.dropped,

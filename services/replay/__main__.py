@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
 from groundlink.bus.topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
@@ -122,7 +122,7 @@ class _Others:
         self._window = window_ticks
         self._there: set[str] = set()
         self._reached: dict[str, int] = {}
-        self._acks: Inbox[Ack] = Inbox(depth=1024)
+        self._acks: BusInbox[Ack] = BusInbox(depth=1024)
         self._health_prefix = HEALTH.key_in(run, process="")
         self._ack_prefix = ACK.key_in(run, process="")
         bus.subscribe(ACK.key_in(run), Ack, self._acks)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, STATE
 from groundlink.messages.base import Health, Imu, M, Message, PointCloud, State
@@ -51,17 +51,17 @@ class Intake:
 
     def __init__(self, bus: Bus, scenario: Scenario, run: str) -> None:
         self.streams = streams_of(scenario, run)
-        self._states: Inbox[State] = Inbox(depth=KEPT[State])
+        self._states: BusInbox[State] = BusInbox(depth=KEPT[State])
         self._truth: TrueStates | None = TrueStates(scenario, run)
-        self._health: Inbox[Health] = Inbox(depth=KEPT_OF_OTHERS)
-        self._boxes: dict[str, Inbox[Message]] = {}
+        self._health: BusInbox[Health] = BusInbox(depth=KEPT_OF_OTHERS)
+        self._boxes: dict[str, BusInbox[Message]] = {}
         bus.subscribe(STATE.key_in(run), State, self._states)
         bus.subscribe(HEALTH.key_in(run), Health, self._health)
         for path, stream in self.streams.items():
             depth = KEPT.get(stream.message, KEPT_OF_OTHERS)
             if stream.message in (PointCloud, TruePoints):
                 depth *= _blocks(scenario, path.removesuffix("/truth"))
-            box = self._boxes[path] = Inbox[Message](depth=depth)
+            box = self._boxes[path] = BusInbox[Message](depth=depth)
             bus.subscribe(stream.key, stream.message, box)
 
     def take(self) -> tuple[list[State], list[Drawable]]:
@@ -82,14 +82,14 @@ class Intake:
 
     def counters(self) -> dict[str, int]:
         """Return how many messages were dropped and refused."""
-        boxes: list[Inbox[Any]] = [self._states, self._health, *self._boxes.values()]
+        boxes: list[BusInbox[Any]] = [self._states, self._health, *self._boxes.values()]
         return {
             "dropped": sum(box.dropped for box in boxes),
             "refused": sum(box.refused for box in boxes),
         }
 
 
-def _waiting(box: Inbox[M]) -> Iterator[M]:
+def _waiting(box: BusInbox[M]) -> Iterator[M]:
     """Yield as many messages as waited when it was asked, so that it ends."""
     for _ in range(len(box)):
         if (arrived := box.get(seconds=0)) is None:

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import pytest
 from msgspec import structs
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GATEWAY, HEALTH
 from groundlink.messages.base import Health
@@ -101,7 +101,7 @@ class Stack:
         """Return what became of what the gateway has sent, by stream."""
         with Bus(connect=self.endpoint) as bus:
             run, _ = process.join(bus, None, threading.Event())
-            beats: Inbox[Health] = Inbox(depth=1)
+            beats: BusInbox[Health] = BusInbox(depth=1)
             bus.subscribe(HEALTH.key_in(run, process=GATEWAY), Health, beats)
             beat = wait_for(lambda: beats.get(seconds=0.1), 10, "the gateway is well")
         return [structs.asdict(row) for row in beat[1].streams if row.direction == "to ROS"]

@@ -16,18 +16,18 @@ import pytest
 from groundlink.__main__ import main
 from groundlink.cli import commands
 from groundlink.cli.files import topics
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
-from groundlink.core.whole_file import whole
 
 SLOW = """
 import sys, time
 from pathlib import Path
 from groundlink.__main__ import main
 from groundlink.cli.files import topics
-from groundlink.core.whole_file import whole
+from groundlink.core.atomic_file import write_atomically
 
 def slow(options):
-    with whole(Path("out.txt")) as part:
+    with write_atomically(Path("out.txt")) as part:
         part.write_text("half")
         print("ready", flush=True)
         time.sleep(60)
@@ -137,16 +137,16 @@ def test_a_reader_that_has_seen_enough_is_no_mistake() -> None:
 def test_a_file_gets_its_name_when_it_is_complete(tmp_path: Path) -> None:
     out = tmp_path / "a.txt"
     out.write_text("old", encoding="utf-8")
-    with suppress(ZeroDivisionError), whole(out) as part:
+    with suppress(ZeroDivisionError), write_atomically(out) as part:
         part.write_text("half", encoding="utf-8")
         raise ZeroDivisionError
     assert out.read_text(encoding="utf-8") == "old"
-    with whole(out) as part:
+    with write_atomically(out) as part:
         part.write_text("new", encoding="utf-8")
         assert out.read_text(encoding="utf-8") == "old"
     assert out.read_text(encoding="utf-8") == "new"
     with pytest.raises(UserError, match=r"cannot write .*none.a: no such file or directory"):
-        with whole(tmp_path / "none" / "a") as part:
+        with write_atomically(tmp_path / "none" / "a") as part:
             part.write_text("x", encoding="utf-8")
     assert list(tmp_path.iterdir()) == [out]
 
@@ -154,7 +154,7 @@ def test_a_file_gets_its_name_when_it_is_complete(tmp_path: Path) -> None:
 def test_a_folder_gets_its_name_when_it_is_complete(tmp_path: Path) -> None:
     for fails in (True, False):
         try:
-            with whole(tmp_path / "out") as part:
+            with write_atomically(tmp_path / "out") as part:
                 part.mkdir()
                 (part / "a").write_text("a", encoding="utf-8")
                 assert not fails

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import RELAYED
 from groundlink.messages.relayed import Relayed
@@ -62,7 +62,7 @@ def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -
             lambda: min(ears.messages("/wheel_encoders")[-1][1][2]) > max(ticks) + 50, "it drives"
         )
         with Bus(connect=it.endpoint) as bus:  # what any other of its programs says comes back
-            plans: Inbox[Relayed] = Inbox(depth=100)
+            plans: BusInbox[Relayed] = BusInbox(depth=100)
             bus.subscribe(RELAYED.key_in(it.run), Relayed, plans)
             plan = "{header: {frame_id: map}, poses: [{pose: {position: {x: 2.5}}}]}"
             planner = ros1.start(*("/usr/bin/rostopic", "pub", "-r", "10"), *PATH, plan)

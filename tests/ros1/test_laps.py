@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
 from groundlink.messages.base import State
@@ -91,7 +91,7 @@ def driven(folder: Path, start: Callable[[Rig, Ros1], None], ros1: Ros1) -> list
             "scanner": shipped / "sensors/rplidar_a2.yaml",
         }
         it.scenario.write_text(SCENARIO.format(**places), encoding="utf-8")
-        states: Inbox[State] = Inbox(depth=1 << 16)
+        states: BusInbox[State] = BusInbox(depth=1 << 16)
         start(it, ros1)
         wait_for(it.is_answered, 60, "a router")
         with Bus(connect=it.endpoint) as bus:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import msgspec
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names, sensor_outputs
 from groundlink.loader import load
@@ -34,7 +34,7 @@ Heard = dict[str, list[tuple[int, str]]]
 """By stream: the instant and the sha256 of each body before `UNTIL_NANOS`, in order."""
 
 
-class _Stream(Inbox[Message]):
+class _Stream(BusInbox[Message]):
     """Hashes what arrives at once, on the transport's thread."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import PointCloud
@@ -60,7 +60,7 @@ def test_a_sensor_without_files_gets_them_from_physics(
     wait_for(it.is_answered, 30, "physics listens")
     it.environment[VARIABLE] = str(ours)
     with Bus(connect=it.endpoint) as bus:
-        clouds: Inbox[PointCloud] = Inbox(depth=10)
+        clouds: BusInbox[PointCloud] = BusInbox(depth=10)
         key = SENSOR_TOPICS[Lidar].key_in(it.run, vehicle="rover", sensor="lidar")
         bus.subscribe(key, PointCloud, clouds)
         it.start(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH
 from groundlink.messages.base import Health, StreamReport
@@ -49,7 +49,7 @@ def running(tmp_path: Path) -> Iterator[Running]:
         it.up()
         wait_for(lambda: observer.count("/points") > BLOCKS_PER_S, 60, "blocks arrive in ROS")
         with Bus(connect=it.endpoint) as bus:
-            health: Inbox[Health] = Inbox(depth=1000)
+            health: BusInbox[Health] = BusInbox(depth=1000)
             bus.subscribe(HEALTH.key_in(it.run), Health, health)
 
             def report() -> StreamReport:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FROM_ROS, RELAYED, STATE, STREAM_TOPICS
 from groundlink.messages.base import Message, State
@@ -106,7 +106,7 @@ def test_every_block_arrives(asker: Asker) -> None:
 def test_ground_truth_comes_as_long_as_it_is_wished_and_is_true(
     running: Running, asker: Asker
 ) -> None:
-    states: Inbox[State] = Inbox(depth=10_000)
+    states: BusInbox[State] = BusInbox(depth=10_000)
     running.bus.subscribe(STATE.key_in(running.rig.run), State, states)
     asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=60, max_rate_hz=10.0)
     wait_for(lambda: len(asker.got) >= 8, 10, "ground truth")
@@ -164,7 +164,7 @@ def test_a_pose_and_a_map_of_ros_are_typed_messages_on_the_bus(running: Running)
     for name in ("pose", "map"):
         example = EXAMPLES[name]
         row = FROM_ROS[name]
-        inbox: Inbox[Message] = Inbox(depth=100)
+        inbox: BusInbox[Message] = BusInbox(depth=100)
         key = row.key_in(it.run, vehicle="rover")
         running.bus.subscribe(key, row.message, inbox)
         ros_type = ROS_FORMS[row.message].ros_type
@@ -182,7 +182,7 @@ def test_any_further_topic_of_ros_is_on_the_bus_as_it_came(running: Running) -> 
     for datagram in path.datagrams:
         whole = reassembler.receive(datagram, "", 0)
     assert whole
-    inbox: Inbox[Message] = Inbox(depth=100)
+    inbox: BusInbox[Message] = BusInbox(depth=100)
     running.bus.subscribe(RELAYED.key_in(it.run), Relayed, inbox)
     it.start("-m", "tests.ros.replayer", PATH, "/plan", bytes(whole.body).hex(), log="plan.log")
     arrived = inbox.get(seconds=20)

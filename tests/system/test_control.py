@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.bus.control_client import ask
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import IMU
 from groundlink.messages.base import Imu, encode
@@ -25,7 +25,7 @@ SAMPLES = 400
 
 
 @pytest.fixture(params=["fast", "realtime"])
-def run(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Rig, Bus, Inbox[Imu]]]:
+def run(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Rig, Bus, BusInbox[Imu]]]:
     with rig(tmp_path, time_section=f"time: {{mode: {request.param}, epoch: zero}}\n") as it:
         physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
         # It begins when the sensor is there, also in real time.
@@ -33,14 +33,14 @@ def run(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Rig, B
         it.start(*physics, *alone, log="physics.log")
         wait_for(it.is_answered, 20, "physics listens")
         with Bus(connect=it.endpoint) as bus:
-            samples: Inbox[Imu] = Inbox(depth=100_000)
+            samples: BusInbox[Imu] = BusInbox(depth=100_000)
             bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
             sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
             it.start(*sensor, "--connect", it.endpoint, log="imu.log")
             yield it, bus, samples
 
 
-def first_samples(samples: Inbox[Imu]) -> list[bytes]:
+def first_samples(samples: BusInbox[Imu]) -> list[bytes]:
     """Return what comes from the first sample of a life on."""
     first = 0
     found: list[bytes] = []
@@ -54,7 +54,7 @@ def first_samples(samples: Inbox[Imu]) -> list[bytes]:
 
 
 def test_time_stands_still_goes_on_by_ticks_and_begins_again(
-    run: tuple[Rig, Bus, Inbox[Imu]],
+    run: tuple[Rig, Bus, BusInbox[Imu]],
 ) -> None:
     it, bus, samples = run
     first_life = first_samples(samples)
@@ -74,7 +74,7 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     assert first_samples(samples) == first_life
 
 
-def test_the_command_line_says_what_became_of_it(run: tuple[Rig, Bus, Inbox[Imu]]) -> None:
+def test_the_command_line_says_what_became_of_it(run: tuple[Rig, Bus, BusInbox[Imu]]) -> None:
     it, _, samples = run
     first_samples(samples)
     command = [sys.executable, "-m", "groundlink", "step", "7", "--connect", it.endpoint]

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import COMMAND, STATE
 from groundlink.messages.base import Command, State, encode
@@ -43,8 +43,8 @@ def driven(it: Rig, *, disturbed: bool) -> tuple[str, list[Command]]:
     it.scenario.write_text(SCENARIO, encoding="utf-8")
     it.start("-m", "services.physics", str(it.scenario), "--listen", it.endpoint, log="physics.log")
     wait_for(it.is_answered, 20, "physics listens")
-    states: Inbox[State] = Inbox(depth=2 * TICKS)
-    commands: Inbox[Command] = Inbox(depth=TICKS)
+    states: BusInbox[State] = BusInbox(depth=2 * TICKS)
+    commands: BusInbox[Command] = BusInbox(depth=TICKS)
     with Bus(connect=it.endpoint) as bus:
         bus.subscribe(STATE.key_in("driven"), State, states)
         bus.subscribe(COMMAND.key_in("driven", vehicle="rover"), Command, commands)
@@ -81,7 +81,7 @@ def test_a_killed_driver_is_waited_for_and_its_successor_drives_on(tmp_path: Pat
         physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
         it.start(*physics, log="physics.log")
         wait_for(it.is_answered, 20, "physics listens")
-        states: Inbox[State] = Inbox(depth=2 * TICKS)
+        states: BusInbox[State] = BusInbox(depth=2 * TICKS)
         driver = ("-m", "services.driver", "--name", "rover/driver", "--connect", it.endpoint)
         sensor = ("-m", "services.sensors.encoders", "--name", "rover/encoders")
         with Bus(connect=it.endpoint) as bus:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
 from groundlink.messages.base import State, encode, floats
@@ -69,7 +69,7 @@ class Way:
     """Listens to where the vehicle and its joints are, from tick 0 to the end."""
 
     def __init__(self, bus: Bus, run: str) -> None:
-        self._states: Inbox[State] = Inbox(depth=1 << 16)
+        self._states: BusInbox[State] = BusInbox(depth=1 << 16)
         self._digest = hashlib.sha256()
         self.tick = -1
         self.end_m = (0.0, 0.0)

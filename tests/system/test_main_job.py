@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, STATE, TOPICS
 from groundlink.core.clock import NANOS
@@ -43,8 +43,8 @@ class Running:
 
     observer: Observer
     bus: Bus
-    states: Inbox[State]
-    health: Inbox[Health]
+    states: BusInbox[State]
+    health: BusInbox[Health]
 
     def drain(self) -> list[State]:
         """Return the states that have arrived since the last look."""
@@ -71,8 +71,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         wait_for(lambda: observer.count("/imu") > 100, 10, "IMU samples arrive in ROS")
         wait_for(lambda: observer.count("/wheel_encoders") > 10, 10, "encoders arrive in ROS")
         with Bus(connect=it.endpoint) as bus:
-            states: Inbox[State] = Inbox(depth=20_000)
-            health: Inbox[Health] = Inbox(depth=1000)
+            states: BusInbox[State] = BusInbox(depth=20_000)
+            health: BusInbox[Health] = BusInbox(depth=1000)
             bus.subscribe(STATE.key_in(it.run), State, states)
             bus.subscribe(HEALTH.key_in(it.run), Health, health)
             yield Running(it, supervisor, observer, bus, states, health)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK
 from groundlink.messages.base import Clock
@@ -67,7 +67,7 @@ def recorded(it: Rig, seconds: float) -> Run:
     wait_for(it.is_answered, 60, "the bus opens")
     times: list[tuple[float, int]] = []
     with Bus(connect=it.endpoint) as bus:
-        clocks: Inbox[Clock] = Inbox(depth=16)
+        clocks: BusInbox[Clock] = BusInbox(depth=16)
         bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
         while record.poll() is None:
             if arrived := clocks.get(seconds=0.1):

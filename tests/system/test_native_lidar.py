@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import POINTS
 from groundlink.messages.base import PointCloud
@@ -58,7 +58,7 @@ def drain(receiving: socket.socket) -> None:
     receiving.settimeout(timeout)
 
 
-def next_cloud(inbox: Inbox[PointCloud]) -> PointCloud:
+def next_cloud(inbox: BusInbox[PointCloud]) -> PointCloud:
     """Return the next cloud on the bus."""
     arrived = inbox.get(seconds=60.0)
     assert arrived, "no cloud came"
@@ -95,7 +95,7 @@ def test_others_decode_the_points_that_are_on_the_bus(it: Rig, host: str) -> Non
         it.up("--no-ros")
         wait_for(it.is_answered, 30, "the run's router listens")
         with Bus(connect=it.endpoint) as bus:
-            inbox: Inbox[PointCloud] = Inbox(depth=10_000)
+            inbox: BusInbox[PointCloud] = BusInbox(depth=10_000)
             bus.subscribe(POINTS.key_in(it.run, vehicle="rover", sensor="lidar"), PointCloud, inbox)
             clouds = [next_cloud(inbox)]
             # What is in the sockets was measured before the first cloud on the bus.

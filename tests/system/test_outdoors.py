@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GNSS, RANGE
 from groundlink.messages.base import encode
@@ -68,7 +68,7 @@ def sensor(it: Rig, kind: str, name: str, *more: str) -> None:
     it.start(*command, "--connect", it.endpoint, *more, log=f"{name}.log")
 
 
-def taken(inbox: Inbox[NavSatFix], count: int) -> list[NavSatFix]:
+def taken(inbox: BusInbox[NavSatFix], count: int) -> list[NavSatFix]:
     """Return the next messages."""
     messages: list[NavSatFix] = []
     while len(messages) < count:
@@ -83,11 +83,11 @@ def test_fixes_sentences_and_distances_come_from_real_processes(outdoors: Rig) -
     with Bus(connect=it.endpoint) as bus, socket.socket(type=socket.SOCK_DGRAM) as device:
         device.bind(("127.0.0.1", 0))
         device.settimeout(60)
-        fixes: Inbox[NavSatFix] = Inbox(depth=10_000)
-        distances: dict[str, Inbox[Range]] = {}
+        fixes: BusInbox[NavSatFix] = BusInbox(depth=10_000)
+        distances: dict[str, BusInbox[Range]] = {}
         bus.subscribe(GNSS.key_in("yard", vehicle="rover", sensor="gnss"), NavSatFix, fixes)
         for name in ("sonar", "tof"):
-            distances[name] = Inbox(depth=10_000)
+            distances[name] = BusInbox(depth=10_000)
             key = RANGE.key_in("yard", vehicle="rover", sensor=name)
             bus.subscribe(key, Range, distances[name])
         it.start("-m", "services.gateway", "--connect", it.endpoint, log="gateway.log")
@@ -132,7 +132,7 @@ def test_fixes_sentences_and_distances_come_from_real_processes(outdoors: Rig) -
 def fixes_until(it: Rig, last_nanos: int, *, crash: bool) -> list[bytes]:
     """Return the fixes of a run as they were on the bus, each once."""
     with Bus(connect=it.endpoint) as bus:
-        inbox: Inbox[NavSatFix] = Inbox(depth=10_000)
+        inbox: BusInbox[NavSatFix] = BusInbox(depth=10_000)
         bus.subscribe(GNSS.key_in("yard", vehicle="rover", sensor="gnss"), NavSatFix, inbox)
         for name in ("sonar", "tof"):
             sensor(it, "range", name)

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, Topic
+from groundlink.bus.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, BusTopic
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Clock, Imu, Message, PointCloud, WheelEncoders
 from groundlink.messages.missing_readings import Gap, Gaps
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.system
 
 LIDAR = "rover/lidar"
 LIDAR_PERIOD = 100_000_000
-STREAMS: dict[str, tuple[Topic, type[Message], int]] = {
+STREAMS: dict[str, tuple[BusTopic, type[Message], int]] = {
     "lidar": (POINTS, PointCloud, LIDAR_PERIOD),
     "imu": (IMU, Imu, 2_500_000),
     "encoders": (ENCODERS, WheelEncoders, 20_000_000),
@@ -49,12 +49,12 @@ class Run:
     def __init__(self, it: Rig, bus: Bus) -> None:
         self._rig = it
         self._report = it.folder / "report.json"
-        self._inboxes: dict[str, Inbox[Message]] = {}
+        self._inboxes: dict[str, BusInbox[Message]] = {}
         for name, (row, message, _) in STREAMS.items():
-            inbox: Inbox[Message] = Inbox(depth=100_000)
+            inbox: BusInbox[Message] = BusInbox(depth=100_000)
             bus.subscribe(row.key_in(it.run, vehicle="rover", sensor=name), message, inbox)
             self._inboxes[name] = inbox
-        self._gaps: Inbox[Gaps] = Inbox(depth=1000)
+        self._gaps: BusInbox[Gaps] = BusInbox(depth=1000)
         bus.subscribe(GAPS.key_in(it.run, process=LIDAR), Gaps, self._gaps)
         self._stamps: dict[str, list[int]] = {name: [] for name in STREAMS}
         self._told: list[Gap] = []
@@ -230,7 +230,7 @@ def test_stamps_are_back_at_the_wall_clock_after_a_hold_up(tmp_path: Path) -> No
         )
         wait_for(it.is_answered, 20, "the bus opens")
         with Bus(connect=it.endpoint) as bus:
-            inbox: Inbox[Clock] = Inbox(depth=10_000)
+            inbox: BusInbox[Clock] = BusInbox(depth=10_000)
             bus.subscribe(CLOCK.key_in(it.run), Clock, inbox)
 
             def age_seconds() -> float:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CAMERA
 from groundlink.messages.imagery import CompressedImage
@@ -72,7 +72,7 @@ def test_what_arrives_is_what_was_sent(tmp_path: Path) -> None:
         wait_for(it.is_answered, 30, "the bus opens")
         sent: dict[int, CompressedImage] = {}
         with Bus(connect=it.endpoint) as bus:
-            pictures: Inbox[CompressedImage] = Inbox(depth=1000)
+            pictures: BusInbox[CompressedImage] = BusInbox(depth=1000)
             key = CAMERA.key_in(it.run, vehicle="rover", sensor="camera")
             bus.subscribe(key, CompressedImage, pictures)
 

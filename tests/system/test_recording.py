@@ -22,7 +22,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK
 from groundlink.core.frames import matrix_from_quaternion, nlerp
@@ -299,7 +299,7 @@ def driving(tmp_path: Path) -> Iterator[Rig]:
 def test_a_killed_recorder_loses_less_than_a_second(driving: Rig) -> None:
     """What came up to a second before is in the file, which every tool opens."""
     with Bus(connect=driving.endpoint) as bus:
-        clocks: Inbox[Clock] = Inbox(depth=10_000)
+        clocks: BusInbox[Clock] = BusInbox(depth=10_000)
         bus.subscribe(CLOCK.key_in(driving.run), Clock, clocks)
         for attempt, extra_seconds in enumerate((0.0, 0.15, 0.35)):
             out = driving.folder / f"run{attempt}.mcap"
@@ -356,7 +356,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
         resource.prlimit(recorder, resource.RLIMIT_FSIZE, (size, size))
         wait_for(lambda: "the others go on without it" in it.log("up.log"), 30, "it is left out")
         with Bus(connect=it.endpoint) as bus:
-            clocks: Inbox[Clock] = Inbox(depth=10_000)
+            clocks: BusInbox[Clock] = BusInbox(depth=10_000)
             bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
             assert all(clocks.get(seconds=20) for _ in range(200)), "the run goes on"
             assert children_of(up.pid).keys() == before.keys() - {recorder}

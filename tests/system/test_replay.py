@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK, IMU
 from groundlink.messages.base import Clock, Imu
@@ -111,7 +111,7 @@ def test_a_factor_and_a_start(recorded: tuple[Rig, Path, Sent]) -> None:
     """Twice as fast from 1 s on: the same readings in half of the time, none before."""
     it, out, _ = recorded
     with Bus(listen=it.endpoint) as bus:
-        clocks: Inbox[Clock] = Inbox(depth=10_000)
+        clocks: BusInbox[Clock] = BusInbox(depth=10_000)
         bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
         playing = it.start(
             *("-m", "services.replay", str(out), "--connect", it.endpoint),
@@ -190,7 +190,7 @@ def test_a_run_is_not_replayed_into_itself(recorded: tuple[Rig, Path, Sent]) -> 
     with Bus(listen=it.endpoint) as bus:
         first = ("-m", "services.replay", str(out), "--connect", it.endpoint, "--loop")
         playing = it.start(*first, log="first.log")
-        samples: Inbox[Imu] = Inbox(depth=10)
+        samples: BusInbox[Imu] = BusInbox(depth=10)
         bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
         wait_for(lambda: samples.get(seconds=1), 20, "it plays")
         second = it.start(*first, log="second.log")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK
 from groundlink.core.clock import TICK_NANOS
@@ -130,7 +130,7 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
 
 def test_plain_services_over_a_link_that_loses(tmp_path: Path) -> None:
     with running(tmp_path, gateway=LOSSY) as (it, caller), Bus(connect=it.endpoint) as bus:
-        clocks: Inbox[Clock] = Inbox(depth=1_000_000)
+        clocks: BusInbox[Clock] = BusInbox(depth=1_000_000)
         bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
 
         def tick(name: str, *, state: str = "paused") -> int:

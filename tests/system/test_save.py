@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.control_client import ask
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key, faults_key, journal_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import IMU, STATE
@@ -38,7 +38,7 @@ END_NANOS = END_TICK * TICK_NANOS
 QUIET_LOOKS = 10
 
 
-class States(Inbox[State]):
+class States(BusInbox[State]):
     """What physics says of every tick, but for its life."""
 
     def __init__(self, bus: Bus) -> None:
@@ -162,7 +162,7 @@ def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) ->
         it.start(*physics, *alone, log="physics.log")
         wait_for(it.is_answered, 60, "physics listens")
         with Bus(connect=it.endpoint) as bus:
-            samples: Inbox[Imu] = Inbox(depth=1_000_000)
+            samples: BusInbox[Imu] = BusInbox(depth=1_000_000)
             bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
             sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
             it.start(*sensor, "--connect", it.endpoint, log="imu.log")
@@ -187,7 +187,7 @@ def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) ->
         assert all(before.get(nanos, body) == body for nanos, body in again.items())
 
 
-def heard(samples: Inbox[Imu], until_nanos: int) -> dict[int, bytes]:
+def heard(samples: BusInbox[Imu], until_nanos: int) -> dict[int, bytes]:
     """Return samples up to an instant, by their stamps."""
     found: dict[int, bytes] = {}
     while max(found, default=0) < until_nanos:
@@ -198,7 +198,7 @@ def heard(samples: Inbox[Imu], until_nanos: int) -> dict[int, bytes]:
 
 
 def heard_again(
-    samples: Inbox[Imu], last: int, from_nanos: int, until_nanos: int
+    samples: BusInbox[Imu], last: int, from_nanos: int, until_nanos: int
 ) -> dict[int, bytes]:
     """Return samples from where time has jumped back, up to an instant.
 

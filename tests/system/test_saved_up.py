@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import COMMAND, ENCODERS, IMU, POINTS, Topic
+from groundlink.bus.topics import COMMAND, ENCODERS, IMU, POINTS, BusTopic
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.messages.base import Command, M, Message, decode, measured_nanos
 from groundlink.run.journal import loaded
@@ -34,10 +34,10 @@ Bodies = dict[int, bytes]
 """Of a stream, by the instant of measurement."""
 
 
-class Stream(Inbox[Message]):
+class Stream(BusInbox[Message]):
     """Keeps all that comes of a sensor."""
 
-    def __init__(self, bus: Bus, run: str, sensor: str, row: Topic) -> None:
+    def __init__(self, bus: Bus, run: str, sensor: str, row: BusTopic) -> None:
         super().__init__(depth=1)
         self.bodies: Bodies = {}
         bus.subscribe(row.key_in(run, vehicle="rover", sensor=sensor), row.message, self)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import (
     asset_key,
     control_key,
@@ -98,7 +98,7 @@ def health(operator: Bus) -> Callable[[str], Health]:
     """Return the next word of a process about itself."""
 
     def of(process: str) -> Health:
-        inbox: Inbox[Health] = Inbox(depth=1)
+        inbox: BusInbox[Health] = BusInbox(depth=1)
         operator.subscribe(HEALTH.key_in(RUN, process=process), Health, inbox)
         arrived = inbox.get(seconds=10)
         assert arrived, f"{process} is silent"
@@ -108,7 +108,7 @@ def health(operator: Bus) -> Callable[[str], Health]:
 
 
 def test_everybody_takes_part(running: Running, operator: Bus) -> None:
-    inbox: Inbox[Health] = Inbox(depth=1000)
+    inbox: BusInbox[Health] = BusInbox(depth=1000)
     operator.subscribe(HEALTH.key_in(RUN), Health, inbox)
     expected = {*process_names(load(str(running.rig.scenario))), "recorder"}
     said: dict[str, Health] = {}

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from groundlink.bus.control_client import ask
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import POINTS
@@ -45,7 +45,7 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
         it.start(*physics, "--only", "rover/lidar", "--run", it.run, log="physics.log")
         wait_for(it.is_answered, 20, "physics listens")
         with Bus(connect=it.endpoint) as bus:
-            got: Inbox[PointCloud] = Inbox(depth=1000)
+            got: BusInbox[PointCloud] = BusInbox(depth=1000)
             key = POINTS.key_in(it.run, vehicle="rover", sensor="lidar")
             bus.subscribe(key, PointCloud, got)
             wait_for(lambda: bool(bus.ask(control_key(it.run), seconds=1)), 20, "physics is there")

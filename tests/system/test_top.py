@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GROUND_TRUTH
 from groundlink.messages.navigation import Odometry
@@ -89,7 +89,7 @@ class Watcher:
     """How fast the rover goes, by its ground truth."""
 
     def __init__(self, bus: Bus) -> None:
-        self._truths: Inbox[Odometry] = Inbox(depth=2)
+        self._truths: BusInbox[Odometry] = BusInbox(depth=2)
         key = GROUND_TRUTH.key_in("indoor_lab", vehicle="rover")
         bus.subscribe(key, Odometry, self._truths)
 

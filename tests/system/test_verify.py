@@ -20,7 +20,7 @@ import pytest
 from mcap.reader import make_reader
 
 from groundlink.__main__ import main
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK, COMMAND, JOINT_COMMAND, JOINTS
@@ -171,7 +171,7 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
         wishes = [(1.0, Stuck()), (2.0, Bias(value=0.5)), (3.0, CLEAR)]
         with Bus(connect=it.endpoint) as bus:
             command = bus.publisher(COMMAND.key_in(it.run, vehicle="rover"), COMMAND.delivery)
-            clocks: Inbox[Clock] = Inbox(depth=1)
+            clocks: BusInbox[Clock] = BusInbox(depth=1)
             bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
             spawn = it.start(
                 *("-m", "groundlink", "spawn", "box", "--at=-4,-4"), *joining, log="spawn.log"
@@ -238,7 +238,7 @@ def test_joints_that_were_commanded_on_the_bus_turn_again(tmp_path: Path) -> Non
         with Bus(connect=it.endpoint) as bus:
             key = JOINT_COMMAND.key_in(it.run, vehicle="tank")
             command = bus.publisher(key, JOINT_COMMAND.delivery)
-            truths: Inbox[JointState] = Inbox(depth=1)
+            truths: BusInbox[JointState] = BusInbox(depth=1)
             bus.subscribe(JOINTS.key_in(it.run, vehicle="tank"), JointState, truths)
             nothing, wanted, turned = packed(np.zeros(0)), [(0.3, 0.1), (-0.2, 0.0)], False
             while arrived := truths.get(seconds=20):

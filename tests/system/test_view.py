@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import COMMAND, HEALTH, IMU, POINTS, RELAYED, STATE
 from groundlink.core.clock import TICK_NANOS
@@ -47,8 +47,8 @@ class Running:
 
     rig: Rig
     bus: Bus
-    boxes: dict[str, Inbox[Message]] = field(default_factory=dict)
-    health: Inbox[Health] = field(default_factory=lambda: Inbox(depth=1000))
+    boxes: dict[str, BusInbox[Message]] = field(default_factory=dict)
+    health: BusInbox[Health] = field(default_factory=lambda: BusInbox(depth=1000))
 
     def drain(self) -> dict[str, list[int]]:
         """Return the stamps of each stream that have come since the last look."""
@@ -97,7 +97,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
                 ("lidar", POINTS, PointCloud),
                 ("imu", IMU, Imu),
             ):
-                box: Inbox[Message] = Inbox(depth=40_000 if name != "lidar" else 800)
+                box: BusInbox[Message] = BusInbox(depth=40_000 if name != "lidar" else 800)
                 run.boxes[name] = box
                 bus.subscribe(row.key_in(it.run, sensor=name, **names), box_of, box)
             bus.subscribe(HEALTH.key_in(it.run), Health, run.health)
@@ -261,7 +261,7 @@ def test_a_file_holds_what_was_seen(running: Running, tmp_path: Path) -> None:
     file = tmp_path / "run.rrd"
     viewer = running.view("--save", str(file), log="save.log")
     wait_for(lambda: "view: writing" in running.rig.log("save.log"), 30, "it takes")
-    plans: Inbox[Relayed] = Inbox(depth=100)
+    plans: BusInbox[Relayed] = BusInbox(depth=100)
     running.bus.subscribe(RELAYED.key_in(running.rig.run), Relayed, plans)
     with slam(running):
         wait_for(lambda: len(plans) > 20, 40, "the stack tells of its plans")

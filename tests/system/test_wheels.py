@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ENCODERS, WHEEL_ODOMETRY
 from groundlink.messages.base import Message, WheelEncoders, encode
@@ -59,9 +59,9 @@ def played(folder: Path, *, crash: bool) -> dict[str, dict[int, bytes]]:
         )
         wait_for(it.is_answered, 20, "physics listens")
         with Bus(connect=it.endpoint) as bus:
-            inboxes: dict[str, Inbox[Message]] = {}
+            inboxes: dict[str, BusInbox[Message]] = {}
             for name, (topic, message) in STREAMS.items():
-                inbox: Inbox[Message] = Inbox(depth=100_000)
+                inbox: BusInbox[Message] = BusInbox(depth=100_000)
                 key = topic.key_in("wheels", vehicle="rover", sensor=name)
                 bus.subscribe(key, message, inbox)
                 inboxes[name] = inbox

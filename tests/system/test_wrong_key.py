@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import COMMAND
 from groundlink.messages.base import Command
@@ -73,7 +73,7 @@ def says(it: Rig, log: str, why: str) -> None:
 def test_without_the_key_a_node_neither_reads_nor_writes_and_both_ends_say_why(
     sealed: Rig,
 ) -> None:
-    commands = Inbox[Command](depth=8)
+    commands = BusInbox[Command](depth=8)
     with Bus(connect=sealed.endpoint) as bus:
         bus.subscribe(COMMAND.key_in(sealed.run), Command, commands)
         for whose, (by_node, by_gateway) in REFUSED.items():

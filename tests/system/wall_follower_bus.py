@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, SCAN, WHEEL_ODOMETRY, Delivery
 from groundlink.messages.base import Ack, Clock, Command, Message
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def type_of(key: str) -> type[Message] | None:
             return Ack if key.startswith(acks) else types.get(key)
 
-        inbox: Inbox[Message] = Inbox(depth=4096)
+        inbox: BusInbox[Message] = BusInbox(depth=4096)
         bus.subscribe_in_order(f"{ROOT}/{run}/**", type_of, inbox)
         heartbeat = process.Heartbeat(bus, run, GATEWAY)
         ticks = dict.fromkeys(scenario.sensor_names(), -1)

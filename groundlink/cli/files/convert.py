@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.progress import track
 
 from groundlink.cli.run import running
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.core.whole_file import whole
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -38,7 +38,7 @@ def convert(options: argparse.Namespace) -> int:
         messages = track(
             recording.read(), str(out), total=recording.messages, console=console, transient=True
         )
-        with whole(out) as part:
+        with write_atomically(out) as part:
             count = write_bag(part, recording.types, messages)
     size = out.stat().st_size / 1e6
     console.print(f"wrote {out}: {count} messages, {size:.1f} MB", soft_wrap=True)

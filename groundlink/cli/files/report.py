@@ -10,8 +10,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.extras import needs
-from groundlink.core.whole_file import whole
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,7 +44,7 @@ def report(options: argparse.Namespace) -> int:
             task = progress.add_task(f"reading {options.recording.name}", total=1.0)
             run = gather(recording, lambda share: progress.update(task, completed=share))
         content = page(run)
-    with whole(out) as part:
+    with write_atomically(out) as part:
         part.write_text(content, encoding="utf-8")
     print(f"wrote {out}: {len(content) / 1e6:.1f} MB")
     return 0

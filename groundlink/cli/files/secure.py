@@ -14,9 +14,9 @@ from pathlib import Path
 
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
 from groundlink.cli.run.running import SCENARIO_HELP
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.core.whole_file import whole
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.deploy.compose import BRIDGE_KEY, MAIN, Deployment
 from groundlink.loader import load
@@ -59,7 +59,7 @@ def secure(options: argparse.Namespace) -> int:
         raise UserError(f"{folder}: it exists already; delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with whole(folder) as part:
+    with write_atomically(folder) as part:
         part.mkdir(mode=0o700)
         for process in (ROUTER_NAME, *(name for name, _ in grants(scenario))):
             own = part / process.replace("/", "-")

@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
-from groundlink.core.whole_file import whole
 from groundlink.importing import heightmaps, mesh_files, world_files
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain import BadTerrain
@@ -160,7 +160,7 @@ def import_(options: argparse.Namespace) -> int:
         except BadTerrain as error:
             raise UserError(f"{file}: {_option(error.field)}: {error.problem}") from None
     if out is not None:
-        with whole(out) as part:
+        with write_atomically(out) as part:
             part.write_text(text, encoding="utf-8")
         _say(f"written: {out}; a scenario beside it has it by `world: {out.name}`")
     return 0

@@ -12,20 +12,20 @@ import threading
 import time
 
 from groundlink.bus.control_client import ask
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, PHYSICS
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health
-from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
-from groundlink.messages.stalls import HoldUps
+from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.messages.stalls import Stalls
 from groundlink.process import runner as process
 
 POLL_SECONDS = 0.05
 """How often a run is asked whether its steps are done."""
 
-WISHES: dict[str, tuple[type[AnyWish], str]] = {
+WISHES: dict[str, tuple[type[AnyRunCommand], str]] = {
     "pause": (Pause, "let the sim time of a run stand still"),
     "resume": (Resume, "let the sim time of a run go on"),
     "step": (Step, "let sim time stand still again after some ticks of 2.5 ms"),
@@ -67,7 +67,7 @@ class Waits:
 
     def __init__(self, bus: Bus, run: str) -> None:
         self._run = run
-        self._health: Inbox[Health] = Inbox(depth=16)
+        self._health: BusInbox[Health] = BusInbox(depth=16)
         self._said: tuple[str, ...] = ()
         bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, self._health)
 
@@ -75,7 +75,7 @@ class Waits:
         """Return a line where others are waited for than was said; empty otherwise."""
         silent = self._said
         while len(self._health) and (arrived := self._health.get(seconds=0)):
-            silent = HoldUps.read(arrived[1].counters).silent_now
+            silent = Stalls.read(arrived[1].counters).silent_now
         if silent == self._said:
             return ""
         self._said = silent

@@ -17,7 +17,7 @@ import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK, COMMAND, driver_name
 from groundlink.cli.terminal.keyboard import HELP, Keyboard, keys
@@ -70,7 +70,7 @@ def drive(options: argparse.Namespace) -> int:
         run, scenario = process.join(bus, options.run, stop)
         vehicle = _vehicle(scenario, options.vehicle)
         if not options.route:
-            clocks: Inbox[Clock] = Inbox(depth=4)
+            clocks: BusInbox[Clock] = BusInbox(depth=4)
             bus.subscribe(CLOCK.key_in(run), Clock, clocks)
             publish = bus.publisher(COMMAND.key_in(run, vehicle=vehicle.name), COMMAND.delivery)
             first = clocks.get(seconds=TIME_SECONDS)

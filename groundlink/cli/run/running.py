@@ -16,7 +16,7 @@ from rich.console import Console
 from groundlink.bus import topics
 from groundlink.bus.session import DEFAULT_ENDPOINT
 from groundlink.bus.topics import process_names
-from groundlink.core.errors import LackingError, UserError
+from groundlink.core.errors import RequirementError, UserError
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway
@@ -67,12 +67,12 @@ def recorder(out: str, run: str, endpoint: str) -> list[str]:
 
     Raises
     ------
-    LackingError
+    RequirementError
         when a package of the extra `record` is not installed; a run would wait for its recorder.
     """
     for package in ("mcap", "rosbags", "zstandard"):
         if importlib.util.find_spec(package) is None:
-            raise LackingError(
+            raise RequirementError(
                 f"the Python package `{package}` is not installed. "
                 "Fix: pip install 'groundlink[record]'"
             )
@@ -105,7 +105,7 @@ def ros_side(gateway: Gateway, shown: Console) -> list[str]:
     if importlib.util.find_spec("rclpy") and importlib.util.find_spec("udp_bridge_ros2"):
         return ["-m", "udp_bridge_ros2", *bind]
     if importlib.util.find_spec("udp_bridge") is None:
-        raise LackingError(
+        raise RequirementError(
             "the Python package `udp_bridge` is not installed. Fix: pip install "
             "'groundlink[gateway]', or start without a ROS side: --no-ros"
         )

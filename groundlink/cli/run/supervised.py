@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH
 from groundlink.cli.terminal.output import display, say, stop_on_signals
@@ -93,7 +93,7 @@ class SupervisedRun:
         The process that has ended the run, or that its user must mend; see `exit_code`.
         """
         with Bus(listen=self._endpoint) as bus:
-            inbox: Inbox[Health] = Inbox(depth=1024)
+            inbox: BusInbox[Health] = BusInbox(depth=1024)
             bus.subscribe(HEALTH.key_in(self._run), Health, inbox)
             try:
                 self._supervisor.start()
@@ -107,7 +107,7 @@ class SupervisedRun:
         return failed
 
     def _tend(
-        self, inbox: Inbox[Health], is_over: Callable[[], bool], show: Callable[[bool], None]
+        self, inbox: BusInbox[Health], is_over: Callable[[], bool], show: Callable[[bool], None]
     ) -> Child | None:
         failed = None
         while not (failed or self._stop.is_set() or is_over()):
@@ -117,7 +117,7 @@ class SupervisedRun:
         show(True)
         return self.children[failed] if failed else None
 
-    def _hear(self, inbox: Inbox[Health]) -> None:
+    def _hear(self, inbox: BusInbox[Health]) -> None:
         """Tell the monitor all that waits; wait a moment where nothing does."""
         while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
             self.monitor.heard(arrived[1], time.monotonic())

@@ -18,7 +18,7 @@ from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import link_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import HEALTH, process_names
@@ -61,7 +61,7 @@ def top(options: argparse.Namespace) -> int:
         overview = Overview(run, declared_rates(scenario))
         prefix = HEALTH.key_in(run, process="")
         moves: deque[tuple[str, bool]] = deque()
-        inbox: Inbox[Health] = Inbox(depth=1024)
+        inbox: BusInbox[Health] = BusInbox(depth=1024)
         bus.subscribe(HEALTH.key_in(run), Health, inbox)
         bus.watch(HEALTH.key_in(run), lambda key, there: moves.append((key, there)))
         begun = time.monotonic()

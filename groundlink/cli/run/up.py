@@ -19,8 +19,8 @@ from rich.console import Console
 from groundlink import __version__
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
-from groundlink.core.whole_file import whole
 from groundlink.loader import load, time_choice
 from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor
 from groundlink.monitor.supervisor import Child
@@ -122,7 +122,7 @@ def up(options: argparse.Namespace) -> int:
     _summarise(console, monitor, children, faults)
     if options.report:
         report = _report(scenario, run, started, monitor, children, faults)
-        with whole(options.report) as part:
+        with write_atomically(options.report) as part:
             part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if failed:
         return supervised.exit_code(failed)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from groundlink.bus.topics import GATEWAY, PHYSICS
-from groundlink.core.backoff import Quiet
+from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
 from groundlink.scenario import Scenario
@@ -31,7 +31,7 @@ from .reply_mailbox import Words
 from .sensor_progress import Others
 
 if TYPE_CHECKING:
-    from groundlink.bus.inbox import Inbox
+    from groundlink.bus.inbox import BusInbox
     from services.gateway.bus_session import Resumed
     from services.gateway.gateway import Gateway, ToRos
     from udp_bridge.io.link import Link
@@ -92,7 +92,7 @@ class Lockstep:
         """What the present Barrier tells of."""
         self._resumed: Resumed | None = None
         self._told: tuple[Word, Sequence[WireMessage]] | None = None
-        self._quiet, self._is_news = Quiet(0.0), True
+        self._quiet, self._is_news = Backoff(0.0), True
         self._due: Clock | None = None
         self._last: Barrier | None = None
         self._asks = True
@@ -106,7 +106,7 @@ class Lockstep:
             ("barriers", "barriers_skipped", "lost_for_ros", "lost_from_ros", "other_lives"), 0
         )
 
-    def listen(self, inbox: Inbox[Message]) -> tuple[str, Message] | None:
+    def listen(self, inbox: BusInbox[Message]) -> tuple[str, Message] | None:
         """Return what has arrived from the bus; wait for it, or for ROS."""
         if not self._asks:
             arrived = inbox.get(seconds=REPEAT_SECONDS)

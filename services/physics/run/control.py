@@ -16,7 +16,7 @@ import msgspec
 
 from groundlink.core.errors import UserError
 from groundlink.messages.control import (
-    AnyWish,
+    AnyRunCommand,
     ControlAnswer,
     Pause,
     Remove,
@@ -83,7 +83,7 @@ class Control:
         error = ""
         if asked:
             try:
-                wish = msgspec.json.decode(asked, type=AnyWish)
+                wish = msgspec.json.decode(asked, type=AnyRunCommand)
                 self.between_ticks(lambda: self._do(wish, content))
             except (msgspec.DecodeError, UserError) as problem:
                 error = str(problem)
@@ -121,7 +121,7 @@ class Control:
         while not self._waiting.empty():
             self._waiting.get()()
 
-    def _do(self, wish: AnyWish, content: bytes) -> None:
+    def _do(self, wish: AnyRunCommand, content: bytes) -> None:
         if self.restoring_to >= 0 and isinstance(wish, Reset | Spawn | Remove | Restore):
             raise UserError(
                 f"the run is being restored, at tick {self.tick} of {self.restoring_to}; ask again "

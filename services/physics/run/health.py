@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GAPS, HEALTH
 from groundlink.messages.base import Health
@@ -29,8 +29,8 @@ class Watch:
     def __init__(self, bus: Bus, run: str, time: Time) -> None:
         self._patience = Patience(time)
         self._factor = RealTimeFactor()
-        self._gaps: Inbox[Gaps] = Inbox(depth=256)
-        self._health: Inbox[Health] = Inbox(depth=256)
+        self._gaps: BusInbox[Gaps] = BusInbox(depth=256)
+        self._health: BusInbox[Health] = BusInbox(depth=256)
         self._shortfalls: Shortfalls | None = None
         self._scenario: Scenario | None = None
         self._declared_hz: dict[str, float] = {}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Iterable
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import ACK, COMMAND, HEALTH, JOINT_COMMAND, WHEEL_COMMAND
 from groundlink.messages.base import Ack, Command, WheelCommand
@@ -31,8 +31,8 @@ class Company:
 
     def __init__(self, bus: Bus, run: str) -> None:
         self._bus, self._run = bus, run
-        self._commands: Inbox[Command | WheelCommand | JointState] = Inbox(depth=1024)
-        self._acks: Inbox[Ack] = Inbox(depth=1024)
+        self._commands: BusInbox[Command | WheelCommand | JointState] = BusInbox(depth=1024)
+        self._acks: BusInbox[Ack] = BusInbox(depth=1024)
         self._vehicles: dict[str, str] = {}
         self._gone: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._seen: frozenset[str] = frozenset()

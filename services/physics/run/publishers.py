@@ -19,7 +19,7 @@ from groundlink.bus.topics import (
     STATE,
     TRUE_WHEELS,
     VITALS,
-    Topic,
+    BusTopic,
 )
 from groundlink.messages.base import Message, encode
 from groundlink.scenario import Scenario
@@ -42,7 +42,7 @@ class Outlets(NamedTuple):
 def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None) -> Outlets:
     """Declare all that physics publishes, but what is declared already."""
 
-    def each(row: Topic, there: dict[str, Publish]) -> dict[str, Publish]:
+    def each(row: BusTopic, there: dict[str, Publish]) -> dict[str, Publish]:
         names = (vehicle.name for vehicle in scenario.vehicles)
         return {
             name: there.get(name) or bus.publisher(row.key_in(run, vehicle=name), row.delivery)

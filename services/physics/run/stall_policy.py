@@ -14,7 +14,7 @@ from collections.abc import Collection
 from groundlink.bus.topics import GATEWAY
 from groundlink.core.errors import RunFailed
 from groundlink.messages.missing_readings import Cause, Gaps, in_words
-from groundlink.messages.stalls import HoldUps, by_name
+from groundlink.messages.stalls import Stalls, by_name
 from groundlink.scenario.schema import Time
 
 from .pacer import Pace
@@ -130,13 +130,13 @@ class Patience:
         for name in list(self._named):
             self._end(name)
 
-    def hold_ups(self, pace: Pace) -> HoldUps:
+    def hold_ups(self, pace: Pace) -> Stalls:
         """Return all that is known of hold-ups up to the last look."""
         silent = {name: self._now - since for name, since in self._named.items()}
         for name, seconds in self._past_seconds.items():
             silent[name] = silent.get(name, 0.0) + seconds
         behind = pace.behind_seconds(self._tick)
-        return HoldUps(tuple(sorted(self._named)), silent, pace.stretched_seconds, behind)
+        return Stalls(tuple(sorted(self._named)), silent, pace.stretched_seconds, behind)
 
     @property
     def _goes_on(self) -> bool:

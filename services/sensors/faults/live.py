@@ -18,7 +18,7 @@ from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.loader.fault_checks import mistake
 from groundlink.messages.base import Ack, State
 from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
-from groundlink.process.state_follower import StateTaker
+from groundlink.process.state_follower import StateConsumer
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor
@@ -43,7 +43,7 @@ def cleared(faults: tuple[Fault, ...], tick: int) -> tuple[Fault, ...]:
 
 
 class LiveFaults:
-    """A sensor's process whose faults are told and can be changed (a `StateTaker`).
+    """A sensor's process whose faults are told and can be changed (a `StateConsumer`).
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class LiveFaults:
 
     def __init__(
         self,
-        sensor: StateTaker,
+        sensor: StateConsumer,
         model: FaultyModel,
         *,
         vehicle: Vehicle,

@@ -17,7 +17,7 @@ from groundlink.bus.topics import ACK
 from groundlink.core.clock import NANOS, exact
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
-from groundlink.process.state_follower import Follower, follow_states
+from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario.sensors import Optics
 from groundlink.world.build import world_hash
 from services.sensors.rendering.gl.context import require
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or snapshot.frame is not None
 
-        follower = Follower(options.name, taker, lambda: {"refused": taker.refused})
+        follower = StateFollower(options.name, taker, lambda: {"refused": taker.refused})
         follow_states(bus, run, [follower], ended)
     if snapshot.frame is not None:
         prefix = f"{options.name.replace('/', '_')}_{options.at:g}s"

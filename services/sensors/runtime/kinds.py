@@ -24,8 +24,8 @@ from groundlink.messages.faults import counted
 from groundlink.messages.missing_readings import counters_of
 from groundlink.messages.reading_schedule import calendar
 from groundlink.process import runner as process
-from groundlink.process.name_claim import alone
-from groundlink.process.state_follower import Follower, follow_states
+from groundlink.process.name_claim import claim_name
+from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor, WithNative
@@ -119,7 +119,7 @@ def follower(
     opened: ExitStack,
     *,
     native: str | None = None,
-) -> Follower:
+) -> StateFollower:
     """Return what follows a run's states for the sensor of this kind and name.
 
     Parameters
@@ -133,7 +133,7 @@ def follower(
     assert found is not None, "who asks has found it"
     vehicle, spec = found
     assert isinstance(spec, kind.spec_type)
-    claim = alone(bus, run_name, name)
+    claim = claim_name(bus, run_name, name)
     model = kind.make_model(scenario, vehicle, spec)
     link: NativeLink | NoLink = NoLink()
     if kind.native is not None and isinstance(spec, WithNative):
@@ -210,4 +210,4 @@ def follower(
         }
         return counts | counters_of(account.missing) | counted(live.active) | link.counters
 
-    return Follower(name, live, counters, claim)
+    return StateFollower(name, live, counters, claim)

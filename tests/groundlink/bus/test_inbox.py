@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import threading
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.messages.base import Clock, encode
 
 
@@ -12,7 +12,7 @@ def clock(tick: int) -> bytes:
 
 
 def test_messages_come_out_in_order_with_their_keys() -> None:
-    inbox: Inbox[Clock] = Inbox(depth=4)
+    inbox: BusInbox[Clock] = BusInbox(depth=4)
     inbox.put("a", clock(1), Clock)
     inbox.put("b", clock(2), Clock)
     assert inbox.get(seconds=0) == ("a", Clock(10, 0, 1, 0))
@@ -21,7 +21,7 @@ def test_messages_come_out_in_order_with_their_keys() -> None:
 
 
 def test_the_newest_are_kept_and_the_dropped_are_counted() -> None:
-    inbox: Inbox[Clock] = Inbox(depth=3)
+    inbox: BusInbox[Clock] = BusInbox(depth=3)
     inbox.put("b", clock(0), Clock)
     for tick in range(10):
         inbox.put("a", clock(tick), Clock)
@@ -33,7 +33,7 @@ def test_the_newest_are_kept_and_the_dropped_are_counted() -> None:
 
 
 def test_what_does_not_fit_is_counted_and_passed_over() -> None:
-    inbox: Inbox[Clock] = Inbox(depth=8)
+    inbox: BusInbox[Clock] = BusInbox(depth=8)
     inbox.put("bad", b"\xc1", Clock)
     inbox.put("worse", b"", Clock)
     inbox.put("good", clock(5), Clock)
@@ -43,7 +43,7 @@ def test_what_does_not_fit_is_counted_and_passed_over() -> None:
 
 
 def test_a_reader_wakes_when_a_message_comes() -> None:
-    inbox: Inbox[Clock] = Inbox(depth=1)
+    inbox: BusInbox[Clock] = BusInbox(depth=1)
     threading.Timer(0.05, inbox.put, ("late", clock(1), Clock)).start()
     arrived = inbox.get(seconds=30)
     assert arrived is not None
@@ -51,7 +51,7 @@ def test_a_reader_wakes_when_a_message_comes() -> None:
 
 
 def test_waiting_ends_with_a_message_and_leaves_it_there() -> None:
-    inbox: Inbox[Clock] = Inbox(depth=4)
+    inbox: BusInbox[Clock] = BusInbox(depth=4)
     inbox.wait(0.0)
     timer = threading.Timer(0.05, inbox.put, ("a", clock(1), Clock))
     timer.start()

@@ -13,7 +13,7 @@ import msgpack
 import msgspec
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.reference import reference
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import CLOCK, COMMAND, TOPICS
@@ -52,7 +52,7 @@ def test_the_example_reads_the_clock_and_commands_a_vehicle(tmp_path: Path) -> N
     endpoint = free_endpoint()
     own = code.replace("tcp/127.0.0.1:7447", endpoint)
     assert own != code
-    commands: Inbox[Command] = Inbox(depth=4)
+    commands: BusInbox[Command] = BusInbox(depth=4)
     with Bus(listen=endpoint) as bus:
         bus.subscribe(COMMAND.key_in("indoor_lab", vehicle="rover"), Command, commands)
         publish = bus.publisher(CLOCK.key_in("indoor_lab"), CLOCK.delivery)

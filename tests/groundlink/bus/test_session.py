@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
 from groundlink.bus.topics import Delivery
 from groundlink.messages.base import POINT, Clock, PointCloud, packed
@@ -37,7 +37,7 @@ def endpoint() -> Iterator[str]:
 
 def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
     with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
-        inbox: Inbox[Clock] = Inbox(depth=1000)
+        inbox: BusInbox[Clock] = BusInbox(depth=1000)
         receiver.subscribe(KEY, Clock, inbox)
         publish = sender.publisher(KEY, Delivery.ALL)
 
@@ -60,7 +60,7 @@ def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
 def test_one_subscription_keeps_the_order_of_all_keys(endpoint: str) -> None:
     """Large and small messages, over keys of their own, as a sensor's readings and its words."""
     with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
-        inbox: Inbox[PointCloud | Clock] = Inbox(depth=10_000)
+        inbox: BusInbox[PointCloud | Clock] = BusInbox(depth=10_000)
         cloud_key, clock_key = "groundlink/test/a/cloud", "groundlink/test/b/clock"
         types = {cloud_key: PointCloud, clock_key: Clock}
         receiver.subscribe_in_order("groundlink/test/**", lambda key: types.get(key), inbox)
@@ -93,7 +93,7 @@ def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
     points = np.frombuffer(np.random.default_rng(1).bytes(57_600 * POINT.itemsize), POINT)
     cloud = PointCloud(7, "lidar_link", packed(points))
     with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
-        inbox: Inbox[PointCloud] = Inbox(depth=10)
+        inbox: BusInbox[PointCloud] = BusInbox(depth=10)
         receiver.subscribe(KEY, PointCloud, inbox)
         publish = sender.publisher(KEY, Delivery.ALL)
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundlink.emulation import Impairment, OneWay
-from groundlink.emulation.model import FATES, OVERHEAD_BYTES, WAITING_BYTES
+from groundlink.emulation import Impairment, LinkDirection
+from groundlink.emulation.model import OUTCOMES, OVERHEAD_BYTES, WAITING_BYTES
 
 MS = 1_000_000
 COUNT = 40_000
@@ -20,14 +20,16 @@ SIGMAS = 4.0
 
 
 def way(*, seed: int = 1, direction: str = "to_ros", flips: bool = False, **fields: float | bool):  # type: ignore[no-untyped-def]
-    return OneWay[int](Impairment(**fields), seed=seed, direction=direction, flips=flips)  # type: ignore[arg-type]
+    return LinkDirection[int](Impairment(**fields), seed=seed, direction=direction, flips=flips)  # type: ignore[arg-type]
 
 
-def drain(one_way: OneWay[int], until_nanos: int = 1 << 62) -> list[tuple[int, bytes, int]]:
+def drain(one_way: LinkDirection[int], until_nanos: int = 1 << 62) -> list[tuple[int, bytes, int]]:
     return list(iter(lambda: one_way.take(until_nanos), None))
 
 
-def run(one_way: OneWay[int], count: int = COUNT, size: int = 8, period: int = MS) -> list[int]:
+def run(
+    one_way: LinkDirection[int], count: int = COUNT, size: int = 8, period: int = MS
+) -> list[int]:
     """Send `count` datagrams a period apart; return the indices in the order of delivery."""
     arrived = []
     for index in range(count):
@@ -36,10 +38,10 @@ def run(one_way: OneWay[int], count: int = COUNT, size: int = 8, period: int = M
     return arrived + [tag for _, _, tag in drain(one_way)]
 
 
-def adds_up(one_way: OneWay[int]) -> bool:
+def adds_up(one_way: LinkDirection[int]) -> bool:
     counts = one_way.counts
     offered = counts["datagrams"] + counts["duplicated"]
-    return offered == sum(counts[fate] for fate in FATES) + one_way.waiting
+    return offered == sum(counts[fate] for fate in OUTCOMES) + one_way.waiting
 
 
 def agrees(count: int, share: float, total: int) -> bool:

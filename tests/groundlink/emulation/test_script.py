@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from groundlink.emulation import Event, Impairment, LinkScript, Script, changed
+from groundlink.emulation import Impairment, LinkEvent, LinkScript, ScriptPlayer, changed
 from groundlink.emulation.script import parse_changes
 from groundlink.loader.document import ScenarioError
 from groundlink.loader.load import SHIPPED, load
@@ -17,15 +17,15 @@ from groundlink.loader.load import SHIPPED, load
 SCRIPT = LinkScript(
     to_ros=Impairment(delay_ms=10),
     events=(
-        Event(at_s=20, to_ros={"loss": 0}, from_ros={"outage": True}),
-        Event(at_s=10, to_ros={"loss": 0.3}),
-        Event(at_s=22, from_ros={"outage": False}),
+        LinkEvent(at_s=20, to_ros={"loss": 0}, from_ros={"outage": True}),
+        LinkEvent(at_s=10, to_ros={"loss": 0.3}),
+        LinkEvent(at_s=22, from_ros={"outage": False}),
     ),
 )
 
 
 def test_events_change_only_what_they_name() -> None:
-    script = Script(SCRIPT)
+    script = ScriptPlayer(SCRIPT)
     for seconds, to_ros, from_ros in [
         (0, Impairment(delay_ms=10), Impairment()),
         (9.99, Impairment(delay_ms=10), Impairment()),
@@ -38,7 +38,7 @@ def test_events_change_only_what_they_name() -> None:
 
 
 def test_a_change_during_a_run_holds_until_an_event_names_its_field() -> None:
-    script = Script(SCRIPT)
+    script = ScriptPlayer(SCRIPT)
     script.at(1)
     script.change("to_ros", {"loss": 0.5, "jitter_ms": 2})
     assert script.at(9)["to_ros"] == Impairment(delay_ms=10, loss=0.5, jitter_ms=2)
@@ -64,12 +64,12 @@ def test_mistakes_are_told_in_one_line(changes: dict[str, Any], words: list[str]
     for word in words:
         assert word in str(refused.value)
     with pytest.raises(ValueError, match=r"event at 3 s: from_ros: "):
-        LinkScript(events=(Event(at_s=3, from_ros=changes),))
+        LinkScript(events=(LinkEvent(at_s=3, from_ros=changes),))
 
 
 def test_a_direction_that_is_none() -> None:
     with pytest.raises(ValueError, match="no direction `back`; expected to_ros or from_ros"):
-        Script(SCRIPT).change("back", {})
+        ScriptPlayer(SCRIPT).change("back", {})
 
 
 def test_a_script_travels() -> None:

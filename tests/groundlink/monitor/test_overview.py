@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from groundlink.messages.base import Health, StreamReport
-from groundlink.messages.stalls import HoldUps
+from groundlink.messages.stalls import Stalls
 from groundlink.monitor.overview import SILENT_SECONDS, Overview
 
 STREAM = StreamReport("/imu", "Imu", 400.0, 399.0, 0.004, 10, 2, missing=2, sent=12)
@@ -111,7 +111,7 @@ def test_once_is_when_everybody_spoke_twice(run: Overview) -> None:
 
 def test_who_holds_up_the_run_is_told(run: Overview) -> None:
     assert run.snapshot(0.0)["held_up"]["stretched_seconds"] == {}
-    told = HoldUps(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0}, 0.4)
+    told = Stalls(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0}, 0.4)
     run.heard(Health("physics", 1, 400, told.counters()), 1.0)
     assert run.snapshot(1.0)["held_up"] == {
         "silent_now": ("rover/imu",),

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.process.liveness_file import VARIABLE, Alive
+from groundlink.process.liveness_file import VARIABLE, LivenessFile
 
 
 def test_it_is_touched_while_there_is_a_link_and_no_longer(tmp_path: Path) -> None:
     file, links = tmp_path / "alive", [True, True, False, False]
-    alive = Alive("rover/imu", lambda: links.pop(0), {VARIABLE: str(file)})
+    alive = LivenessFile("rover/imu", lambda: links.pop(0), {VARIABLE: str(file)})
     alive.show(0.0)
     file.unlink()
     alive.show(1.0)
@@ -25,7 +25,7 @@ def test_it_is_touched_while_there_is_a_link_and_no_longer(tmp_path: Path) -> No
 
 def test_what_changes_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
     links = [True, False, False, True, True]
-    alive = Alive("rover/imu", lambda: links.pop(0), {})
+    alive = LivenessFile("rover/imu", lambda: links.pop(0), {})
     for second in range(5):
         alive.show(float(second))
     assert capsys.readouterr().err.splitlines() == [

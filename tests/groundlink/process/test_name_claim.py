@@ -16,7 +16,7 @@ import pytest
 from groundlink.bus.session import Bus
 from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
-from groundlink.process.name_claim import YIELD_SECONDS, Claim, alone, claims_key
+from groundlink.process.name_claim import YIELD_SECONDS, NameClaim, claim_name, claims_key
 from groundlink.process.runner import Heartbeat
 from tests.system.rig import wait_for
 
@@ -46,7 +46,7 @@ def test_of_several_that_start_at_once_one_goes_on(endpoint: str) -> None:
         with Bus(connect=endpoint) as bus:
             together.wait(20)
             try:
-                alone(bus, RUN, NAME)
+                claim_name(bus, RUN, NAME)
             except UserError as error:
                 ends.release()
                 return str(error)
@@ -69,7 +69,7 @@ def test_of_several_that_start_at_once_one_goes_on(endpoint: str) -> None:
 def test_a_name_is_free_again_when_its_process_has_ended(endpoint: str) -> None:
     for _ in range(2):
         with Bus(connect=endpoint) as bus:
-            alone(bus, RUN, NAME)
+            claim_name(bus, RUN, NAME)
             bus.announce(f"groundlink/{RUN}/health/{NAME}")
 
 
@@ -81,7 +81,7 @@ def test_who_comes_while_another_one_is_starting_waits_to_see_who_it_is(endpoint
         starts = threading.Timer(1.0, live, (first, over))
         starts.start()
         with pytest.raises(UserError, match=f"is there already, on .* .process {os.getpid()}."):
-            alone(second, RUN, NAME)
+            claim_name(second, RUN, NAME)
         over.set()
         starts.join()
 
@@ -106,8 +106,8 @@ class Cut:
             self._on_change(key, there)
 
 
-def claim(bus: Any) -> Claim:
-    return Claim(bus, RUN, NAME, f"{claims_key(RUN, NAME)}/5")
+def claim(bus: Any) -> NameClaim:
+    return NameClaim(bus, RUN, NAME, f"{claims_key(RUN, NAME)}/5")
 
 
 def test_who_was_cut_off_ends_when_a_later_one_has_taken_its_place() -> None:
@@ -143,7 +143,7 @@ def test_who_goes_on_is_not_stopped_by_one_that_comes_back_or_looks_or_has_gone(
 
 def test_two_that_run_see_each_other(endpoint: str) -> None:
     with Bus(connect=endpoint) as first, Bus(connect=endpoint) as second:
-        earlier = alone(first, RUN, NAME)
+        earlier = claim_name(first, RUN, NAME)
         later = f"{claims_key(RUN, NAME)}/{time.time_ns():019}0000000000"
         second.announce(later)
         with pytest.raises(UserError, match="and goes on; this one ends"):

@@ -13,7 +13,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import STATE
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, State, encode
-from groundlink.process.state_follower import Follower, follow_states
+from groundlink.process.state_follower import StateFollower, follow_states
 
 LIFE = 5
 ACK_TICKS = 4
@@ -81,7 +81,7 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def follow(physics: Physics, taker: Taker, ended: Callable[[], bool], *, waited_for: bool) -> None:
-    followers = [Follower("rover/imu", taker, lambda: {"refused": 0})]
+    followers = [StateFollower("rover/imu", taker, lambda: {"refused": 0})]
     follow_states(cast(Bus, physics), "run", followers, ended, waited_for=waited_for)
 
 

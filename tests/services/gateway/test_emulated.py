@@ -15,8 +15,8 @@ import msgspec
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.emulation import Event, Impairment, LinkScript
-from groundlink.emulation.model import FATES
+from groundlink.emulation import Impairment, LinkEvent, LinkScript
+from groundlink.emulation.model import OUTCOMES
 from groundlink.scenario.ros_side import Gateway as Settings
 from services.gateway.__main__ import sockets
 from services.gateway.emulated import Emulated
@@ -105,7 +105,7 @@ def test_both_ways_are_delayed_and_nothing_is_lost(stack: ExitStack) -> None:
 
 
 def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> None:
-    ends = Ends(stack, LinkScript(events=(Event(at_s=10, to_ros={"outage": True}),)))
+    ends = Ends(stack, LinkScript(events=(LinkEvent(at_s=10, to_ros={"outage": True}),)))
 
     def send() -> dict[str, int]:
         ends.gateway.send(8, "/clock", "", 1, b"x")
@@ -154,7 +154,7 @@ def test_counters_add_up_under_everything_at_once(stack: ExitStack) -> None:
     wait_for(lambda: ends.counts("to_ros")["waiting"] == 0)
     counts = ends.counts("to_ros")
     assert counts["datagrams"] == 500
-    assert counts["datagrams"] + counts["duplicated"] == sum(counts[fate] for fate in FATES)
+    assert counts["datagrams"] + counts["duplicated"] == sum(counts[fate] for fate in OUTCOMES)
     assert min(counts[name] for name in ("lost", "duplicated", "corrupted", "delayed")) > 0
     wait_for(lambda: ends.ros.counters()["received_datagrams"] == counts["delivered"])
     assert ends.ros.counters()["refused"] == {}

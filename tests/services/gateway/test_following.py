@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Ack, Clock, Message, encode
@@ -40,7 +40,7 @@ def test_of_what_has_piled_up_the_stale_is_dropped_by_stamp_and_counted(
     seconds: float, stale_seconds: float
 ) -> None:
     """Samples of 100 a second, each behind its clock, and all of them waiting."""
-    bench, inbox = Bench(), Inbox[Message](depth=8192)
+    bench, inbox = Bench(), BusInbox[Message](depth=8192)
     link: Any = bench.link
     following = Following(
         load(SHIPPED / "indoor_lab.yaml"), bench.gateway, link, acknowledge=lambda ack: None

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.messages.control import AnyWish, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
 from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, Wishes
@@ -27,7 +27,7 @@ class Bench:
     """Wishes with a physics that answers when it is let."""
 
     def __init__(self) -> None:
-        self.asked: list[AnyWish | None] = []
+        self.asked: list[AnyRunCommand | None] = []
         self.told: list[WishAnswer] = []
         self.error = ""
         self.answers = threading.Event()
@@ -37,7 +37,7 @@ class Bench:
         self.wishes = Wishes(self._ask, backlog=lambda: self.backlog)
         self.wishes.tell_by(self._tell)
 
-    def _ask(self, wish: AnyWish | None) -> ControlAnswer:
+    def _ask(self, wish: AnyRunCommand | None) -> ControlAnswer:
         self.asked.append(wish)
         assert self.answers.wait(10)
         if self.error:
@@ -73,7 +73,7 @@ def bench() -> Iterator[Bench]:
     ],
 )
 def test_what_is_wished_and_answered(
-    bench: Bench, wish: Wish, on_the_bus: AnyWish | None, state: int
+    bench: Bench, wish: Wish, on_the_bus: AnyRunCommand | None, state: int
 ) -> None:
     bench.wishes.take(wish)
     bench.wait(lambda: len(bench.told) == 1)

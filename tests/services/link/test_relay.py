@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from groundlink.emulation import Impairment
-from groundlink.emulation.model import FATES
+from groundlink.emulation.model import OUTCOMES
 from services.link import relay as module
 from services.link.relay import Relay
 from udp_bridge import Link, Message
@@ -113,7 +113,7 @@ def test_loss_is_what_the_receiver_misses(stack: ExitStack) -> None:
     wait_for(lambda: ros.counters()["received_datagrams"] == counts["delivered"])
     assert len(received) == 2000 - counts["lost"]
     assert 300 < counts["lost"] < 500
-    assert 2000 + counts["duplicated"] == sum(counts[fate] for fate in FATES)
+    assert 2000 + counts["duplicated"] == sum(counts[fate] for fate in OUTCOMES)
 
 
 class Told:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import REPLIES_KEPT
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
@@ -91,9 +91,9 @@ class TalkingBus(SlowBus):
 
     def __init__(self, clocks: Clocks) -> None:
         super().__init__(clocks)
-        self._inboxes: dict[str, tuple[type[Message], Inbox[Any]]] = {}
+        self._inboxes: dict[str, tuple[type[Message], BusInbox[Any]]] = {}
 
-    def subscribe(self, key: str, message_type: type[Message], inbox: Inbox[Any]) -> None:
+    def subscribe(self, key: str, message_type: type[Message], inbox: BusInbox[Any]) -> None:
         self._inboxes[key] = message_type, inbox
 
     def say(self, key: str, message: Message) -> None:

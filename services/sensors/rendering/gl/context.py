@@ -11,7 +11,7 @@ import importlib.util
 import os
 from typing import TYPE_CHECKING, TypeVar
 
-from groundlink.core.errors import LackingError
+from groundlink.core.errors import RequirementError
 
 if TYPE_CHECKING:
     import moderngl
@@ -37,7 +37,7 @@ void main() { colour = vec4(0.2, 0.4, 0.8, 1.0); depth = 1234.5; }
 """
 
 
-class RenderingUnavailableError(LackingError):
+class RenderingUnavailableError(RequirementError):
     """There is no OpenGL 3.3 here, or none that draws."""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from groundlink.cli.run.control import Waits
 from groundlink.messages.base import Health, encode
-from groundlink.messages.stalls import HoldUps
+from groundlink.messages.stalls import Stalls
 
 
 class Bus:
@@ -17,7 +17,7 @@ class Bus:
         self._inbox, self._key = inbox, key
 
     def silent(self, *names: str) -> None:
-        counters = HoldUps(silent_now=names).counters()
+        counters = Stalls(silent_now=names).counters()
         self._inbox.put(self._key, encode(Health("physics", 1, 12, counters)), Health)
 
 

@@ -11,7 +11,7 @@ from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.run.supervised import LINES_SHOWN, SupervisedRun
 from groundlink.cli.terminal.output import PLAIN_WIDTH
 from groundlink.messages.base import Health, StreamReport
-from groundlink.messages.stalls import HoldUps
+from groundlink.messages.stalls import Stalls
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import Child
 
@@ -57,7 +57,7 @@ def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
 
 def test_who_holds_up_the_run_stands_at_its_head() -> None:
     monitor = RunMonitor()
-    told = HoldUps(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
+    told = Stalls(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
     monitor.heard(Health("physics", 1, 400, {"worlds": 0} | told.counters()), 0.0)
     console = Console(width=PLAIN_WIDTH, file=io.StringIO())
     with console.capture() as capture:

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from groundlink.cli.run import running
-from groundlink.core.errors import LackingError
+from groundlink.core.errors import RequirementError
 from groundlink.scenario.ros_side import Gateway
 
 
@@ -22,7 +22,7 @@ def test_a_recorder_that_cannot_work_is_told_of_before_the_run(
     monkeypatch.setattr(
         "importlib.util.find_spec", lambda name: None if name == package else find(name)
     )
-    with pytest.raises(LackingError, match=rf"`{package}` .*groundlink\[record\]"):
+    with pytest.raises(RequirementError, match=rf"`{package}` .*groundlink\[record\]"):
         running.recorder("run.mcap", "lab", "tcp/127.0.0.1:1")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus.inbox import Inbox
+from groundlink.bus.inbox import BusInbox
 from groundlink.core.backoff import QUIET_SECONDS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
@@ -91,7 +91,7 @@ class Rig:
             resume=self.resume,
             say=self.said.append,
         )
-        self.inbox: Inbox[Message] = Inbox(depth=64)
+        self.inbox: BusInbox[Message] = BusInbox(depth=64)
 
     def resume(self, process: str) -> Resumed | None:
         if process == "gateway" or self.resumed is None:

@@ -11,7 +11,7 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.loader.spawned import KINDS
 from groundlink.messages.control import (
-    AnyWish,
+    AnyRunCommand,
     ControlAnswer,
     Pause,
     Remove,
@@ -59,7 +59,7 @@ class Loop:
             asking.join(0.001)
         return msgspec.json.decode(answers[0], type=ControlAnswer)
 
-    def wished(self, wish: AnyWish, content: bytes = b"") -> ControlAnswer:
+    def wished(self, wish: AnyRunCommand, content: bytes = b"") -> ControlAnswer:
         return self.asked(msgspec.json.encode(wish).decode(), content)
 
 
@@ -85,7 +85,7 @@ def test_steps_of_a_running_run_end_in_a_pause() -> None:
 
 
 @pytest.mark.parametrize("wish", [Pause(), Resume()])
-def test_a_run_that_begins_again_stands_or_goes_as_before(wish: AnyWish) -> None:
+def test_a_run_that_begins_again_stands_or_goes_as_before(wish: AnyRunCommand) -> None:
     loop = Loop()
     loop.wished(wish)
     loop.turn(5)
@@ -124,7 +124,7 @@ def test_what_is_to_be_restored_comes_with_the_wish() -> None:
 
 
 @pytest.mark.parametrize("wish", [Reset(), Restore(), Remove("ball"), Spawn(KINDS["box"])])
-def test_nothing_changes_a_run_while_it_is_restored(wish: AnyWish) -> None:
+def test_nothing_changes_a_run_while_it_is_restored(wish: AnyRunCommand) -> None:
     loop = Loop()
     loop.control.restoring_to, loop.control.tick = 800, 200
     answer = loop.wished(wish)

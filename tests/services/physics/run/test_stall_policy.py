@@ -10,7 +10,7 @@ import pytest
 from groundlink.bus.topics import GATEWAY
 from groundlink.core.errors import RunFailed
 from groundlink.messages.missing_readings import Gap, Gaps
-from groundlink.messages.stalls import HoldUps
+from groundlink.messages.stalls import Stalls
 from groundlink.scenario.schema import Time
 from services.physics.run.stall_policy import START_SECONDS
 from tests.services.physics.paced import LIDAR, SENSORS, Paced
@@ -28,7 +28,7 @@ def begun(**time: Any) -> Paced:
     return run
 
 
-def hold_ups(run: Paced) -> HoldUps:
+def hold_ups(run: Paced) -> Stalls:
     return run.patience.hold_ups(run.pace)
 
 

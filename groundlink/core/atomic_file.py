@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .errors import UserError, reason
+from .errors import UserError, os_error_reason
 
 
 @contextmanager
-def whole(out: Path) -> Iterator[Path]:
+def write_atomically(out: Path) -> Iterator[Path]:
     """Give the path to write to; rename it to `out` at the end. It may become a file or a folder.
 
     Raises
@@ -30,7 +30,7 @@ def whole(out: Path) -> Iterator[Path]:
         yield part
         os.replace(part, out)
     except OSError as error:
-        raise UserError(f"cannot write {out}: {reason(error)}") from None
+        raise UserError(f"cannot write {out}: {os_error_reason(error)}") from None
     finally:
         if part.is_dir():
             shutil.rmtree(part, ignore_errors=True)
