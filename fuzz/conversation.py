@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 from udp_bridge import Limits, Message
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import Fec, Mode, Resend
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.fec import is_available
 from udp_bridge.wire.header import NANOS, SEQ_NUMBERS, Header, parse
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.repair import parse_resend
 from udp_bridge.wire.types import RESEND
 

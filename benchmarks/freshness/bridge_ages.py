@@ -19,9 +19,9 @@ from collections import Counter
 
 from groundlink.emulation import Impairment
 from udp_bridge import Link, Message
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.fragments import DatagramSize
+from udp_bridge.wire.message import Address
 
 from .tcp_ages import ROW, Arrival
 from .two_hosts import HOSTS, run

@@ -13,12 +13,11 @@ from typing import NamedTuple
 from groundlink.emulation import Impairment, LinkDirection
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.sender.credit_window import DatagramKey
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import Mode
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.fragments import DatagramSize
 from udp_bridge.wire.header import Header
+from udp_bridge.wire.message import Address, DatagramKey
 from udp_bridge.wire.repair import Request
 
 NANOS = 1_000_000_000

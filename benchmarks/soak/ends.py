@@ -21,8 +21,8 @@ from typing import Any
 
 from udp_bridge import Link, Message
 from udp_bridge.sender.accounts import Account
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import Resend
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import MSG_TYPES
 
 DATAGRAM = 8192

@@ -19,8 +19,8 @@ import threading
 import time
 
 from udp_bridge import Link, Message
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import parse_mode
+from udp_bridge.wire.message import Address
 
 PORTS = (7510, 7511)
 LOSS = 0.05

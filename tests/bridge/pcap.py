@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from udp_bridge.sender.outgoing import Address
+from udp_bridge.wire.message import Address
 
 _FILE = struct.Struct("<IHHiIII")
 _RECORD = struct.Struct("<IIII")

@@ -21,11 +21,11 @@ from udp_bridge import Header, Link
 from udp_bridge.io import address_guard
 from udp_bridge.node import inlet, lockstep, outlet
 from udp_bridge.node.end import End, Settings
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire import address_validation
 from udp_bridge.wire.control import AddressChallenge, CreditRequest, Subscribe, parse
 from udp_bridge.wire.header import parse as parse_header
 from udp_bridge.wire.lockstep import Barrier, Sent
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
 TEXT, TWIST = type_number("String"), type_number("Twist")

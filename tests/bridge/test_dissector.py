@@ -16,13 +16,13 @@ from tests.udp_bridge.vectors import VECTORS
 from udp_bridge import MSG_TYPES, Header, Link, Message, Refused, parse
 from udp_bridge.io.socket_wrappers import Around
 from udp_bridge.io.udp_socket import UdpSocket
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire import control
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.wire.fec import RAPTORQ
 from udp_bridge.wire.header import Buffer
 from udp_bridge.wire.lockstep import WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.repair import Offer, Request, Symbol, parse_resend, parse_symbol
 from udp_bridge.wire.run_commands import PAUSED, STEP, Wish, WishAnswer
 from udp_bridge.wire.seal import Seal

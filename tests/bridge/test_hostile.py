@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from udp_bridge import Link, Message
 from udp_bridge.io.socket_wrappers import Around
 from udp_bridge.io.udp_socket import UdpSocket
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.header import Buffer
+from udp_bridge.wire.message import Address
 
 MESSAGES = 60
 PATIENCE_S = 20.0

@@ -15,11 +15,11 @@ from udp_bridge import Message
 from udp_bridge.io.credit_mailbox import Parking
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.receiver.receive_slots import NOWHERE, Credits
-from udp_bridge.sender.credit_window import DatagramKey
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.control import Credit
 from udp_bridge.wire.control import parse as parse_control
 from udp_bridge.wire.header import Header
+from udp_bridge.wire.message import DatagramKey
 from udp_bridge.wire.types import CONTROL
 
 LOCAL = ("127.0.0.1", 0)

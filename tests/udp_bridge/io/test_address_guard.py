@@ -13,8 +13,8 @@ from udp_bridge.io import address_guard
 from udp_bridge.io.address_guard import AddressGuard, Unguarded, open_socket
 from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
 from udp_bridge.io.udp_socket import UdpSocket
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire import address_validation
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
 
 LOCAL, EVERYWHERE = ("127.0.0.1", 0), ("0.0.0.0", 0)

@@ -17,10 +17,10 @@ from udp_bridge.io.credit_mailbox import Parking
 from udp_bridge.io.socket_wrappers import PeersOnly
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Run
-from udp_bridge.sender.credit_window import DatagramKey
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.control import Credit, CreditRequest
 from udp_bridge.wire.header import Header, parse
+from udp_bridge.wire.message import DatagramKey
 from udp_bridge.wire.types import CONTROL
 
 LOCAL = ("127.0.0.1", 0)

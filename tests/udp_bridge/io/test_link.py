@@ -15,10 +15,10 @@ import pytest
 from udp_bridge import BadMessage, Link, Message, TooLarge, fragments
 from udp_bridge.io.receive_thread import DEAF_NANOS
 from udp_bridge.io.udp_socket import UdpSocket, buffer_hint
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire import control
 from udp_bridge.wire.control import LinkReport, TopicReport
 from udp_bridge.wire.header import Buffer
+from udp_bridge.wire.message import Address
 
 LOCAL = ("127.0.0.1", 0)
 DEFAULT_BUFFER = 212_992

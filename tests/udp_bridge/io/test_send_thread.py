@@ -11,11 +11,11 @@ import pytest
 
 from udp_bridge import Link, parse
 from udp_bridge.sender import credit_window as flow
-from udp_bridge.sender.credit_window import DatagramKey
-from udp_bridge.sender.outgoing import Address, Run
+from udp_bridge.sender.outgoing import Run
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.fragments import datagram_of
 from udp_bridge.wire.header import Buffer, Header
+from udp_bridge.wire.message import Address, DatagramKey
 from udp_bridge.wire.types import RESEND
 
 TO = ("127.0.0.1", 9)

@@ -5,9 +5,9 @@ from typing import Any
 
 from udp_bridge import Header, Message, fragments, parse
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.sender.credit_window import DatagramKey
 from udp_bridge.wire import control
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
+from udp_bridge.wire.message import DatagramKey
 
 SENDER = ("192.0.2.7", 5000)
 OTHER = ("192.0.2.8", 5000)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from udp_bridge.sender.credit_window import CreditWindow, DatagramKey, Pacer, kernel_bytes
+from udp_bridge.sender.credit_window import CreditWindow, Pacer, kernel_bytes
 from udp_bridge.sender.token_bucket import TokenBucket
+from udp_bridge.wire.message import DatagramKey
 
 MS = 1_000_000
 SIZE = 65_300

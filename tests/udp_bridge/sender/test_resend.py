@@ -4,13 +4,14 @@ from __future__ import annotations
 import pytest
 
 from udp_bridge import Header, Message, parse
-from udp_bridge.sender.credit_window import UNKNOWN_BUFFER, DatagramKey
+from udp_bridge.sender.credit_window import UNKNOWN_BUFFER
 from udp_bridge.sender.outgoing import Datagram
 from udp_bridge.sender.repair import Resend
 from udp_bridge.sender.resend import HISTORY_MESSAGES
 from udp_bridge.sender.resend_budget import BURST_BYTES, LEAST_BYTES, WINDOW_S, Budget
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.fragments import DatagramSize
+from udp_bridge.wire.message import DatagramKey
 from udp_bridge.wire.repair import Offer, Request, parse_resend
 
 MS = 1_000_000

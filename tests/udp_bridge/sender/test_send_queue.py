@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.io.send_thread import take_in_turn
-from udp_bridge.sender.credit_window import DatagramKey
 from udp_bridge.sender.outgoing import Datagram
 from udp_bridge.sender.pending import SMALL_WAITING_PER_TOPIC
 from udp_bridge.sender.repair import Fec, Mode, RepairTable, Resend
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.fragments import datagram_of
 from udp_bridge.wire.known_headers import EXPRESS_TOPICS
+from udp_bridge.wire.message import DatagramKey
 from udp_bridge.wire.repair import Offer, Request, parse_resend
 
 TO = ("192.0.2.1", 4000)

@@ -22,12 +22,11 @@ from udp_bridge.io.link import Link
 from udp_bridge.io.udp_socket import buffer_hint
 from udp_bridge.receiver.counters import Counters
 from udp_bridge.receiver.reassembly import Reassembler
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.capture import BadRecording, datagrams
 from udp_bridge.wire.fragments import DatagramSize, check_datagram_size, plan
 from udp_bridge.wire.header import NANOS
 from udp_bridge.wire.keys import read_key
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.seal import FROM_ROS, TO_ROS
 from udp_bridge.wire.types import MSG_TYPES, type_number
 

@@ -14,7 +14,6 @@ import time
 from typing import List, Optional, Sequence, Tuple
 
 from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Place, Run
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.wire import control
 from udp_bridge.wire.address_validation import (
@@ -26,6 +25,7 @@ from udp_bridge.wire.address_validation import (
 )
 from udp_bridge.wire.control import Barrier, Subscribe
 from udp_bridge.wire.header import Buffer, Header, Refused, parse
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE
 
 from .socket_wrappers import Around, PeersOnly, Sealed

@@ -14,10 +14,11 @@ import struct
 from typing import Any, Callable, List, Optional, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import Credits, Place, Run
-from udp_bridge.sender.outgoing import Address, Order
+from udp_bridge.sender.outgoing import Order
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.wire.fragments import datagram_of
 from udp_bridge.wire.header import PART_NUMBER_OFFSET
+from udp_bridge.wire.message import Address
 
 from .credit_mailbox import Kept
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Optional, Tuple
 
-from udp_bridge.sender.credit_window import DatagramKey
-from udp_bridge.sender.outgoing import Address, Order
+from udp_bridge.sender.outgoing import Order
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.control import Credit
 from udp_bridge.wire.header import Header
+from udp_bridge.wire.message import Address, DatagramKey
 from udp_bridge.wire.types import CONTROL
 
 FLIGHTS = 16

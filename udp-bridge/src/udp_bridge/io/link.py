@@ -16,13 +16,12 @@ from udp_bridge.receiver.counters import Counters
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.receiver.limits import Limits
 from udp_bridge.sender.accounts import Account
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.pending import WaitingTable
 from udp_bridge.sender.repair import Mode, RepairTable, check_table
 from udp_bridge.wire.control import TopicReport
 from udp_bridge.wire.fragments import DatagramSize, TooLarge, check_datagram_size
 from udp_bridge.wire.header import BadMessage, Buffer
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, Message
 
 from .address_guard import guarded
 from .receive_thread import Listening, OnMessage

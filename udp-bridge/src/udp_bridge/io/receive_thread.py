@@ -13,9 +13,8 @@ from typing import Any, Callable, Optional
 
 from udp_bridge.receiver.delivery_reports import Answer
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.header import NANOS, Refused
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.types import MSG_TYPES
 
 from .udp_socket import DatagramSocket

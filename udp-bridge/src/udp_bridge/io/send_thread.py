@@ -14,15 +14,16 @@ import threading
 import time
 from typing import Any, Callable, Dict, List, Optional, Union
 
-from udp_bridge.sender.credit_window import ASK_NANOS, DatagramKey
-from udp_bridge.sender.outgoing import Address, Datagram
-from udp_bridge.sender.pending import TopicKey, WaitingTable
+from udp_bridge.sender.credit_window import ASK_NANOS
+from udp_bridge.sender.outgoing import Datagram
+from udp_bridge.sender.pending import WaitingTable
 from udp_bridge.sender.repair import Mode, RepairTable
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import TopicReport
 from udp_bridge.wire.fragments import DatagramSize
 from udp_bridge.wire.header import NANOS, Buffer, Header
+from udp_bridge.wire.message import Address, DatagramKey, TopicKey
 from udp_bridge.wire.repair import Request
 from udp_bridge.wire.types import CONTROL
 

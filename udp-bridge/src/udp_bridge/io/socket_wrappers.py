@@ -13,8 +13,8 @@ import time
 from typing import Iterable, List, Optional, Sequence, Tuple
 
 from udp_bridge.receiver.receive_slots import Credits, Place, Run
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.header import Buffer, Refused
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import OVERHEAD, Seal
 
 from .credit_mailbox import Kept

@@ -14,9 +14,9 @@ import sys
 from typing import Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import Credits, Place, Run
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.wire.header import Buffer
+from udp_bridge.wire.message import Address
 
 from . import batch_io as runs
 

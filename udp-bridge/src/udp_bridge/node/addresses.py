@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from udp_bridge.sender.outgoing import Address
+from udp_bridge.wire.message import Address
 
 DEFAULT_BIND = "127.0.0.1:7511"
 """Where a node receives when nothing is said."""

@@ -12,7 +12,7 @@ import time
 from queue import Empty, SimpleQueue
 from typing import Callable, Dict, List, Tuple
 
-from udp_bridge.sender.outgoing import Address
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.run_commands import Wish, WishAnswer
 
 REPEAT_S = 0.1

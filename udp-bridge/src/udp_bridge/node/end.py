@@ -16,11 +16,11 @@ from typing import Any, Callable, NamedTuple
 from udp_bridge import MSG_TYPES, Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.io.udp_socket import buffer_hint
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire import control
 from udp_bridge.wire.control import Barrier, Subscribe, Wish, WishAnswer
 from udp_bridge.wire.header import BadMessage
 from udp_bridge.wire.keys import Misfits, read_key
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE
 

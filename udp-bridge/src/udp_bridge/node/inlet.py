@@ -14,10 +14,10 @@ from struct import Struct
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Protocol, Tuple, TypeVar
 
 from udp_bridge.io.link import Link
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.header import BadMessage
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import MSG_TYPES, MessageType
 
 from .log import Log

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
 
 from udp_bridge import MSG_TYPES
 from udp_bridge.receiver.gathering import Gathering, Tally, in_order
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.lockstep import ANEW, DONE, INCOMPLETE, WAITING, Barrier, Sent, Word
+from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL
 
 from .answers import Answers

@@ -29,9 +29,8 @@ from typing import (
     Union,
 )
 
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.header import Buffer
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.types import MSG_TYPES, MessageType
 
 from .deliveries import Delivery, published

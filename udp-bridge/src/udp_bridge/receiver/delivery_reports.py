@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections import deque
 from typing import Deque, List, Optional, Tuple, Union
 
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.control import Credit, LinkReport, TopicReport
 from udp_bridge.wire.header import NANOS, Header
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.types import CONTROL
 
 from .arrivals import Key, key_of

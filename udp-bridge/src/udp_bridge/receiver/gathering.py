@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
-from udp_bridge.sender.pending import TopicKey
 from udp_bridge.wire.header import SEQ_NUMBERS
 from udp_bridge.wire.lockstep import Sent
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Message, TopicKey
 from udp_bridge.wire.types import type_number
 
 HELD_MESSAGES = 65_536

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from typing import Callable, List, Optional, Tuple, cast
 
-from udp_bridge.sender.credit_window import DatagramKey
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
 from udp_bridge.wire.header import FIXED_SIZE, Header, Refused, parse
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, DatagramKey, Message
 from udp_bridge.wire.repair import Request, parse_resend
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND
 

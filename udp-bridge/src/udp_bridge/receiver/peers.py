@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from typing import Iterator, Optional, Tuple
 
-from udp_bridge.sender.numbering import Numbering
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.header import NANOS
+from udp_bridge.wire.message import Address
+from udp_bridge.wire.numbering import Numbering
 
 GOODPUT_GRAIN_NANOS = NANOS // 10
 """Of the measure of what comes within a second."""

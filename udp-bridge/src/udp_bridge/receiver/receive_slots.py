@@ -11,8 +11,8 @@ from __future__ import annotations
 from struct import Struct
 from typing import NamedTuple, Optional, Tuple, Union
 
-from udp_bridge.sender.outgoing import Address
 from udp_bridge.wire.header import NANOS, PART_NUMBER_OFFSET, Header
+from udp_bridge.wire.message import Address
 
 from .assembly import Assembly
 from .nack import Asking

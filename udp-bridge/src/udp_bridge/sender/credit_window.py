@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Deque, List, NamedTuple, Optional, Tuple
+from typing import Deque, List, Optional, Tuple
 
 from udp_bridge.wire.header import NANOS
+from udp_bridge.wire.message import DatagramKey
 
 from .token_bucket import TokenBucket
 
@@ -41,15 +42,6 @@ def kernel_bytes(size: int) -> int:
     """
     rounding = size if size <= ROUNDED_UP_TO else 0
     return size + rounding + DATAGRAM_OVERHEAD
-
-
-class DatagramKey(NamedTuple):
-    """What a credit says of the datagram that it acknowledges."""
-
-    msg_type: int
-    topic: str
-    seq_number: int
-    part_number: int
 
 
 Flight = Tuple[int, int, int, int, int]

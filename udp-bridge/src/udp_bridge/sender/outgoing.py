@@ -6,13 +6,12 @@ Nothing is decided here: which of them goes, and when, is `sending`'s.
 
 from __future__ import annotations
 
-from typing import List, NamedTuple, Optional, Tuple
+from typing import List, NamedTuple, Optional
 
 from udp_bridge.wire.fragments import Parts
+from udp_bridge.wire.message import Address
 
 from .credit_window import Flight
-
-Address = Tuple[str, int]
 
 
 class Run(NamedTuple):

@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from typing import Deque, Dict, List, Mapping, Optional, Tuple
 
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Message, TopicKey
 
 SMALL_WAITING_PER_TOPIC = 512
 """Single-part messages of a topic that wait; more than a second of a 400 Hz topic."""
 
-TopicKey = Tuple[int, str]
-"""msg_type and topic."""
 WaitingTable = Mapping[TopicKey, int]
 """Body bytes that may wait of a topic's large messages; of one that is not in it the newest."""
 _LargeKey = Tuple[int, str, str]

@@ -8,10 +8,11 @@ and `resend` (sending), `fec_parts` and `resend_asking` (receiving).
 from __future__ import annotations
 
 import math
-from typing import Dict, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import Dict, Mapping, NamedTuple, Optional, Union
 
 from udp_bridge.wire import fec
 from udp_bridge.wire.header import NANOS, BadMessage
+from udp_bridge.wire.message import TopicKey
 
 DEFAULT_LIMIT_S = 0.5
 """Six rounds of 20 ms with their waiting times, three times over."""
@@ -33,8 +34,6 @@ class Resend(NamedTuple):
 
 
 Mode = Union[Fec, Resend]
-TopicKey = Tuple[int, str]
-"""msg_type and topic."""
 RepairTable = Mapping[TopicKey, Mode]
 
 

@@ -15,14 +15,14 @@ from udp_bridge.wire.control import CreditRequest
 from udp_bridge.wire.fragments import DatagramSize, Parts, Split, check_datagram_size, flat, plan
 from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
 from udp_bridge.wire.known_headers import KnownHeaders
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Address, DatagramKey, Message
+from udp_bridge.wire.numbering import Numbering
 from udp_bridge.wire.types import CONTROL, REPAIR
 
 from .accounts import Accounts
-from .credit_window import DatagramKey, Pacer, kernel_bytes
+from .credit_window import Pacer, kernel_bytes
 from .fec import symbols_of
-from .numbering import Numbering
-from .outgoing import Address, Datagram, Order, Run
+from .outgoing import Datagram, Order, Run
 from .pending import LargeWaiting, SmallWaiting, WaitingTable
 from .repair import Fec, RepairTable, Resend
 from .resend import Resender, Sent

@@ -15,9 +15,8 @@ from collections import OrderedDict
 from struct import Struct
 from typing import Dict, NamedTuple, Type, TypeVar
 
-from udp_bridge.sender.outgoing import Address
-
 from .header import NANOS, BadMessage, Buffer, Refused
+from .message import Address
 
 COOKIE_SIZE = 12
 COOKIE_NANOS = 10 * NANOS

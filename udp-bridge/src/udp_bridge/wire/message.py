@@ -3,9 +3,23 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Tuple
 
 from .header import NANOS, Buffer, Header
+
+Address = Tuple[str, int]
+"""Host and port."""
+TopicKey = Tuple[int, str]
+"""msg_type and topic."""
+
+
+class DatagramKey(NamedTuple):
+    """Identifies a datagram, for example in a Credit that acknowledges it."""
+
+    msg_type: int
+    topic: str
+    seq_number: int
+    part_number: int
 
 
 class Message(NamedTuple):

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.sender.numbering import NUMBERED_TOPICS, Numbering
+from udp_bridge.wire.numbering import NUMBERED_TOPICS, Numbering
 
 
 def test_numbers_count_by_type_and_topic() -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 
 from collections import OrderedDict
 
-from udp_bridge.wire.header import SEQ_NUMBERS, SIGNED_SEQ_NUMBERS
-
-from .pending import TopicKey
+from .header import SEQ_NUMBERS, SIGNED_SEQ_NUMBERS
+from .message import TopicKey
 
 NUMBERED_TOPICS = 4096
 """Topics whose numbers are remembered; one that is forgotten begins at 0 like a restart."""
