@@ -25,9 +25,10 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from groundlink.bus.core_topics import GATEWAY, HEALTH, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GATEWAY, HEALTH, PHYSICS, process_names
+from groundlink.bus.topics import process_names
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.deploy.compose import Deployment
 from groundlink.loader import load

@@ -16,9 +16,9 @@ import sys
 import time
 from pathlib import Path
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.core.clock import NANOS, TICK_RATE_HZ
 from groundlink.messages.base import State
 

@@ -23,9 +23,9 @@ from pathlib import Path
 import yaml
 
 from groundlink.bus.control_client import ask
+from groundlink.bus.core_topics import ACK, HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, HEALTH
 from groundlink.cli.run import running
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.loader import load

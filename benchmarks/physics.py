@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import Command, Message, State, encode

@@ -120,3 +120,56 @@ def test_what_a_page_points_at_is_there(page: Path) -> None:
     targets = re.findall(r"\]\(([^)#\s]+)", read(page))
     near = [target for target in targets if "://" not in target and ":" not in target]
     assert [target for target in near if not (page.parent / target).exists()] == []
+
+
+OWN = ("groundlink", "services", "udp_bridge")
+
+
+def loaded_by(*modules: str) -> dict[str, str]:
+    """Return our own modules that a process loads to import some, each with its importer."""
+    program = "; ".join(f"import {module}" for module in modules)
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-c", program],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    importers: dict[str, str] = {}
+    path: list[str] = []
+    # A module follows those that it imports, which are indented by two more columns.
+    for line in reversed(done.stderr.splitlines()):
+        indented = line.rpartition("|")[2][1:]
+        name = indented.strip()
+        path[(len(indented) - len(name)) // 2 :] = [name]
+        if name.partition(".")[0] in OWN:
+            importers[name] = path[-2] if len(path) > 1 else "the process"
+    return importers
+
+
+@pytest.mark.parametrize(
+    ("modules", "most"),
+    [
+        (("services.router.__main__",), 25),
+        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 95),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_a_process_imports_what_it_needs(modules: tuple[str, ...], most: int) -> None:
+    loaded = loaded_by(*modules)
+    listed = "\n".join(f"{name} (imported by {by})" for name, by in sorted(loaded.items()))
+    assert modules[0] in loaded
+    assert len(loaded) <= most, f"{len(loaded)} modules, expected at most {most}:\n{listed}"
+
+
+@pytest.mark.parametrize(
+    "service", ["driver", "gateway", "link", "recorder", "replay", "router", "sensors", "view"]
+)
+def test_only_physics_and_the_command_line_read_scenario_files(service: str) -> None:
+    loaded = loaded_by(f"services.{service}.__main__")
+    readers = {
+        name: by
+        for name, by in loaded.items()
+        if name.startswith(("groundlink.loader", "groundlink.importing"))
+    }
+    assert readers == {}

@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import msgspec
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH, STREAM_TOPICS
+from groundlink.bus.topics import STREAM_TOPICS
 from groundlink.loader import load
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario

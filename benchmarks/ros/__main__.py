@@ -21,9 +21,9 @@ from typing import NamedTuple
 import msgspec
 
 from benchmarks.bridge.processes import PATIENCE_S, Late, Program, Silent, python, stand_apart
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH
 from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.scenario.ros_side import Stream

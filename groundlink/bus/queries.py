@@ -6,7 +6,8 @@ Rule: a key is written here and nowhere else. Who answers stands with each.
 
 from __future__ import annotations
 
-from .topics import FAULTS, ROOT
+from .core_topics import ROOT
+from .topics import FAULTS
 
 
 def scenario_key(run: str) -> str:

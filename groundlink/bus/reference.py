@@ -19,7 +19,8 @@ from msgspec import inspect as types
 from groundlink.messages.base import POINT, Message
 from groundlink.messages.ground_truth import TRUE_POINT
 
-from .topics import ROOT, TOPICS
+from .core_topics import ROOT
+from .topics import TOPICS
 
 
 def reference() -> str:

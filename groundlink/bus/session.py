@@ -24,9 +24,9 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import M, Message, encode
 
 from . import zenoh_config as zenoh_settings
+from .core_topics import Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
-from .topics import Delivery
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where physics listens when it is told neither to listen nor to connect elsewhere."""

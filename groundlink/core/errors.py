@@ -7,7 +7,9 @@ command prints it and exits with its code; nobody else catches it.
 
 from __future__ import annotations
 
+import difflib
 import errno
+from collections.abc import Collection, Iterable
 from typing import ClassVar
 
 TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
@@ -44,3 +46,14 @@ def os_error_reason(error: OSError) -> str:
     return (
         f"{told}. Fix: raise the limit, ulimit -n 1024" if error.errno in TOO_MANY_FILES else told
     )
+
+
+def nearest(word: str, known: Iterable[str], missing: Collection[str] = ()) -> str:
+    """Return a hint that names the known word closest to `word`, the only missing one, or all."""
+    known = sorted(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean `{close[0]}`?"
+    if len(missing) == 1:
+        return f"did you mean `{next(iter(missing))}`, which is missing?"
+    return f"expected one of {', '.join(known)}"

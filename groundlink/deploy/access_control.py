@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, HEALTH, ROOT, STATE
 from groundlink.bus.queries import (
     asset_key,
     control_key,
@@ -23,20 +24,14 @@ from groundlink.bus.queries import (
     scenario_key,
 )
 from groundlink.bus.topics import (
-    ACK,
     BODIES,
-    CLOCK,
-    COMMAND,
     FAULTS,
     FROM_ROS,
     GAPS,
     GROUND_TRUTH,
-    HEALTH,
     JOINT_COMMAND,
     JOINTS,
     RELAYED,
-    ROOT,
-    STATE,
     TRUE_WHEELS,
     VITALS,
     WHEEL_COMMAND,

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from groundlink.bus.topics import process_names
-from groundlink.core.errors import UserError
-from groundlink.loader.explain import nearest
+from groundlink.core.errors import UserError, nearest
 from groundlink.scenario import Scenario
 
 MAIN = "main"

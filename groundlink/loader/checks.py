@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from groundlink.core.errors import nearest
+from groundlink.scenario.fault_checks import mistake
 from groundlink.scenario.lockstep_window import window_mistake
 from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
@@ -19,8 +21,7 @@ from groundlink.world.build import WorldError, solids
 from groundlink.world.spawn_checks import check_starts
 
 from .document import DataPath, Document, ScenarioError
-from .explain import dotted, nearest
-from .fault_checks import mistake
+from .explain import dotted
 
 
 def check(scenario: Scenario, document: Document) -> None:

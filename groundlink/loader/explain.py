@@ -7,30 +7,18 @@ written, and a misspelt word the right one.
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 
 import msgspec
 
+from groundlink.core.errors import nearest
 from groundlink.scenario.every_sensor import PATTERNS
 
 from .document import DataPath, Document, ScenarioError
 from .fields import choices, field_names, kinds, required_names
 
 S = TypeVar("S", bound=msgspec.Struct)
-
-
-def nearest(word: str, known: Iterable[str], missing: Collection[str] = ()) -> str:
-    """Return a hint that names the known word closest to `word`, the only missing one, or all."""
-    known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    if close:
-        return f"did you mean `{close[0]}`?"
-    if len(missing) == 1:
-        return f"did you mean `{next(iter(missing))}`, which is missing?"
-    return f"expected one of {', '.join(known)}"
 
 
 def convert(document: Document, schema: type[S]) -> S:

@@ -12,15 +12,16 @@ from typing import Any
 
 import msgspec
 
+from groundlink.core.errors import nearest
 from groundlink.importing.files import Tell, silent
-from groundlink.scenario.namespaces import into_namespaces
+from groundlink.loader.namespaces import into_namespaces
 from groundlink.scenario.route import FIGURES, Route
 from groundlink.scenario.schema import Scenario, Vehicle
 
 from . import urdf
 from .checks import check, check_speeds
 from .document import DataPath, Document, ScenarioError, read
-from .explain import convert, nearest
+from .explain import convert
 from .imported import bring_assets
 from .scatter import sow
 from .terrain_placement import place_outdoors, place_solids

@@ -12,12 +12,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from groundlink.core.errors import nearest
 from groundlink.importing.files import Tell, silent
 from groundlink.scenario.schema import Scenario
 
 from . import urdf
 from .document import Document, Mark, ScenarioError, read
-from .explain import nearest
 from .load import SHIPPED, load, resolved
 
 FOLDERS = ("worlds", "vehicles", "")

@@ -19,7 +19,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.files import Tell, silent
-from groundlink.scenario.change import Addition
+from groundlink.scenario.addition import Addition
 from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.world.actors import Actor, Along, Crate, Free, Hinge, Person, parts
 from groundlink.world.solids import Box, Cylinder, Material, Solid

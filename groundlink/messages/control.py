@@ -11,7 +11,7 @@ from typing import Annotated
 
 import msgspec
 
-from groundlink.scenario.change import Addition
+from groundlink.scenario.addition import Addition
 
 
 class RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):

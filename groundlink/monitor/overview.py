@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from groundlink.bus.topics import GATEWAY, REPLAY, TIME_KEEPERS
+from groundlink.bus.core_topics import GATEWAY, REPLAY, TIME_KEEPERS
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import Health
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from groundlink.bus.topics import PHYSICS, TIME_KEEPERS
+from groundlink.bus.core_topics import PHYSICS, TIME_KEEPERS
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import Health, StreamReport
 from groundlink.messages.stalls import Stalls

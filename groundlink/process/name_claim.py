@@ -15,9 +15,9 @@ import random
 import time
 from typing import Protocol
 
+from groundlink.bus.core_topics import HEALTH, ROOT
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH, ROOT
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health
 

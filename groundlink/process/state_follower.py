@@ -11,15 +11,15 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.core.backoff import Backoff
 from groundlink.messages.base import Ack, State, decode
 
+from .joining import JOIN_SECONDS, Heartbeat
 from .name_claim import Claims, NoClaim
-from .runner import JOIN_SECONDS, Heartbeat
 
 STATES_KEPT = 4096
 """States that may wait for a busy process: ten seconds of sim time."""

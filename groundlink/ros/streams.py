@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
+from groundlink.bus.core_topics import CLOCK, COMMAND
 from groundlink.bus.topics import (
     BODIES,
-    CLOCK,
-    COMMAND,
     FAULTS,
     FROM_ROS,
     GAPS,

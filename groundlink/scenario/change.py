@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.core.errors import UserError
-from groundlink.loader.explain import nearest
+from groundlink.core.errors import UserError, nearest
 from groundlink.world import motion
-from groundlink.world.actors import Actor, Free
+from groundlink.world.actors import Free
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
-from groundlink.world.solids import Material, Solid
+from groundlink.world.solids import Solid
 from groundlink.world.spawn_checks import (
     actor_bodies,
     check_vehicle,
@@ -29,25 +27,11 @@ from groundlink.world.spawn_checks import (
 )
 from groundlink.world.terrain import Ground
 
-from .schema import RESERVED_NAMES, Scenario, Vehicle
+from .addition import Addition
+from .schema import RESERVED_NAMES, Scenario
 
 RESTS_M = 0.01
 """How far what is put down may be in what it stands on."""
-
-
-class Addition(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is added to a scenario."""
-
-    solids: tuple[Solid, ...] = ()
-    actors: tuple[Actor, ...] = ()
-    vehicles: tuple[Vehicle, ...] = ()
-    materials: dict[str, Material] = {}
-    """What it is made of; where the world has one of that name, the world's counts."""
-
-    def names(self) -> list[str]:
-        """Return what its things are called."""
-        vehicles, actors = (v.name for v in self.vehicles), (a.name for a in self.actors)
-        return [*vehicles, *actors, *(solid.name for solid in self.solids)]
 
 
 def with_more(

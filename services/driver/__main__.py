@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from functools import partial
 from math import radians
 
+from groundlink.bus.core_topics import ACK, COMMAND, HEALTH
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, COMMAND, HEALTH, driver_name
-from groundlink.core.errors import UserError
-from groundlink.loader.explain import nearest
-from groundlink.loader.load import load_route
+from groundlink.bus.topics import driver_name
+from groundlink.core.errors import UserError, nearest
 from groundlink.process import runner as process
 from groundlink.process import state_follower as following
+from groundlink.process.joining import join
 from groundlink.run.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import Route
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--once", action="store_true", help="end when the route is driven")
     options = parser.parse_args(arguments)
     with Bus(connect=process.endpoint(options), name=options.name) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
         vehicle = _find(scenario, options.name)
         route, make_follower = _route(scenario, vehicle, options.route)
         if options.route and bus.present(HEALTH.key_in(run, process=options.name), seconds=1.0):
@@ -98,6 +98,8 @@ def _route(scenario: Scenario, vehicle: Vehicle, given: str | None) -> tuple[Rou
                 f"run `{scenario.name}` is in {scenario.time.mode} mode, which waits for no driver "
                 "that comes later; write `route:` into the scenario's vehicle"
             )
+        from groundlink.loader.load import load_route  # loaded only where a file is read
+
         route = load_route(given, vehicle)
         return route, lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))
     if vehicle.route is None:

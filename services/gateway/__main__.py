@@ -18,6 +18,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs
 from groundlink.messages.base import Ack, Clock
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 from groundlink.process.name_claim import claim_name
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     keep_memory()
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
         claim = claim_name(bus, run, NAME)
         changed: Scenario | None = scenario
         kept = Kept(bus, run, claim)

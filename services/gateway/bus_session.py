@@ -13,12 +13,12 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 from groundlink.bus.control_client import ask
+from groundlink.bus.core_topics import ACK, HEALTH, ROOT, STATE, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, HEALTH, ROOT, STATE, Delivery
 from groundlink.messages.base import Ack, Health, Message, State, decode
-from groundlink.process import runner as process
+from groundlink.process.joining import Heartbeat, join
 from groundlink.process.name_claim import Claims
 from groundlink.scenario import Scenario
 
@@ -61,9 +61,9 @@ class Kept:
         bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)
 
     @cached_property
-    def heartbeat(self) -> process.Heartbeat:
+    def heartbeat(self) -> Heartbeat:
         """By which others know that it is there: to be asked for when it hears all."""
-        return process.Heartbeat(self.bus, self.run, NAME, self._claim)
+        return Heartbeat(self.bus, self.run, NAME, self._claim)
 
     def declare(self, gateway: Gateway) -> None:
         """Publish and subscribe what a gateway carries, where that is not done yet."""
@@ -113,7 +113,7 @@ class Kept:
         if worlds == self._worlds:
             return None
         self._worlds = worlds
-        _, now = process.join(self.bus, self.run, stop)
+        _, now = join(self.bus, self.run, stop)
         return None if _names(now) == _names(scenario) else now
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import msgspec
 
+from groundlink.bus.core_topics import GATEWAY
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GATEWAY
 from groundlink.emulation.model import DirectionState
 from groundlink.messages.base import Ack, decode
 

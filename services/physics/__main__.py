@@ -11,10 +11,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
+from groundlink.bus.core_topics import PHYSICS
 from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
-from groundlink.bus.topics import PHYSICS
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
+from groundlink.process.joining import Heartbeat
 from groundlink.process.name_claim import claim_name
 
 with process_needs(PHYSICS, "physics"):
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         physics = Physics(
             *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
         )
-        heartbeat = process.Heartbeat(bus, run, NAME, claim)
+        heartbeat = Heartbeat(bus, run, NAME, claim)
         try:
             _keep_stepping(physics, heartbeat, stop.is_set)
         finally:
@@ -59,9 +60,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             physics.close()
 
 
-def _keep_stepping(
-    physics: Physics, heartbeat: process.Heartbeat, stopped: Callable[[], bool]
-) -> None:
+def _keep_stepping(physics: Physics, heartbeat: Heartbeat, stopped: Callable[[], bool]) -> None:
     """Step whenever the pace and people allow it, and say who else does not.
 
     Raises

@@ -7,13 +7,14 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
+from groundlink.bus.core_topics import RECORDER as NAME
 from groundlink.bus.queries import journal_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import RECORDER as NAME
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 
 with process_needs(NAME, "record"):
     from .files import Files
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     duration = None if options.duration is None else round(options.duration * NANOS)
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
 
         def journal(question: str) -> bytes:
             return b"".join(bus.ask(journal_key(run), question, seconds=JOURNAL_SECONDS).values())

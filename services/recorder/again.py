@@ -16,6 +16,7 @@ import msgspec
 from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.missing_readings import left_out
 from groundlink.recording.reading import Recording
@@ -131,7 +132,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     )
     options = parser.parse_args(arguments)
     with Recording(options.recording) as recording, Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
         scenario = with_later_vehicles(recording, scenario)
         wanted = extent(recording)
         comparison = Comparison(compared(recording), wanted, left_out(recording))

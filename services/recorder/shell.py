@@ -11,13 +11,13 @@ import time
 from collections.abc import Collection, Iterable
 from typing import Protocol
 
+from groundlink.bus.core_topics import ACK, HEALTH, RECORDER
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, HEALTH, RECORDER
 from groundlink.core.backoff import Backoff
 from groundlink.messages.base import Ack, Clock, Health, Message, State, decode
-from groundlink.process import runner as process
+from groundlink.process.joining import Heartbeat
 from groundlink.ros.streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 
@@ -88,7 +88,7 @@ def record(
     row = ACK if ordered else HEALTH
     bus.subscribe(row.key_in(run), row.message, inbox)
     ack_prefix = ACK.key_in(run, process="")
-    heartbeat = process.Heartbeat(bus, run, NAME)
+    heartbeat = Heartbeat(bus, run, NAME)
     publishers = [
         bus.publisher(ACK.key_in(run, process=name), ACK.delivery) for name in (NAME, *absent)
     ]

@@ -19,17 +19,17 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from groundlink.bus.core_topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
-from groundlink.bus.topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs
-from groundlink.loader import load
 from groundlink.messages.base import Ack, Clock, Message
 from groundlink.process import asset_exchange
 from groundlink.process import runner as process
+from groundlink.process.joining import Heartbeat
 from groundlink.scenario import Scenario
 
 NAME = REPLAY
@@ -112,7 +112,11 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 def _as_served(scenario: Scenario, gateway: str | None) -> Scenario:
     """Return the scenario as others should take it: stamps are not the wall's, and time waits."""
     scenario = replace(scenario, time=replace(scenario.time, mode="fast"))
-    return scenario if gateway is None else replace(scenario, gateway=load(gateway).gateway)
+    if gateway is None:
+        return scenario
+    from groundlink.loader import load  # loaded only where a file is read
+
+    return replace(scenario, gateway=load(gateway).gateway)
 
 
 class _Others:
@@ -168,7 +172,7 @@ class _Replay:
         self._publish: dict[str, Callable[[Message], bytes]] = {
             stream.key: self.bus.publisher(stream.key, Delivery.ALL) for stream in streams
         }
-        self._heartbeat = process.Heartbeat(self.bus, self.run, NAME)
+        self._heartbeat = Heartbeat(self.bus, self.run, NAME)
         self._tick = -1
         self._counts = {"published": 0, "rounds": 0, "refused": 0}
 

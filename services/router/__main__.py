@@ -10,8 +10,8 @@ import argparse
 import threading
 from collections.abc import Sequence
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
-from groundlink.bus.topics import HEALTH
 from groundlink.process import runner as process
 
 NAME = "router"

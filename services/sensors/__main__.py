@@ -16,6 +16,7 @@ from typing import Any
 from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
+from groundlink.process.joining import join_world
 from groundlink.process.state_follower import follow_states
 from services.sensors.runtime.kinds import Kind, follower, kind_name
 
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     options = parser.parse_args(arguments)
     with ExitStack() as opened:
         bus = opened.enter_context(Bus(connect=process.endpoint(options)))
-        run_name, scenario = process.join_world(bus, options.run, stop)
+        run_name, scenario = join_world(bus, options.run, stop)
         sensors = [
             follower(_kind(kind_name(scenario, name)), name, scenario, bus, run_name, opened)
             for name in dict.fromkeys(options.name or scenario.sensor_names())

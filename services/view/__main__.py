@@ -23,6 +23,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.messages.base import Health, Message, State
 from groundlink.process import runner as process
+from groundlink.process.joining import Heartbeat, changed_world, join_world
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world.build import world_hash
@@ -85,12 +86,12 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         show_file(options, stop)
         return
     with Bus(connect=process.endpoint(options), onlooker=True, name=NAME) as bus:
-        run, scenario = process.join_world(bus, options.run, stop)
+        run, scenario = join_world(bus, options.run, stop)
         intake = Intake(bus, scenario, run)
         outlet = _outlet(options, scenario, run, intake.streams)
         if options.save is None:
             _end_in_time()
-        heartbeat = process.Heartbeat(bus, run, f"{NAME}/{os.getpid()}")
+        heartbeat = Heartbeat(bus, run, f"{NAME}/{os.getpid()}")
         tick, world = -1, world_hash(scenario)
         try:
             due = time.monotonic()
@@ -99,7 +100,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                 states, messages = intake.take()
                 if states and states[-1].world_hash != world:
                     world = states[-1].world_hash
-                    changed = process.changed_world(bus, run, world)
+                    changed = changed_world(bus, run, world)
                     if changed is not None and changed != scenario:
                         scenario = changed
                         outlet.change(scenario)

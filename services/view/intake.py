@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from groundlink.bus.core_topics import HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH, STATE
 from groundlink.messages.base import Health, Imu, M, Message, PointCloud, State
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.messages.imagery import CompressedImage, Image

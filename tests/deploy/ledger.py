@@ -17,13 +17,14 @@ from itertools import pairwise
 from types import TracebackType
 from typing import Any, NamedTuple
 
+from groundlink.bus.core_topics import CLOCK, GATEWAY, HEALTH
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, GAPS, GATEWAY, HEALTH, sensor_outputs
+from groundlink.bus.topics import GAPS, sensor_outputs
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Clock, Health, Message, decode, measured_nanos
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.reading_schedule import Calendar, calendar
-from groundlink.process import runner as process
+from groundlink.process.joining import join
 from services.gateway.missing_readings import COUNTER_PREFIX
 from tests.system.rig import wait_for
 
@@ -74,7 +75,7 @@ class Ledger:
 
     def __init__(self, endpoint: str) -> None:
         self._bus = Bus(connect=endpoint)
-        run, scenario = process.join(self._bus, None, threading.Event())
+        run, scenario = join(self._bus, None, threading.Event())
         self._clock_nanos: dict[int, int] = {}
         """By the epoch of each life: the stamp of its last clock."""
 

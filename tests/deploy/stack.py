@@ -18,11 +18,11 @@ from typing import Any, TypeAlias
 import pytest
 from msgspec import structs
 
+from groundlink.bus.core_topics import GATEWAY, HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GATEWAY, HEALTH
 from groundlink.messages.base import Health
-from groundlink.process import runner as process
+from groundlink.process.joining import join
 from tests.system.rig import REPOSITORY, wait_for
 
 PROJECT = "groundlink-test"
@@ -100,7 +100,7 @@ class Stack:
     def streams(self) -> list[dict[str, Any]]:
         """Return what became of what the gateway has sent, by stream."""
         with Bus(connect=self.endpoint) as bus:
-            run, _ = process.join(bus, None, threading.Event())
+            run, _ = join(bus, None, threading.Event())
             beats: BusInbox[Health] = BusInbox(depth=1)
             bus.subscribe(HEALTH.key_in(run, process=GATEWAY), Health, beats)
             beat = wait_for(lambda: beats.get(seconds=0.1), 10, "the gateway is well")

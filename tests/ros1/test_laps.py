@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.messages.base import State
 from tests.system import wall_following
 from tests.system.rig import Rig, rig, wait_for

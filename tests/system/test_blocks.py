@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH
 from groundlink.messages.base import Health, StreamReport
 
 from .rig import Observer, Rig, rig, wait_for

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import FROM_ROS, RELAYED, STATE, STREAM_TOPICS
+from groundlink.bus.topics import FROM_ROS, RELAYED, STREAM_TOPICS
 from groundlink.messages.base import Message, State
 from groundlink.messages.relayed import Relayed
 from groundlink.ros.encoding import ROS_FORMS, to_cdr

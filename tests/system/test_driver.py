@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from groundlink.bus.core_topics import COMMAND, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import COMMAND, STATE
 from groundlink.messages.base import Command, State, encode
 
 from .rig import Rig, rig, wait_for

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.messages.base import State, encode, floats
 
 from .rig import Rig, children_of, rig, wait_for

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 import zenoh
 
+from groundlink.bus.core_topics import HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH, STATE, TOPICS
+from groundlink.bus.topics import TOPICS
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
 from groundlink.messages.base import Health, State

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import pytest
 
+from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK
 from groundlink.messages.base import Clock
 from groundlink.recording.reading import Recording
 from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY, StreamAccount

@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.loader import load
 from groundlink.messages.base import State
 

@@ -19,9 +19,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from groundlink.bus.core_topics import CLOCK, BusTopic
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, ENCODERS, GAPS, IMU, POINTS, BusTopic
+from groundlink.bus.topics import ENCODERS, GAPS, IMU, POINTS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Clock, Imu, Message, PointCloud, WheelEncoders
 from groundlink.messages.missing_readings import Gap, Gaps

@@ -22,9 +22,9 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
+from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK
 from groundlink.core.frames import matrix_from_quaternion, nlerp
 from groundlink.loader import load
 from groundlink.messages.base import Clock, PointCloud

@@ -16,9 +16,10 @@ from typing import Any
 
 import pytest
 
+from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, IMU
+from groundlink.bus.topics import IMU
 from groundlink.messages.base import Clock, Imu
 from groundlink.recording.reading import Recording
 from services.view.viewer import program

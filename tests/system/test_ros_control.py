@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Clock
 from tests.ros.calling import Caller

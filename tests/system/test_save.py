@@ -12,10 +12,11 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.control_client import ask
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key, faults_key, journal_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import IMU, STATE
+from groundlink.bus.topics import IMU
 from groundlink.core.clock import TICK_NANOS
 from groundlink.loader.spawned import At, addition
 from groundlink.messages.base import Command, Imu, M, State, decode, encode

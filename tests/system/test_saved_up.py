@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from groundlink.bus.core_topics import COMMAND, BusTopic
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import COMMAND, ENCODERS, IMU, POINTS, BusTopic
+from groundlink.bus.topics import ENCODERS, IMU, POINTS
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.messages.base import Command, M, Message, decode, measured_nanos
 from groundlink.run.journal import loaded

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import (
@@ -23,7 +24,7 @@ from groundlink.bus.queries import (
     scenario_key,
 )
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import FROM_ROS, HEALTH, TOPICS, process_names
+from groundlink.bus.topics import FROM_ROS, TOPICS, process_names
 from groundlink.deploy.certificates import Authority
 from groundlink.loader import load
 from groundlink.messages.base import Health

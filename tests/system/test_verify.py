@@ -20,10 +20,11 @@ import pytest
 from mcap.reader import make_reader
 
 from groundlink.__main__ import main
+from groundlink.bus.core_topics import CLOCK, COMMAND
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, COMMAND, JOINT_COMMAND, JOINTS
+from groundlink.bus.topics import JOINT_COMMAND, JOINTS
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Clock, Command, floats, packed
 from groundlink.messages.faults import CLEAR

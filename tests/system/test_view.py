@@ -20,9 +20,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from groundlink.bus.core_topics import COMMAND, HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import COMMAND, HEALTH, IMU, POINTS, RELAYED, STATE
+from groundlink.bus.topics import IMU, POINTS, RELAYED
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Command, Health, Imu, Message, PointCloud, State
 from groundlink.messages.relayed import Relayed

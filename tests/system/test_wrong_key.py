@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from groundlink.bus.core_topics import COMMAND
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import COMMAND
 from groundlink.messages.base import Command
 from udp_bridge import Link
 from udp_bridge.io.address_guard import open_socket

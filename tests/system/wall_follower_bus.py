@@ -14,13 +14,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, SCAN, WHEEL_ODOMETRY, Delivery
+from groundlink.bus.topics import SCAN, WHEEL_ODOMETRY
 from groundlink.messages.base import Ack, Clock, Command, Message
 from groundlink.messages.imagery import LaserScan
 from groundlink.messages.navigation import Odometry
 from groundlink.process import runner as process
+from groundlink.process.joining import Heartbeat, join
 
 from .wall_following import Scan, WallFollower
 
@@ -36,7 +38,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     options = parser.parse_args(arguments)
     follower = WallFollower(options.laps)
     with Bus(connect=process.endpoint(options), name=GATEWAY) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
         vehicle = scenario.vehicles[0].name
         acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), Delivery.ALL)
         command = bus.publisher(COMMAND.key_in(run, vehicle=vehicle), COMMAND.delivery)
@@ -52,7 +54,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 
         inbox: BusInbox[Message] = BusInbox(depth=4096)
         bus.subscribe_in_order(f"{ROOT}/{run}/**", type_of, inbox)
-        heartbeat = process.Heartbeat(bus, run, GATEWAY)
+        heartbeat = Heartbeat(bus, run, GATEWAY)
         ticks = dict.fromkeys(scenario.sensor_names(), -1)
         due: Clock | None = None
         wanted: list[tuple[float, float]] = []

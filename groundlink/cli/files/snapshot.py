@@ -16,9 +16,8 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
-from groundlink.core.errors import UserError
+from groundlink.core.errors import UserError, nearest
 from groundlink.loader import load
-from groundlink.loader.explain import nearest
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario.sensors import Optics
 

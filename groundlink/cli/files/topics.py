@@ -7,8 +7,9 @@ import argparse
 
 from rich.console import Console
 
+from groundlink.bus.core_topics import ROOT
 from groundlink.bus.reference import reference
-from groundlink.bus.topics import ROOT, TOPICS
+from groundlink.bus.topics import TOPICS
 from groundlink.cli.terminal.tables import Column, FittingTable
 
 WIDTH = 180

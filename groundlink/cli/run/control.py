@@ -12,15 +12,16 @@ import threading
 import time
 
 from groundlink.bus.control_client import ask
+from groundlink.bus.core_topics import HEALTH, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH, PHYSICS
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health
 from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.messages.stalls import Stalls
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 
 POLL_SECONDS = 0.05
 """How often a run is asked whether its steps are done."""
@@ -50,7 +51,7 @@ def control(options: argparse.Namespace) -> int:
         raise UserError(f"{options.ticks} ticks: expected 1 or more")
     wish = Step(options.ticks) if options.wish is Step else options.wish()
     with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = process.join(bus, options.run, threading.Event())
+        run, _ = join(bus, options.run, threading.Event())
         waits = Waits(bus, run)
         answer = ask(bus, run, wish)
         while isinstance(wish, Step) and not answer.paused:

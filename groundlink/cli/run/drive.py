@@ -17,16 +17,17 @@ import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from groundlink.bus.core_topics import CLOCK, COMMAND
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, COMMAND, driver_name
+from groundlink.bus.topics import driver_name
 from groundlink.cli.terminal.keyboard import HELP, Keyboard, keys
 from groundlink.cli.terminal.output import stop_on_signals
-from groundlink.core.errors import UserError
-from groundlink.loader.explain import nearest
+from groundlink.core.errors import UserError, nearest
 from groundlink.loader.load import load_route, read_route
 from groundlink.messages.base import Clock, Command
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import FIGURES
 from groundlink.scenario.schema import Vehicle
@@ -67,7 +68,7 @@ def drive(options: argparse.Namespace) -> int:
     stop = stop_on_signals()
     endpoint = process.endpoint(options)
     with Bus(connect=endpoint) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
         vehicle = _vehicle(scenario, options.vehicle)
         if not options.route:
             clocks: BusInbox[Clock] = BusInbox(depth=4)

@@ -17,11 +17,11 @@ import msgspec
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.core.errors import UserError
-from groundlink.loader.explain import nearest
-from groundlink.loader.fault_checks import mistake
+from groundlink.core.errors import UserError, nearest
 from groundlink.messages.faults import CLEAR, FaultAnswer
 from groundlink.process import runner as process
+from groundlink.process.joining import join
+from groundlink.scenario.fault_checks import mistake
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 
 ANSWER_SECONDS = 3.0
@@ -57,7 +57,7 @@ def fault(options: argparse.Namespace) -> int:
     if not options.list:
         wanted = parsed(options.kind, options.parameters, options.seconds)
     with Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = process.join(bus, options.run, threading.Event())
+        run, scenario = join(bus, options.run, threading.Event())
         if options.list:
             _show(bus, run, scenario.sensor_names())
             return 0

@@ -11,7 +11,7 @@ import argparse
 import time
 from pathlib import Path
 
-from groundlink.bus.topics import REPLAY
+from groundlink.bus.core_topics import REPLAY
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.extras import needs

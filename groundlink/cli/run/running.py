@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from groundlink.bus import topics
+from groundlink.bus import core_topics
 from groundlink.bus.session import DEFAULT_ENDPOINT
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import RequirementError, UserError
@@ -21,7 +21,7 @@ from groundlink.process.runner import address
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway
 
-RECORDER = topics.RECORDER
+RECORDER = core_topics.RECORDER
 
 ROS_SIDE = "ros"
 """Name of the process that receives on the ROS side."""

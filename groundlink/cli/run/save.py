@@ -20,6 +20,7 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.messages.control import Restore
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 from groundlink.run import journal
 
 from .control import POLL_SECONDS, told
@@ -47,7 +48,7 @@ def save(options: argparse.Namespace) -> int:
     """Write a run under way to a file."""
     check_new_file("save", options.file)
     with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = process.join(bus, options.run, threading.Event())
+        run, _ = join(bus, options.run, threading.Event())
         content = b"".join(bus.ask(journal_key(run), seconds=JOURNAL_SECONDS).values())
     if not content:
         raise UserError(
@@ -65,7 +66,7 @@ def restore(options: argparse.Namespace) -> int:
     content = journal.read(options.file)
     journal.loaded(content, str(options.file))
     with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = process.join(bus, options.run, threading.Event())
+        run, _ = join(bus, options.run, threading.Event())
         answer = ask(bus, run, Restore(), content=content)
         shown = time.monotonic()
         while answer.restoring_to >= 0:

@@ -17,6 +17,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader.spawned import KINDS, At, addition, check_given
 from groundlink.messages.control import ControlAnswer, Remove, Spawn
 from groundlink.process import runner as process
+from groundlink.process.joining import join, join_world
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids
 from groundlink.world.spawn_checks import ground_of
@@ -51,7 +52,7 @@ def spawn(options: argparse.Namespace) -> int:
     at = _place(options.at)
     check_given(options.what)
     with Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = process.join_world(bus, options.run, threading.Event())
+        run, scenario = join_world(bus, options.run, threading.Event())
         names = [vehicle.name for vehicle in scenario.vehicles]
         names += [solid.name for solid in solids(scenario)]
         name, more = addition(
@@ -70,7 +71,7 @@ def spawn(options: argparse.Namespace) -> int:
 def remove(options: argparse.Namespace) -> int:
     """Take something out of a run."""
     with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = process.join(bus, options.run, threading.Event())
+        run, _ = join(bus, options.run, threading.Event())
         answer = ask(bus, run, Remove(options.name))
     print(f"run `{run}` is without `{options.name}` {_from(answer)}")
     return 0

@@ -15,9 +15,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH
 from groundlink.cli.terminal.output import display, say, stop_on_signals
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health

@@ -18,10 +18,11 @@ from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import link_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import HEALTH, process_names
+from groundlink.bus.topics import process_names
 from groundlink.cli.run.dashboard import streams_table
 from groundlink.cli.terminal.output import console, stop_on_signals
 from groundlink.cli.terminal.tables import Column, FittingTable
@@ -30,6 +31,7 @@ from groundlink.messages.base import Health
 from groundlink.messages.faults import kinds_in
 from groundlink.monitor.overview import Overview
 from groundlink.process import runner as process
+from groundlink.process.joining import join
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import sensor_rate_hz
 
@@ -57,7 +59,7 @@ def top(options: argparse.Namespace) -> int:
     stop = stop_on_signals()
     shown = console()
     with Bus(connect=process.endpoint(options), onlooker=True) as bus:
-        run, scenario = process.join(bus, options.run, stop)
+        run, scenario = join(bus, options.run, stop)
         overview = Overview(run, declared_rates(scenario))
         prefix = HEALTH.key_in(run, process="")
         moves: deque[tuple[str, bool]] = deque()

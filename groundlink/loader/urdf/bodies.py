@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from groundlink.core.errors import nearest
 from groundlink.core.frames import Floats
-from groundlink.loader.explain import nearest
 
 from .elements import Element
 from .robot import Geometry, Inertial, Joint, Link, Robot

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from groundlink.core.errors import nearest
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, quaternion_from_rpy, transform
 from groundlink.loader.document import ScenarioError
-from groundlink.loader.explain import nearest
 from groundlink.scenario.vehicle import ROUNDED
 
 from .elements import EXPAND, Element, parse

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from groundlink.bus.topics import GATEWAY, PHYSICS
+from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos

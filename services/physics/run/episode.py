@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
 
-from groundlink.bus.topics import GATEWAY, RECORDER, driver_names, process_names
+from groundlink.bus.core_topics import GATEWAY, RECORDER
+from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GAPS, HEALTH
+from groundlink.bus.topics import GAPS
 from groundlink.messages.base import Health
 from groundlink.messages.missing_readings import Gaps
 from groundlink.scenario import Scenario

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from groundlink.bus.topics import GATEWAY, PHYSICS, RECORDER, driver_names
+from groundlink.bus.core_topics import GATEWAY, PHYSICS, RECORDER
+from groundlink.bus.topics import driver_names
 from groundlink.messages.base import Ack
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS

@@ -10,9 +10,10 @@ from __future__ import annotations
 import queue
 from collections.abc import Iterable
 
+from groundlink.bus.core_topics import ACK, COMMAND, HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, COMMAND, HEALTH, JOINT_COMMAND, WHEEL_COMMAND
+from groundlink.bus.topics import JOINT_COMMAND, WHEEL_COMMAND
 from groundlink.messages.base import Ack, Command, WheelCommand
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario

@@ -10,17 +10,9 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import NamedTuple
 
+from groundlink.bus.core_topics import CLOCK, STATE, BusTopic
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import (
-    BODIES,
-    CLOCK,
-    GROUND_TRUTH,
-    JOINTS,
-    STATE,
-    TRUE_WHEELS,
-    VITALS,
-    BusTopic,
-)
+from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_WHEELS, VITALS
 from groundlink.messages.base import Message, encode
 from groundlink.scenario import Scenario
 

@@ -16,9 +16,10 @@ from contextlib import suppress
 import msgspec
 from msgspec.structs import replace
 
+from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.bus.queries import control_key, history_key, journal_key, scenario_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GATEWAY, PHYSICS, process_names
+from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
 from groundlink.messages.control import Remove, Spawn
 from groundlink.process import asset_exchange

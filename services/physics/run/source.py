@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from groundlink.core.errors import UserError
+from groundlink.core.errors import UserError, nearest
 from groundlink.loader import load, time_choice
-from groundlink.loader.explain import nearest
 from groundlink.run import journal
 from groundlink.run.journal import Journal
 from groundlink.scenario import Scenario

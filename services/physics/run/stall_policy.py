@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection
 
-from groundlink.bus.topics import GATEWAY
+from groundlink.bus.core_topics import GATEWAY
 from groundlink.core.errors import RunFailed
 from groundlink.messages.missing_readings import Cause, Gaps, in_words
 from groundlink.messages.stalls import Stalls, by_name

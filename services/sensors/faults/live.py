@@ -15,10 +15,10 @@ import msgspec
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_RATE_HZ
-from groundlink.loader.fault_checks import mistake
 from groundlink.messages.base import Ack, State
 from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
 from groundlink.process.state_follower import StateConsumer
+from groundlink.scenario.fault_checks import mistake
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor

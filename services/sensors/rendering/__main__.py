@@ -12,11 +12,12 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
+from groundlink.bus.core_topics import ACK
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK
 from groundlink.core.clock import NANOS, exact
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
+from groundlink.process.joining import join_world
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario.sensors import Optics
 from groundlink.world.build import world_hash
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     from services.sensors.rendering.portrait.snapshot import Snapshot
 
     with Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = process.join_world(bus, options.run, stop)
+        run, scenario = join_world(bus, options.run, stop)
         vehicle, spec = scenario.sensor(options.name) or (None, None)
         if vehicle is None or not isinstance(spec, Optics):
             raise UserError(f"`{options.name}` is no camera of scenario `{scenario.name}`")

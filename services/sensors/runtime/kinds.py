@@ -14,16 +14,17 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
+from groundlink.bus.core_topics import ACK
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ACK, FAULTS, GAPS, SENSOR_TOPICS, sensor_outputs
-from groundlink.core.errors import UserError
-from groundlink.loader.explain import nearest
+from groundlink.bus.topics import FAULTS, GAPS, SENSOR_TOPICS, sensor_outputs
+from groundlink.core.errors import UserError, nearest
 from groundlink.messages.base import Message
 from groundlink.messages.faults import counted
 from groundlink.messages.missing_readings import counters_of
 from groundlink.messages.reading_schedule import calendar
 from groundlink.process import runner as process
+from groundlink.process.joining import changed_world, join_world
 from groundlink.process.name_claim import claim_name
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario import Scenario
@@ -82,7 +83,7 @@ def _main(kind: Kind[Any, Any], arguments: Sequence[str], stop: threading.Event)
     options = parser.parse_args(arguments)
     with ExitStack() as opened:
         bus = opened.enter_context(Bus(connect=process.endpoint(options), name=options.name))
-        run_name, scenario = process.join_world(bus, options.run, stop)
+        run_name, scenario = join_world(bus, options.run, stop)
         right = kind_name(scenario, options.name)
         if right != kind.name:
             raise UserError(
@@ -165,7 +166,7 @@ def follower(
     account = Account(name, calendar(spec), publish, tell_gaps)
 
     def renew(world: str) -> bool:
-        changed = process.changed_world(bus, run_name, world)
+        changed = changed_world(bus, run_name, world)
         if changed is None or world_hash(changed) != world:
             return False
         found = changed.sensor(name)

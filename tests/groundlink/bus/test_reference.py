@@ -13,10 +13,11 @@ import msgpack
 import msgspec
 import pytest
 
+from groundlink.bus.core_topics import CLOCK, COMMAND
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.reference import reference
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CLOCK, COMMAND, TOPICS
+from groundlink.bus.topics import TOPICS
 from groundlink.cli.run.running import free_endpoint
 from groundlink.messages.base import Clock, Command, Message, encode
 from tests.groundlink.messages.test_base import EXAMPLES, NAMES

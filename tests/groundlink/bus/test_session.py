@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from groundlink.bus.core_topics import Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
-from groundlink.bus.topics import Delivery
 from groundlink.messages.base import POINT, Clock, PointCloud, packed
 
 KEY = "groundlink/test/thing"

@@ -9,6 +9,7 @@ from typing import get_args, get_type_hints
 
 import groundlink
 from groundlink.bus import topics
+from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.topics import FROM_ROS, SENSOR_TOPICS, STREAM_TOPICS, TOPICS, process_names
 from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
@@ -47,7 +48,7 @@ def test_every_field_of_from_ros_has_a_row() -> None:
 
 
 def test_unfilled_words_match_everything() -> None:
-    assert topics.HEALTH.key_in("lab") == "groundlink/lab/health/**"
+    assert HEALTH.key_in("lab") == "groundlink/lab/health/**"
     assert topics.POINTS.key_in("lab", vehicle="a", sensor="b") == "groundlink/lab/a/b"
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from groundlink.bus.core_topics import COMMAND, STATE
 from groundlink.bus.queries import control_key, faults_key, link_key
-from groundlink.bus.topics import COMMAND, IMU, JOINT_COMMAND, STATE, WHEEL_COMMAND, process_names
+from groundlink.bus.topics import IMU, JOINT_COMMAND, WHEEL_COMMAND, process_names
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.loader import load
 from groundlink.scenario import Scenario

@@ -18,7 +18,7 @@ from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.process import asset_exchange
-from groundlink.process import runner as process
+from groundlink.process.joining import join_world
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
@@ -85,11 +85,11 @@ def test_what_is_missing_is_fetched_whole(
     with server, Bus(connect=endpoint) as bus:
         monkeypatch.setenv(VARIABLE, str(stores[1]))
         assert assets.missing(needed) == needed
-        name, joined = process.join_world(bus, None, threading.Event())
+        name, joined = join_world(bus, None, threading.Event())
         assert (name, joined) == (RUN, scenario)
         assert assets.missing(needed) == []
         asked = server.asked
-        process.join_world(bus, None, threading.Event())
+        join_world(bus, None, threading.Event())
         assert server.asked == asked  # What is there is not asked for again.
 
 

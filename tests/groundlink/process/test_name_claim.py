@@ -16,8 +16,8 @@ import pytest
 from groundlink.bus.session import Bus
 from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
+from groundlink.process.joining import Heartbeat
 from groundlink.process.name_claim import YIELD_SECONDS, NameClaim, claim_name, claims_key
-from groundlink.process.runner import Heartbeat
 from tests.system.rig import wait_for
 
 RUN, NAME = "lab", "gateway"

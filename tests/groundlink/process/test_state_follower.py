@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import pytest
 
+from groundlink.bus.core_topics import STATE
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STATE
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, State, encode
 from groundlink.process.state_follower import StateFollower, follow_states

@@ -16,7 +16,8 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.loader.spawned import KINDS, At, _placed, addition
 from groundlink.scenario import Scenario
-from groundlink.scenario.change import Addition, with_more, without
+from groundlink.scenario.addition import Addition
+from groundlink.scenario.change import with_more, without
 from groundlink.scenario.schema import Placement
 from groundlink.world.actors import Along, Free
 from groundlink.world.bodies import link_bodies

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus.topics import CLOCK, ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
+from groundlink.bus.core_topics import CLOCK
+from groundlink.bus.topics import ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load

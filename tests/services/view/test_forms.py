@@ -13,8 +13,8 @@ import pytest
 import rerun as rr
 from msgspec.structs import replace
 
+from groundlink.bus.core_topics import COMMAND
 from groundlink.bus.topics import (
-    COMMAND,
     FROM_ROS,
     GROUND_TRUTH,
     RELAYED,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from groundlink.bus.topics import GATEWAY
+from groundlink.bus.core_topics import GATEWAY
 from groundlink.core.errors import RunFailed
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.stalls import Stalls

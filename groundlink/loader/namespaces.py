@@ -12,8 +12,7 @@ import re
 
 from groundlink.loader.document import DataPath, Document, ScenarioError
 from groundlink.loader.explain import dotted
-
-from .schema import NAMESPACE
+from groundlink.scenario.schema import NAMESPACE
 
 COMMAND_TOPIC = "cmd_vel"
 

@@ -6,11 +6,10 @@ Rule: a fault and its sensor in; a field and a sentence out, to which others add
 
 from __future__ import annotations
 
+from groundlink.core.errors import nearest
 from groundlink.scenario.faults import EACH_WHEEL, Disturbance, Fault, OccludedSector, RateChange
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Sensor, sensor_rate_hz
-
-from .explain import nearest
 
 
 def mistake(fault: Fault, spec: Sensor, vehicle: Vehicle) -> tuple[str, str] | None:

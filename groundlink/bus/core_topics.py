@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of every run, whatever its sensors: states, clock, commands, acknowledgements, health.
+
+`topics` adds those of sensors, ground truth and ROS. A process that carries no stream of a sensor
+loads this module alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.messages.base import Ack, Clock, Command, Health, Message, State
+
+ROOT = "groundlink"
+
+PHYSICS, GATEWAY, RECORDER = "physics", "gateway", "recorder"
+"""Names of processes of which a run has one."""
+
+REPLAY = "replay"
+"""The process that stands for physics, sensors and drivers of a recorded run."""
+
+TIME_KEEPERS = (PHYSICS, REPLAY)
+"""Processes of which a run has one: it says what time it is."""
+
+
+class Delivery(Enum):
+    """What happens when a receiver cannot keep up."""
+
+    NEWEST = "newest"
+    """The sender never waits; the receiver sees a gap in ticks and counts it."""
+
+    ALL = "all"
+    """The sender waits for room."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BusTopic:
+    """A kind of stream."""
+
+    name: str
+    key: str
+    """Under `groundlink/<run>/`; words in braces are filled in."""
+
+    message: type[Message]
+    publisher: str
+    rate: str
+    delivery: Delivery
+    bulky: bool = False
+    """Its messages are so large that small ones should not wait behind them."""
+
+    def key_in(self, run: str, **names: str) -> str:
+        """Return the full key expression in a run; names left out become `*`."""
+        fields = {"vehicle": "*", "sensor": "*", "process": "**", "topic": "**"} | names
+        return f"{ROOT}/{run}/{self.key.format(**fields)}"
+
+
+STATE = BusTopic(
+    name="state",
+    key="state",
+    message=State,
+    publisher="physics",
+    rate=f"{TICK_RATE_HZ} Hz",
+    delivery=Delivery.NEWEST,
+)
+CLOCK = replace(STATE, name="clock", key="clock", message=Clock, rate="time.clock_rate_hz")
+COMMAND = BusTopic(
+    name="command",
+    key="{vehicle}/command",
+    message=Command,
+    publisher="gateway, driver",
+    rate="as ROS sends, 50 Hz",
+    delivery=Delivery.ALL,
+)
+ACK = BusTopic(
+    name="ack",
+    key="ack/{process}",
+    message=Ack,
+    publisher="every sensor, gateway",
+    rate="8 Hz",
+    delivery=Delivery.ALL,
+)
+HEALTH = BusTopic(
+    name="health",
+    key="health/{process}",
+    message=Health,
+    publisher="every process",
+    rate="1 Hz",
+    delivery=Delivery.ALL,
+)
