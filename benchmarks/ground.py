@@ -34,8 +34,8 @@ from groundlink.world.mesh_asset import asset_of
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import ground
 from services.physics.dynamics.engine import Engine
-from services.physics.dynamics.static_mesh import Meshes
-from services.physics.dynamics.terrain import Landscape
+from services.physics.dynamics.static_mesh import StaticMeshes
+from services.physics.dynamics.terrain import TerrainWindows
 from services.physics.simulation.simulation import Simulation
 
 HILLS = Hills(
@@ -122,7 +122,7 @@ def windows(cells: int) -> None:
         body = engine.createMultiBody(1, engine.createCollisionShape(engine.GEOM_SPHERE, radius=1))
         position_m = (0.0, 0.0, 0.0)
 
-    landscape = Landscape(engine, ground(build(HILLS, Path(), silent)), world().materials)
+    landscape = TerrainWindows(engine, ground(build(HILLS, Path(), silent)), world().materials)
     before = resident_mb()
     landscape.carry(Pin(), "pin", 1.0)
     grown = resident_mb() - before
@@ -139,7 +139,7 @@ def mesh(side: int) -> None:
     made = heights(replace(HILLS, size_m=(side, side)))
     solid = sheet(made, 1.0)
     assert isinstance(solid.shape, Mesh)
-    meshes = Meshes(Engine())
+    meshes = StaticMeshes(Engine())
     before, started = resident_mb(), time.process_time()
     meshes.put(solid, solid.shape)
     spent = time.process_time() - started

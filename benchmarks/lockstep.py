@@ -2,9 +2,10 @@
 """How fast a run in lockstep is, and what the waiting costs: `python -m benchmarks.lockstep`.
 
 Rule: what runs is what `groundlink up` starts for the default scenario in fast mode, without its
-camera, and a plain receiver for ROS. One run has many lives, each of so many ticks from a reset to
-the last acknowledgement of the slowest. Every other one is free: the same processes and states, but
-physics waits for nobody before the last tick. Nothing may be lost in either, or nothing is said.
+camera, and a plain receiver for ROS. One run has many episodes, each of so many ticks from a reset
+to the last acknowledgement of the slowest. Every other one is free: the same processes and states,
+but physics waits for nobody before the last tick. Nothing may be lost in either, or nothing is
+said.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from .claims import Claim, add_options, judge
 DEFAULT = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
 RUN = "benchmark"
 TICKS = 3200
-"""Of a life: 8 s. A sensor keeps 4,096 states, so that none is lost in a free one."""
+"""Of an episode: 8 s. A sensor keeps 4,096 states, so that none is lost in a free one."""
 
 PAIRS = 7
 LEAST_FACTOR = 4.0
@@ -70,42 +71,42 @@ def free_port(kind: socket.SocketKind) -> int:
 
 
 def physics() -> None:
-    """Be the physics process; every other life waits for nobody before its last tick."""
+    """Be the physics process; every other episode waits for nobody before its last tick."""
     from services.physics import __main__
-    from services.physics.run import episode as lives
-    from services.physics.run import pacer as pace
-    from services.physics.run.participants import Demand
+    from services.physics.run import episode as episodes
+    from services.physics.run import pacer
+    from services.physics.run.participants import AckRequirement
 
     round_number = itertools.count()
-    as_ever = pace.pace_of
+    as_ever = pacer.pacer_for
 
-    def pace_of_life(scenario: Scenario, life: int, others: Sequence[str]) -> pace.Pace:
+    def pacer_of_episode(scenario: Scenario, episode: int, others: Sequence[str]) -> pacer.Pacer:
         free = next(round_number) % 2
 
-        def window(ticks: int) -> Demand:
+        def window(ticks: int) -> AckRequirement:
             return lambda tick: TICKS if tick > TICKS else -1 if free else tick - ticks
 
-        pace.window = window  # type: ignore[attr-defined]
-        return as_ever(scenario, life, others)
+        pacer.window = window  # type: ignore[attr-defined]
+        return as_ever(scenario, episode, others)
 
-    lives.pace_of = pace_of_life  # type: ignore[attr-defined]
+    episodes.pacer_for = pacer_of_episode  # type: ignore[attr-defined]
     process.run(__main__.NAME, __main__.main)
 
 
-def life_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[int, float]:
-    """Return a life after another one, and how long it took from the first word to the end."""
+def episode_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[int, float]:
+    """Return an episode after another one, and how long it took from the first word to the end."""
     reached: dict[str, int] = {}
-    life, begun = after, 0.0
+    episode, begun = after, 0.0
     while len(reached) < len(needed) or min(reached.values()) < TICKS:
         arrived = acks.get(seconds=30)
         if arrived is None:
             raise RuntimeError(f"silence; acknowledged was {reached}")
         name, ack = arrived[0].partition("/ack/")[2], arrived[1]
-        if ack.life > life:
-            life, reached, begun = ack.life, {}, time.monotonic()
-        if life > after and ack.life == life and name in needed:
+        if ack.life > episode:
+            episode, reached, begun = ack.life, {}, time.monotonic()
+        if episode > after and ack.life == episode and name in needed:
             reached[name] = ack.tick
-    return life, time.monotonic() - begun
+    return episode, time.monotonic() - begun
 
 
 def lost(health: BusInbox[Message]) -> dict[str, int]:
@@ -121,7 +122,7 @@ def lost(health: BusInbox[Message]) -> dict[str, int]:
 
 
 def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[float]]:
-    """Return the seconds of each pair of lives: one in lockstep, one free."""
+    """Return the seconds of each pair of episodes: one in lockstep, one free."""
     endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     commands = running.commands(scenario, str(file), RUN, endpoint, sensors_together=together)
     commands["physics"][:2] = ["-m", "benchmarks.lockstep", "physics"]
@@ -135,16 +136,16 @@ def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[
         bus.subscribe(HEALTH.key_in(RUN), Health, health)
         supervisor.start()
         try:
-            life, _ = life_seconds(acks, needed, -1)
+            episode, _ = episode_seconds(acks, needed, -1)
             seconds = []
             for _ in range(1 + 2 * pairs):
                 ask(bus, RUN, Reset())
-                life, taken = life_seconds(acks, needed, life)
+                episode, taken = episode_seconds(acks, needed, episode)
                 seconds.append(taken)
         finally:
             supervisor.stop()
     if found := lost(health):
-        raise RuntimeError(f"lost: {found}; lives are not to be compared")
+        raise RuntimeError(f"lost: {found}; episodes are not to be compared")
     # The first two were to get warm.
     return [seconds[i : i + 2] for i in range(1, 1 + 2 * pairs, 2)]
 
@@ -152,7 +153,7 @@ def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[
 def main() -> int:
     """Measure, print, and with --check compare."""
     parser = argparse.ArgumentParser(prog="benchmarks.lockstep", description=__doc__)
-    parser.add_argument("--pairs", type=int, default=PAIRS, help="of lives (%(default)s)")
+    parser.add_argument("--pairs", type=int, default=PAIRS, help="of episodes (%(default)s)")
     parser.add_argument(
         "--sensors-together", action="store_true", help="all sensors in one process"
     )

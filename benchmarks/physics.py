@@ -30,8 +30,8 @@ from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import Command, Message, State, encode
 from groundlink.scenario import Scenario
-from services.physics.run.episode import Life
-from services.physics.run.publishers import Outlets, outlets
+from services.physics.run.episode import Episode
+from services.physics.run.publishers import Publishers, declare_publishers
 
 from .claims import Claim, add_options, judge
 
@@ -79,33 +79,33 @@ def field(model: str, count: int) -> Scenario:
         return load(file)
 
 
-def nobody(scenario: Scenario) -> Outlets:
+def nobody(scenario: Scenario) -> Publishers:
     """Return outlets that make the bytes and send them nowhere."""
 
     def each() -> dict[str, Callable[[Message], bytes]]:
         return {vehicle.name: encode for vehicle in scenario.vehicles}
 
-    return Outlets(encode, encode, encode, each(), each(), each(), each())
+    return Publishers(encode, encode, encode, each(), each(), each(), each())
 
 
-def tick_us(scenario: Scenario, publish: Outlets) -> float:
+def tick_us(scenario: Scenario, publish: Publishers) -> float:
     """Return the median over some rounds, after one to warm up, of processor time a tick."""
-    life = Life(scenario, RUN, publish, others=(), wall_nanos=0)
-    life.begin(0, 0.0)
+    episode = Episode(scenario, RUN, publish, others=(), wall_nanos=0)
+    episode.begin(0, 0.0)
     rounds = []
     ticks = round(SECONDS / TICK_SECONDS)
     for _ in range(ROUNDS + 1):
         started = time.process_time()
         for _ in range(ticks):
-            if life.tick % COMMAND_TICKS == 0:
-                swing = sin(life.tick / TICK_RATE_HZ)
-                stamp = life.epoch_nanos + life.tick * TICK_NANOS
+            if episode.tick % COMMAND_TICKS == 0:
+                swing = sin(episode.tick / TICK_RATE_HZ)
+                stamp = episode.epoch_nanos + episode.tick * TICK_NANOS
                 for vehicle in scenario.vehicles:
                     asked = Command(stamp, (0.5 * swing, 0.0, 0.0), (0.0, 0.0, swing))
-                    life.command(vehicle.name, asked)
-            life.step()
+                    episode.command(vehicle.name, asked)
+            episode.step()
         rounds.append((time.process_time() - started) / ticks * 1e6)
-    life.end()
+    episode.end()
     return statistics.median(rounds[1:])
 
 
@@ -141,7 +141,7 @@ def main() -> int:
         for (model, count), least in LEAST.items():
             scenario = field(model, count)
             bare = tick_us(scenario, nobody(scenario))
-            cost = tick_us(scenario, outlets(bus, RUN, scenario))
+            cost = tick_us(scenario, declare_publishers(bus, RUN, scenario))
             ratio = 1e6 * TICK_SECONDS / cost
             costs.setdefault(model, []).append((count, cost))
             print(

@@ -19,7 +19,7 @@ from groundlink.process.joining import Heartbeat
 from groundlink.process.name_claim import claim_name
 
 with process_needs(PHYSICS, "physics"):
-    from services.physics.run.server import Physics
+    from services.physics.run.server import PhysicsServer
     from services.physics.run.source import add_arguments, source
 
 NAME = PHYSICS
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     listen = options.listen or (None if router else DEFAULT_ENDPOINT)
     with Bus(connect=router, listen=listen, name=NAME) as bus:
         claim = claim_name(bus, run, NAME)
-        physics = Physics(
+        physics = PhysicsServer(
             *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
         )
         heartbeat = Heartbeat(bus, run, NAME, claim)
@@ -56,11 +56,13 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             _keep_stepping(physics, heartbeat, stop.is_set)
         finally:
             # Reports are made of what was heard last.
-            heartbeat.beat(physics.life.tick, physics.counters(time.monotonic()))
+            heartbeat.beat(physics.episode.tick, physics.counters(time.monotonic()))
             physics.close()
 
 
-def _keep_stepping(physics: Physics, heartbeat: Heartbeat, stopped: Callable[[], bool]) -> None:
+def _keep_stepping(
+    physics: PhysicsServer, heartbeat: Heartbeat, stopped: Callable[[], bool]
+) -> None:
     """Step whenever the pace and people allow it, and say who else does not.
 
     Raises
@@ -71,7 +73,7 @@ def _keep_stepping(physics: Physics, heartbeat: Heartbeat, stopped: Callable[[],
     while not stopped():
         now = time.monotonic()
         if heartbeat.due():
-            heartbeat.beat(physics.life.tick, physics.counters(now))
+            heartbeat.beat(physics.episode.tick, physics.counters(now))
         physics.hear()
         wait = physics.wait_seconds(now)
         for line in physics.told(now):

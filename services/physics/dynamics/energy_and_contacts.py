@@ -21,7 +21,7 @@ Touch = tuple[int, int, Vector3, float]
 """Tick, number of the other body, point in the world (m), normal force (N)."""
 
 
-class Ledger:
+class EnergyAndContacts:
     """Energy and contacts of one vehicle."""
 
     __slots__ = ("_braking", "_driving", "_touches")

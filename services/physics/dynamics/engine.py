@@ -52,7 +52,7 @@ class Engine:
             numSolverIterations=SOLVER_ITERATIONS,
             # Without it the order of contact pairs, and so the motion, may differ between runs.
             deterministicOverlappingPairs=1,
-            # Files are cached by name for the life of the process, whatever is in them.
+            # Files are cached by name for the episode of the process, whatever is in them.
             enableFileCaching=0,
             # How deep things may sink in unopposed; with none, a vehicle put down stays put.
             contactSlop=0,

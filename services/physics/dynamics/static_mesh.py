@@ -31,7 +31,7 @@ HEAD_BYTES = 80
 _FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
 
-class Meshes:
+class StaticMeshes:
     """Meshes in an engine, each kept once however often it stands there."""
 
     def __init__(self, engine: Engine) -> None:

@@ -19,18 +19,18 @@ from groundlink.world.bounds import bounds
 from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
 
 from .engine import Engine
-from .static_mesh import Meshes
+from .static_mesh import StaticMeshes
 
-RAY, GROUND, OBSTACLE, CHASSIS, WHEEL, TERRAIN, DRIVEN, FREE = (1 << bit for bit in range(8))
+RAY, GROUND, OBSTACLE, CHASSIS, WHEEL, TERRAIN, SCRIPTED, FREE = (1 << bit for bit in range(8))
 """Groups of collision filters; the engine's own rays are in the first."""
 
-MEETS = {
+COLLIDES_WITH = {
     GROUND: RAY | CHASSIS | WHEEL | FREE,
     OBSTACLE: RAY | CHASSIS | FREE,
-    CHASSIS: RAY | GROUND | OBSTACLE | CHASSIS | DRIVEN | FREE,
+    CHASSIS: RAY | GROUND | OBSTACLE | CHASSIS | SCRIPTED | FREE,
     WHEEL: RAY | GROUND,
-    DRIVEN: RAY | CHASSIS | FREE,
-    FREE: RAY | GROUND | OBSTACLE | CHASSIS | DRIVEN | FREE,
+    SCRIPTED: RAY | CHASSIS | FREE,
+    FREE: RAY | GROUND | OBSTACLE | CHASSIS | SCRIPTED | FREE,
 }
 """Actors are DRIVEN where they go their own way, else FREE."""
 
@@ -38,7 +38,7 @@ COMPOUND_LIMIT = 16
 """PyBullet's MAX_COMPOUND_COLLISION_SHAPES: what createCollisionShapeArray takes at most."""
 
 CELL_M = 6.0
-"""Solids share a body with neighbours in a cell of this size, larger ones stay alone: a body that
+"""Solids share a body with neighbors in a cell of this size, larger ones stay alone: a body that
 spans the room would be looked into in every step. Measured best of 1 to 20 m in the laboratory."""
 
 
@@ -50,7 +50,7 @@ LEVEL_COSINE = 0.9999
 
 
 @dataclass(frozen=True)
-class Static:
+class StaticBody:
     """A body of the engine that stands for some solids."""
 
     friction: float
@@ -64,7 +64,7 @@ def add_statics(
     *,
     clearance_m: float,
     lowest_m: Callable[[Floats, Floats], float] = lambda low, high: 0.0,
-) -> dict[int, Static]:
+) -> dict[int, StaticBody]:
     """Put solids into the engine.
 
     Parameters
@@ -79,7 +79,7 @@ def add_statics(
     dict
         what each body is, by the engine's number.
     """
-    statics: dict[int, Static] = {}
+    statics: dict[int, StaticBody] = {}
     alike: dict[tuple[object, int, float], list[Solid]] = defaultdict(list)
     for solid in solids:
         low, high = bounds(solid)
@@ -88,15 +88,15 @@ def add_statics(
         rolled = solid.drivable or _is_ramp(solid) or high[2] - lowest_m(low, high) <= clearance_m
         group = GROUND if rolled else OBSTACLE
         alike[cell, group, materials[solid.material].friction].append(solid)
-    meshes = Meshes(engine)
+    meshes = StaticMeshes(engine)
     for (_, group, friction), members in alike.items():
         for start in range(0, len(members), COMPOUND_LIMIT):
             some = members[start : start + COMPOUND_LIMIT]
             body = _add(engine, some, meshes)
             # Bullet multiplies both sides' restitution; with 1 here, that of the chassis decides.
             engine.changeDynamics(body, -1, lateralFriction=friction, restitution=1.0)
-            engine.setCollisionFilterGroupMask(body, -1, group, MEETS[group])
-            statics[body] = Static(friction, some)
+            engine.setCollisionFilterGroupMask(body, -1, group, COLLIDES_WITH[group])
+            statics[body] = StaticBody(friction, some)
     return statics
 
 
@@ -106,7 +106,7 @@ def _is_ramp(solid: Solid) -> bool:
     return isinstance(solid.shape, Box) and RAMP_COSINE <= upright < LEVEL_COSINE
 
 
-def _add(engine: Engine, solids: Sequence[Solid], meshes: Meshes) -> int:
+def _add(engine: Engine, solids: Sequence[Solid], meshes: StaticMeshes) -> int:
     """Put solids into the engine as one body, and return its number."""
     if len(solids) == 1:
         [solid] = solids
@@ -141,7 +141,7 @@ def body_of(
     position_m, orientation
         world_from_body; the solids are in the body's frame.
     mass_kg, center_m
-        with no mass it is not moved by what it touches; the centre of mass is in the body's frame.
+        with no mass it is not moved by what it touches; the center of mass is in the body's frame.
     """
     arguments = [_arguments(engine, solid.shape) for solid in solids]
     kinds, halves, radii, lengths = zip(*arguments, strict=True)

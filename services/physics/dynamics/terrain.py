@@ -42,7 +42,7 @@ MARGIN_M = 1.0
 """How far a body may go beyond its reach in a tick."""
 
 
-class Carried(Protocol):
+class CarriedBody(Protocol):
     """A body that lies or stands on the ground."""
 
     @property
@@ -54,15 +54,15 @@ class Carried(Protocol):
         """Its origin in the world."""
 
 
-class Flat:
+class NoTerrain:
     """No terrain."""
 
     ground = None
 
-    def carry(self, carried: Carried, name: str, reach_m: float) -> None:
+    def carry(self, carried: CarriedBody, name: str, reach_m: float) -> None:
         """Do nothing: what carries bodies is solid."""
 
-    def drop(self, carried: Carried) -> None:
+    def drop(self, carried: CarriedBody) -> None:
         """Do nothing: nothing was put under it."""
 
     def follow(self) -> None:
@@ -77,20 +77,20 @@ class Flat:
         return 0.0
 
 
-class Landscape:
+class TerrainWindows:
     """A map, and its windows around vehicles."""
 
     def __init__(self, engine: Engine, ground: Ground, materials: Mapping[str, Material]) -> None:
         self._engine = engine
         self.ground = ground
-        self._windows: list[tuple[Window, Carried]] = []
+        self._windows: list[tuple[TerrainWindow, CarriedBody]] = []
         self._frictions = [materials[name].friction for name in ground.materials]
         # A view of the bytes: for a single place a third of an array's time.
         self._surface = ground.surface.data
         rows, columns = ground.surface.shape
         self._last_row, self._last_column = rows - 1, columns - 1
 
-    def carry(self, carried: Carried, name: str, reach_m: float) -> int:
+    def carry(self, carried: CarriedBody, name: str, reach_m: float) -> int:
         """Put ground under a body, now and wherever it goes; return its number in the engine.
 
         Parameters
@@ -103,11 +103,11 @@ class Landscape:
         UserError
             when the map is too fine for so large a body.
         """
-        window = Window(self._engine, self, carried, name, reach_m)
+        window = TerrainWindow(self._engine, self, carried, name, reach_m)
         self._windows.append((window, carried))
         return window.body
 
-    def drop(self, carried: Carried) -> None:
+    def drop(self, carried: CarriedBody) -> None:
         """Take away the ground under a body that is taken away, if it had some."""
         for window, its_body in self._windows:
             if its_body is carried:
@@ -145,7 +145,7 @@ class Landscape:
         return float(ground.heights[first[1] : end[1] + 1, first[0] : end[0] + 1].min())
 
 
-class Window:
+class TerrainWindow:
     """The part of a map that one body can touch.
 
     Raises
@@ -157,8 +157,8 @@ class Window:
     def __init__(
         self,
         engine: Engine,
-        landscape: Landscape,
-        carried: Carried,
+        landscape: TerrainWindows,
+        carried: CarriedBody,
         name: str,
         reach_m: float,
     ) -> None:

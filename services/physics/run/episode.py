@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One life of a run: from tick zero of its physics to a reset, or to the end.
+"""One episode of a run: from tick zero of its physics to a reset, or to the end.
 
 Rule: all that a reset begins anew is here and nothing else; who is on the bus stays.
 """
@@ -36,15 +36,15 @@ from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.world.build import solids, world_hash
 from services.physics.simulation.simulation import Simulation
 
-from .ground_truth import BodyTruth, Truth
-from .pacer import pace_of
-from .participants import Promises
-from .publishers import Outlets
+from .ground_truth import BodyTruth, VehicleTruth
+from .pacer import pacer_for
+from .participants import PendingAcks
+from .publishers import Publishers
 
 VITALS_TICKS = TICK_RATE_HZ // VITALS_HZ
 
 
-class Life:
+class Episode:
     """A simulation, its time, and what others know of it.
 
     Parameters
@@ -52,7 +52,7 @@ class Life:
     others
         processes beside the sensors that a fast run waits for.
     wall_nanos
-        the wall clock's, by which lives are told apart.
+        the wall clock's, by which episodes are told apart.
     epoch_nanos
         of the run that this one takes up; none for one that begins.
     """
@@ -61,7 +61,7 @@ class Life:
         self,
         scenario: Scenario,
         run: str,
-        publish: Outlets,
+        publish: Publishers,
         *,
         others: Sequence[str],
         wall_nanos: int,
@@ -71,7 +71,7 @@ class Life:
         self._at_start = self.scenario = scenario
         self.world_hash = world_hash(scenario)
         self.worlds = {self.world_hash: scenario}
-        """All that there have been in this life, by their hashes."""
+        """All that there have been in this episode, by their hashes."""
 
         static = solids(scenario)
         self._simulation = Simulation(scenario, static)
@@ -82,15 +82,15 @@ class Life:
         self._acks: dict[str, Ack] = {}
         self._predecessors: set[str] = set()
         self._cut_off: set[str] = set()
-        self._truths = [Truth(vehicle) for vehicle in scenario.vehicles]
+        self._truths = [VehicleTruth(vehicle) for vehicle in scenario.vehicles]
         self._bodies = BodyTruth(scenario, static)
-        self._promises = Promises()
+        self._pending_acks = PendingAcks()
         self.number = wall_nanos
         if epoch_nanos is None:
             epoch_nanos = scenario.time.epoch_nanos
         self._follows_wall = epoch_nanos is None
         self.epoch_nanos = self.number if epoch_nanos is None else epoch_nanos
-        self.pace = pace_of(scenario, self.number, others)
+        self.pacer = pacer_for(scenario, self.number, others)
 
     @property
     def _is_realtime(self) -> bool:
@@ -123,8 +123,10 @@ class Life:
         self.worlds[self.world_hash] = scenario
         self._bodies.change(scenario, static)
         told = {truth.vehicle: truth for truth in self._truths}
-        self._truths = [told.get(v.name) or Truth(v, self.tick + 1) for v in scenario.vehicles]
-        self.pace.parties.only((*process_names(scenario), RECORDER, *self._others))
+        self._truths = [
+            told.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
+        ]
+        self.pacer.participants.only((*process_names(scenario), RECORDER, *self._others))
         self._entries.append(encode_entry(Changed(self.tick, wish)))
 
     def left(self, process: str) -> None:
@@ -133,16 +135,16 @@ class Life:
         What it said last may be lost, and what it says next may come over another link. So where
         nothing is to be lost, it is not listened to before it has asked what it missed.
         """
-        self.pace.parties.left(process)
+        self.pacer.participants.left(process)
         if not self._is_realtime and (
             self.scenario.sensor(process) or process in driver_names(self.scenario)
         ):
             self._cut_off.add(process)
 
     def acknowledged(self, process: str, ack: Ack) -> None:
-        """Take note of how far a process has come, in this life or an earlier one."""
+        """Take note of how far a process has come, in this episode or an earlier one."""
         if ack.life == self.number and process not in self._cut_off:
-            self._promises.given(process, ack)
+            self._pending_acks.given(process, ack)
 
     def command(self, vehicle: str, command: Command | WheelCommand | JointState) -> bool:
         """Give a vehicle a command; return whether it will act, or is stale.
@@ -166,23 +168,23 @@ class Life:
         if isinstance(entry, Commanded):
             # It is of these that drivers give their word.
             tick = entry.command.stamp_nanos // TICK_NANOS
-            self._promises.commanded(entry.vehicle, tick)
+            self._pending_acks.commanded(entry.vehicle, tick)
         elif isinstance(entry, JointsCommanded):
             tick = entry.command.stamp_nanos // TICK_NANOS
-            self._promises.commanded(f"{entry.vehicle}/joints", tick)
+            self._pending_acks.commanded(f"{entry.vehicle}/joints", tick)
         will_act = self._simulation.command(entry.vehicle, entry.command)
         self._entries.append(encode_entry(entry))
         return will_act
 
     def follow(self, entry: AnyEntry) -> None:
-        """Take in what an earlier life has taken in at the same tick."""
+        """Take in what an earlier episode has taken in at the same tick."""
         if isinstance(entry, Changed):
             self.change(entry.wish)
         else:
             self._take_in(entry)
 
     def journal(self, left_out: int = 0) -> Journal:
-        """Return what it takes to have this life again, without so many entries of its start.
+        """Return what it takes to have this episode again, without so many entries of its start.
 
         Raises
         ------
@@ -205,16 +207,16 @@ class Life:
         )
 
     def succeed(self, acks: Mapping[str, Ack]) -> None:
-        """Let others go on from their last words in an earlier life that had come to this tick."""
+        """Carry over the acknowledgements of an earlier episode that had come to this tick."""
         self._acks = {name: replace(ack, life=self.number) for name, ack in acks.items()}
         self._predecessors = set(acks)
 
     def settle(self) -> None:
         """Count as said what was acknowledged, where the commands that go with it are here."""
-        for process, ack in self._promises.kept():
+        for process, ack in self._pending_acks.kept():
             self._acks[process] = ack
             self._predecessors.discard(process)
-            self.pace.parties.acknowledged(process, ack)
+            self.pacer.participants.acknowledged(process, ack)
 
     def begin(self, wall_nanos: int, now_seconds: float) -> None:
         """Publish the first state; where nobody has been told the epoch yet, it is now.
@@ -225,8 +227,8 @@ class Life:
         if self._follows_wall and self._is_realtime:
             self.epoch_nanos = wall_nanos
         # This tick is now: whatever comes before the first step must not make all stamps older.
-        self.pace.hold()
-        self.pace.wait_seconds(self.tick, now_seconds)
+        self.pacer.hold()
+        self.pacer.wait_seconds(self.tick, now_seconds)
         if self._history:
             # It was told, but to nobody.
             state = decode(self._history[-1], State)
@@ -281,7 +283,7 @@ class Life:
         """Return for a process that joins where it resumes, and the states since then.
 
         In real time there is nothing for who joins late, but for those that take up what they did
-        in an earlier life, for a gateway what the one before it knew, and for sensors that were
+        in an earlier episode, for a gateway what the one before it knew, and for sensors that were
         there before. Where readings are left out these, too, have missed what they have missed.
         """
         if self._is_realtime and process not in self._predecessors:

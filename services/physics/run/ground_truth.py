@@ -68,7 +68,7 @@ def _poses_between(before: memoryview, after: memoryview, fraction: float) -> me
     return packed(poses)
 
 
-class Truth:
+class VehicleTruth:
     """The ground truth of one vehicle.
 
     Parameters

@@ -2,7 +2,7 @@
 """When physics may take its next step: by the wall clock, and by how far others have come.
 
 Rule: time and acknowledgements come in as arguments. A pace answers how long to wait; it does not
-wait itself. What it means that somebody lets a run wait is the business of `patience`.
+wait itself. What it means that somebody lets a run wait is the business of `stall_policy`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from groundlink.messages.base import Ack
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS
 
-from .participants import Parties, barriers, window
-from .wall_clock import NoWall, Wall
+from .participants import Participants, barriers, window
+from .wall_clock import NoWallClock, WallClock
 
 SLOW_AT_ONCE_SECONDS = 0.2
 """Lateness that is made up for at once where time may stretch: nobody notices it in the age of
@@ -31,7 +31,7 @@ sensor's process keeps."""
 ASK_AGAIN_SECONDS = 0.001
 
 
-class Pace:
+class Pacer:
     """Grants steps.
 
     Parameters
@@ -42,8 +42,8 @@ class Pace:
         who has to have come so far.
     """
 
-    def __init__(self, wall: Wall, parties: Parties) -> None:
-        self._wall, self.parties = wall, parties
+    def __init__(self, wall_clock: WallClock, participants: Participants) -> None:
+        self._wall_clock, self.participants = wall_clock, participants
         self._held: dict[str, float] = {}
         self.holding: Sequence[str] = ()
         """Who made the last answer of `wait_seconds` be that the step has to wait."""
@@ -54,27 +54,27 @@ class Pace:
 
     def wait_seconds(self, tick: int, now_seconds: float) -> float:
         """Return how long to wait at `now_seconds` before stepping to `tick`; 0 for not at all."""
-        late = self._wall.late_seconds(tick, now_seconds)
-        missing = self.parties.missing(tick) if late >= 0 else ()
+        late = self._wall_clock.late_seconds(tick, now_seconds)
+        missing = self.participants.missing(tick) if late >= 0 else ()
         self._blame(missing, now_seconds)
         if late <= 0:
             self._held.clear()
-        if lost := self._wall.lost_seconds(tick, now_seconds):
+        if lost := self._wall_clock.lost_seconds(tick, now_seconds):
             self._charge(lost)
         return max(-late, ASK_AGAIN_SECONDS if missing else 0.0)
 
     def behind_seconds(self, tick: int) -> float:
         """Return the wall time that the run has still to catch up with at a tick."""
-        return self._wall.debt_seconds(tick)
+        return self._wall_clock.debt_seconds(tick)
 
     @property
     def written_off_seconds(self) -> float:
         """Wall time that the run has lost and does not catch up with."""
-        return self._wall.written_off_seconds
+        return self._wall_clock.written_off_seconds
 
     def hold(self) -> None:
         """Let the next tick be due at once when it is asked for again: time stood still."""
-        self._wall.hold()
+        self._wall_clock.hold()
         self.holding = ()
 
     def _blame(self, missing: Sequence[str], now_seconds: float) -> None:
@@ -96,7 +96,7 @@ class Pace:
         self._held.clear()
 
 
-def pace_of(scenario: Scenario, life: int, others: Sequence[str]) -> Pace:
+def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> Pacer:
     """Return the pace that a scenario asks for.
 
     Parameters
@@ -113,15 +113,17 @@ def pace_of(scenario: Scenario, life: int, others: Sequence[str]) -> Pace:
         )
         if not time.catch_up:
             most = 0.0
-        wall = Wall(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
-        return Pace(wall, Parties(dict.fromkeys(present, ahead), life=life))
-    demands = dict.fromkeys((*scenario.sensor_names(), *others), ahead)
-    demands |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
+        wall_clock = WallClock(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
+        return Pacer(wall_clock, Participants(dict.fromkeys(present, ahead), episode=episode))
+    requirements = dict.fromkeys((*scenario.sensor_names(), *others), ahead)
+    requirements |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
     if time.lockstep == "ros":
-        demands[GATEWAY] = barriers(time.ack_ticks)
-    parties = Parties(demands, needed=demands, of_others=ahead, life=life)
+        requirements[GATEWAY] = barriers(time.ack_ticks)
+    participants = Participants(requirements, needed=requirements, of_others=ahead, episode=episode)
     if time.lockstep == "ros":
         # It has no word to give before it hears of the first state.
-        parties.acknowledged(GATEWAY, Ack(life, -1, -1))
-    wall = NoWall() if time.mode == "fast" else Wall(time.factor, SLOW_AT_ONCE_SECONDS)
-    return Pace(wall, parties)
+        participants.acknowledged(GATEWAY, Ack(episode, -1, -1))
+    wall_clock = (
+        NoWallClock() if time.mode == "fast" else WallClock(time.factor, SLOW_AT_ONCE_SECONDS)
+    )
+    return Pacer(wall_clock, participants)

@@ -10,16 +10,16 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 
 from groundlink.messages.base import Ack
 
-Demand = Callable[[int], int]
+AckRequirement = Callable[[int], int]
 """Returns the tick that a process must have acknowledged before physics steps to another one."""
 
 
-def window(ticks: int) -> Demand:
+def window(ticks: int) -> AckRequirement:
     """Let physics be so many ticks ahead."""
     return lambda tick: tick - ticks
 
 
-def barriers(period_ticks: int) -> Demand:
+def barriers(period_ticks: int) -> AckRequirement:
     """Let physics go on from a barrier, the ticks 0, period, 2 periods, with a word on that one.
 
     So what was commanded by then acts in the next step, whatever machines and networks do.
@@ -27,7 +27,7 @@ def barriers(period_ticks: int) -> Demand:
     return lambda tick: (tick - 1) // period_ticks * period_ticks
 
 
-class Parties:
+class Participants:
     """The processes that are waited for.
 
     Parameters
@@ -38,34 +38,34 @@ class Parties:
         those of them that are waited for before their first word and after they left.
     of_others
         what is asked of any other process, from its first word until it leaves; None: nothing.
-    life
+    episode
         of the run: what was said in another one does not count.
     """
 
     def __init__(
         self,
-        demands: Mapping[str, Demand],
+        requirements: Mapping[str, AckRequirement],
         *,
         needed: Collection[str] = (),
-        of_others: Demand | None = None,
-        life: int,
+        of_others: AckRequirement | None = None,
+        episode: int,
     ) -> None:
-        self._demands = dict(demands)
+        self._requirements = dict(requirements)
         self._needed = frozenset(needed)
         self._of_others = of_others
-        self._life = life
+        self._episode = episode
         self._reached: dict[str, int] = {}
         self.given_up: frozenset[str] = frozenset()
         """Who is counted as absent until it is heard again."""
 
     def acknowledged(self, process: str, ack: Ack) -> None:
-        """Take note of how far a process has come in this life of the run."""
-        if ack.life == self._life and (process in self._demands or self._of_others):
+        """Take note of how far a process has come in this episode of the run."""
+        if ack.life == self._episode and (process in self._requirements or self._of_others):
             self._reached[process] = ack.tick
             self.given_up -= {process}
 
     def has_followed(self, process: str) -> bool:
-        """Return whether a process has acknowledged a state of this life."""
+        """Return whether a process has acknowledged a state of this episode."""
         return self._reached.get(process, -1) >= 0
 
     def left(self, process: str) -> None:
@@ -76,8 +76,8 @@ class Parties:
 
     def only(self, wanted: Collection[str]) -> None:
         """Wait no longer for those that something was asked of and that are not among these."""
-        for process in self._demands.keys() - wanted:
-            del self._demands[process]
+        for process in self._requirements.keys() - wanted:
+            del self._requirements[process]
             self._reached.pop(process, None)
         self._needed &= frozenset(wanted)
         self.given_up &= frozenset(self._reached) | self._needed
@@ -93,11 +93,11 @@ class Parties:
 
     def _lacks(self, process: str, tick: int) -> bool:
         reached = self._reached.get(process)
-        demand = self._demands.get(process, self._of_others)
-        return reached is None or (demand is not None and reached < demand(tick))
+        requirement = self._requirements.get(process, self._of_others)
+        return reached is None or (requirement is not None and reached < requirement(tick))
 
 
-class Promises:
+class PendingAcks:
     """Holds acknowledgements back until the commands that they speak of are here.
 
     The bus keeps the order of one key, not that of a command and an acknowledgement.

@@ -18,10 +18,10 @@ from groundlink.messages.base import Ack, Command, WheelCommand
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
 
-from .episode import Life
+from .episode import Episode
 
 
-class Company:
+class Peers:
     """The other processes of a run.
 
     Attributes
@@ -60,18 +60,18 @@ class Company:
         """Return those of the wanted that have not been there yet."""
         return frozenset(wanted) - self._seen
 
-    def tell(self, life: Life) -> None:
-        """Have a life take in what has been said, and who has left."""
+    def tell(self, episode: Episode) -> None:
+        """Have an episode take in what has been said, and who has left."""
         while not self._gone.empty():
-            life.left(self._gone.get())
+            episode.left(self._gone.get())
         while len(self._acks) and (arrived := self._acks.get(seconds=0)):
-            life.acknowledged(arrived[0].removeprefix(self._ack_prefix), arrived[1])
+            episode.acknowledged(arrived[0].removeprefix(self._ack_prefix), arrived[1])
         while len(self._commands) and (command := self._commands.get(seconds=0)):
             try:
-                self._stale += not life.command(self._vehicles[command[0]], command[1])
+                self._stale += not episode.command(self._vehicles[command[0]], command[1])
             except (ValueError, KeyError):  # such as for a vehicle that was taken away
                 self._disobeyed += 1
-        life.settle()
+        episode.settle()
 
     def wait(self, seconds: float) -> None:
         """Wait until somebody has come further, or so long."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where physics publishes, and where a life that is only restored does not.
+"""Where physics publishes, and where an episode that is only restored does not.
 
 Rule: derived from the table of topics and a scenario's vehicles; what is declared stays declared.
 """
@@ -19,7 +19,7 @@ from groundlink.scenario import Scenario
 Publish = Callable[[Message], bytes]
 
 
-class Outlets(NamedTuple):
+class Publishers(NamedTuple):
     """Where physics publishes: for the run, and for each vehicle by name."""
 
     state: Publish
@@ -31,7 +31,9 @@ class Outlets(NamedTuple):
     vitals: dict[str, Publish]
 
 
-def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None) -> Outlets:
+def declare_publishers(
+    bus: Bus, run: str, scenario: Scenario, known: Publishers | None = None
+) -> Publishers:
     """Declare all that physics publishes, but what is declared already."""
 
     def each(row: BusTopic, there: dict[str, Publish]) -> dict[str, Publish]:
@@ -45,7 +47,7 @@ def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None
         state, clock, bodies = (
             bus.publisher(row.key_in(run), row.delivery) for row in (STATE, CLOCK, BODIES)
         )
-        known = Outlets(state, clock, bodies, {}, {}, {}, {})
+        known = Publishers(state, clock, bodies, {}, {}, {}, {})
     return known._replace(
         truth=each(GROUND_TRUTH, known.truth),
         wheels=each(TRUE_WHEELS, known.wheels),
@@ -54,11 +56,11 @@ def outlets(bus: Bus, run: str, scenario: Scenario, known: Outlets | None = None
     )
 
 
-def unheard() -> Outlets:
+def silent_publishers() -> Publishers:
     """Return outlets that publish nothing, and states that are encoded for the history alone."""
 
     def none(message: Message) -> bytes:
         return b""
 
     nowhere: defaultdict[str, Publish] = defaultdict(lambda: none)
-    return Outlets(encode, none, none, nowhere, nowhere, nowhere, nowhere)
+    return Publishers(encode, none, none, nowhere, nowhere, nowhere, nowhere)

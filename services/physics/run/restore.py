@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a life to its journal, and from a journal back to the life that it tells of.
+"""From an episode to its journal, and from a journal back to the episode that it tells of.
 
 Rule: every entry is taken in before the step before which it was taken in first; nothing is
 published on the way. Reads no clock: whoever restores says how many steps at a time.
@@ -19,31 +19,31 @@ from groundlink.run.journal import AnyEntry, Changed, Journal, this_machine
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 
-from .episode import Life
+from .episode import Episode
 
 SAID_EVERY_SECONDS = 2.0
 """Of progress."""
 
 
-class Archive:
-    """The journals of a run: of its present life, and of the one that has just ended."""
+class JournalArchive:
+    """The journals of a run: of its present episode, and of the one that has just ended."""
 
     def __init__(self) -> None:
         self._ended: Journal | None = None
         this_machine()  # It takes a while to find out, once: not between two ticks.
 
-    def ends(self, life: Life) -> None:
-        """Keep the journal of a life that ends."""
+    def ends(self, episode: Episode) -> None:
+        """Keep the journal of an episode that ends."""
         with suppress(UserError):  # It may not have begun.
-            self._ended = life.journal()
+            self._ended = episode.journal()
 
-    def journal(self, present: Life, asked: str) -> Journal | None:
+    def journal(self, present: Episode, asked: str) -> Journal | None:
         """Return what a query of `journal_key` asks for; None where there is no such thing.
 
         Raises
         ------
         UserError
-            when the life has not begun.
+            when the episode has not begun.
         """
         number, _, left_out = asked.partition("/")
         if not (number + left_out).isdecimal() and asked:
@@ -56,36 +56,36 @@ class Archive:
         return replace(self._ended, entries=self._ended.entries[first:], left_out=first)
 
 
-class Following:
-    """Tells a life what an earlier one was told, when it has come so far; of none, nothing."""
+class JournalPlayer:
+    """Tells an episode what an earlier one was told, when it has come so far; of none, nothing."""
 
     def __init__(self, journal: Journal | None) -> None:
         self._entries: Iterator[AnyEntry] = iter(()) if journal is None else journal.read()
         self._next = next(self._entries, None)
         self.until_tick = -1 if journal is None else journal.tick
-        """Where what is known of that earlier life ends."""
+        """Where what is known of that earlier episode ends."""
 
-    def tell(self, life: Life) -> None:
+    def tell(self, episode: Episode) -> None:
         """Have it take in what comes before its next step."""
-        while self._next is not None and self._next.tick <= life.tick:
-            life.follow(self._next)
+        while self._next is not None and self._next.tick <= episode.tick:
+            episode.follow(self._next)
             self._next = next(self._entries, None)
 
 
-class Restoring:
-    """A life on its way to where another one was.
+class Restoration:
+    """An episode on its way to where another one was.
 
     Parameters
     ----------
-    life
+    episode
         that journal's, at tick 0, which publishes nothing.
     """
 
-    def __init__(self, journal: Journal, life: Life) -> None:
+    def __init__(self, journal: Journal, episode: Episode) -> None:
         self._journal = journal
-        self._following = Following(journal)
+        self._player = JournalPlayer(journal)
         self._said: float | None = None
-        self.life = life
+        self.episode = episode
 
     def go_on(self, ticks: int) -> bool:
         """Step so many ticks, or fewer to the end; return whether it has come there.
@@ -95,14 +95,14 @@ class Restoring:
         ValueError, KeyError, UserError
             when an entry is none for this world.
         """
-        life, until = self.life, self._journal.tick
-        for _ in range(min(ticks, until - life.tick)):
-            self._following.tell(life)
-            life.step()
-        if life.tick < until:
+        episode, until = self.episode, self._journal.tick
+        for _ in range(min(ticks, until - episode.tick)):
+            self._player.tell(episode)
+            episode.step()
+        if episode.tick < until:
             return False
-        self._following.tell(life)
-        life.succeed(self._journal.acks)
+        self._player.tell(episode)
+        episode.succeed(self._journal.acks)
         return True
 
     def progress(self, now_seconds: float) -> list[str]:
@@ -110,11 +110,11 @@ class Restoring:
         if self._said is not None and now_seconds - self._said < SAID_EVERY_SECONDS:
             return []
         self._said = now_seconds
-        return [f"restores: tick {self.life.tick} of {self._journal.tick}"]
+        return [f"restores: tick {self.episode.tick} of {self._journal.tick}"]
 
     def difference(self) -> str:
         """Return one line of how it came out different; empty where it is the same to the bit."""
-        there, here = self._journal, self.life.journal()
+        there, here = self._journal, self.episode.journal()
         if here.digest == there.digest:
             return ""
         unlike = there.made_on.unlike(here.made_on)

@@ -42,7 +42,7 @@ class _Beat(NamedTuple):
 
 
 class _Sensor:
-    """A sensor, over all lives of its process."""
+    """A sensor, over all episodes of its process."""
 
     def __init__(self) -> None:
         self.beats: deque[_Beat] = deque()
@@ -70,7 +70,7 @@ class _Sensor:
         return self._before[0] + self._last[0], self._before[1] + self._last[1]
 
 
-class Shortfalls:
+class ShortfallMonitor:
     """Looks after the sensors and the pace of a run.
 
     Parameters

@@ -19,7 +19,7 @@ from groundlink.run.journal import Journal
 from groundlink.scenario import Scenario
 
 
-class Source(NamedTuple):
+class RunSource(NamedTuple):
     """What a run is made of."""
 
     scenario: Scenario
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     time_choice.add_arguments(parser)
 
 
-def source(options: argparse.Namespace) -> Source:
+def source(options: argparse.Namespace) -> RunSource:
     """Return what the command line says.
 
     Raises
@@ -64,11 +64,11 @@ def source(options: argparse.Namespace) -> Source:
         # What its drivers asked for is among the commands.
         vehicles = tuple(replace(vehicle, route=None) for vehicle in followed.scenario.vehicles)
         scenario = replace(followed.scenario, vehicles=vehicles)
-        return Source(_chosen(scenario, options), followed=followed)
+        return RunSource(_chosen(scenario, options), followed=followed)
     if journal.is_saved_run(Path(options.scenario)):
         saved = journal.loaded(journal.read(Path(options.scenario)), options.scenario)
-        return Source(_chosen(saved.scenario, options), saved=saved)
-    return Source(_chosen(load(options.scenario), options))
+        return RunSource(_chosen(saved.scenario, options), saved=saved)
+    return RunSource(_chosen(load(options.scenario), options))
 
 
 def _chosen(scenario: Scenario, options: argparse.Namespace) -> Scenario:

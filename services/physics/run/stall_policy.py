@@ -17,7 +17,7 @@ from groundlink.messages.missing_readings import Cause, Gaps, in_words
 from groundlink.messages.stalls import Stalls, by_name
 from groundlink.scenario.schema import Time
 
-from .pacer import Pace
+from .pacer import Pacer
 
 UNBEARABLE: frozenset[Cause] = frozenset({"overloaded", "states lost", "restarted"})
 """Causes for which readings are missing that a run was to have: what faults take away is wanted."""
@@ -27,7 +27,7 @@ START_SECONDS = 60.0
 its world, compiles its shaders, all of them at once on a machine that may be busy."""
 
 
-class Patience:
+class StallPolicy:
     """Looks at how long a run has been waiting for whom.
 
     Parameters
@@ -47,7 +47,7 @@ class Patience:
 
     def look(
         self,
-        pace: Pace,
+        pacer: Pacer,
         tick: int,
         now_seconds: float,
         *,
@@ -73,25 +73,25 @@ class Patience:
         self._now, self._tick = now_seconds, tick
         lines = []
         if holding or awaited or self._named:
-            lines = self._named_now(pace, tick, {*holding, *awaited}, awaited)
+            lines = self._named_now(pacer, tick, {*holding, *awaited}, awaited)
         else:
             self._since.clear()
-        lines += self._bear(pace, tick)
+        lines += self._bear(pacer, tick)
         return lines
 
     def _named_now(
-        self, pace: Pace, tick: int, holding: Collection[str], awaited: Collection[str]
+        self, pacer: Pacer, tick: int, holding: Collection[str], awaited: Collection[str]
     ) -> list[str]:
         self._since = {name: self._since.get(name, self._now) for name in holding}
         lines = []
-        for name in sorted(self._named.keys() - holding - pace.parties.given_up):
+        for name in sorted(self._named.keys() - holding - pacer.participants.given_up):
             after = f"after {self._end(name):.1f} s"
-            if pace.parties.has_followed(name):
+            if pacer.participants.has_followed(name):
                 lines.append(f"{self._back(name)} is back {after}")
             else:  # It has left, or has only just come.
                 lines.append(f"waits no longer for {self._list([name])}, {after}")
         late = [name for name in sorted(holding) if self._held(name) >= self._time.deadline_s]
-        due = [name for name in late if name not in awaited and self._is_due(pace, name)]
+        due = [name for name in late if name not in awaited and self._is_due(pacer, name)]
         new = [name for name in late if name not in self._named]
         self._named |= {name: self._since[name] for name in new}
         waited = f"tick {tick} has waited {self._time.deadline_s:g} s for "
@@ -101,7 +101,7 @@ class Patience:
             lines.append(waited + self._list(new))
         if due and self._goes_on:
             for name in due:
-                pace.parties.give_up(name)
+                pacer.participants.give_up(name)
             lines.append(f"goes on without {self._list(due)} until it is heard again")
         return lines
 
@@ -130,13 +130,13 @@ class Patience:
         for name in list(self._named):
             self._end(name)
 
-    def hold_ups(self, pace: Pace) -> Stalls:
+    def hold_ups(self, pacer: Pacer) -> Stalls:
         """Return all that is known of hold-ups up to the last look."""
         silent = {name: self._now - since for name, since in self._named.items()}
         for name, seconds in self._past_seconds.items():
             silent[name] = silent.get(name, 0.0) + seconds
-        behind = pace.behind_seconds(self._tick)
-        return Stalls(tuple(sorted(self._named)), silent, pace.stretched_seconds, behind)
+        behind = pacer.behind_seconds(self._tick)
+        return Stalls(tuple(sorted(self._named)), silent, pacer.stretched_seconds, behind)
 
     @property
     def _goes_on(self) -> bool:
@@ -146,10 +146,10 @@ class Patience:
     def _held(self, name: str) -> float:
         return self._now - self._since[name]
 
-    def _is_due(self, pace: Pace, name: str) -> bool:
-        return pace.parties.has_followed(name) or self._held(name) >= START_SECONDS
+    def _is_due(self, pacer: Pacer, name: str) -> bool:
+        return pacer.participants.has_followed(name) or self._held(name) >= START_SECONDS
 
-    def _bear(self, pace: Pace, tick: int) -> list[str]:
+    def _bear(self, pacer: Pacer, tick: int) -> list[str]:
         """Return a line when lost time is written off for the first time; end a run that may not.
 
         Raises
@@ -159,10 +159,10 @@ class Patience:
         """
         if self._time.mode != "realtime":
             return []
-        gone = pace.written_off_seconds
+        gone = pacer.written_off_seconds
         if self._time.overload == "fail":
-            if gone + pace.behind_seconds(tick) > self._time.deadline_s:
-                stretched = pace.stretched_seconds
+            if gone + pacer.behind_seconds(tick) > self._time.deadline_s:
+                stretched = pacer.stretched_seconds
                 total = sum(stretched.values())
                 raise RunFailed(
                     f"time has stretched by {total:.1f} s ({by_name(stretched)}), and "

@@ -10,7 +10,7 @@ from __future__ import annotations
 from groundlink.core.clock import TICK_SECONDS
 
 
-class Wall:
+class WallClock:
     """Tick k is due k * 2.5 ms / factor after tick 0; after a hold-up, later and then faster.
 
     A run that is late steps as fast as it can until it is on time. What it is late by beyond
@@ -87,7 +87,7 @@ class Wall:
         self._debt_seconds = 0.0
 
 
-class RealTimeFactor:
+class RealTimeFactorMeter:
     """Measures sim seconds for each second of the wall's, from one look to the next."""
 
     def __init__(self) -> None:
@@ -101,7 +101,7 @@ class RealTimeFactor:
         return (tick - last[0]) * TICK_SECONDS / (now_seconds - last[1])
 
 
-class NoWall(Wall):
+class NoWallClock(WallClock):
     """No clock to keep to: every tick is due, none is late."""
 
     def __init__(self) -> None:

@@ -22,7 +22,7 @@ from groundlink.world.bounds import bounds, half_extents, middle
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.engine import Engine
-from services.physics.dynamics.statics import DRIVEN, FREE, MEETS, body_of
+from services.physics.dynamics.statics import COLLIDES_WITH, FREE, SCRIPTED, body_of
 
 Materials = Mapping[str, Material]
 Pose = tuple[Vector3, Quaternion]
@@ -31,7 +31,7 @@ THIN_M = 1e-3
 """At least as thick is the box around a flat mesh."""
 
 
-class Driven:
+class ScriptedActor:
     """An actor that goes its own way."""
 
     def __init__(
@@ -49,7 +49,7 @@ class Driven:
         # Of a body of several materials the engine knows one friction: its first part's.
         friction = materials[solids[0].material].friction
         engine.changeDynamics(self.body, -1, lateralFriction=friction, restitution=1.0)
-        engine.setCollisionFilterGroupMask(self.body, -1, DRIVEN, MEETS[DRIVEN])
+        engine.setCollisionFilterGroupMask(self.body, -1, SCRIPTED, COLLIDES_WITH[SCRIPTED])
         self._rests = True
 
     @property
@@ -78,7 +78,7 @@ class Driven:
         return self._then.position_m, self._then.orientation
 
 
-class Pushed:
+class FreeActor:
     """An actor that falls, rests and is pushed about."""
 
     def __init__(self, engine: Engine, actor: Actor, free: Free, place: motion.Place) -> None:
@@ -87,7 +87,7 @@ class Pushed:
         corners = np.array([bounds(solid) for solid in solids])
         low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
         self._middle = (low + high) / 2
-        """Its centre of mass, in its own frame."""
+        """Its center of mass, in its own frame."""
 
         self.reach_m = float(np.linalg.norm(np.maximum(-low, high)))
         self.body = body_of(
@@ -106,7 +106,7 @@ class Pushed:
             linearDamping=0,
             angularDamping=0,
         )
-        engine.setCollisionFilterGroupMask(self.body, -1, FREE, MEETS[FREE])
+        engine.setCollisionFilterGroupMask(self.body, -1, FREE, COLLIDES_WITH[FREE])
 
     @property
     def position_m(self) -> Vector3:
@@ -126,11 +126,11 @@ class Pushed:
 
 def put(
     engine: Engine, actor: Actor, ground: Ground | None, materials: Materials, tick: int
-) -> Driven | Pushed:
+) -> ScriptedActor | FreeActor:
     """Put an actor into the engine, where it is at a tick."""
     if isinstance(actor.motion, Free):
-        return Pushed(engine, actor, actor.motion, motion.start(actor.motion, ground))
-    return Driven(engine, actor, motion.mover(actor.motion, ground), materials, tick)
+        return FreeActor(engine, actor, actor.motion, motion.start(actor.motion, ground))
+    return ScriptedActor(engine, actor, motion.mover(actor.motion, ground), materials, tick)
 
 
 def _boxed(solids: Sequence[Solid]) -> list[Solid]:

@@ -18,8 +18,8 @@ from groundlink.scenario.schema import Vehicle
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.engine import Engine
-from services.physics.dynamics.terrain import Landscape, reach_of
-from services.physics.vehicle.vehicle import Rest, SimulatedVehicle
+from services.physics.dynamics.terrain import TerrainWindows, reach_of
+from services.physics.vehicle.vehicle import RestState, SimulatedVehicle
 
 MOST_TICKS = 2400
 """After which a vehicle that still moves is not at rest anywhere near."""
@@ -31,12 +31,14 @@ STILL = 5e-5
 """Velocity, m/s and rad/s, below which a vehicle is at rest."""
 
 
-def settled(vehicle: Vehicle, ground: Ground, materials: Mapping[str, Material]) -> Rest | None:
+def settled(
+    vehicle: Vehicle, ground: Ground, materials: Mapping[str, Material]
+) -> RestState | None:
     """Return how a vehicle rests on the terrain at its placement; None if it does not."""
     if vehicle.placement.z_m > 0:
         return None
     with closing(Engine()) as engine:
-        land = Landscape(engine, ground, materials)
+        land = TerrainWindows(engine, ground, materials)
         it = SimulatedVehicle(
             engine, vehicle, lambda _, point: land.friction_at(*point[:2]), ground=ground
         )

@@ -24,8 +24,8 @@ from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.spawn_checks import actor_bodies, vehicle_bodies
 from services.physics.dynamics.engine import Engine
-from services.physics.dynamics.statics import Static, add_statics
-from services.physics.dynamics.terrain import Carried, Flat, Landscape, reach_of
+from services.physics.dynamics.statics import StaticBody, add_statics
+from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
 from services.physics.vehicle.vehicle import SimulatedVehicle
 
 from . import actors
@@ -61,13 +61,15 @@ class Simulation:
         )
         mapped, materials = scenario.world.terrain, scenario.world.materials
         self._materials = materials
-        self._land: Landscape | Flat = (
-            Landscape(self._engine, terrain.ground(mapped), materials) if mapped else Flat()
+        self._land: TerrainWindows | NoTerrain = (
+            TerrainWindows(self._engine, terrain.ground(mapped), materials)
+            if mapped
+            else NoTerrain()
         )
-        self._statics: dict[int, Static] = {}
+        self._statics: dict[int, StaticBody] = {}
         self._vehicles: dict[str, SimulatedVehicle] = {}
         self._models: dict[str, VehicleModel] = {}
-        self._actors: dict[str, actors.Driven | actors.Pushed] = {}
+        self._actors: dict[str, actors.ScriptedActor | actors.FreeActor] = {}
         self._described: dict[str, Actor] = {}
         self._bodies: dict[int, Sequence[Solid]] = {}
         """Of those that were taken out, too: they may have been touched before."""
@@ -122,7 +124,7 @@ class Simulation:
                 self._engine.removeBody(body)
                 del self._statics[body]
 
-    def _remove(self, carried: Carried) -> None:
+    def _remove(self, carried: CarriedBody) -> None:
         self._land.drop(carried)
         self._engine.removeBody(carried.body)
 
@@ -148,10 +150,10 @@ class Simulation:
         self._actors[actor.name] = put
         self._described[actor.name] = actor
         self._bodies[put.body] = (_whole(actor.name),)
-        if isinstance(put, actors.Pushed):
+        if isinstance(put, actors.FreeActor):
             self._carry(put, actor.name, put.reach_m)
 
-    def _carry(self, carried: Carried, name: str, reach_m: float) -> None:
+    def _carry(self, carried: CarriedBody, name: str, reach_m: float) -> None:
         """Put terrain under a body, where there is terrain."""
         if (window := self._land.carry(carried, name, reach_m)) is not None:
             self._bodies[window] = (_whole(terrain.BODY),)
@@ -241,10 +243,10 @@ class Simulation:
                 stamp_nanos,
                 name,
                 self.tick,
-                vehicle.ledger.motor_work_j,
-                vehicle.ledger.braked_j,
-                vehicle.ledger.contacts(self._bodies),
-                vehicle.gear.battery(),
+                vehicle.energy_and_contacts.motor_work_j,
+                vehicle.energy_and_contacts.braked_j,
+                vehicle.energy_and_contacts.contacts(self._bodies),
+                vehicle.running_gear.battery(),
             )
             for name, vehicle in self._vehicles.items()
         ]

@@ -23,7 +23,7 @@ MAX_WAITING = 1000
 """Commands that may wait for their instant; more means that a sender's clock is wrong."""
 
 
-class Wheels(NamedTuple):
+class WheelTargets(NamedTuple):
     """What the wheels are asked for."""
 
     speeds_radps: Speeds
@@ -58,11 +58,13 @@ class Controller:
         self._range = radians(drive.max_steering_deg) if isinstance(drive, Ackermann) else 0.0
         self._linear_step = drive.max_acceleration_mps2 * TICK_SECONDS
         self._angular_step = drive.max_angular_acceleration_radps2 * TICK_SECONDS
-        self._waiting: list[tuple[int, Twist | Wheels]] = []
+        self._waiting: list[tuple[int, Twist | WheelTargets]] = []
         self._now_nanos = self._since_nanos = -1
-        self._asked: Twist | Wheels = STANDSTILL
+        self._asked: Twist | WheelTargets = STANDSTILL
         self._ramped: Twist | None = STANDSTILL
-        self._wheels = Wheels(self._steering.speeds(STANDSTILL), self._steering.angles(STANDSTILL))
+        self._wheels = WheelTargets(
+            self._steering.speeds(STANDSTILL), self._steering.angles(STANDSTILL)
+        )
 
     def command(self, command: Command | WheelCommand) -> bool:
         """Take a command; one that is older than what acts already changes nothing.
@@ -94,12 +96,12 @@ class Controller:
             raise ValueError("a velocity that is not a finite number")
         return self._steering.within_limits((command.linear_mps[0], command.angular_radps[2]))
 
-    def _each_wheel(self, command: WheelCommand) -> Wheels:
+    def _each_wheel(self, command: WheelCommand) -> WheelTargets:
         most = self._drive.max_wheel_speed_radps
         speeds = _in_order(command.speeds_radps, self.shafts, most)
-        return Wheels(speeds, _in_order(command.angles_rad, self._steered, self._range))
+        return WheelTargets(speeds, _in_order(command.angles_rad, self._steered, self._range))
 
-    def wheels(self, sim_nanos: int, angles: Sequence[float] = ()) -> Wheels:
+    def wheels(self, sim_nanos: int, angles: Sequence[float] = ()) -> WheelTargets:
         """Return what is asked of shafts (rad/s) and steered wheels (rad) from `sim_nanos` on.
 
         To be called once a tick: a velocity changes by what the drive's accelerations allow. Wheels
@@ -116,7 +118,7 @@ class Controller:
         if sim_nanos - self._since_nanos > self._timeout_nanos:
             self._asked = STANDSTILL
         asked = self._asked
-        if isinstance(asked, Wheels):
+        if isinstance(asked, WheelTargets):
             self._ramped, self._wheels = None, asked
         elif self._ramped != asked or angles:
             (v, w), (asked_v, asked_w) = self._ramped or STANDSTILL, asked
@@ -125,7 +127,7 @@ class Controller:
                 _towards(w, asked_w, self._angular_step),
             )
             twist = self._steering.within_limits(self._ramped)
-            self._wheels = Wheels(
+            self._wheels = WheelTargets(
                 self._steering.speeds(twist, angles), self._steering.angles(asked)
             )
         return self._wheels

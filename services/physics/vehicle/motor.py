@@ -40,7 +40,7 @@ class Motors:
         return max(0.0, power)
 
 
-class Charge:
+class BatteryCharge:
     """What is in a vehicle's battery."""
 
     def __init__(self, battery: Battery) -> None:
@@ -78,7 +78,7 @@ class Charge:
         return self.voltage_v / battery.full_v
 
 
-class Mains:
+class UnlimitedSupply:
     """Stands for a battery that is never empty."""
 
     def draw(self, power_w: float) -> float:

@@ -17,11 +17,11 @@ from groundlink.core.fields import Vector3
 from groundlink.messages.vitals import BatteryState
 from groundlink.scenario.vehicle import VehicleModel, Wheel
 
-from .controller import Wheels
-from .motor import Charge, Mains, Motors
+from .controller import WheelTargets
+from .motor import BatteryCharge, Motors, UnlimitedSupply
 from .shaft import TurningShaft
-from .steering_joint import Knuckle, knuckles
-from .tire import Tyre
+from .steering_joint import SteeringJoint, steering_joints
+from .tire import Tire
 
 UPRIGHT = 0.2
 """Sine of the angle between axle and ground's normal below which a wheel lies on its side."""
@@ -31,12 +31,12 @@ Touch = tuple[float, float, float, float]
 coefficient of friction, N, and the sum of the normal forces on it, N, in the base frame."""
 
 
-class Push(NamedTuple):
+class GroundReaction(NamedTuple):
     """What the ground does to the base by way of the wheels."""
 
     force_n: Vector3
     torque_nm: Vector3
-    """About the centre of mass."""
+    """About the center of mass."""
 
     along_springs_n: list[float]
     """The part of each wheel's force along its spring: it acts on the wheel, not on the base."""
@@ -45,14 +45,22 @@ class Push(NamedTuple):
 class RollingWheel:
     """One wheel of the running gear."""
 
-    __slots__ = ("friction", "knuckle", "ratio", "resistance", "shaft", "tyre", "x_y_z_radius")
+    __slots__ = (
+        "friction",
+        "ratio",
+        "resistance",
+        "shaft",
+        "steering_joint",
+        "tire",
+        "x_y_z_radius",
+    )
 
-    def __init__(self, wheel: Wheel, tyre: Tyre, knuckle: Knuckle | None) -> None:
+    def __init__(self, wheel: Wheel, tire: Tire, steering_joint: SteeringJoint | None) -> None:
         self.x_y_z_radius = *wheel.center_m, wheel.radius_m
         self.friction = wheel.friction
         self.resistance = wheel.rolling_resistance
-        self.tyre = tyre
-        self.knuckle = knuckle
+        self.tire = tire
+        self.steering_joint = steering_joint
         self.shaft: TurningShaft | None = None
         self.ratio = 1.0
         """Turns of the wheel for one of its shaft."""
@@ -70,7 +78,7 @@ class RollingWheel:
     @property
     def torque_nm(self) -> float:
         """Its part of what the motor gave."""
-        return self.shaft.torque_nm / (self.ratio * len(self.shaft.tyres)) if self.shaft else 0.0
+        return self.shaft.torque_nm / (self.ratio * len(self.shaft.tires)) if self.shaft else 0.0
 
 
 class RunningGear:
@@ -85,15 +93,15 @@ class RunningGear:
     def __init__(self, model: VehicleModel, borne_kg: Sequence[float]) -> None:
         self._com = model.chassis.center_m
         self._motors = Motors(model.drive)
-        self._charge = Charge(model.battery) if model.battery else None
-        self._source = self._charge or Mains()
+        self._charge = BatteryCharge(model.battery) if model.battery else None
+        self._source = self._charge or UnlimitedSupply()
         self._voltage_share = 1.0
-        joints = knuckles(model)
-        self._knuckles = tuple(joints.values())
+        joints = steering_joints(model)
+        self._steering_joints = tuple(joints.values())
         self.wheels = [
             RollingWheel(
                 wheel,
-                Tyre(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio),
+                Tire(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio),
                 joints.get(wheel.name),
             )
             for wheel, mass in zip(model.wheels, borne_kg, strict=True)
@@ -105,7 +113,7 @@ class RunningGear:
             for wheel, rolling in parts:
                 rolling.ratio = shaft.radius_m / wheel.radius_m
             turning = TurningShaft(
-                [rolling.tyre for _, rolling in parts],
+                [rolling.tire for _, rolling in parts],
                 radius_m=shaft.radius_m,
                 inertia_kgm2=shaft.inertia_kgm2
                 + sum(w.axle_inertia_kgm2 * rolling.ratio**2 for w, rolling in parts),
@@ -121,7 +129,7 @@ class RunningGear:
 
     def angles(self) -> tuple[float, ...]:
         """Return the angles of the steered wheels."""
-        return tuple(knuckle.angle_rad for knuckle in self._knuckles)
+        return tuple(steering_joint.angle_rad for steering_joint in self._steering_joints)
 
     def battery(self) -> BatteryState | None:
         """Return what the battery says, where there is one."""
@@ -131,13 +139,13 @@ class RunningGear:
 
     def go(
         self,
-        asked: Wheels,
+        asked: WheelTargets,
         *,
         velocity: Vector3,
         turn: Vector3,
         springs: Sequence[Sequence[float]],
         touches: Sequence[Touch | None],
-    ) -> Push:
+    ) -> GroundReaction:
         """Turn shafts and joints for a tick and return how the ground pushes.
 
         Parameters
@@ -151,14 +159,14 @@ class RunningGear:
         """
         vx, vy, vz = velocity
         ox, oy, oz = turn
-        steer = dict(zip(self._knuckles, asked.angles_rad, strict=True))
+        steer = dict(zip(self._steering_joints, asked.angles_rad, strict=True))
         meeting: list[tuple[float, ...] | None] = []
         for wheel, spring, touch in zip(self.wheels, springs, touches, strict=True):
-            knuckle = wheel.knuckle
+            steering_joint = wheel.steering_joint
             if touch is None:
-                wheel.tyre.lift()
-                if knuckle:
-                    knuckle.turn(steer[knuckle], 0.0, 0.0)
+                wheel.tire.lift()
+                if steering_joint:
+                    steering_joint.turn(steer[steering_joint], 0.0, 0.0)
                 meeting.append(None)
                 continue
             grip, nx, ny, nz = touch
@@ -166,9 +174,9 @@ class RunningGear:
             nx, ny, nz = nx / load, ny / load, nz / load
             grip *= wheel.friction
             ax, ay = 0.0, 1.0
-            if knuckle:
-                knuckle.turn(steer[knuckle], grip, vx)
-                ax, ay = -sin(knuckle.angle_rad), cos(knuckle.angle_rad)
+            if steering_joint:
+                steering_joint.turn(steer[steering_joint], grip, vx)
+                ax, ay = -sin(steering_joint.angle_rad), cos(steering_joint.angle_rad)
             # Forward and left along the ground; the axle is (ax, ay, 0).
             fx, fy, fz = ay * nz, -ax * nz, ax * ny - ay * nx
             size = sqrt(fx * fx + fy * fy + fz * fz)
@@ -180,7 +188,7 @@ class RunningGear:
             x, y, z = x - radius * nx, y - radius * ny, z + spring[0] - radius * nz
             px, py = vx + oy * z - oz * y, vy + oz * x - ox * z
             pz = vz + ox * y - oy * x + spring[1]
-            wheel.tyre.meet(
+            wheel.tire.meet(
                 fx * px + fy * py + fz * pz,
                 lx * px + ly * py + lz * pz,
                 grip,
@@ -197,7 +205,7 @@ class RunningGear:
                 along_springs.append(0.0)
                 continue
             fx, fy, fz, lx, ly, lz, x, y, z = met
-            along, aside = wheel.tyre.settle(wheel.shaft.tread_mps if wheel.shaft else 0.0)
+            along, aside = wheel.tire.settle(wheel.shaft.tread_mps if wheel.shaft else 0.0)
             fx, fy, fz = along * fx + aside * lx, along * fy + aside * ly, along * fz + aside * lz
             sx, sy, sz = sx + fx, sy + fy, sz + fz
             x, y, z = x - cx, y - cy, z - cz
@@ -205,7 +213,7 @@ class RunningGear:
             ty += z * fx - x * fz
             tz += x * fy - y * fx
             along_springs.append(fz)
-        return Push((sx, sy, sz), (tx, ty, tz), along_springs)
+        return GroundReaction((sx, sy, sz), (tx, ty, tz), along_springs)
 
     def _turn_shafts(self, speeds: Sequence[float]) -> float:
         """Turn all shafts by a tick; return the rate of their angular momentum about y, N m.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wheels that turn together, the motor on their shaft and the grip of their tyres.
+"""Wheels that turn together, the motor on their shaft and the grip of their tires.
 
 Rule: pure; solved implicitly, so that neither a light wheel nor a hard tread makes it rattle. A
 motor holds the speed that it is asked for as far as its torque goes.
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from groundlink.core.clock import TICK_SECONDS
 
-from .tire import Tyre
+from .tire import Tire
 
 STEPS = 40
 """Of Newton's method at most; it takes three as a rule."""
@@ -25,7 +25,7 @@ class TurningShaft:
 
     Parameters
     ----------
-    tyres
+    tires
         those of its wheels.
     radius_m
         from the shaft's speed to that of all of its treads.
@@ -41,20 +41,20 @@ class TurningShaft:
         "angle_rad",
         "inertia_kgm2",
         "speed_radps",
+        "tires",
         "torque_nm",
         "tread_mps",
-        "tyres",
     )
 
     def __init__(
         self,
-        tyres: Sequence[Tyre],
+        tires: Sequence[Tire],
         *,
         radius_m: float,
         inertia_kgm2: float,
         damping_nmsprad: float,
     ) -> None:
-        self.tyres = tuple(tyres)
+        self.tires = tuple(tires)
         self._radius = radius_m
         self._damping = damping_nmsprad
         self.inertia_kgm2 = inertia_kgm2
@@ -66,13 +66,13 @@ class TurningShaft:
         """Go on by a tick, towards a speed by a motor of some torque."""
         before, radius = self.speed_radps, self._radius
         damping = self._damping
-        if resisting := sum([tyre.resisting_n for tyre in self.tyres]):
+        if resisting := sum([tire.resisting_n for tire in self.tires]):
             damping += resisting * radius / max(abs(before), SLOW_RADPS)
         inertia = self.inertia_kgm2 / TICK_SECONDS
         speed = asked_radps
         grip = 0.0
-        for tyre in self.tyres:
-            grip += tyre.along(speed * radius)[0]
+        for tire in self.tires:
+            grip += tire.along(speed * radius)[0]
         torque = inertia * (speed - before) + damping * speed + radius * grip
         if not least_nm <= torque <= most_nm:
             torque = min(max(torque, least_nm), most_nm)
@@ -85,21 +85,21 @@ class TurningShaft:
     def _driven_by(self, torque: float, inertia: float, damping: float) -> float:
         """Return the speed after a tick of a motor's torque."""
         before, radius = self.speed_radps, self._radius
-        gripping = [tyre for tyre in self.tyres if tyre.limit_n > 0.0]
-        most = radius * sum([tyre.limit_n for tyre in gripping])
+        gripping = [tire for tire in self.tires if tire.limit_n > 0.0]
+        most = radius * sum([tire.limit_n for tire in gripping])
         # The treads push or brake with no more than all of their grip.
         low = (inertia * before + torque - most) / (inertia + damping)
         high = low + 2 * most / (inertia + damping)
         speed = (low + high) / 2
         if gripping:
             # From where the treads neither push nor brake their force rises ever less.
-            rolling = sum([tyre.rolling_mps for tyre in gripping]) / (radius * len(gripping))
+            rolling = sum([tire.rolling_mps for tire in gripping]) / (radius * len(gripping))
             speed = min(max(rolling, low), high)
         for _ in range(STEPS):
             excess = inertia * (speed - before) + damping * speed - torque
             slope = inertia + damping
-            for tyre in gripping:
-                force, firmness = tyre.along(speed * radius)
+            for tire in gripping:
+                force, firmness = tire.along(speed * radius)
                 excess += radius * force
                 slope += radius * radius * firmness
             if abs(excess) < 1e-9 * slope:

@@ -22,7 +22,7 @@ Twist = tuple[float, float]
 STANDSTILL: Twist = (0.0, 0.0)
 
 
-class BySides:
+class SkidSteering:
     """Shafts roll with v - w y k, with k the track multiplier.
 
     A vehicle that skids round turns slower than its geometry says.
@@ -53,7 +53,7 @@ class BySides:
         return twist[0] * share, twist[1] * share
 
 
-class BySteering:
+class AckermannSteering:
     """The axles of all wheels meet in one point on the line of those that are not steered.
 
     That is tan(angle) = L / (R - y) for a wheel L before that line, y to the left. Driven wheels
@@ -108,11 +108,11 @@ class BySteering:
         return total / len(angles)
 
 
-Steering = BySides | BySteering
+Steering = SkidSteering | AckermannSteering
 
 
 def steering(model: VehicleModel) -> Steering:
     """Return the geometry of a vehicle's drive."""
     if isinstance(model.drive, Ackermann):
-        return BySteering(model, model.drive)
-    return BySides(model, model.drive)
+        return AckermannSteering(model, model.drive)
+    return SkidSteering(model, model.drive)

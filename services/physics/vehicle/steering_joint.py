@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The joint that steers a wheel: as fast and as strong as its drive, within its range.
 
-Rule: pure. What resists it is the tyre's footprint, a strip as long as the wheel is wide: standing,
+Rule: pure. What resists it is the tire's footprint, a strip as long as the wheel is wide: standing,
 it has to be turned on the spot with friction at all of its points; rolling, the more freely the
 faster it rolls.
 """
@@ -15,7 +15,7 @@ from groundlink.scenario.drives import Ackermann
 from groundlink.scenario.vehicle import VehicleModel, Wheel
 
 
-class Knuckle:
+class SteeringJoint:
     """The joint of one steered wheel, straight ahead at first."""
 
     __slots__ = ("_inertia", "_lever_m", "_most_nm", "_most_radps", "_range", "_speed", "angle_rad")
@@ -35,7 +35,7 @@ class Knuckle:
         Parameters
         ----------
         grip_n
-            friction times load of the tyre.
+            friction times load of the tire.
         rolling_mps
             how fast it rolls.
         """
@@ -57,10 +57,10 @@ class Knuckle:
         self.angle_rad = max(-self._range, min(self._range, angle))
 
 
-def knuckles(model: VehicleModel) -> dict[str, Knuckle]:
+def steering_joints(model: VehicleModel) -> dict[str, SteeringJoint]:
     """Return the steered joints of a vehicle, by their wheels, in the order of the drive."""
     drive = model.drive
     if not isinstance(drive, Ackermann):
         return {}
     wheels = {wheel.name: wheel for wheel in model.wheels}
-    return {name: Knuckle(wheels[name], drive) for name in drive.steered}
+    return {name: SteeringJoint(wheels[name], drive) for name in drive.steered}

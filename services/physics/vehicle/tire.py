@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The grip of a tyre on the ground: dry friction with an elastic tread.
+"""The grip of a tire on the ground: dry friction with an elastic tread.
 
 Rule: pure; motion over the ground and load in, force out, and the tread's deflection is all that is
 remembered.
 
 Bullet's own friction acts along the axes of the world, so that a skid-steered vehicle turns up to
 twice as fast on one heading as on another (measured, with and without its friction cone). Here the
-law is Coulomb's, the same in every direction of the ground unless the tyre says otherwise: while it
+law is Coulomb's, the same in every direction of the ground unless the tire says otherwise: while it
 sticks, the tread is a spring and damper and holds without creeping; it slips at the limit of its
 load.
 """
@@ -20,15 +20,15 @@ from groundlink.core.clock import TICK_SECONDS
 TREAD_STIFFNESS = 0.02
 """Tangential, in units of the mass that rests on the wheel over the tick squared: a vehicle that
 rests on its treads swings at 9 Hz, which an explicit step bears though it rolls and yaws more
-easily than it slides. The rover's comes to 44 kN/m, of the order of a small pneumatic tyre's; at
+easily than it slides. The rover's comes to 44 kN/m, of the order of a small pneumatic tire's; at
 135 N it gives way by 3 mm before it slips."""
 
 TREAD_DAMPING = 0.15
 """Likewise, in units of that mass over the tick: half of what stops a swing at once."""
 
 
-class Tyre:
-    """One tyre.
+class Tire:
+    """One tire.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Tyre:
         return forward * share, self.firmness * share * aside * aside / square
 
     def settle(self, tread_mps: float) -> tuple[float, float]:
-        """Return the ground's force on the tyre, N, forward and to the left, and remember it."""
+        """Return the ground's force on the tire, N, forward and to the left, and remember it."""
         limit, stiffness = self.limit_n, self._stiffness
         if limit <= 0.0:
             self.lift()

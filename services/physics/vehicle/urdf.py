@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle's model as URDF text.
 
-Rule: masses, joints and what touches, for the physics engine; what springs, motors and tyres do is
+Rule: masses, joints and what touches, for the physics engine; what springs, motors and tires do is
 no part of URDF, and what a vehicle looks like no part of physics.
 
 Wheels collide as spheres: cylinders shake on flat ground (bullet3 issue 2851). A sphere sticks out

@@ -2,7 +2,7 @@
 """One vehicle in the physics engine: its body, its springs, its motors, and where it all is.
 
 Rule: what leaves this module is in the frames of the model (the base link's origin, not Bullet's
-centre of mass) and in the model's order of links and wheels.
+center of mass) and in the model's order of links and wheels.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from groundlink.world.mesh_asset import surface
 from groundlink.world.solids import Mesh
 from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Ground
-from services.physics.dynamics.energy_and_contacts import Ledger
+from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
 from services.physics.dynamics.engine import GRAVITY_MPS2, Engine
-from services.physics.dynamics.statics import CHASSIS, MEETS, WHEEL
+from services.physics.dynamics.statics import CHASSIS, COLLIDES_WITH, WHEEL
 
-from .air import air
+from .body_drag import body_drag
 from .controller import Controller
 from .hull import hull
 from .running_gear import RunningGear, Touch
@@ -41,7 +41,7 @@ Friction = Callable[[int, Vector3], float]
 """Coefficient of the ground, by the engine's number of a body and a point in the world."""
 
 
-class Rest(NamedTuple):
+class RestState(NamedTuple):
     """A vehicle at rest: what it takes to put another one of its model at the same place."""
 
     center_m: Vector3
@@ -88,7 +88,7 @@ class SimulatedVehicle:
         self._friction = friction
         self.drive = Controller(model, epoch_nanos=epoch_nanos)
         self.servos = Servos(model.joints, epoch_nanos=epoch_nanos)
-        self.ledger = Ledger()
+        self.energy_and_contacts = EnergyAndContacts()
         self.body = body = _load(engine, vehicle, ground)
         indices = {
             engine.getJointInfo(body, joint)[1].decode(): joint
@@ -104,7 +104,7 @@ class SimulatedVehicle:
             for preload, spring in zip(preloads, springs, strict=True)
         ]
         whole_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
-        self.gear = RunningGear(
+        self.running_gear = RunningGear(
             model,
             # A wheel that is held up bears what falls to each when it comes to it.
             [
@@ -114,7 +114,7 @@ class SimulatedVehicle:
         )
         self._com = model.chassis.center_m
         self._centers = [wheel.center_m for wheel in model.wheels]
-        self._air = air(model)
+        self._body_drag = body_drag(model)
         self._pack_links = Struct(f"<{7 * (count + 1 + len(model.joints))}d").pack
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
@@ -130,11 +130,11 @@ class SimulatedVehicle:
         engine.changeDynamics(
             body, -1, lateralFriction=chassis.friction, restitution=chassis.restitution
         )
-        engine.setCollisionFilterGroupMask(body, -1, CHASSIS, MEETS[CHASSIS])
+        engine.setCollisionFilterGroupMask(body, -1, CHASSIS, COLLIDES_WITH[CHASSIS])
         for wheel, link in zip(self._model.wheels, self._joints, strict=True):
-            # Grip is the tyre's business; the engine's contact only carries.
+            # Grip is the tire's business; the engine's contact only carries.
             engine.changeDynamics(body, link, lateralFriction=0, restitution=wheel.restitution)
-            engine.setCollisionFilterGroupMask(body, link, WHEEL, MEETS[WHEEL])
+            engine.setCollisionFilterGroupMask(body, link, WHEEL, COLLIDES_WITH[WHEEL])
         # Joints come with motors that hold them; those of the springs must let go.
         engine.setJointMotorControlArray(
             body, self._joints, engine.VELOCITY_CONTROL, forces=[0] * self._count
@@ -146,7 +146,7 @@ class SimulatedVehicle:
         self._sprung = engine.getJointStates(body, self._joints)
         center, self._quaternion = engine.getBasePositionAndOrientation(body)
         velocity, self._turn = engine.getBaseVelocity(body)
-        # From Bullet's centre of mass to the base link's origin.
+        # From Bullet's center of mass to the base link's origin.
         self._rows = rows = _matrix(self._quaternion)
         (a, b, c), (d, e, f), (g, h, i) = rows
         cx, cy, cz = self._com
@@ -174,24 +174,24 @@ class SimulatedVehicle:
             engine.resetJointState(body, joint, position, 0.0)
         self.sense()
 
-    def at_rest(self) -> Rest:
+    def at_rest(self) -> RestState:
         """Return how it rests, its velocities taken as zero."""
-        return Rest(
+        return RestState(
             self._engine.getBasePositionAndOrientation(self.body)[0],
             self._quaternion,
             tuple(position for position, *_ in self._sprung),
-            tuple(wheel.tyre.deflection_m for wheel in self.gear.wheels),
+            tuple(wheel.tire.deflection_m for wheel in self.running_gear.wheels),
             self._touches(0),
         )
 
-    def put(self, rest: Rest) -> None:
+    def put(self, rest: RestState) -> None:
         """Put it where another one of its model rests, before the first step."""
         engine, body = self._engine, self.body
         engine.resetBasePositionAndOrientation(body, rest.center_m, rest.orientation)
         for joint, position in zip(self._joints, rest.springs_m, strict=True):
             engine.resetJointState(body, joint, position, 0.0)
-        for wheel, deflection in zip(self.gear.wheels, rest.treads_m, strict=True):
-            wheel.tyre.deflection_m = deflection
+        for wheel, deflection in zip(self.running_gear.wheels, rest.treads_m, strict=True):
+            wheel.tire.deflection_m = deflection
         self._first_touches = rest.touches
         self.sense()
 
@@ -201,23 +201,23 @@ class SimulatedVehicle:
         return self._origin
 
     def act(self, sim_nanos: int) -> None:
-        """Set the forces of springs, tyres and motors for the step from `sim_nanos`."""
-        engine, gear = self._engine, self.gear
+        """Set the forces of springs, tires and motors for the step from `sim_nanos`."""
+        engine, running_gear = self._engine, self.running_gear
         (a, b, c), (d, e, f), (g, h, i) = self._rows
         (vx, vy, vz), (wx, wy, wz) = self._velocity, self._turn
         vx, vy, vz = a * vx + d * vy + g * vz, b * vx + e * vy + h * vz, c * vx + f * vy + i * vz
         turn = a * wx + d * wy + g * wz, b * wx + e * wy + h * wz, c * wx + f * wy + i * wz
-        (x, y, z), torque, along_springs = gear.go(
-            self.drive.wheels(sim_nanos, gear.angles()),
+        (x, y, z), torque, along_springs = running_gear.go(
+            self.drive.wheels(sim_nanos, running_gear.angles()),
             velocity=(vx, vy, vz),
             turn=turn,
             springs=self._sprung,
             touches=self._touches(sim_nanos // TICK_NANOS),
         )
         self.servos.step(sim_nanos)
-        self.ledger.worked(gear.driving_w, gear.braking_w)
-        if self._air:
-            (x, y, z), torque = self._air.slow((x, y, z), torque, (vx, vy, vz), turn)
+        self.energy_and_contacts.worked(running_gear.driving_w, running_gear.braking_w)
+        if self._body_drag:
+            (x, y, z), torque = self._body_drag.slow((x, y, z), torque, (vx, vy, vz), turn)
         engine.applyExternalForce(self.body, -1, (x, y, z), (0.0, 0.0, 0.0), engine.LINK_FRAME)
         engine.applyExternalTorque(self.body, -1, torque, engine.LINK_FRAME)
         # Along the base's z on the wheel; a spring pushes it down by what rests on it.
@@ -246,7 +246,7 @@ class SimulatedVehicle:
             if force <= 0.0:
                 continue
             if (place := self._place.get(link)) is None:
-                self.ledger.touched((tick, other, point, force))
+                self.energy_and_contacts.touched((tick, other, point, force))
                 continue
             grip = self._friction(other, point) * force
             x, y, z = x * force, y * force, z * force
@@ -258,7 +258,9 @@ class SimulatedVehicle:
 
     def motor_torques(self) -> memoryview:
         """Return what each wheel's motor put on its axle in the last step: float64, N m."""
-        return memoryview(self._pack_wheels(*[wheel.torque_nm for wheel in self.gear.wheels]))
+        return memoryview(
+            self._pack_wheels(*[wheel.torque_nm for wheel in self.running_gear.wheels])
+        )
 
     def state(self) -> VehicleState:
         """Return where everything is after the last step."""
@@ -267,15 +269,15 @@ class SimulatedVehicle:
         qx, qy, qz, qw = self._quaternion
         poses = [x, y, z, qx, qy, qz, qw]
         (a, b, c), (d, e, f), (g, h, i) = self._rows
-        wheels = self.gear.wheels
+        wheels = self.running_gear.wheels
         for (cx, cy, cz), spring, wheel in zip(self._centers, self._sprung, wheels, strict=True):
             cz += spring[0]
             angle = wheel.angle_rad / 2
             sine, cosine = sin(angle), cos(angle)
             ux, uy, uz, uw = qx, qy, qz, qw
-            if wheel.knuckle:
+            if wheel.steering_joint:
                 # Steered: turned about z first.
-                half = wheel.knuckle.angle_rad / 2
+                half = wheel.steering_joint.angle_rad / 2
                 s, k = sin(half), cos(half)
                 ux, uy, uz, uw = qx * k + qy * s, qy * k - qx * s, qz * k + qw * s, qw * k - qz * s
             poses += (

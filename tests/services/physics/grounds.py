@@ -116,7 +116,7 @@ def slope(
     return slabs
 
 
-def wall(x_m: float) -> Solid:
+def wall_clock(x_m: float) -> Solid:
     """Return a wall across x, its near face there."""
     return Solid("wall", Box(size_m=(0.2, 40.0, 3.0)), "ground", (x_m + 0.1, 0.0, 1.5))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run without its processes: a pace, its patience, and sensors that follow as fast as told."""
+"""A run without its processes: a pace, its stall policy, and sensors."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import Ack
 from groundlink.scenario.schema import Time
-from services.physics.run.pacer import pace_of
-from services.physics.run.stall_policy import Patience
+from services.physics.run.pacer import pacer_for
+from services.physics.run.stall_policy import StallPolicy
 
 LAB = load(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml")
 SENSORS = LAB.sensor_names()
@@ -28,8 +28,8 @@ class Paced:
 
     def __init__(self, time: Time, *, others: Sequence[str] = ()) -> None:
         self.time = time
-        self.pace = pace_of(replace(LAB, time=time), LIFE, others)
-        self.patience = Patience(time)
+        self.pacer = pacer_for(replace(LAB, time=time), LIFE, others)
+        self.stall_policy = StallPolicy(time)
         self.lines: list[str] = []
         self.now = 100.0
         self.tick = 0
@@ -39,8 +39,8 @@ class Paced:
         """Let all have said that they are there, and the first state be told."""
         for name in self._followed:
             self._say(name, -1)
-        assert self.pace.parties.missing(0) == []
-        self.pace.wait_seconds(0, self.now)
+        assert self.pacer.participants.missing(0) == []
+        self.pacer.wait_seconds(0, self.now)
 
     def run(
         self, seconds: float, *, times_real: Mapping[str, float] | None = None, pause: float = 0.0
@@ -57,9 +57,9 @@ class Paced:
         until = self.now + seconds
         self.now += pause
         while self.now < until:
-            wait = self.pace.wait_seconds(self.tick + 1, self.now)
-            self.lines += self.patience.look(
-                self.pace, self.tick + 1, self.now, holding=self.pace.holding
+            wait = self.pacer.wait_seconds(self.tick + 1, self.now)
+            self.lines += self.stall_policy.look(
+                self.pacer, self.tick + 1, self.now, holding=self.pacer.holding
             )
             self.tick += wait == 0
             passed = wait or STEP_SECONDS
@@ -73,7 +73,7 @@ class Paced:
 
     @property
     def stretched(self) -> dict[str, float]:
-        return self.pace.stretched_seconds
+        return self.pacer.stretched_seconds
 
     def lag_ticks(self, name: str) -> float:
         return self.tick - self._followed[name]
@@ -87,4 +87,4 @@ class Paced:
             self._say(name, word)
 
     def _say(self, name: str, tick: int) -> None:
-        self.pace.parties.acknowledged(name, Ack(LIFE, tick, tick))
+        self.pacer.participants.acknowledged(name, Ack(LIFE, tick, tick))

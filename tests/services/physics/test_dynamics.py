@@ -17,7 +17,7 @@ from groundlink.scenario.vehicle import Suspension, VehicleModel
 from groundlink.world.solids import Box, Solid
 from services.physics.dynamics.engine import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
-from services.physics.vehicle.air import AIR_DENSITY_KGPM3
+from services.physics.vehicle.body_drag import AIR_DENSITY_KGPM3
 
 from .grounds import FLOOR, NAME, drive, put, shipped
 
@@ -256,7 +256,7 @@ def steered(seconds: float, twist: tuple[float, float], **drive_fields: Any) -> 
     it = model("car", drive=drive_fields)
     with put(it) as simulation:
         drive(simulation, seconds, twist)
-        angle = simulation._vehicles[NAME].gear.angles()[0]
+        angle = simulation._vehicles[NAME].running_gear.angles()[0]
         way = drive(simulation, 0.5, twist)
     rate = way.velocity[:, 5].mean()
     return degrees(angle), float(way.speed / rate) if rate else float("inf")
@@ -332,7 +332,7 @@ def test_an_empty_battery_moves_nothing() -> None:
     assert early > 0.5
     assert vitals.battery is not None
     assert vitals.battery.charge == 0.0
-    assert simulation._vehicles[NAME].gear.wheels[0].torque_nm == 0.0
+    assert simulation._vehicles[NAME].running_gear.wheels[0].torque_nm == 0.0
     assert late.pose[-1, 0] - late.pose[0, 0] > 0.5, "rolls on by itself"
 
 
@@ -356,13 +356,14 @@ def test_the_wheels_of_a_track_roll_and_share_its_work() -> None:
     it = model("tank", drive={"sprocket_radius_m": 0.2, "max_wheel_speed_radps": 5.0})
     with put(it) as simulation:
         drive(simulation, 0.3, (0.5, 0.0))
-        gear = simulation._vehicles[NAME].gear
-        power_w = sum(wheel.torque_nm * wheel.speed_radps for wheel in gear.wheels)
-        assert gear.driving_w > 1.0
-        assert power_w == pytest.approx(gear.driving_w - gear.braking_w, rel=0.01)
+        running_gear = simulation._vehicles[NAME].running_gear
+        power_w = sum(wheel.torque_nm * wheel.speed_radps for wheel in running_gear.wheels)
+        assert running_gear.driving_w > 1.0
+        assert power_w == pytest.approx(running_gear.driving_w - running_gear.braking_w, rel=0.01)
         driven = drive(simulation, 2.0, (0.5, 0.0))
     speeds = [
-        one.speed_radps * wheel.radius_m for one, wheel in zip(gear.wheels, it.wheels, strict=True)
+        one.speed_radps * wheel.radius_m
+        for one, wheel in zip(running_gear.wheels, it.wheels, strict=True)
     ]
     assert speeds == pytest.approx([driven.speed] * len(it.wheels), rel=0.02)
 

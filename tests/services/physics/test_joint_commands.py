@@ -16,8 +16,8 @@ from groundlink.ros.encoding import to_cdr
 from groundlink.ros.incoming import joint_state
 from groundlink.ros.streams import incoming
 from groundlink.run.journal import JointsCommanded
-from services.physics.run.episode import Life
-from services.physics.run.publishers import unheard
+from services.physics.run.episode import Episode
+from services.physics.run.publishers import silent_publishers
 from services.sensors.runtime.world_replica import Surroundings
 
 from .grounds import drive, put, shipped
@@ -53,13 +53,13 @@ def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
         joint_state(body, 0)
 
 
-def test_a_life_that_is_done_again_moves_its_joints_again() -> None:
-    def life() -> Life:
-        made = Life(OUTDOORS, "run", unheard(), others=(), wall_nanos=10**18)
+def test_an_episode_that_is_done_again_moves_its_joints_again() -> None:
+    def episode() -> Episode:
+        made = Episode(OUTDOORS, "run", silent_publishers(), others=(), wall_nanos=10**18)
         made.begin(0, 0.0)
         return made
 
-    first = life()
+    first = episode()
     try:
         assert first.command("tank", command(first.epoch_nanos + 5_000_000, turret=0.4))
         with pytest.raises(ValueError, match="no joint `door`"):
@@ -72,7 +72,7 @@ def test_a_life_that_is_done_again_moves_its_joints_again() -> None:
     (entry,) = journal.read()
     assert isinstance(entry, JointsCommanded)
     assert entry.command.stamp_nanos == 5_000_000
-    second = life()
+    second = episode()
     try:
         second.follow(entry)
         for _ in range(40):

@@ -56,14 +56,16 @@ def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
     clocks = Clocks()
     monkeypatch.setattr(process, "time", clocks)
     bus: Any = SlowBus(clocks)
-    physics = process.Physics(load(str(SCENARIO)), "run", bus)
+    physics = process.PhysicsServer(load(str(SCENARIO)), "run", bus)
     clocks.nanos += 40_000_000  # until all are there that are waited for
-    physics.life.begin(clocks.time_ns(), clocks.monotonic())
+    physics.episode.begin(clocks.time_ns(), clocks.monotonic())
     clocks.nanos += 20_000_000
     physics.close()
-    wait_nanos = round(physics.life.pace.wait_seconds(400, clocks.monotonic()) * NANOS)
-    assert clocks.time_ns() + wait_nanos - physics.life.epoch_nanos == pytest.approx(NANOS, abs=10)
-    assert clocks.time_ns() > physics.life.epoch_nanos
+    wait_nanos = round(physics.episode.pacer.wait_seconds(400, clocks.monotonic()) * NANOS)
+    assert clocks.time_ns() + wait_nanos - physics.episode.epoch_nanos == pytest.approx(
+        NANOS, abs=10
+    )
+    assert clocks.time_ns() > physics.episode.epoch_nanos
 
 
 class PresentBus(SlowBus):
@@ -75,7 +77,7 @@ class PresentBus(SlowBus):
 
 def test_who_is_there_already_is_not_waited_for() -> None:
     bus: Any = PresentBus(Clocks())
-    physics = process.Physics(load(str(SCENARIO)), "run", bus, others=["recorder"])
+    physics = process.PhysicsServer(load(str(SCENARIO)), "run", bus, others=["recorder"])
     physics.close()
     assert physics.missing() == []
 
@@ -105,17 +107,17 @@ def test_wheels_are_commanded_one_by_one_over_the_bus() -> None:
     clocks = Clocks()
     bus: Any = TalkingBus(clocks)
     scenario = load(str(SCENARIO))
-    physics = process.Physics(scenario, "run", bus)
-    physics.life.begin(clocks.time_ns(), clocks.monotonic())
+    physics = process.PhysicsServer(scenario, "run", bus)
+    physics.episode.begin(clocks.time_ns(), clocks.monotonic())
     speeds = [-1.0, 2.0, -1.0, 2.0]
     names = [wheel.name for wheel in scenario.vehicles[0].model.wheels]
     key = "groundlink/run/rover/command/wheels"
-    bus.say(key, WheelCommand(physics.life.epoch_nanos, dict(zip(names, speeds, strict=True))))
-    bus.say(key, WheelCommand(physics.life.epoch_nanos, {"no_wheel": 1.0}))
+    bus.say(key, WheelCommand(physics.episode.epoch_nanos, dict(zip(names, speeds, strict=True))))
+    bus.say(key, WheelCommand(physics.episode.epoch_nanos, {"no_wheel": 1.0}))
     physics.hear()
     for _ in range(40):
         physics.step()
-    state = physics.life._simulation.vehicle_states()["rover"]
+    state = physics.episode._simulation.vehicle_states()["rover"]
     physics.close()
     assert floats(state.joint_velocities) == pytest.approx(speeds, abs=0.1)
     assert physics.counters(clocks.monotonic())["refused"] == 1
@@ -126,19 +128,19 @@ def test_in_real_time_a_sensor_that_was_there_resumes(overload: Any, states: int
     clocks = Clocks()
     bus: Any = SlowBus(clocks)
     scenario = replace(load(str(SCENARIO)), time=Time(overload=overload))
-    physics = process.Physics(scenario, "run", bus)
-    life = physics.life
-    life.begin(clocks.time_ns(), clocks.monotonic())
+    physics = process.PhysicsServer(scenario, "run", bus)
+    episode = physics.episode
+    episode.begin(clocks.time_ns(), clocks.monotonic())
     for _ in range(2):
         physics.step()
-    word = Ack(life.number, 1, 1, b"what it knew")
+    word = Ack(episode.number, 1, 1, b"what it knew")
     for name in ("rover/imu", "rover/driver", "gateway"):
-        life.acknowledged(name, word)
-    life.settle()
-    resume, *missed = life.missed_by("rover/imu")
+        episode.acknowledged(name, word)
+    episode.settle()
+    resume, *missed = episode.missed_by("rover/imu")
     assert decode(resume, Ack) == word
     assert [decode(state, State).tick for state in missed] == list(range(3 - states, 3))
-    assert [decode(known, Ack) for known in life.missed_by("gateway")] == [word]
+    assert [decode(known, Ack) for known in episode.missed_by("gateway")] == [word]
     for late in ("rover/lidar", "rover/driver"):
-        assert life.missed_by(late) == []
+        assert episode.missed_by(late) == []
     physics.close()

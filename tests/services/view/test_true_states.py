@@ -17,7 +17,7 @@ from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.navigation import JointState
 from groundlink.world.actors import Actor, Crate, Free
 from groundlink.world.bodies import body_names
-from services.physics.run.ground_truth import BodyTruth, Truth
+from services.physics.run.ground_truth import BodyTruth, VehicleTruth
 from services.view.intake import streams_of
 from services.view.true_states import HELD, Drawable, TrueStates
 
@@ -65,7 +65,7 @@ def same_turn(first: np.ndarray[Any, Any], second: np.ndarray[Any, Any]) -> None
 
 def test_links_are_where_they_were_also_between_the_poses_of_all_bodies() -> None:
     states, made = TrueStates(SCENARIO, "run"), []
-    tell, bodies = Truth(SCENARIO.vehicles[0]), BodyTruth(SCENARIO, ())
+    tell, bodies = VehicleTruth(SCENARIO.vehicles[0]), BodyTruth(SCENARIO, ())
     for tick in range(0, 80, 8):
         state = driving(tick)
         stamp = state.stamp_nanos
@@ -144,11 +144,11 @@ def test_actors_are_where_they_were_told_last() -> None:
 
 
 def test_another_round_of_a_replay_is_another_life() -> None:
-    states, lives = TrueStates(SCENARIO, "run"), []
+    states, episodes = TrueStates(SCENARIO, "run"), []
     for tick in (0, 8, 0, 8):
         found, _ = states.follow([clock(tick), drawable("rover/ground_truth", truth(tick))])
-        lives += [state.life for state in found]
-    assert lives[0] == lives[1] != lives[2] == lives[3]
+        episodes += [state.life for state in found]
+    assert episodes[0] == episodes[1] != episodes[2] == episodes[3]
 
 
 def test_wheels_of_another_vehicle_turn_nothing() -> None:

@@ -21,7 +21,7 @@ from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import BODY, Ground, Terrain, ground
 from groundlink.world.triangles import merged
 from services.physics.dynamics.engine import Engine
-from services.physics.dynamics.terrain import Landscape, Window, reach_of
+from services.physics.dynamics.terrain import TerrainWindow, TerrainWindows, reach_of
 from services.physics.simulation.simulation import Simulation
 from services.sensors.rays.scene import Scene
 from services.sensors.rays.terrain import Relief
@@ -39,10 +39,10 @@ class Pin:
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def pinned(engine: Engine, here: Ground) -> tuple[Landscape, Pin]:
+def pinned(engine: Engine, here: Ground) -> tuple[TerrainWindows, Pin]:
     """Return a landscape and what its one window follows."""
     pin = Pin(engine.createMultiBody(1, engine.createCollisionShape(engine.GEOM_SPHERE, radius=1)))
-    landscape = Landscape(engine, here, {"ground": Material()})
+    landscape = TerrainWindows(engine, here, {"ground": Material()})
     landscape.carry(pin, "rover", reach_of(shipped("rover")))
     return landscape, pin
 
@@ -50,13 +50,13 @@ def pinned(engine: Engine, here: Ground) -> tuple[Landscape, Pin]:
 def lays(monkeypatch: pytest.MonkeyPatch, simulation: Simulation) -> list[int]:
     """Return a list to which every tick is added at which a window is laid anew."""
     ticks: list[int] = []
-    lay = Window._lay
+    lay = TerrainWindow._lay
 
-    def noted(self: Window, x_m: float, y_m: float) -> None:
+    def noted(self: TerrainWindow, x_m: float, y_m: float) -> None:
         ticks.append(simulation.tick)
         lay(self, x_m, y_m)
 
-    monkeypatch.setattr(Window, "_lay", noted)
+    monkeypatch.setattr(TerrainWindow, "_lay", noted)
     return ticks
 
 
@@ -260,7 +260,7 @@ def test_each_place_has_the_material_of_its_cell() -> None:
         )
     )
     with closing(Engine()) as engine:
-        landscape = Landscape(engine, here, MATERIALS)
+        landscape = TerrainWindows(engine, here, MATERIALS)
         for row, column in np.ndindex(surface.shape):
             for inside in (0.02, 0.25, 0.48):
                 x_m, y_m = here.x0_m + 0.5 * column + inside, here.y0_m + 0.5 * row + inside

@@ -29,14 +29,14 @@ class Loop:
     """A run that steps whenever it may."""
 
     def __init__(self) -> None:
-        self.lives = 1
+        self.episodes = 1
         self.spawned: list[str] = []
         self.restored: list[bytes] = []
         self.control = Control(self._reset, self._change, self.restored.append)
         self.control.stepped(0)
 
     def _reset(self) -> None:
-        self.lives += 1
+        self.episodes += 1
         self.control.stepped(0)
 
     def _change(self, wish: Spawn | Remove) -> None:
@@ -90,7 +90,7 @@ def test_a_run_that_begins_again_stands_or_goes_as_before(wish: AnyRunCommand) -
     loop.wished(wish)
     loop.turn(5)
     assert loop.wished(Reset()) == ControlAnswer("", 0, wish == Pause())
-    assert loop.lives == 2
+    assert loop.episodes == 2
 
 
 @pytest.mark.parametrize("text", ["{", "{}", '{"wish":"dance"}', '{"wish":"step","ticks":0}'])
@@ -131,5 +131,5 @@ def test_nothing_changes_a_run_while_it_is_restored(wish: AnyRunCommand) -> None
     assert answer.error == (
         "the run is being restored, at tick 200 of 800; ask again when that is done"
     )
-    assert (loop.lives, loop.spawned, loop.restored) == (1, [], [])
+    assert (loop.episodes, loop.spawned, loop.restored) == (1, [], [])
     assert loop.wished(Pause()) == ControlAnswer("", 200, True, restoring_to=800)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whose word counts in one life of a run."""
+"""Whose word counts in one episode of a run."""
 
 from __future__ import annotations
 
@@ -12,46 +12,46 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Ack, decode
 from groundlink.scenario.schema import Time
-from services.physics.run.episode import Life
-from services.physics.run.publishers import unheard
+from services.physics.run.episode import Episode
+from services.physics.run.publishers import silent_publishers
 
 LIFE = 5
 LAB = load(SHIPPED / "indoor_lab.yaml")
 
 
 @pytest.fixture(params=["fast", "realtime"])
-def life(request: pytest.FixtureRequest) -> Iterator[Life]:
+def episode(request: pytest.FixtureRequest) -> Iterator[Episode]:
     scenario = replace(LAB, time=Time(mode=request.param))
-    life = Life(scenario, "run", unheard(), others=(), wall_nanos=LIFE)
-    life.begin(LIFE, 0.0)
-    yield life
-    life.end()
+    episode = Episode(scenario, "run", silent_publishers(), others=(), wall_nanos=LIFE)
+    episode.begin(LIFE, 0.0)
+    yield episode
+    episode.end()
 
 
-def heard(life: Life, process: str) -> int:
+def heard(episode: Episode, process: str) -> int:
     """Return how far a process is, as it would hear itself."""
-    return decode(life.missed_by(process)[0], Ack).tick
+    return decode(episode.missed_by(process)[0], Ack).tick
 
 
-def says(life: Life, process: str, tick: int) -> None:
-    life.acknowledged(process, Ack(LIFE, tick, tick))
-    life.settle()
+def says(episode: Episode, process: str, tick: int) -> None:
+    episode.acknowledged(process, Ack(LIFE, tick, tick))
+    episode.settle()
 
 
-def test_who_was_cut_off_is_heard_again_when_it_has_asked_what_it_missed(life: Life) -> None:
-    says(life, "rover/imu", 3)
-    life.left("rover/imu")
-    says(life, "rover/imu", 7)
-    waits = life.scenario.time.mode == "fast"
-    assert heard(life, "rover/imu") == (3 if waits else 7), "what it said in between may be lost"
-    says(life, "rover/imu", 8)
-    assert heard(life, "rover/imu") == 8
+def test_who_was_cut_off_is_heard_again_when_it_has_asked_what_it_missed(episode: Episode) -> None:
+    says(episode, "rover/imu", 3)
+    episode.left("rover/imu")
+    says(episode, "rover/imu", 7)
+    waits = episode.scenario.time.mode == "fast"
+    assert heard(episode, "rover/imu") == (3 if waits else 7), "what it said in between may be lost"
+    says(episode, "rover/imu", 8)
+    assert heard(episode, "rover/imu") == 8
 
 
-def test_others_than_sensors_and_drivers_have_nothing_to_repeat(life: Life) -> None:
-    life.left("gateway")
-    says(life, "gateway", 7)
-    assert life.journal().acks["gateway"].tick == 7
+def test_others_than_sensors_and_drivers_have_nothing_to_repeat(episode: Episode) -> None:
+    episode.left("gateway")
+    says(episode, "gateway", 7)
+    assert episode.journal().acks["gateway"].tick == 7
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,9 @@ def test_others_than_sensors_and_drivers_have_nothing_to_repeat(life: Life) -> N
 def test_a_run_that_does_not_follow_the_wall_clock_begins_at_the_same_stamp(
     time: Time, begins_nanos: int
 ) -> None:
-    life = Life(replace(LAB, time=time), "run", unheard(), others=(), wall_nanos=LIFE)
-    life.begin(7, 0.0)
-    assert life.epoch_nanos == begins_nanos
-    life.end()
+    episode = Episode(
+        replace(LAB, time=time), "run", silent_publishers(), others=(), wall_nanos=LIFE
+    )
+    episode.begin(7, 0.0)
+    assert episode.epoch_nanos == begins_nanos
+    episode.end()

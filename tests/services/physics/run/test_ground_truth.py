@@ -19,7 +19,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
 from groundlink.scenario.schema import BodyPoses, GroundTruth, Vehicle
 from groundlink.world.build import solids
-from services.physics.run.ground_truth import BodyTruth, Truth
+from services.physics.run.ground_truth import BodyTruth, VehicleTruth
 from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import run
 
@@ -49,7 +49,7 @@ def state(tick: int, *names: str) -> State:
 
 
 def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
-    odometry = Truth(vehicle(50.0)).odometry(state(0).vehicles["rover"], 5)
+    odometry = VehicleTruth(vehicle(50.0)).odometry(state(0).vehicles["rover"], 5)
     assert odometry.stamp_nanos == 5
     assert (odometry.frame, odometry.child_frame) == ("world", "a/base_link")
     assert (odometry.position_m, odometry.orientation) == ((1.0, 2.0, 3.0), LEFT)
@@ -60,7 +60,7 @@ def test_velocities_are_in_the_base_and_the_pose_in_the_world() -> None:
 
 def test_wheels_are_joints_with_the_torque_of_their_motors() -> None:
     torques = packed(np.array([4.0, 5.0, 6.0, 7.0]))
-    wheels = Truth(vehicle(50.0)).wheels(state(0).vehicles["rover"], torques, 5)
+    wheels = VehicleTruth(vehicle(50.0)).wheels(state(0).vehicles["rover"], torques, 5)
     assert (wheels.stamp_nanos, wheels.frame) == (5, "a/base_link")
     assert wheels.names == tuple(wheel.name for wheel in vehicle(50.0).model.wheels)
     assert floats(wheels.positions).tolist() == [0.5, -0.5, 7.0, 8.0]
@@ -88,7 +88,7 @@ def test_torques_work_as_much_as_the_motors_do(start: Callable[..., Simulation])
 
 @pytest.mark.parametrize("rate_hz", [50.0, 30.0, 400.0])
 def test_it_comes_at_its_rate_without_drift(rate_hz: float) -> None:
-    truth = Truth(vehicle(rate_hz))
+    truth = VehicleTruth(vehicle(rate_hz))
     due = [truth.due(state(tick)) for tick in range(401)]
     stamps = [told[0] for told in due if told is not None]
     assert len(stamps) == rate_hz + 1
@@ -113,7 +113,7 @@ def moving(tick: int, *names: str) -> State:
 
 @pytest.mark.parametrize("rate_hz", [50.0, 30.0, 29.97, 120.0])
 def test_values_are_those_of_the_stamp(rate_hz: float) -> None:
-    truth = Truth(vehicle(rate_hz))
+    truth = VehicleTruth(vehicle(rate_hz))
     found = [(tick, truth.due(moving(tick))) for tick in range(401)]
     due = [(tick, *told) for tick, told in found if told is not None]
     assert len(due) > rate_hz - 1
@@ -131,7 +131,7 @@ def test_values_are_those_of_the_stamp(rate_hz: float) -> None:
 
 
 def test_a_vehicle_that_comes_later_is_told_of_from_then_on() -> None:
-    truth = Truth(vehicle(30.0), from_tick=100)
+    truth = VehicleTruth(vehicle(30.0), from_tick=100)
     due = [truth.due(moving(tick)) for tick in range(100, 501)]
     stamps = [told[0] - EPOCH for told in due if told is not None]
     assert stamps[0] == 8 * 10**9 // 30

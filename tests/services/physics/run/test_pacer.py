@@ -11,7 +11,7 @@ from groundlink.core.errors import RunFailed
 from groundlink.messages.base import Ack
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS, Square
 from groundlink.scenario.schema import Time
-from services.physics.run.pacer import SKIP_AT_ONCE_SECONDS, SLOW_AT_ONCE_SECONDS, pace_of
+from services.physics.run.pacer import SKIP_AT_ONCE_SECONDS, SLOW_AT_ONCE_SECONDS, pacer_for
 from tests.services.physics.paced import LAB, LIDAR, LIFE, SENSORS, Paced
 
 HALF = {LIDAR: 0.5}
@@ -79,16 +79,16 @@ def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_hold_up(
     run.join()
     run.run(1.0)
     run.run(at_once + 0.7, pause=at_once + 0.4)  # with time to step what is made up for at once
-    behind = run.pace.behind_seconds(run.tick)
+    behind = run.pacer.behind_seconds(run.tick)
     assert 0.1 < behind < 0.4
-    assert f"{behind:.1f} s still to catch up" in str(run.patience.hold_ups(run.pace))
+    assert f"{behind:.1f} s still to catch up" in str(run.stall_policy.hold_ups(run.pacer))
     begin = run.sim_seconds
     run.run(2.0)
     assert (run.sim_seconds - begin) / factor == pytest.approx(2.0 * 1.05, abs=0.01)
     run.run(7.3)
     assert run.sim_seconds == pytest.approx((11.0 + at_once) * factor, abs=0.01)
-    assert run.pace.behind_seconds(run.tick) == 0.0
-    assert "catch up" not in str(run.patience.hold_ups(run.pace))
+    assert run.pacer.behind_seconds(run.tick) == 0.0
+    assert "catch up" not in str(run.stall_policy.hold_ups(run.pacer))
     assert run.lines == []
 
 
@@ -97,7 +97,7 @@ def test_without_catching_up_a_run_stays_behind_and_owes_nothing() -> None:
     run.join()
     run.run(10.0, pause=1.0)
     assert run.sim_seconds == pytest.approx(9.2, abs=0.01)
-    assert run.pace.behind_seconds(run.tick) == 0.0
+    assert run.pacer.behind_seconds(run.tick) == 0.0
     assert run.lines == []
 
 
@@ -133,13 +133,13 @@ def test_fail_bears_what_is_caught_up_with() -> None:
 
 
 def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() -> None:
-    pace = pace_of(LAB, LIFE, ["rover/driver"])
-    pace.parties.acknowledged("gateway", Ack(LIFE, 3, 3))
-    pace.parties.acknowledged("rover/driver", Ack(LIFE, 3, 3))
-    assert pace.parties.missing(10**6) == []
+    pacer = pacer_for(LAB, LIFE, ["rover/driver"])
+    pacer.participants.acknowledged("gateway", Ack(LIFE, 3, 3))
+    pacer.participants.acknowledged("rover/driver", Ack(LIFE, 3, 3))
+    assert pacer.participants.missing(10**6) == []
     for name in (*SENSORS, "recorder"):
-        pace.parties.acknowledged(name, Ack(LIFE, 3, 3))
-    assert pace.parties.missing(10**6) == sorted([*SENSORS, "recorder"])
+        pacer.participants.acknowledged(name, Ack(LIFE, 3, 3))
+    assert pacer.participants.missing(10**6) == sorted([*SENSORS, "recorder"])
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -166,31 +166,31 @@ def test_fast_goes_as_fast_as_the_slowest() -> None:
 def test_lockstep_begins_with_all_that_it_waits_for(mode: str) -> None:
     driven = replace(LAB, vehicles=(replace(LAB.vehicles[0], route=Square()),))
     scenario = replace(driven, time=Time(mode=mode))  # type: ignore[arg-type]
-    pace = pace_of(scenario, LIFE, ["recorder"])
-    parties = sorted([*SENSORS, "recorder", "rover/driver"])
-    assert pace.parties.missing(0) == parties
-    for name in parties:
-        pace.parties.acknowledged(name, Ack(LIFE, 0, 0))
-    assert pace.parties.missing(DRIVER_WINDOW_TICKS + 1) == ["rover/driver"]
-    assert pace.parties.missing(401) == parties
-    pace.parties.acknowledged("gateway", Ack(LIFE, 0, 0))
-    assert "gateway" in pace.parties.missing(401)
-    pace.parties.left("gateway")
-    assert "gateway" not in pace.parties.missing(401)
+    pacer = pacer_for(scenario, LIFE, ["recorder"])
+    participants = sorted([*SENSORS, "recorder", "rover/driver"])
+    assert pacer.participants.missing(0) == participants
+    for name in participants:
+        pacer.participants.acknowledged(name, Ack(LIFE, 0, 0))
+    assert pacer.participants.missing(DRIVER_WINDOW_TICKS + 1) == ["rover/driver"]
+    assert pacer.participants.missing(401) == participants
+    pacer.participants.acknowledged("gateway", Ack(LIFE, 0, 0))
+    assert "gateway" in pacer.participants.missing(401)
+    pacer.participants.left("gateway")
+    assert "gateway" not in pacer.participants.missing(401)
 
 
 def test_lockstep_with_ros_steps_from_word_to_word() -> None:
     time = Time(mode="fast", lockstep="ros", clock_rate_hz=100.0)
-    pace = pace_of(replace(LAB, time=time), LIFE, [])
+    pacer = pacer_for(replace(LAB, time=time), LIFE, [])
     for name in SENSORS:
-        pace.parties.acknowledged(name, Ack(LIFE, 400, 400))
-    assert pace.parties.missing(0) == []
-    assert pace.parties.missing(1) == ["gateway"]
-    pace.parties.acknowledged("gateway", Ack(LIFE, 0, 0))
-    assert pace.parties.missing(4) == []
-    assert pace.parties.missing(5) == ["gateway"]
-    pace.parties.left("gateway")
-    assert pace.parties.missing(5) == ["gateway"], "it is needed"
+        pacer.participants.acknowledged(name, Ack(LIFE, 400, 400))
+    assert pacer.participants.missing(0) == []
+    assert pacer.participants.missing(1) == ["gateway"]
+    pacer.participants.acknowledged("gateway", Ack(LIFE, 0, 0))
+    assert pacer.participants.missing(4) == []
+    assert pacer.participants.missing(5) == ["gateway"]
+    pacer.participants.left("gateway")
+    assert pacer.participants.missing(5) == ["gateway"], "it is needed"
 
 
 def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
@@ -199,8 +199,8 @@ def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
     run.run(5.0, times_real={LIDAR: 0.0})
     before = run.sim_seconds, dict(run.stretched)
     run.now += 100.0
-    run.pace.hold()
-    run.patience.rest()
+    run.pacer.hold()
+    run.stall_policy.rest()
     run.run(1.0)
     assert run.sim_seconds == pytest.approx(before[0] + 1.0, abs=0.02)
     assert sum(run.stretched.values()) == pytest.approx(sum(before[1].values()), abs=0.01)

@@ -9,71 +9,71 @@ from groundlink.scenario.route import (
     DRIVER_PERIOD_TICKS,
     DRIVER_WINDOW_TICKS,
 )
-from services.physics.run.participants import Parties, Promises, barriers, window
+from services.physics.run.participants import Participants, PendingAcks, barriers, window
 
 LIFE = 7
 
 
 @pytest.fixture
-def parties() -> Parties:
+def participants() -> Participants:
     """Return what a run in lockstep waits for."""
-    demands = dict.fromkeys(("rover/imu", "rover/lidar"), window(100))
-    return Parties(demands, needed=demands, of_others=window(50), life=LIFE)
+    requirements = dict.fromkeys(("rover/imu", "rover/lidar"), window(100))
+    return Participants(requirements, needed=requirements, of_others=window(50), episode=LIFE)
 
 
 @pytest.fixture
-def present() -> Parties:
+def present() -> Participants:
     """Return what a run in real time waits for."""
-    return Parties(dict.fromkeys(("rover/imu", "rover/lidar"), window(100)), life=LIFE)
+    return Participants(dict.fromkeys(("rover/imu", "rover/lidar"), window(100)), episode=LIFE)
 
 
-def ack(parties: Parties, process: str, tick: int, life: int = LIFE) -> None:
-    parties.acknowledged(process, Ack(life, tick, tick))
+def ack(participants: Participants, process: str, tick: int, episode: int = LIFE) -> None:
+    participants.acknowledged(process, Ack(episode, tick, tick))
 
 
-def test_nothing_moves_before_all_that_are_needed_have_joined(parties: Parties) -> None:
-    assert parties.missing(0) == ["rover/imu", "rover/lidar"]
-    ack(parties, "rover/imu", -1)
-    assert parties.missing(1) == ["rover/lidar"]
-    ack(parties, "rover/lidar", -1)
-    assert parties.missing(1) == []
-    assert not parties.has_followed("rover/imu")
-    ack(parties, "rover/imu", 0)
-    assert parties.has_followed("rover/imu")
+def test_nothing_moves_before_all_that_are_needed_have_joined(participants: Participants) -> None:
+    assert participants.missing(0) == ["rover/imu", "rover/lidar"]
+    ack(participants, "rover/imu", -1)
+    assert participants.missing(1) == ["rover/lidar"]
+    ack(participants, "rover/lidar", -1)
+    assert participants.missing(1) == []
+    assert not participants.has_followed("rover/imu")
+    ack(participants, "rover/imu", 0)
+    assert participants.has_followed("rover/imu")
 
 
-def test_physics_is_at_most_a_window_ahead(parties: Parties) -> None:
-    ack(parties, "rover/imu", 1000)
-    ack(parties, "rover/lidar", 50)
-    assert parties.missing(150) == []
-    assert parties.missing(151) == ["rover/lidar"]
-    ack(parties, "rover/lidar", 51)
-    assert parties.missing(151) == []
+def test_physics_is_at_most_a_window_ahead(participants: Participants) -> None:
+    ack(participants, "rover/imu", 1000)
+    ack(participants, "rover/lidar", 50)
+    assert participants.missing(150) == []
+    assert participants.missing(151) == ["rover/lidar"]
+    ack(participants, "rover/lidar", 51)
+    assert participants.missing(151) == []
 
 
-def test_others_are_waited_for_while_they_are_there(parties: Parties) -> None:
-    ack(parties, "rover/imu", 1000)
-    ack(parties, "rover/lidar", 1000)
-    ack(parties, "viewer", 10)
-    assert parties.missing(60) == []
-    assert parties.missing(61) == ["viewer"]
-    parties.left("viewer")
-    assert parties.missing(61) == []
+def test_others_are_waited_for_while_they_are_there(participants: Participants) -> None:
+    ack(participants, "rover/imu", 1000)
+    ack(participants, "rover/lidar", 1000)
+    ack(participants, "viewer", 10)
+    assert participants.missing(60) == []
+    assert participants.missing(61) == ["viewer"]
+    participants.left("viewer")
+    assert participants.missing(61) == []
 
 
-def test_who_is_needed_is_waited_for_when_it_has_left(parties: Parties) -> None:
-    ack(parties, "rover/imu", 1000)
-    ack(parties, "rover/lidar", 10)
-    parties.left("rover/lidar")
-    assert parties.missing(500) == ["rover/lidar"]
+def test_who_is_needed_is_waited_for_when_it_has_left(participants: Participants) -> None:
+    ack(participants, "rover/imu", 1000)
+    ack(participants, "rover/lidar", 10)
+    participants.left("rover/lidar")
+    assert participants.missing(500) == ["rover/lidar"]
 
 
-def test_words_of_another_life_do_not_count(parties: Parties) -> None:
-    ack(parties, "rover/imu", 1000, life=LIFE - 1)
-    assert "rover/imu" in parties.missing(1)
+def test_words_of_another_episode_do_not_count(participants: Participants) -> None:
+    ack(participants, "rover/imu", 1000, episode=LIFE - 1)
+    assert "rover/imu" in participants.missing(1)
 
 
-def test_in_real_time_those_are_waited_for_that_are_there_and_matter(present: Parties) -> None:
+def test_in_real_time_those_are_waited_for_that_are_there_and_matter(present: Participants) -> None:
     assert present.missing(10**6) == []
     ack(present, "gateway", 5)
     ack(present, "rover/imu", 5)
@@ -84,9 +84,9 @@ def test_in_real_time_those_are_waited_for_that_are_there_and_matter(present: Pa
 
 
 def test_who_is_given_up_counts_again_with_its_next_word(
-    parties: Parties, present: Parties
+    participants: Participants, present: Participants
 ) -> None:
-    for some in (parties, present):
+    for some in (participants, present):
         ack(some, "rover/imu", 1000)
         ack(some, "rover/lidar", 5)
         some.give_up("rover/lidar")
@@ -98,47 +98,47 @@ def test_who_is_given_up_counts_again_with_its_next_word(
     present.give_up("rover/lidar")
     present.left("rover/lidar")
     assert present.given_up == set(), "who has left is not silent"
-    parties.give_up("rover/lidar")
-    parties.left("rover/lidar")
-    assert parties.missing(500) == [], "it was given up, and is still needed"
-    assert parties.given_up == {"rover/lidar"}
+    participants.give_up("rover/lidar")
+    participants.left("rover/lidar")
+    assert participants.missing(500) == [], "it was given up, and is still needed"
+    assert participants.given_up == {"rover/lidar"}
 
 
-def test_who_is_not_wanted_any_more_is_not_waited_for(parties: Parties) -> None:
+def test_who_is_not_wanted_any_more_is_not_waited_for(participants: Participants) -> None:
     for name in ("rover/imu", "rover/lidar", "viewer"):
-        ack(parties, name, 0)
-    parties.give_up("rover/lidar")
-    parties.only(("rover/imu",))
-    assert parties.missing(500) == ["rover/imu", "viewer"]
-    assert parties.given_up == set()
+        ack(participants, name, 0)
+    participants.give_up("rover/lidar")
+    participants.only(("rover/imu",))
+    assert participants.missing(500) == ["rover/imu", "viewer"]
+    assert participants.given_up == set()
 
 
 def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None:
-    demands = {"rover/driver": window(DRIVER_WINDOW_TICKS)}
-    parties = Parties(demands, needed=demands, life=LIFE)
-    assert parties.missing(1)
+    requirements = {"rover/driver": window(DRIVER_WINDOW_TICKS)}
+    participants = Participants(requirements, needed=requirements, episode=LIFE)
+    assert participants.missing(1)
     for answered in range(-DRIVER_PERIOD_TICKS, 80, DRIVER_PERIOD_TICKS):
-        ack(parties, "rover/driver", answered)
+        ack(participants, "rover/driver", answered)
         due = answered + DRIVER_PERIOD_TICKS
-        assert not parties.missing(due), "it never sees the state to answer"
+        assert not participants.missing(due), "it never sees the state to answer"
         acts = due + COMMAND_AHEAD_TICKS  # the tick that the command for `due` is stamped with
-        assert not parties.missing(acts)
-        assert parties.missing(acts + 1)
+        assert not participants.missing(acts)
+        assert participants.missing(acts + 1)
 
 
 def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
     """What was commanded by the barrier acts in the step after it, and never in another one."""
-    parties = Parties({"gateway": barriers(4)}, needed=("gateway",), life=LIFE)
-    ack(parties, "gateway", -1)
-    assert not parties.missing(0), "the first state has to be told"
+    participants = Participants({"gateway": barriers(4)}, needed=("gateway",), episode=LIFE)
+    ack(participants, "gateway", -1)
+    assert not participants.missing(0), "the first state has to be told"
     for barrier in range(0, 40, 4):
-        assert parties.missing(barrier + 1)
-        ack(parties, "gateway", barrier)
-        assert not any(parties.missing(tick) for tick in range(barrier + 1, barrier + 5))
+        assert participants.missing(barrier + 1)
+        ack(participants, "gateway", barrier)
+        assert not any(participants.missing(tick) for tick in range(barrier + 1, barrier + 5))
 
 
 def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
-    promises = Promises()
+    promises = PendingAcks()
     first = Ack(LIFE, -8, -1)
     promises.given("rover/driver", first)
     assert list(promises.kept()) == [("rover/driver", first)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A life that was restored is the one that was saved: to the bit, with all that was on its way."""
+"""An episode that was restored is the one that was saved to the bit."""
 
 from __future__ import annotations
 
@@ -19,72 +19,80 @@ from groundlink.run.journal import Journal, Machine, dumped, loaded
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.world import assets
-from services.physics.run.episode import Life
-from services.physics.run.publishers import Outlets, unheard
-from services.physics.run.restore import Archive, Following, Restoring, check_data, check_processes
+from services.physics.run.episode import Episode
+from services.physics.run.publishers import Publishers, silent_publishers
+from services.physics.run.restore import (
+    JournalArchive,
+    JournalPlayer,
+    Restoration,
+    check_data,
+    check_processes,
+)
 
 Mode = Literal["realtime", "fast"]
 
 
 @contextmanager
-def life_of(
+def episode_of(
     scenario: Scenario,
     number: int = 5,
     epoch_nanos: int | None = None,
-    publish: Outlets | None = None,
-) -> Iterator[Life]:
-    life = Life(
-        *(scenario, "run", publish or unheard()),
+    publish: Publishers | None = None,
+) -> Iterator[Episode]:
+    episode = Episode(
+        *(scenario, "run", publish or silent_publishers()),
         others=(),
         wall_nanos=number,
         epoch_nanos=epoch_nanos,
     )
-    life.begin(number, 0.0)
-    yield life
-    life.end()
+    episode.begin(number, 0.0)
+    yield episode
+    episode.end()
 
 
 def spawn(what: str, *at: float) -> Spawn:
     return Spawn(addition(what, at=At(*at), name=None, taken=(), ground=None)[1])
 
 
-def drive(life: Life, until_tick: int) -> None:
-    """Have a life live through something of everything, up to a tick."""
-    wheels = [wheel.name for wheel in life.scenario.vehicles[0].model.wheels]
-    while life.tick < until_tick:
-        tick, now = life.tick, life.epoch_nanos + life.tick * TICK_NANOS
+def drive(episode: Episode, until_tick: int) -> None:
+    """Have an episode live through something of everything, up to a tick."""
+    wheels = [wheel.name for wheel in episode.scenario.vehicles[0].model.wheels]
+    while episode.tick < until_tick:
+        tick, now = episode.tick, episode.epoch_nanos + episode.tick * TICK_NANOS
         if tick % 8 == 0:
             turn = 0.5 if tick % 160 < 80 else -0.7
-            life.command("rover", Command(now + 9 * TICK_NANOS, (0.6, 0.0, 0.0), (0.0, 0.0, turn)))
+            episode.command(
+                "rover", Command(now + 9 * TICK_NANOS, (0.6, 0.0, 0.0), (0.0, 0.0, turn))
+            )
         if tick == 250:
-            life.command("rover", WheelCommand(now - 3, dict.fromkeys(wheels, 2.0)))
+            episode.command("rover", WheelCommand(now - 3, dict.fromkeys(wheels, 2.0)))
         if tick == 100:
-            life.change(spawn("crate", -0.5, 0.0))
+            episode.change(spawn("crate", -0.5, 0.0))
         if tick == 300:
-            life.change(spawn("box", 3.0, 2.0))
+            episode.change(spawn("box", 3.0, 2.0))
         if tick == 395:
-            life.change(Remove("box"))
-        life.step()
+            episode.change(Remove("box"))
+        episode.step()
 
 
-def states(life: Life) -> list[State]:
-    """Return what a process that joins would hear, as if all lives were one."""
-    return [replace(decode(payload, State), life=0) for payload in life._history]
+def states(episode: Episode) -> list[State]:
+    """Return what a process that joins would hear, as if all episodes were one."""
+    return [replace(decode(payload, State), life=0) for payload in episode._history]
 
 
-def restored(journal: Journal, number: int = 9, publish: Outlets | None = None) -> Life:
-    life = Life(
-        *(journal.scenario, "run", publish or unheard()),
+def restored(journal: Journal, number: int = 9, publish: Publishers | None = None) -> Episode:
+    episode = Episode(
+        *(journal.scenario, "run", publish or silent_publishers()),
         others=(),
         wall_nanos=number,
         epoch_nanos=journal.epoch_nanos,
     )
-    life.begin(0, 0.0)
-    restoring = Restoring(journal, life)
+    episode.begin(0, 0.0)
+    restoring = Restoration(journal, episode)
     while not restoring.go_on(150):
-        assert life.tick % 150 == 0
+        assert episode.tick % 150 == 0
     assert restoring.difference() == ""
-    return life
+    return episode
 
 
 @pytest.fixture
@@ -95,23 +103,23 @@ def scenario(lab: Scenario) -> Scenario:
 
 @pytest.mark.parametrize("saved_tick", [1, 300, 397, 400])
 def test_what_is_restored_goes_on_as_what_was_saved(scenario: Scenario, saved_tick: int) -> None:
-    with life_of(scenario) as life:
-        drive(life, saved_tick)
-        journal = loaded(dumped(life.journal()), "file")
+    with episode_of(scenario) as episode:
+        drive(episode, saved_tick)
+        journal = loaded(dumped(episode.journal()), "file")
         again = restored(journal)
-        assert list(map(encode, states(again))) == list(map(encode, states(life)))
+        assert list(map(encode, states(again))) == list(map(encode, states(episode)))
         assert again.journal().entries == journal.entries
-        drive(life, 500)
+        drive(episode, 500)
         drive(again, 500)
-        assert list(map(encode, states(again))) == list(map(encode, states(life)))
-        assert again.worlds == life.worlds
+        assert list(map(encode, states(again))) == list(map(encode, states(episode)))
+        assert again.worlds == episode.worlds
         again.end()
 
 
 def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> None:
     """Truth, vitals and bodies have schedules and sums of their own."""
 
-    def heard() -> tuple[list[bytes], Outlets]:
+    def heard() -> tuple[list[bytes], Publishers]:
         said: list[bytes] = []
 
         def publish(message: Message) -> bytes:
@@ -122,15 +130,15 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
             return encode(message)
 
         vehicles = {name: {"rover": publish} for name in ("truth", "wheels", "joints", "vitals")}
-        return said, Outlets(publish, publish, publish, **vehicles)
+        return said, Publishers(publish, publish, publish, **vehicles)
 
-    said, outlets = heard()
-    with life_of(scenario, publish=outlets) as life:
-        drive(life, 398)
-        again = restored(life.journal())
+    said, publish = heard()
+    with episode_of(scenario, publish=publish) as episode:
+        drive(episode, 398)
+        again = restored(episode.journal())
         said_again, again.publish = heard()
         said.clear()
-        drive(life, 500)
+        drive(episode, 500)
         drive(again, 500)
         assert said_again == said
         assert len(said) > 102
@@ -139,22 +147,22 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
 
 def test_what_was_commanded_late_acts_when_it_came(scenario: Scenario) -> None:
     """As in real time: the stamp alone would have it act earlier."""
-    with life_of(scenario) as life:
-        drive(life, 40)
-        life.command("rover", Command(33 * TICK_NANOS, (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    with episode_of(scenario) as episode:
+        drive(episode, 40)
+        episode.command("rover", Command(33 * TICK_NANOS, (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         for _ in range(60):
-            life.step()
-        again = restored(life.journal())
-        assert list(map(encode, states(again))) == list(map(encode, states(life)))
+            episode.step()
+        again = restored(episode.journal())
+        assert list(map(encode, states(again))) == list(map(encode, states(episode)))
         again.end()
 
 
 def test_commands_on_their_way_belong_to_what_was_saved(scenario: Scenario) -> None:
-    with life_of(scenario) as life:
-        life.command("rover", Command(200 * TICK_NANOS, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    with episode_of(scenario) as episode:
+        episode.command("rover", Command(200 * TICK_NANOS, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         for _ in range(100):
-            life.step()
-        again = restored(life.journal())
+            episode.step()
+        again = restored(episode.journal())
         for _ in range(200):
             again.step()
         assert abs(states(again)[-1].vehicles["rover"].poses()[0, 0]) > 0.1
@@ -163,11 +171,11 @@ def test_commands_on_their_way_belong_to_what_was_saved(scenario: Scenario) -> N
 
 @pytest.mark.parametrize("mode", ["realtime", "fast"])
 def test_others_go_on_from_their_last_words(scenario: Scenario, mode: Mode) -> None:
-    with life_of(replace(scenario, time=replace(scenario.time, mode=mode))) as life:
-        drive(life, HISTORY_TICKS + 100)
-        life.acknowledged("rover/imu", Ack(5, HISTORY_TICKS + 50, HISTORY_TICKS + 40, b"memory"))
-        life.settle()
-        again = restored(life.journal())
+    with episode_of(replace(scenario, time=replace(scenario.time, mode=mode))) as episode:
+        drive(episode, HISTORY_TICKS + 100)
+        episode.acknowledged("rover/imu", Ack(5, HISTORY_TICKS + 50, HISTORY_TICKS + 40, b"memory"))
+        episode.settle()
+        again = restored(episode.journal())
         first, *missed = again.missed_by("rover/imu")
         assert decode(first, Ack) == Ack(9, HISTORY_TICKS + 50, HISTORY_TICKS + 40, b"memory")
         ticks = [decode(payload, State).tick for payload in missed]
@@ -180,51 +188,51 @@ def test_others_go_on_from_their_last_words(scenario: Scenario, mode: Mode) -> N
 
 def test_time_goes_on_at_once_from_where_it_was(scenario: Scenario) -> None:
     realtime = replace(scenario, time=replace(scenario.time, mode="realtime"))
-    with life_of(realtime) as life:
-        drive(life, 400)
-        again = restored(life.journal())
+    with episode_of(realtime) as episode:
+        drive(episode, 400)
+        again = restored(episode.journal())
         again.begin(0, 0.5)
-        assert again.pace.wait_seconds(401, 0.5) == pytest.approx(TICK_SECONDS)
+        assert again.pacer.wait_seconds(401, 0.5) == pytest.approx(TICK_SECONDS)
         again.end()
 
 
 def test_a_word_counts_when_the_command_that_it_speaks_of_is_here(scenario: Scenario) -> None:
     """Or a driver that is restored would take for sent what never came."""
-    with life_of(scenario) as life:
-        life.acknowledged("rover/driver", Ack(5, 0, 0, b"", {"rover": 8}))
-        life.settle()
-        assert life.journal().acks == {}
-        life.command("rover", Command(8 * TICK_NANOS, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-        life.settle()
-        assert life.journal().acks.keys() == {"rover/driver"}
+    with episode_of(scenario) as episode:
+        episode.acknowledged("rover/driver", Ack(5, 0, 0, b"", {"rover": 8}))
+        episode.settle()
+        assert episode.journal().acks == {}
+        episode.command("rover", Command(8 * TICK_NANOS, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        episode.settle()
+        assert episode.journal().acks.keys() == {"rover/driver"}
 
 
 def test_a_run_that_follows_another_does_the_same(scenario: Scenario) -> None:
-    with life_of(scenario) as life, life_of(scenario, 9) as again:
-        drive(life, 450)
-        following = Following(life.journal())
+    with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
+        drive(episode, 450)
+        following = JournalPlayer(episode.journal())
         assert following.until_tick == 450
         while again.tick < 450:
             following.tell(again)
             again.step()
-        assert list(map(encode, states(again))) == list(map(encode, states(life)))
+        assert list(map(encode, states(again))) == list(map(encode, states(episode)))
 
 
 def test_who_follows_nobody_is_told_nothing(scenario: Scenario) -> None:
-    with life_of(scenario) as life:
-        Following(None).tell(life)
-        assert life.journal().entries == ()
+    with episode_of(scenario) as episode:
+        JournalPlayer(None).tell(episode)
+        assert episode.journal().entries == ()
 
 
 def test_a_result_that_differs_is_told_with_its_cause(scenario: Scenario) -> None:
-    with life_of(scenario) as life, life_of(scenario, 9) as again:
-        drive(life, 20)
-        saved = replace(life.journal(), digest="")
+    with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
+        drive(episode, 20)
+        saved = replace(episode.journal(), digest="")
         for made_on, cause in (
             (saved.made_on, "though the machine is the same"),
             (Machine("abacus", {"python": "4.0"}), "it was saved with abacus, python 4.0"),
         ):
-            restoring = Restoring(replace(saved, made_on=made_on), again)
+            restoring = Restoration(replace(saved, made_on=made_on), again)
             assert restoring.go_on(100)
             assert restoring.difference() == (
                 "what was restored at tick 20 is not the same to the bit as what was saved, "
@@ -233,47 +241,49 @@ def test_a_result_that_differs_is_told_with_its_cause(scenario: Scenario) -> Non
 
 
 def test_progress_is_told_now_and_then(scenario: Scenario) -> None:
-    with life_of(scenario) as life, life_of(scenario, 9) as again:
-        drive(life, 20)
-        restoring = Restoring(life.journal(), again)
+    with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
+        drive(episode, 20)
+        restoring = Restoration(episode.journal(), again)
         assert restoring.progress(0.0) == ["restores: tick 0 of 20"]
         restoring.go_on(10)
         assert restoring.progress(1.0) == []
         assert restoring.progress(3.0) == ["restores: tick 10 of 20"]
 
 
-def test_the_journals_of_this_life_and_the_last_are_kept(scenario: Scenario) -> None:
-    archive = Archive()
-    with life_of(scenario) as life:
-        drive(life, 20)
-        archive.ends(life)
-        ended = life.journal()
-    with life_of(scenario, 9) as life:
-        drive(life, 12)
-        here = life.journal()
-        assert archive.journal(life, "") == archive.journal(life, "9") == here
-        rest = archive.journal(life, "9/1")
+def test_the_journals_of_this_episode_and_the_last_are_kept(scenario: Scenario) -> None:
+    archive = JournalArchive()
+    with episode_of(scenario) as episode:
+        drive(episode, 20)
+        archive.ends(episode)
+        ended = episode.journal()
+    with episode_of(scenario, 9) as episode:
+        drive(episode, 12)
+        here = episode.journal()
+        assert archive.journal(episode, "") == archive.journal(episode, "9") == here
+        rest = archive.journal(episode, "9/1")
         assert rest == replace(here, entries=here.entries[1:], left_out=1)
-        assert archive.journal(life, "5") == ended
-        assert archive.journal(life, "5/2") == replace(ended, entries=ended.entries[2:], left_out=2)
+        assert archive.journal(episode, "5") == ended
+        assert archive.journal(episode, "5/2") == replace(
+            ended, entries=ended.entries[2:], left_out=2
+        )
         for nonsense in ("7", "x", "9/x", "/", "9//1"):
-            assert archive.journal(life, nonsense) is None
+            assert archive.journal(episode, nonsense) is None
 
 
-def test_a_life_that_has_not_begun_has_no_journal(scenario: Scenario) -> None:
-    life = Life(scenario, "run", unheard(), others=(), wall_nanos=5)
+def test_an_episode_that_has_not_begun_has_no_journal(scenario: Scenario) -> None:
+    episode = Episode(scenario, "run", silent_publishers(), others=(), wall_nanos=5)
     with pytest.raises(UserError, match="not begun"):
-        life.journal()
-    Archive().ends(life)
-    life.end()
+        episode.journal()
+    JournalArchive().ends(episode)
+    episode.end()
 
 
 def test_a_world_whose_data_are_not_here_is_refused(
     scenario: Scenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with life_of(scenario) as life:
-        drive(life, 101)
-        saved = life.journal()
+    with episode_of(scenario) as episode:
+        drive(episode, 101)
+        saved = episode.journal()
     check_data(saved)
     with pytest.raises(UserError, match="lacks its first 3 entries"):
         check_data(replace(saved, left_out=3))
@@ -283,8 +293,8 @@ def test_a_world_whose_data_are_not_here_is_refused(
 
 
 def test_a_run_of_other_sensors_or_another_seed_is_refused(scenario: Scenario) -> None:
-    with life_of(scenario) as life:
-        saved = life.journal()
+    with episode_of(scenario) as episode:
+        saved = episode.journal()
     check_processes(saved, replace(scenario, time=replace(scenario.time, mode="realtime")))
     name = scenario.sensor_names()[0]
     for other in (replace(scenario, seed=99), scenario.with_only(name)):

@@ -7,7 +7,7 @@ import pytest
 
 from groundlink.messages.base import Health
 from groundlink.messages.missing_readings import COUNTER_PREFIX
-from services.physics.run.shortfalls import Shortfalls
+from services.physics.run.shortfalls import ShortfallMonitor
 
 CAMERA = "rover/camera"
 DECLARED = {CAMERA: 30.0}
@@ -17,7 +17,7 @@ class Run:
     """A run, second by second: a camera of 30 Hz that misses some readings, and a clock."""
 
     def __init__(self, factor: float = 1.0) -> None:
-        self.shortfalls = Shortfalls(factor)
+        self.shortfalls = ShortfallMonitor(factor)
         self.lines: list[str] = []
         self.now, self.tick = 100.0, 0
         self.stretched: dict[str, float] = {}

@@ -11,12 +11,12 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.run.journal import Journal, dumped, this_machine
-from services.physics.run.source import Source, add_arguments, source
+from services.physics.run.source import RunSource, add_arguments, source
 
 LAB = Path(__file__).parents[4] / "scenarios" / "indoor_lab_tour.yaml"
 
 
-def chosen(*words: str) -> Source:
+def chosen(*words: str) -> RunSource:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     return source(parser.parse_args(words))
@@ -43,11 +43,11 @@ def file(saved: Journal, tmp_path: Path) -> str:
 
 
 def test_a_scenario_is_one(saved: Journal) -> None:
-    assert chosen(str(LAB)) == Source(saved.scenario)
+    assert chosen(str(LAB)) == RunSource(saved.scenario)
 
 
 def test_a_saved_run_takes_its_place(saved: Journal, file: str) -> None:
-    assert chosen(file) == Source(saved.scenario, saved=saved)
+    assert chosen(file) == RunSource(saved.scenario, saved=saved)
     assert chosen(file, "--mode", "fast").scenario.time.mode == "fast"
 
 

@@ -29,7 +29,7 @@ def begun(**time: Any) -> Paced:
 
 
 def hold_ups(run: Paced) -> Stalls:
-    return run.patience.hold_ups(run.pace)
+    return run.stall_policy.hold_ups(run.pacer)
 
 
 @pytest.mark.parametrize("time", [{}, {"mode": "lockstep"}, {"mode": "fast"}])
@@ -66,7 +66,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "fast"])
-def test_slow_lockstep_names_a_silent_party_and_waits_on(mode: str) -> None:
+def test_slow_lockstep_names_a_silent_participant_and_waits_on(mode: str) -> None:
     run = begun(mode=mode)
     run.run(20.0, times_real=STOPPED)
     assert len(run.lines) == 1
@@ -137,27 +137,27 @@ def test_fail_in_lockstep_bears_time_that_stretches() -> None:
 def test_fail_ends_a_run_that_lacks_readings_which_it_was_to_have(cause: Any, ends: bool) -> None:
     told = Gaps(9, LIDAR, (Gap(cause, 1, 5, 3, ("",)), Gap(cause, 7, 8, 2, ("",))))
     for overload in ("slow", "skip"):
-        begun(overload=overload).patience.lacks(told)
+        begun(overload=overload).stall_policy.lacks(told)
     run = begun(overload="fail")
     if not ends:
-        run.patience.lacks(told)
+        run.stall_policy.lacks(told)
         return
     with pytest.raises(RunFailed, match=f"{LIDAR} lacks readings: 5 {cause}; `overload: fail`"):
-        run.patience.lacks(told)
+        run.stall_policy.lacks(told)
 
 
 @pytest.mark.parametrize("overload", ["slow", "skip", "fail"])
 def test_who_has_not_begun_yet_is_named_in_time_and_has_longer(overload: Any) -> None:
     run = Paced(Time(mode="fast", overload=overload, deadline_s=DEADLINE))
-    look, pace, begin = run.patience.look, run.pace, 100.0
+    look, pacer, begin = run.stall_policy.look, run.pacer, 100.0
 
     def looked(after: float) -> list[str]:
-        missing = pace.parties.missing(0)
-        return look(pace, 0, begin + after, holding=missing, awaited=("recorder",))
+        missing = pacer.participants.missing(0)
+        return look(pacer, 0, begin + after, holding=missing, awaited=("recorder",))
 
     assert looked(0.0) == []
-    parties = ", ".join(sorted(["recorder", *SENSORS]))
-    assert looked(DEADLINE) == [f"tick 0 has waited 2 s for {parties}"]
+    participants = ", ".join(sorted(["recorder", *SENSORS]))
+    assert looked(DEADLINE) == [f"tick 0 has waited 2 s for {participants}"]
     assert looked(START_SECONDS - 1) == []
     if overload == "fail":
         with pytest.raises(RunFailed, match=r"rover/camera, rover/encoders.* ends the run"):
@@ -165,7 +165,7 @@ def test_who_has_not_begun_yet_is_named_in_time_and_has_longer(overload: Any) ->
     elif overload == "skip":
         [line] = looked(START_SECONDS)
         assert line == f"goes on without {', '.join(sorted(SENSORS))} until it is heard again"
-        assert pace.parties.missing(0) == []
+        assert pacer.participants.missing(0) == []
     else:
         assert looked(10 * START_SECONDS) == []
 
@@ -192,7 +192,7 @@ def test_of_ros_the_word_is_named_that_is_missing() -> None:
 def test_who_has_left_is_not_back() -> None:
     run = begun()
     run.run(DEADLINE + SLACK, times_real=STOPPED)
-    run.pace.parties.left(LIDAR)
+    run.pacer.participants.left(LIDAR)
     run.run(0.01, times_real=STOPPED)
     assert run.lines[-1].startswith(f"waits no longer for {LIDAR}, after 2.")
     assert hold_ups(run).silent_now == ()
@@ -201,7 +201,7 @@ def test_who_has_left_is_not_back() -> None:
 def test_a_run_that_begins_again_has_no_silence_yet() -> None:
     run = begun()
     run.run(DEADLINE + SLACK, times_real=STOPPED)
-    run.patience.begin_anew()
+    run.stall_policy.begin_anew()
     told = hold_ups(run)
     assert told.silent_now == ()
     assert told.silent_seconds[LIDAR] >= DEADLINE

@@ -99,7 +99,7 @@ def test_moves_alike_on_every_heading(start: Start) -> None:
 
 
 def test_velocity_is_that_of_the_base_origin(start: Start) -> None:
-    # The wheels' torque pitches the body about its centre of mass, which is not the origin.
+    # The wheels' torque pitches the body about its center of mass, which is not the origin.
     trace = run(start(CENTER), 0.5, (1.0, 0.5))
     moved = np.diff(trace.pose[:, :3], axis=0) / TICK_SECONDS
     np.testing.assert_allclose(moved, trace.velocity[1:, :3], atol=2e-4)

@@ -11,7 +11,7 @@ from groundlink.messages.base import Command, WheelCommand
 from groundlink.scenario import Scenario
 from groundlink.scenario.drives import Motor
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.vehicle.controller import MAX_WAITING, Controller, Wheels
+from services.physics.vehicle.controller import MAX_WAITING, Controller, WheelTargets
 from services.physics.vehicle.steering import steering
 
 STILL = (0.0, 0.0, 0.0, 0.0)
@@ -119,7 +119,7 @@ def test_wheels_can_be_commanded_one_by_one(model: VehicleModel) -> None:
     names = [wheel.name for wheel in model.wheels]
     drive.command(WheelCommand(0, {names[0]: 1.0, names[3]: -99.0}))
     most = model.drive.max_wheel_speed_radps
-    assert drive.wheels(0) == Wheels((1.0, 0.0, 0.0, -most), ())
+    assert drive.wheels(0) == WheelTargets((1.0, 0.0, 0.0, -most), ())
     drive.command(twist(TICK_NANOS, 0.5))
     assert speeds(drive, TICK_NANOS) == wheel_speeds(model, (0.5, 0.0))
     drive.command(WheelCommand(2 * TICK_NANOS, {names[0]: 1.0}))

@@ -14,7 +14,7 @@ from groundlink.world import assets
 from groundlink.world.mesh_asset import asset_of
 from groundlink.world.solids import Mesh, Solid
 from services.physics.vehicle.hull import DIRECTIONS, hull
-from tests.services.physics.grounds import drive, put, shipped, wall
+from tests.services.physics.grounds import drive, put, shipped, wall_clock
 
 CORNERS = np.array(list(product((0.0, 2.0), (-0.2, 0.2), (0.1, 0.3))), np.float32)
 
@@ -41,6 +41,6 @@ def test_a_vehicle_stops_where_its_mesh_meets_the_wall() -> None:
     digest = assets.keep(asset_of(CORNERS, np.array([[0, 1, 2], [5, 6, 7]], np.uint32)))
     ram = Solid("ram", Mesh(asset=digest, low_m=(0, -0.2, 0.1), high_m=(2, 0.2, 0.3)), "ground")
     model = replace(shipped("rover"), collisions=(ram,))
-    with put(model, wall(3.0), at=Placement(x_m=-0.5)) as simulation:
+    with put(model, wall_clock(3.0), at=Placement(x_m=-0.5)) as simulation:
         driven = drive(simulation, 5.0, (0.5, 0.0))
     assert driven.pose[:, 0].max() == pytest.approx(1.0, abs=0.02)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.scenario.drives import Battery, Motor, SkidSteer
-from services.physics.vehicle.motor import Charge, Motors
+from services.physics.vehicle.motor import BatteryCharge, Motors
 
 DRIVE = SkidSteer(max_wheel_torque_nm=15.0, max_wheel_speed_radps=10.0)
 MOTOR = Motor(stall_torque_nm=20.0, no_load_speed_radps=10.0)
@@ -48,7 +48,7 @@ def test_to_hold_costs_heat_and_to_drive_work_besides() -> None:
 
 
 def test_a_battery_empties_by_the_current() -> None:
-    charge = Charge(BATTERY)
+    charge = BatteryCharge(BATTERY)
     # 23 V at 10 A: what the resistance leaves of 24 V.
     share = charge.draw(230.0)
     assert (charge.current_a, charge.voltage_v) == pytest.approx((10.0, 23.0))
@@ -57,13 +57,13 @@ def test_a_battery_empties_by_the_current() -> None:
 
 
 def test_an_empty_battery_gives_nothing() -> None:
-    charge = Charge(Battery(capacity_ah=1e-6, full_v=24.0, empty_v=20.0, idle_power_w=1.0))
+    charge = BatteryCharge(Battery(capacity_ah=1e-6, full_v=24.0, empty_v=20.0, idle_power_w=1.0))
     shares = [charge.draw(10.0) for _ in range(100)]
     assert shares[0] > 0.8
     assert (shares[-1], charge.share, charge.current_a) == (0.0, 0.0, 0.0)
 
 
 def test_a_battery_gives_no_more_than_it_can() -> None:
-    charge = Charge(BATTERY)
+    charge = BatteryCharge(BATTERY)
     assert charge.draw(1e6) == pytest.approx(0.5)
     assert charge.current_a == pytest.approx(120.0)

@@ -7,24 +7,24 @@ import pytest
 
 from groundlink.core.clock import TICK_SECONDS
 from services.physics.vehicle.shaft import TurningShaft
-from services.physics.vehicle.tire import Tyre
+from services.physics.vehicle.tire import Tire
 
 RADIUS_M, INERTIA = 0.2, 0.05
 
 
 def shaft(*, damping: float = 0.0, wheels: int = 1) -> TurningShaft:
-    tyres = [Tyre(borne_kg=10.0, axle_ratio=1.0) for _ in range(wheels)]
-    return TurningShaft(tyres, radius_m=RADIUS_M, inertia_kgm2=INERTIA, damping_nmsprad=damping)
+    tires = [Tire(borne_kg=10.0, axle_ratio=1.0) for _ in range(wheels)]
+    return TurningShaft(tires, radius_m=RADIUS_M, inertia_kgm2=INERTIA, damping_nmsprad=damping)
 
 
 def roll(it: TurningShaft, ground_mps: float, limits: tuple[float, ...], ticks: int = 400) -> float:
-    """Turn a free shaft over ground that moves; return the force on its last tyre."""
+    """Turn a free shaft over ground that moves; return the force on its last tire."""
     force = 0.0
     for _ in range(ticks):
-        for tyre, limit in zip(it.tyres, limits, strict=True):
-            tyre.meet(ground_mps, 0.0, limit)
+        for tire, limit in zip(it.tires, limits, strict=True):
+            tire.meet(ground_mps, 0.0, limit)
         it.turn(0.0, 0.0, 0.0)
-        force = [tyre.settle(it.tread_mps)[0] for tyre in it.tyres][-1]
+        force = [tire.settle(it.tread_mps)[0] for tire in it.tires][-1]
     return force
 
 
@@ -40,9 +40,9 @@ def test_in_the_air_a_motor_turns_it_by_its_torque_and_its_inertia() -> None:
 def test_a_motor_that_is_strong_enough_holds_the_speed_that_it_is_asked_for() -> None:
     it = shaft()
     for _ in range(100):
-        it.tyres[0].meet(1.0, 0.0, 50.0)
+        it.tires[0].meet(1.0, 0.0, 50.0)
         it.turn(10.0, -20.0, 20.0)
-        force, _ = it.tyres[0].settle(it.tread_mps)
+        force, _ = it.tires[0].settle(it.tread_mps)
     assert it.speed_radps == 10.0
     assert force == pytest.approx(50.0)
     assert it.torque_nm == pytest.approx(50.0 * RADIUS_M)
@@ -51,9 +51,9 @@ def test_a_motor_that_is_strong_enough_holds_the_speed_that_it_is_asked_for() ->
 def test_a_motor_that_is_too_weak_stalls_against_the_ground() -> None:
     it = shaft()
     for _ in range(400):
-        it.tyres[0].meet(0.0, 0.0, 50.0)
+        it.tires[0].meet(0.0, 0.0, 50.0)
         it.turn(10.0, -4.0, 4.0)
-        force, _ = it.tyres[0].settle(it.tread_mps)
+        force, _ = it.tires[0].settle(it.tread_mps)
     assert it.speed_radps == pytest.approx(0.0, abs=1e-3)
     assert force == pytest.approx(4.0 / RADIUS_M, rel=1e-3)
 
@@ -75,19 +75,19 @@ def test_bearings_and_rolling_brake_a_free_wheel() -> None:
     assert roll(shaft(damping=0.1), 2.0, (100.0,)) == pytest.approx(-0.1 * 10.0 / RADIUS_M)
     it = shaft()
     for _ in range(400):
-        it.tyres[0].meet(2.0, 0.0, 100.0, 3.0)
+        it.tires[0].meet(2.0, 0.0, 100.0, 3.0)
         it.turn(0.0, 0.0, 0.0)
-        force, _ = it.tyres[0].settle(it.tread_mps)
+        force, _ = it.tires[0].settle(it.tread_mps)
     assert force == pytest.approx(-3.0, rel=1e-3)
 
 
 def test_wheels_of_one_shaft_share_its_torque() -> None:
     it = shaft(wheels=2)
     for _ in range(400):
-        it.tyres[0].meet(0.0, 0.0, 100.0)
-        it.tyres[1].meet(0.0, 0.0, 0.0)
+        it.tires[0].meet(0.0, 0.0, 100.0)
+        it.tires[1].meet(0.0, 0.0, 0.0)
         it.turn(10.0, -4.0, 4.0)
-        forces = [tyre.settle(it.tread_mps)[0] for tyre in it.tyres]
+        forces = [tire.settle(it.tread_mps)[0] for tire in it.tires]
     assert forces == pytest.approx([4.0 / RADIUS_M, 0.0], rel=1e-3)
 
 
@@ -95,8 +95,8 @@ def test_a_motor_that_is_too_weak_pulls_by_the_wheels_that_are_on_the_ground() -
     it = shaft(wheels=5)
     forces = []
     for _ in range(400):
-        for tyre in it.tyres[:3]:
-            tyre.meet(3.0, 0.0, 40.0)
+        for tire in it.tires[:3]:
+            tire.meet(3.0, 0.0, 40.0)
         it.turn(100.0, -4.0, 4.0)
-        forces.append(sum(tyre.settle(it.tread_mps)[0] for tyre in it.tyres))
+        forces.append(sum(tire.settle(it.tread_mps)[0] for tire in it.tires))
     assert forces[200:] == pytest.approx([4.0 / RADIUS_M] * 200, rel=1e-3)

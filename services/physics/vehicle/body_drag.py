@@ -18,7 +18,7 @@ AIR_DENSITY_KGPM3 = 1.225
 """Of the standard atmosphere at sea level (ISO 2533)."""
 
 
-class Air:
+class BodyDrag:
     """The resistance of one vehicle."""
 
     def __init__(self, model: VehicleModel) -> None:
@@ -37,7 +37,7 @@ class Air:
     def slow(
         self, force: Vector3, torque: Vector3, velocity: Vector3, turn: Vector3
     ) -> tuple[Vector3, Vector3]:
-        """Return force and torque on the centre of mass with the resistance added.
+        """Return force and torque on the center of mass with the resistance added.
 
         Parameters
         ----------
@@ -56,8 +56,8 @@ class Air:
         )
 
 
-def air(model: VehicleModel) -> Air | None:
+def body_drag(model: VehicleModel) -> BodyDrag | None:
     """Return the resistance of a vehicle that has any."""
     chassis = model.chassis
     resists = (chassis.drag_area_m2, chassis.linear_damping_per_s, chassis.angular_damping_per_s)
-    return Air(model) if any(resists) else None
+    return BodyDrag(model) if any(resists) else None
