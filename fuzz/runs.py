@@ -84,7 +84,7 @@ class Pair:
         found = []
         until = self._runs.datagrams + count
         while self._runs.datagrams < until:
-            place, credits = self._runs.expected()
+            place, credits = self._runs.predict_slots()
             run = self._socket.receive_run(place, credits)
             assert run is not None, "a datagram was lost on loopback"
             self.in_runs += run.parts_count

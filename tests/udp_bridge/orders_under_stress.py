@@ -14,7 +14,7 @@ from collections import deque
 from udp_bridge import Message
 from udp_bridge.io.credit_mailbox import Parking
 from udp_bridge.io.udp_socket import UdpSocket
-from udp_bridge.receiver.receive_slots import NOWHERE, Credits
+from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.control import Credit
 from udp_bridge.wire.control import parse as parse_control
@@ -42,9 +42,9 @@ def main() -> None:
 
         def receive() -> None:
             while not is_over.is_set():
-                run = ours.receive_run(NOWHERE, Credits(0, RECEIVE_BUFFER, 0))
-                if run is not None and run.stray is not None:
-                    told = parse_control(run.stray[-12:])
+                run = ours.receive_run(NO_SLOTS, CreditState(0, RECEIVE_BUFFER, 0))
+                if run is not None and run.unmatched is not None:
+                    told = parse_control(run.unmatched[-12:])
                     assert isinstance(told, Credit)
                     key = DatagramKey(33, "/image", told.seq_number, told.part_number)
                     awaited.append((key, told.receive_buffer))

@@ -12,7 +12,7 @@ import pytest
 
 from udp_bridge import Header, Message, parse
 from udp_bridge.io import batch_io as runs
-from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Place, Run
+from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
 from udp_bridge.sender.fec import symbols_of
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.sender.repair import Fec
@@ -23,7 +23,7 @@ from udp_bridge.wire.repair import Offer, Request
 
 LOCAL = ("127.0.0.1", 0)
 PART = 1000
-CREDITS = Credits(0, 1 << 20, 7)
+CREDITS = CreditState(0, 1 << 20, 7)
 
 needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
 RECEIVING = [pytest.param(runs.ManyAtOnce, marks=needs_many), runs.OneByOne]
@@ -55,14 +55,18 @@ def whole(parts: Parts) -> list[bytes]:
     return [head + bytes(part) for head, part in Parts(parts.packed, parts.body, parts.cut)]
 
 
-def place(parts: Parts, sender: socket.socket, *, is_open: bool, due_nanos: int = 0) -> Place:
+def place(
+    parts: Parts, sender: socket.socket, *, is_open: bool, due_nanos: int = 0
+) -> ReceiveSlots:
     count = parts.cut.parts_max
     block = bytearray(count * PART)
     name = sender.getsockname()
-    return Place(block, parts.packed, name, PART, 0, bytearray(count), is_open, due_nanos, 0)
+    return ReceiveSlots(block, parts.packed, name, PART, 0, bytearray(count), is_open, due_nanos, 0)
 
 
-def received(receiving: type, two: socket.socket, at: Place, count: int) -> tuple[bytes, list[Run]]:
+def received(
+    receiving: type, two: socket.socket, at: ReceiveSlots, count: int
+) -> tuple[bytes, list[PartBatch]]:
     """Receive `count` datagrams; return what lies in the block, and the runs."""
     receiver, found, credits = receiving(), [], CREDITS
     taken = 0
@@ -70,13 +74,13 @@ def received(receiving: type, two: socket.socket, at: Place, count: int) -> tupl
         run, _ = receiver.receive(two, at, credits)
         assert run is not None
         found.append(run)
-        taken += run.parts_count + (run.stray is not None)
-        for first, some in run.rows:
+        taken += run.parts_count + (run.unmatched is not None)
+        for first, some in run.part_ranges:
             at.arrived[first : first + some] = b"\1" * some
-        at = at._replace(next=max(0, at.arrived.find(0)))
+        at = at._replace(next_part=max(0, at.arrived.find(0)))
         if run.parts_count:
-            at = at._replace(is_open=True, head=run.head)
-        credits = Credits(run.uncredited_bytes, 1 << 20, credits.number + run.credits)
+            at = at._replace(is_open=True, header=run.header)
+        credits = CreditState(run.uncredited_bytes, 1 << 20, credits.seq_number + run.credits_sent)
     return bytes(at.block), found
 
 
@@ -145,10 +149,10 @@ def test_datagrams_of_any_size_come_back_whole(
     sent = [rng.randbytes(size) for size in (0, 10, 32, 500, 32 + PART, 1500, 65507)]
     for raw in sent:
         one.sendto(raw, two.getsockname())
-    at = place(parts_of(16_000), one, is_open=False) if is_anything_expected else NOWHERE
+    at = place(parts_of(16_000), one, is_open=False) if is_anything_expected else NO_SLOTS
     _, found = received(receiving, two, at, len(sent))
-    assert [run.stray for run in found] == sent
-    assert {run.sender for run in found} == {one.getsockname()}
+    assert [run.unmatched for run in found] == sent
+    assert {run.unmatched_sender for run in found} == {one.getsockname()}
 
 
 @pytest.mark.parametrize("receiving", RECEIVING)
@@ -161,9 +165,9 @@ def test_parts_land_in_their_places(receiving: type, pair: Pair, is_open: bool) 
     like = parts if is_open else parts_of(7001, seq_number=900)
     block, found = received(receiving, two, place(like, one, is_open=is_open), 8)
     assert block[:7001] == parts.body
-    assert [run.stray for run in found] == [None] * len(found)
-    assert found[0].head == parts.packed
-    assert found[-1].last_size == 1
+    assert [run.unmatched for run in found] == [None] * len(found)
+    assert found[0].header == parts.packed
+    assert found[-1].last_part_size == 1
     assert len(found) == (1 if receiving is runs.ManyAtOnce else 8)
 
 
@@ -204,7 +208,7 @@ def test_what_is_not_exactly_the_next_part_is_handed_over_whole(
     for raw in (FIRST, wrong, *whole(parts)[1:]):
         one.sendto(raw, two.getsockname())
     block, found = received(receiving, two, place(parts, one, is_open=False), 6)
-    assert [run.stray for run in found if run.stray is not None] == [wrong]
+    assert [run.unmatched for run in found if run.unmatched is not None] == [wrong]
     assert sum(run.parts_count for run in found) == 5
     assert block[:4500] == parts.body
 
@@ -218,7 +222,9 @@ def test_a_part_from_elsewhere_is_handed_over_whole(receiving: type, pair: Pair)
             sender.sendto(raw, two.getsockname())
         at = place(parts_of(4500), one, is_open=False, due_nanos=1)
         _, found = received(receiving, two, at, 3)
-        strays = [(run.stray, run.sender) for run in found if run.stray is not None]
+        strays = [
+            (run.unmatched, run.unmatched_sender) for run in found if run.unmatched is not None
+        ]
         assert strays == [(SECOND, other.getsockname())]
     assert sum(run.parts_count for run in found) == 2
 
@@ -237,11 +243,11 @@ def test_parts_lie_in_their_places_in_whatever_order_they_come(
         one.sendto(datagrams[number], two.getsockname())
     block, found = received(receiving, two, place(parts, one, is_open=False), 5)
     assert block[: len(parts.body)] == parts.body
-    rows = [row for run in found for row in run.rows]
+    rows = [row for run in found for row in run.part_ranges]
     assert [n for first, count in rows for n in range(first, first + count)] == list(order)
-    assert [run.stray for run in found] == [None] * len(found)
-    last = next(run for run in found if any(sum(row) == 5 for row in run.rows))
-    assert last.last_size == 500
+    assert [run.unmatched for run in found] == [None] * len(found)
+    last = next(run for run in found if any(sum(row) == 5 for row in run.part_ranges))
+    assert last.last_part_size == 500
 
 
 @needs_many
@@ -254,18 +260,18 @@ def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
     for number in (*range(0, 200, 2), *range(1, 200, 2)):
         one.sendto(datagrams[number], two.getsockname())
     at = place(parts, one, is_open=False)
-    found: list[Run] = []
+    found: list[PartBatch] = []
     strays: list[bytes] = []
     receiver = runs.ManyAtOnce()
     while sum(run.parts_count for run in found) + len(strays) < 200:
         run, _ = receiver.receive(two, at, CREDITS)
         assert run is not None
         found.append(run)
-        strays += [run.stray] if run.stray is not None else []
-        for first, count in run.rows:
+        strays += [run.unmatched] if run.unmatched is not None else []
+        for first, count in run.part_ranges:
             at.arrived[first : first + count] = b"\1" * count
-        at = at._replace(next=at.arrived.find(0), is_open=True, head=run.head or at.head)
-    assert max(len(run.rows) for run in found) == 64
+        at = at._replace(next_part=at.arrived.find(0), is_open=True, header=run.header or at.header)
+    assert max(len(run.part_ranges) for run in found) == 64
     block = bytes(at.block)
     for number in range(200):
         if at.arrived[number]:
@@ -279,10 +285,10 @@ def test_a_gap_is_not_waited_for_longer_than_it_takes_to_ask_for_it(pair: Pair) 
     datagrams = whole(parts_of(4500))
     one.sendto(datagrams[0], two.getsockname())
     one.sendto(datagrams[2], two.getsockname())
-    at = place(parts_of(4500), one, is_open=False)._replace(patience_nanos=1)
+    at = place(parts_of(4500), one, is_open=False)._replace(debounce_nanos=1)
     run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
     assert run is not None
-    assert (run.rows, run.stray) == (((0, 1), (2, 1)), None)
+    assert (run.part_ranges, run.unmatched) == (((0, 1), (2, 1)), None)
 
 
 def request_of(topic: str, *parts: int) -> bytes:
@@ -297,9 +303,9 @@ def offer_of(topic: str, **other: int) -> bytes:
     return Header(65, 3, 0, 1, 0, 8, topic)._replace(**other).pack() + offer.pack()
 
 
-def place_to_ask(parts: Parts, sender: socket.socket, patience_nanos: int) -> Place:
+def place_to_ask(parts: Parts, sender: socket.socket, debounce_nanos: int) -> ReceiveSlots:
     at = place(parts, sender, is_open=False)
-    return at._replace(patience_nanos=patience_nanos, may_ask=True)
+    return at._replace(debounce_nanos=debounce_nanos, may_nack=True)
 
 
 ASKING = CREDITS._replace(goodput=999)
@@ -319,9 +325,9 @@ def test_a_gap_is_asked_for_as_python_would_and_filled_in_the_same_run(
     at = place_to_ask(parts, one, 1)
     run, _ = runs.ManyAtOnce().receive(two, at, ASKING)
     assert run is not None
-    assert run.rows == ((0, 1), (2, 1), (1, 1), (3, 2))
-    assert run.asked == b"\2"
-    assert run.asked_nanos > 0
+    assert run.part_ranges == ((0, 1), (2, 1), (1, 1), (3, 2))
+    assert run.nack_bitmap == b"\2"
+    assert run.nack_nanos > 0
     assert one.recv(1000) == request_of(topic, 1)
     assert bytes(at.block)[:4500] == parts.body
 
@@ -337,8 +343,8 @@ def test_an_offer_behind_parts_is_answered_at_once_and_handed_over(pair: Pair, t
         one.sendto(raw, two.getsockname())
     run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
     assert run is not None
-    assert (run.rows, run.stray) == (((0, 2), (3, 1)), offer)
-    assert run.asked == b"\x14"
+    assert (run.part_ranges, run.unmatched) == (((0, 2), (3, 1)), offer)
+    assert run.nack_bitmap == b"\x14"
     assert one.recv(1000) == request_of(topic, 2, 4)
 
 
@@ -364,7 +370,7 @@ def test_nothing_is_asked_for_behind_anything_else(pair: Pair, stray: bytes) -> 
         one.sendto(raw, two.getsockname())
     run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
     assert run is not None
-    assert (run.stray, run.asked) == (stray, b"")
+    assert (run.unmatched, run.nack_bitmap) == (stray, b"")
     with pytest.raises(BlockingIOError):
         one.recv(1000)
 
@@ -376,7 +382,7 @@ def test_a_time_that_is_none_begins_no_message(receiving: type, pair: Pair, nsec
     wrong = FIRST[:12] + nsec.to_bytes(4, "little", signed=True) + FIRST[16:]
     one.sendto(wrong, two.getsockname())
     _, found = received(receiving, two, place(parts_of(4500), one, is_open=False), 1)
-    assert [run.stray for run in found] == [wrong]
+    assert [run.unmatched for run in found] == [wrong]
 
 
 @needs_many
@@ -386,7 +392,7 @@ def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair)
     at = place(parts_of(4500), one, is_open=False, due_nanos=1)
     run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
     assert run is not None
-    assert (run.parts_count, run.stray) == (1, None)
+    assert (run.parts_count, run.unmatched) == (1, None)
 
 
 @needs_many
@@ -400,9 +406,9 @@ def test_credits_are_those_that_python_would_send(pair: Pair, topic: str) -> Non
     size = len(whole(parts)[0])
     buffer = 8 * (10 * size - 1)  # one for every ten parts, and one at the end
     at = place(parts, one, is_open=True)
-    run, _ = runs.ManyAtOnce().receive(two, at, Credits(0, buffer, 2**32 - 1))
+    run, _ = runs.ManyAtOnce().receive(two, at, CreditState(0, buffer, 2**32 - 1))
     assert run is not None
-    assert (run.parts_count, run.credits, run.uncredited_bytes) == (21, 3, 0)
+    assert (run.parts_count, run.credits_sent, run.uncredited_bytes) == (21, 3, 0)
     for number, part in ((2**32 - 1, 9), (0, 19), (1, 20)):
         _, offset = parse(raw := one.recv(1000))
         told = Message(64, topic, "", 5 + 3, number, b"")
@@ -413,24 +419,24 @@ def test_credits_are_those_that_python_would_send(pair: Pair, topic: str) -> Non
 @pytest.mark.parametrize("receiving", RECEIVING)
 def test_nothing_is_received_when_nothing_comes(receiving: type, pair: Pair) -> None:
     pair[1].setblocking(False)
-    assert receiving().receive(pair[1], NOWHERE, CREDITS)[0] is None
+    assert receiving().receive(pair[1], NO_SLOTS, CREDITS)[0] is None
 
 
 @needs_many
 @pytest.mark.parametrize(
     "change",
     [
-        {"next": 5},
-        {"next": -1},
-        {"next": 2, "arrived": bytearray(b"\0\0\1\0\0")},
+        {"next_part": 5},
+        {"next_part": -1},
+        {"next_part": 2, "arrived": bytearray(b"\0\0\1\0\0")},
         {"arrived": bytearray(256)},
         {"arrived": bytearray(6)},
         {"part_size": 1001},
         {"part_size": 2**62},
         {"part_size": 0},
-        {"head": b""},
-        {"head": b"\xff" * 32},
-        {"head": bytes(256)},
+        {"header": b""},
+        {"header": b"\xff" * 32},
+        {"header": bytes(256)},
         {"sender": ("nowhere", 5)},
         {"sender": ("127.0.0.1", 65536)},
     ],
@@ -468,6 +474,6 @@ def test_an_empty_datagram_is_no_credit_before_one_was_sent_for() -> None:
         one.bind(bytes(12))
         two.bind("")  # any free name
         one.sendto(b"", two.getsockname())
-        run, _ = runs.ManyAtOnce().receive(two, NOWHERE, CREDITS)
+        run, _ = runs.ManyAtOnce().receive(two, NO_SLOTS, CREDITS)
     assert run is not None
-    assert (run.stray, run.sender, run.parked) == (b"", ("0.0.0.0", 0), 0)
+    assert (run.unmatched, run.unmatched_sender, run.mailbox_credits) == (b"", ("0.0.0.0", 0), 0)

@@ -16,7 +16,7 @@ from udp_bridge.io import batch_io as runs
 from udp_bridge.io.credit_mailbox import Parking
 from udp_bridge.io.socket_wrappers import PeersOnly
 from udp_bridge.io.udp_socket import UdpSocket
-from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Run
+from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch
 from udp_bridge.sender.send_queue import Outbox
 from udp_bridge.wire.control import Credit, CreditRequest
 from udp_bridge.wire.header import Header, parse
@@ -44,16 +44,16 @@ def ends() -> Iterator[tuple[socket.socket, UdpSocket]]:
     receiver.close()
 
 
-def taken(receiver: UdpSocket | PeersOnly) -> list[Run]:
+def taken(receiver: UdpSocket | PeersOnly) -> list[PartBatch]:
     """Receive until nothing comes."""
     found = []
-    while (run := receiver.receive_run(NOWHERE, Credits(0, 1 << 20, 0))) is not None:
+    while (run := receiver.receive_run(NO_SLOTS, CreditState(0, 1 << 20, 0))) is not None:
         found.append(run)
     return found
 
 
-def strays(found: list[Run]) -> list[bytes]:
-    return [run.stray for run in found if run.stray is not None]
+def strays(found: list[PartBatch]) -> list[bytes]:
+    return [run.unmatched for run in found if run.unmatched is not None]
 
 
 @needs_many
@@ -67,8 +67,8 @@ def test_credits_for_what_is_sent_are_kept_and_counted(
         peer.sendto(raw, receiver.address)
     found = taken(receiver)
     assert strays(found) == []
-    assert sum(run.parked for run in found) == 5
-    assert sum(run.parked_bytes for run in found) == sum(map(len, sent))
+    assert sum(run.mailbox_credits for run in found) == 5
+    assert sum(run.mailbox_bytes for run in found) == sum(map(len, sent))
     kept = [(number, 3, 4 << 20) for number in range(5)]
     assert receiver.parked_credits(False) == kept
     assert receiver.parked_credits(False) == []
@@ -133,7 +133,7 @@ def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
         peer.sendto(credit(0, newest), receiver.address)
         found = taken(receiver)
         assert strays(found) == []
-        runs_over += [run.order_is_over for run in found]
+        runs_over += [run.is_send_order_done for run in found]
         came = parts_at(peer)
         assert came == [(n, BODY[n * 65280 : (n + 1) * 65280]) for n, _ in came]
         assert [n for n, _ in came] == list(range(upcoming, min(upcoming + 2, parts)))
@@ -176,7 +176,7 @@ def test_more_than_can_be_kept_are_handed_over(ends: tuple[socket.socket, UdpSoc
         peer.sendto(credit(number), receiver.address)
     found = taken(receiver)
     assert strays(found) == [credit(number) for number in range(64, 70)]
-    assert len(receiver.parked_credits(False)) == sum(run.parked for run in found) == 64
+    assert len(receiver.parked_credits(False)) == sum(run.mailbox_credits for run in found) == 64
 
 
 def flipped(raw: bytes, at: int) -> bytes:

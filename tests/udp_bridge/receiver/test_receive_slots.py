@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from udp_bridge import Message, fragments
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.receiver.limits import Limits
-from udp_bridge.receiver.receive_slots import Credits, Place, Run
+from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
 from udp_bridge.receiver.round_trip import FIRST_WAIT_NANOS
 from udp_bridge.wire.repair import Offer
 
@@ -26,7 +26,7 @@ class Kernel:
     def __init__(self, datagrams: list[Datagram]) -> None:
         self.left = list(datagrams)
 
-    def receive(self, place: Place, credits: Credits, most: int) -> Run:
+    def receive(self, place: ReceiveSlots, credits: CreditState, most: int) -> PartBatch:
         head, last_size = b"", place.part_size
         rows: list[tuple[int, int]] = []
         uncredited = credits.uncredited_bytes
@@ -34,12 +34,12 @@ class Kernel:
         place = place._replace(arrived=arrived)
         while self.left and len(rows) < most and 0 in arrived:
             raw, sender = self.left[0]
-            own = raw[: len(place.head)]
-            if len(raw) <= len(own) or not place.takes(own, len(raw), sender):
+            own = raw[: len(place.header)]
+            if len(raw) <= len(own) or not place.matches(own, len(raw), sender):
                 break
             del self.left[0]
             body, number = raw[len(own) :], own[6]
-            for where in (place.next, number):  # it is received where another one is expected
+            for where in (place.next_part, number):  # it is received where another one is expected
                 start = where * place.part_size
                 with memoryview(place.block) as view:
                     view[start : start + len(body)] = body
@@ -49,18 +49,18 @@ class Kernel:
             if number == len(arrived) - 1:
                 last_size = len(body)
             uncredited += len(raw)
-            after = arrived.find(0, max(number, place.next))
+            after = arrived.find(0, max(number, place.next_part))
             upcoming = after if after >= 0 else arrived.find(0)
-            place = place._replace(next=upcoming, head=own, is_open=True)
+            place = place._replace(next_part=upcoming, header=own, is_open=True)
         if not self.left or (rows and (len(rows) >= most or 0 not in arrived)):
-            return Run(head, tuple(rows), last_size, 0, uncredited, None, None)
+            return PartBatch(head, tuple(rows), last_size, 0, uncredited, None, None)
         raw, sender = self.left.pop(0)
         if 0 in arrived:  # it was received into a place that is not its own
-            start = place.next * place.part_size
+            start = place.next_part * place.part_size
             with memoryview(place.block) as view:
-                spoilt = raw[len(place.head) :][: place.part_size]
+                spoilt = raw[len(place.header) :][: place.part_size]
                 view[start : start + len(spoilt)] = spoilt
-        return Run(head, tuple(rows), last_size, 0, uncredited, raw, sender)
+        return PartBatch(head, tuple(rows), last_size, 0, uncredited, raw, sender)
 
 
 def outcome(inbox: Inbox, messages: list[Any]) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def in_runs(datagrams: list[Datagram], rng: random.Random) -> tuple[dict[str, An
     runs = 0
     while kernel.left:
         now = len(datagrams) - len(kernel.left)
-        place, credits = inbox.expected()
+        place, credits = inbox.predict_slots()
         run = kernel.receive(place, credits, rng.randint(1, 20))
         taken = inbox.receive_run(place, run, now)
         runs += run.parts_count > 1
@@ -137,7 +137,7 @@ def test_in_order_a_message_is_one_run() -> None:
         messages = []
         turns = 0
         while kernel.left:
-            place, credits = inbox.expected()
+            place, credits = inbox.predict_slots()
             run = kernel.receive(place, credits, 255)
             messages += [one for one, _, _ in inbox.receive_run(place, run, 0) if one is not None]
             turns += 1
@@ -153,7 +153,7 @@ def test_a_message_that_was_handed_over_is_never_written_to() -> None:
         message = Message(1, "/points", "lidar", 10**9 + seq, seq, body)
         kernel = Kernel([(h + bytes(part), SENDERS[0]) for h, part in fragments(message, 300)])
         while kernel.left:
-            place, credits = inbox.expected()
+            place, credits = inbox.predict_slots()
             run = kernel.receive(place, credits, 255)
             kept += [(m, seq) for m, _, _ in inbox.receive_run(place, run, 0) if m is not None]
     assert len(kept) == 20
@@ -165,7 +165,7 @@ def run_of(inbox: Inbox, datagrams: list[Datagram], now: int = 0) -> list[Any]:
     kernel = Kernel(datagrams)
     taken: list[Any] = []
     while kernel.left:
-        place, credits = inbox.expected()
+        place, credits = inbox.predict_slots()
         taken += inbox.receive_run(place, kernel.receive(place, credits, 255), now)
     return taken
 
@@ -206,25 +206,25 @@ def one_by_one(inbox: Inbox, datagrams: list[Datagram]) -> None:
 def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     run_of(inbox, cut(0))
-    place, credits = inbox.expected()
+    place, credits = inbox.predict_slots()
     run = Kernel(cut(1)).receive(place, credits, 255)
-    credited = run._replace(credits=2, uncredited_bytes=0)
+    credited = run._replace(credits_sent=2, uncredited_bytes=0)
     ((message, answer, _),) = inbox.receive_run(place, credited, 0)
     assert message is not None
     assert answer is None
     assert (inbox.answers_sent, inbox.answer_bytes_sent) == (2, 2 * (28 + 12))
-    assert inbox.expected()[1] == Credits(0, 1 << 16, credits.number + 2)
+    assert inbox.predict_slots()[1] == CreditState(0, 1 << 16, credits.seq_number + 2)
 
 
 def test_parts_are_not_waited_for_when_others_are_to_be_asked_for() -> None:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     run_of(inbox, cut(0)[:3])
-    assert inbox.expected()[0].due_nanos == 0
+    assert inbox.predict_slots()[0].nack_due_nanos == 0
     offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
     run_of(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
     inbox.requests(0)
     run_of(inbox, cut(0)[4:6])
-    assert inbox.expected()[0].due_nanos > 0
+    assert inbox.predict_slots()[0].nack_due_nanos > 0
 
 
 def offered_inbox() -> Inbox:
@@ -241,54 +241,54 @@ def offered_inbox() -> Inbox:
 def test_what_was_asked_for_in_a_run_is_not_asked_for_again_before_its_time() -> None:
     inbox = offered_inbox()
     datagrams = cut(2)
-    place, credits = inbox.expected()
-    assert place.may_ask
+    place, credits = inbox.predict_slots()
+    assert place.may_nack
     run = Kernel([*datagrams[:2], *datagrams[3:]]).receive(place, credits, 255)
-    inbox.receive_run(place, run._replace(asked=b"\4\0", asked_nanos=5), 10)
+    inbox.receive_run(place, run._replace(nack_bitmap=b"\4\0", nack_nanos=5), 10)
     assert inbox.requests(10) == []
     assert inbox.requests_sent == 1
     assert inbox.answer_bytes_sent == 28 + 8 + 2
-    place, _ = inbox.expected()
-    assert not place.may_ask
-    assert place.due_nanos == 5 + FIRST_WAIT_NANOS
+    place, _ = inbox.predict_slots()
+    assert not place.may_nack
+    assert place.nack_due_nanos == 5 + FIRST_WAIT_NANOS
     ((message, _, _),) = run_of(inbox, datagrams[2:3], 1000)
     assert message is not None
     assert inbox.reassembler.counters.repaired == 1
-    place, _ = inbox.expected()
-    assert (place.may_ask, place.due_nanos) == (True, 0)
-    assert place.patience_nanos == (1000 - 5) // 4  # it was a round trip
+    place, _ = inbox.predict_slots()
+    assert (place.may_nack, place.nack_due_nanos) == (True, 0)
+    assert place.debounce_nanos == (1000 - 5) // 4  # it was a round trip
 
 
 def test_what_was_asked_for_in_a_run_may_come_in_it() -> None:
     inbox = offered_inbox()
     datagrams = cut(2)
-    place, credits = inbox.expected()
+    place, credits = inbox.predict_slots()
     run = Kernel([*datagrams[:2], *datagrams[3:], datagrams[2]]).receive(place, credits, 255)
-    asked = run._replace(asked=b"\4\0", asked_nanos=5)
+    asked = run._replace(nack_bitmap=b"\4\0", nack_nanos=5)
     ((message, _, _),) = inbox.receive_run(place, asked, 10)
     assert message is not None
     assert inbox.reassembler.counters.repaired == 1
     assert inbox.requests(10**9) == []
-    assert inbox.expected()[0].may_ask
+    assert inbox.predict_slots()[0].may_nack
 
 
 def test_for_copies_of_what_was_handed_over_nothing_is_asked_again() -> None:
     inbox = offered_inbox()
-    place, credits = inbox.expected()
+    place, credits = inbox.predict_slots()
     datagrams = cut(1)
     run = Kernel([*datagrams[:2], *datagrams[3:]]).receive(place, credits, 255)
-    inbox.receive_run(place, run._replace(asked=b"\4\0", asked_nanos=5), 10)
+    inbox.receive_run(place, run._replace(nack_bitmap=b"\4\0", nack_nanos=5), 10)
     run_of(inbox, cut(2), 10**8)
     assert inbox.requests(10**8) == []
-    assert inbox.expected()[0].may_ask
+    assert inbox.predict_slots()[0].may_nack
 
 
 def test_behind_a_part_that_is_sent_again_the_message_goes_on_where_it_was() -> None:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     run_of(inbox, [*cut(0)[:1], *cut(0)[2:3], *cut(0)[4:5], *cut(0)[1:2]])
-    assert inbox.expected()[0].next == 5
+    assert inbox.predict_slots()[0].next_part == 5
     run_of(inbox, cut(0)[5:])
-    assert inbox.expected()[0].next == 3
+    assert inbox.predict_slots()[0].next_part == 3
 
 
 def test_a_run_that_contradicts_its_message_is_refused_and_not_followed() -> None:
@@ -298,7 +298,7 @@ def test_a_run_that_contradicts_its_message_is_refused_and_not_followed() -> Non
     for datagrams in (cut(0), [(wrong, sender)], cut(2), cut(1)[:7], cut(1)[7:]):
         run_of(inbox, datagrams)
     assert inbox.reassembler.counters.refused == {"parts_max": len(cut(1))}
-    assert not inbox.expected()[0].is_open
+    assert not inbox.predict_slots()[0].is_open
 
 
 def test_a_run_after_a_silence_shows_a_restarted_sender() -> None:

@@ -13,7 +13,7 @@ import threading
 import time
 from typing import List, Optional, Sequence, Tuple
 
-from udp_bridge.receiver.receive_slots import NOWHERE, Credits, Place, Run
+from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.wire import control
 from udp_bridge.wire.address_validation import (
@@ -130,25 +130,25 @@ class AddressGuard(Around):
             self._examine(memoryview(buffer)[: received[0]], received[1])
         return received
 
-    def receive_run(self, place: Place, credits: Credits) -> Optional[Run]:
+    def receive_run(self, place: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
         """Do as `UdpSocket.receive_run`, where the sender may be sent what parts are answered."""
         is_limited = bool(place.arrived) and not self.is_known(place.sender)
         if is_limited and self._validator.unsent(place.sender) < _ANSWERS_OF_A_RUN:
-            place, credits = NOWHERE, Credits(0, self.receive_buffer, 0)
+            place, credits = NO_SLOTS, CreditState(0, self.receive_buffer, 0)
         run = self._inner_run(place, credits)
         if run is None:
             return None
-        if run.rows and is_limited:
+        if run.part_ranges and is_limited:
             with self._lock:
-                size = run.parts_count * len(run.head) + (run.parts_count - 1) * place.part_size
+                size = run.parts_count * len(run.header) + (run.parts_count - 1) * place.part_size
                 self._validator.received(place.sender, size)
-                if run.credits or run.asked:
+                if run.credits_sent or run.nack_bitmap:
                     self._validator.spend(place.sender, _ANSWERS_OF_A_RUN)
-        if run.stray is not None and run.sender is not None:
+        if run.unmatched is not None and run.unmatched_sender is not None:
             try:
-                self._examine(memoryview(run.stray), run.sender)
+                self._examine(memoryview(run.unmatched), run.unmatched_sender)
             except Refused as refused:
-                return run._replace(stray=None, sender=None, refused=refused.reason)
+                return run._replace(unmatched=None, unmatched_sender=None, refused=refused.reason)
         return run
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:

@@ -13,7 +13,7 @@ import socket
 import struct
 from typing import Any, Callable, List, Optional, Tuple, Union
 
-from udp_bridge.receiver.receive_slots import Credits, Place, Run
+from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
 from udp_bridge.sender.outgoing import Order
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.wire.fragments import datagram_of
@@ -36,7 +36,7 @@ _COUNT = struct.Struct("=I")
 _REST_ROOM = 1 << 16
 
 Complain = Callable[[int], bool]
-Received = Tuple[Optional[Run], int]
+Received = Tuple[Optional[PartBatch], int]
 """What came, and the errno that ended it or 0."""
 
 
@@ -72,7 +72,7 @@ class ManyAtOnce:
         sent: int = _many.taken_back(self._parking)
         return sent
 
-    def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
+    def receive(self, source: socket.socket, place: ReceiveSlots, credits: CreditState) -> Received:
         """Return what came, at least one datagram; None when there was none."""
         found = _many.receive(
             source.fileno(), self._rest, *place, *credits, self._is_flowing, self._parking
@@ -83,7 +83,7 @@ class ManyAtOnce:
         run, error, drops = found
         if drops >= 0:
             self.drops = drops
-        return tuple.__new__(Run, run), error  # as `Run._make`, in one step less
+        return tuple.__new__(PartBatch, run), error  # as `PartBatch._make`, in one step less
 
 
 class OneByOne:
@@ -94,11 +94,11 @@ class OneByOne:
         """Datagrams that the kernel dropped for want of buffer, as far as it told."""
         self._rest = bytearray(_REST_ROOM)
 
-    def receive(self, source: socket.socket, place: Place, credits: Credits) -> Received:
+    def receive(self, source: socket.socket, place: ReceiveSlots, credits: CreditState) -> Received:
         """Return what came, a single datagram; None when there was none."""
         room = place.part_size if place.arrived else 0
-        head = bytearray(len(place.head) if place.arrived else 0)
-        start = place.next * place.part_size
+        head = bytearray(len(place.header) if place.arrived else 0)
+        start = place.next_part * place.part_size
         with memoryview(place.block)[start : start + room] as slot:
             buffers: List[Union[bytearray, memoryview]] = [head, slot, self._rest]
             try:
@@ -110,20 +110,20 @@ class OneByOne:
             for level, kind, data in ancillary:
                 if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                     (self.drops,) = _COUNT.unpack(data)
-            if size > len(head) and place.takes(bytes(head), size, sender):
+            if size > len(head) and place.matches(bytes(head), size, sender):
                 number, body_size = head[PART_NUMBER_OFFSET], size - len(head)
-                if number != place.next:
+                if number != place.next_part:
                     start = number * place.part_size
                     with memoryview(place.block)[start : start + body_size] as there:
                         there[:] = slot[:body_size]
                 is_last = number == len(place.arrived) - 1
                 last_size = body_size if is_last else place.part_size
                 uncredited = credits.uncredited_bytes + size
-                run = Run(bytes(head), ((number, 1),), last_size, 0, uncredited, None, None)
+                run = PartBatch(bytes(head), ((number, 1),), last_size, 0, uncredited, None, None)
                 return run, 0
             beyond = max(0, size - len(head) - room)
             stray = b"".join((head, slot, memoryview(self._rest)[:beyond]))[:size]
-        return Run(b"", (), 0, 0, credits.uncredited_bytes, stray, sender), 0
+        return PartBatch(b"", (), 0, 0, credits.uncredited_bytes, stray, sender), 0
 
 
 class SendingMany:

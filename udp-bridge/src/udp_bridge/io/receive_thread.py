@@ -101,7 +101,7 @@ class Listening:
         self._answer, self._on_message = _to_nobody, None  # who answers refers to us again
 
     def _receive_many(self) -> None:
-        place, credits = self._inbox.expected()
+        place, credits = self._inbox.predict_slots()
         run = self._receive_run(place, credits)
         now_nanos = time.monotonic_ns()
         if run is None:

@@ -12,7 +12,7 @@ import threading
 import time
 from typing import Iterable, List, Optional, Sequence, Tuple
 
-from udp_bridge.receiver.receive_slots import Credits, Place, Run
+from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
 from udp_bridge.wire.header import Buffer, Refused
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import OVERHEAD, Seal
@@ -108,11 +108,15 @@ class PeersOnly(Around):
         for name in ("receive_run", "park_credits"):  # they refer to this object itself
             self.__dict__.pop(name, None)
 
-    def _receive_run(self, place: Place, credits: Credits) -> Optional[Run]:
+    def _receive_run(self, place: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
         """Do as `UdpSocket.receive_run`; parts are expected of those alone who were let in."""
-        run: Optional[Run] = self._inner_run(place, credits)
-        if run is not None and run.sender is not None and not self._is_peer(run.sender):
-            run = run._replace(stray=None, sender=None, refused="stranger")
+        run: Optional[PartBatch] = self._inner_run(place, credits)
+        if (
+            run is not None
+            and run.unmatched_sender is not None
+            and not self._is_peer(run.unmatched_sender)
+        ):
+            run = run._replace(unmatched=None, unmatched_sender=None, refused="stranger")
         return run
 
     def _park_credits(self, to: Address, like: bytes) -> List[Kept]:

@@ -13,7 +13,7 @@ import struct
 import sys
 from typing import Optional, Protocol, Sequence, Tuple, Union
 
-from udp_bridge.receiver.receive_slots import Credits, Place, Run
+from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
 from udp_bridge.sender.outgoing import Run as Leaving
 from udp_bridge.wire.header import Buffer
 from udp_bridge.wire.message import Address
@@ -113,7 +113,7 @@ class UdpSocket:
             return None
         return size, sender
 
-    def receive_run(self, place: Place, credits: Credits) -> Optional[Run]:
+    def receive_run(self, place: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
         """Wait for what is expected, or for anything else; return None when nothing came.
 
         Parts are put into their places, and may be acknowledged.

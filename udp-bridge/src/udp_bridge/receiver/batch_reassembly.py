@@ -18,14 +18,14 @@ from .limits import Topic
 from .nack import Asking
 from .ordering import key_of
 from .reassembly import Reassembler
-from .receive_slots import Place, Run
+from .receive_slots import PartBatch, ReceiveSlots
 
 
 class RunReassembler(Reassembler):
     """A reassembler that takes runs, too."""
 
     def accept_run(
-        self, header: Header, place: Place, run: Run, sender: Hashable, now_nanos: int
+        self, header: Header, place: ReceiveSlots, run: PartBatch, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
         """Take parts that lie in their places, as `accept` would one after the other.
 
@@ -36,14 +36,14 @@ class RunReassembler(Reassembler):
         topic = self._holdings.find(sender, (header.msg_type, header.topic))
         assembly = None
         if topic is not None:
-            if run.rows == ((0, header.parts_max),) and not place.is_open:
+            if run.part_ranges == ((0, header.parts_max),) and not place.is_open:
                 whole = self._accept_whole(topic, header, place, run, sender, now_nanos)
                 if whole is not None:
                     return whole
             if topic.asking is not None:
                 self._verdicts.notice_restart(topic, header, now_nanos)
-                if run.asked and not topic.order.is_finished(header):
-                    topic.asking.has_asked(header, run.asked, run.asked_nanos, now_nanos)
+                if run.nack_bitmap and not topic.order.is_finished(header):
+                    topic.asking.has_asked(header, run.nack_bitmap, run.nack_nanos, now_nanos)
             if place.is_open or self._holdings.may_begin(sender, now_nanos):
                 assembly = self._placed_at(topic, header, place, now_nanos)
         if topic is None or assembly is None:
@@ -52,8 +52,8 @@ class RunReassembler(Reassembler):
         topic.link = header.link
         topic.arrived.seen(header)
         key = key_of(header)
-        for first, count in run.rows:
-            assembly.placed(first, count, run.last_size)
+        for first, count in run.part_ranges:
+            assembly.placed(first, count, run.last_part_size)
         if key not in topic.open:
             self._holdings.hold(topic, key, assembly)
             if key not in topic.open:  # it took too much
@@ -65,7 +65,7 @@ class RunReassembler(Reassembler):
             message = self._verdicts.finish(topic, header, assembly.body, now_nanos)
         if topic.asking is not None:
             is_whole = message is not None or topic.order.is_finished(header)
-            for first, count in run.rows:
+            for first, count in run.part_ranges:
                 part = header._replace(part_number=first)
                 topic.asking.saw(part, is_whole=is_whole, now_nanos=now_nanos, count=count)
             self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
@@ -75,8 +75,8 @@ class RunReassembler(Reassembler):
         self,
         topic: Topic,
         header: Header,
-        place: Place,
-        run: Run,
+        place: ReceiveSlots,
+        run: PartBatch,
         sender: Hashable,
         now_nanos: int,
     ) -> Optional[Message]:
@@ -98,11 +98,11 @@ class RunReassembler(Reassembler):
         self.pool.take_offered(place.block, announced_bytes)
         if asking is not None:
             asking.saw(header, is_whole=True, now_nanos=now_nanos)
-        size = announced_bytes - place.part_size + run.last_size
+        size = announced_bytes - place.part_size + run.last_part_size
         return self._verdicts.handed(topic, header, view[:size].toreadonly())
 
     def _placed_at(
-        self, topic: Topic, header: Header, place: Place, now_nanos: int
+        self, topic: Topic, header: Header, place: ReceiveSlots, now_nanos: int
     ) -> Optional[Assembly]:
         """Return the message that lies at a place, if nothing is special about it."""
         if topic.order.is_restart_by_silence(header, now_nanos) or topic.is_jump(header):
@@ -117,13 +117,13 @@ class RunReassembler(Reassembler):
         return assembly if assembly.adopt(place.block, place.part_size) else None
 
     def _accept_each(
-        self, header: Header, place: Place, run: Run, sender: Hashable, now_nanos: int
+        self, header: Header, place: ReceiveSlots, run: PartBatch, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
         message = None
-        for number in chain.from_iterable(range(first, first + n) for first, n in run.rows):
+        for number in chain.from_iterable(range(first, first + n) for first, n in run.part_ranges):
             start = number * place.part_size
             is_last = number == header.parts_max - 1
-            end = start + (run.last_size if is_last else place.part_size)
+            end = start + (run.last_part_size if is_last else place.part_size)
             part = memoryview(place.block)[start:end]
             try:
                 one = self.accept(header._replace(part_number=number), part, sender, now_nanos)

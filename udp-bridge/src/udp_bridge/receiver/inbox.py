@@ -20,7 +20,7 @@ from .batch_reassembly import RunReassembler
 from .delivery_reports import Answer, Telling, Told, control_of
 from .limits import Limits
 from .peers import Peer, Peers
-from .receive_slots import NOWHERE, Credits, Guess, Place, Run
+from .receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots, SlotPredictor
 from .verdicts import message_of
 
 CREDIT_SHARE = 8
@@ -72,7 +72,7 @@ class Inbox:
         self.published = self._telling.published
         self.dropped = self._telling.dropped
         self._peers = Peers(self.reassembler.limits.senders)
-        self._guess = Guess(self.reassembler.pool)
+        self._predictor = SlotPredictor(self.reassembler.pool)
 
     @property
     def told(self) -> List[Told]:
@@ -122,70 +122,72 @@ class Inbox:
         is_whole = message is not None or self.reassembler.counters.late != late
         return message, self._credit_if_due(header, is_whole, sender, peer)
 
-    def expected(self) -> Tuple[Place, Credits]:
+    def predict_slots(self) -> Tuple[ReceiveSlots, CreditState]:
         """Return where to put what comes next, and how to acknowledge it; for `receive_run`."""
-        place = self._guess.place()
+        place = self._predictor.predict()
         if not place.arrived:
-            return NOWHERE, Credits(0, self.receive_buffer, 0)
+            return NO_SLOTS, CreditState(0, self.receive_buffer, 0)
         peer = self._peers.get(place.sender)
         if peer is None:
-            return place, Credits(0, self.receive_buffer, 0)
-        number = peer.numbering.next(CONTROL, self._guess.topic, 0)
-        return place, Credits(peer.uncredited_bytes, self.receive_buffer, number, peer.goodput_told)
+            return place, CreditState(0, self.receive_buffer, 0)
+        number = peer.numbering.next(CONTROL, self._predictor.topic, 0)
+        return place, CreditState(
+            peer.uncredited_bytes, self.receive_buffer, number, peer.goodput_told
+        )
 
-    def receive_run(self, place: Place, run: Run, now_nanos: int) -> List[Taken]:
+    def receive_run(self, place: ReceiveSlots, run: PartBatch, now_nanos: int) -> List[Taken]:
         """Take what came at a place; return what `receive` returns, and the sender.
 
         Parts that lie in their places are taken together.
         """
         taken: List[Taken] = []
-        if run.parked:
+        if run.mailbox_credits:
             self._count_parked(run, now_nanos)
-        if run.order_is_over:
+        if run.is_send_order_done:
             self._on_order()
-        if run.rows:
+        if run.part_ranges:
             taken.append(self._receive_placed(place, run, now_nanos))
         if run.refused:
             self.refuse(run.refused)
-        elif run.stray is not None:
-            assert run.sender is not None
-            one = self.receive(memoryview(run.stray), run.sender, now_nanos, 0)
-            taken.append((*one, run.sender))
+        elif run.unmatched is not None:
+            assert run.unmatched_sender is not None
+            one = self.receive(memoryview(run.unmatched), run.unmatched_sender, now_nanos, 0)
+            taken.append((*one, run.unmatched_sender))
         return taken
 
-    def _count_parked(self, run: Run, now_nanos: int) -> None:
+    def _count_parked(self, run: PartBatch, now_nanos: int) -> None:
         """Count credits that went to the sender without us, as `_take_control` does with others."""
         self.reassembler.expire(now_nanos)
-        self.datagrams += run.parked
-        self.bytes_received += run.parked_bytes
-        self.reassembler.counters.messages += run.parked
+        self.datagrams += run.mailbox_credits
+        self.bytes_received += run.mailbox_bytes
+        self.reassembler.counters.messages += run.mailbox_credits
 
-    def _receive_placed(self, place: Place, run: Run, now_nanos: int) -> Taken:
+    def _receive_placed(self, place: ReceiveSlots, run: PartBatch, now_nanos: int) -> Taken:
         sender = place.sender
-        header = self._guess.header_of(run)
-        count, (first, in_row) = run.parts_count, run.rows[-1]
-        size = count * (len(run.head) + place.part_size) - (place.part_size - run.last_size)
+        header = self._predictor.header_of(run)
+        count, (first, in_row) = run.parts_count, run.part_ranges[-1]
+        size = count * (len(run.header) + place.part_size) - (place.part_size - run.last_part_size)
         self.datagrams += count
         self.bytes_received += size
         late = self.reassembler.counters.late
         message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
         if message is None:
             known = self.reassembler.open_message(header, sender, now_nanos)
-            self._guess.went_on(run, known, self.reassembler.asking(header, sender))
+            self._predictor.on_incomplete(run, known, self.reassembler.asking(header, sender))
         else:
-            self._guess.is_done(run)
+            self._predictor.on_complete(run)
         peer = self._peers.heard(sender, now_nanos)
         peer.goodput_bytes += size
-        if place.patience_nanos:
+        if place.debounce_nanos:
             peer.goodput_told = peer.goodput(now_nanos)
-        if run.credits:
-            peer.numbering.next(CONTROL, header.topic, run.credits)
-            self.answers_sent += run.credits
-            self.answer_bytes_sent += run.credits * (_head_size(header) + _CREDIT_BODY)
-        if run.asked:
+        if run.credits_sent:
+            peer.numbering.next(CONTROL, header.topic, run.credits_sent)
+            self.answers_sent += run.credits_sent
+            self.answer_bytes_sent += run.credits_sent * (_head_size(header) + _CREDIT_BODY)
+        if run.nack_bitmap:
             self.requests_sent += 1
             self.answers_sent += 1
-            self.answer_bytes_sent += _head_size(header) + _REQUEST_BODY + len(run.asked)
+            self.answer_bytes_sent += _head_size(header) + _REQUEST_BODY + len(run.nack_bitmap)
         peer.uncredited_bytes = run.uncredited_bytes
         if not run.uncredited_bytes:
             return message, None, sender
@@ -196,7 +198,7 @@ class Inbox:
     def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:
         known = self.reassembler.open_message(header, sender, now_nanos)
         asking = self.reassembler.asking(header, sender)
-        self._guess.follow(header, bytes(head), sender, known, asking)
+        self._predictor.follow(header, bytes(head), sender, known, asking)
 
     def _credit_if_due(
         self, header: Header, is_whole: bool, sender: Address, peer: Peer
@@ -224,8 +226,8 @@ class Inbox:
         return answers
 
     def expect_nothing(self) -> None:
-        """Forget what is expected next; `expected` begins anew with what comes."""
-        self._guess = Guess(self.reassembler.pool)
+        """Forget what is expected next; `predict_slots` begins anew with what comes."""
+        self._predictor = SlotPredictor(self.reassembler.pool)
 
     def refuse(self, reason: str) -> None:
         """Count a datagram that was refused before it came here."""

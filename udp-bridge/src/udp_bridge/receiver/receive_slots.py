@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the next parts probably belong, so that they are received into their places.
+"""Receive slots: where the next parts of a message will lie, so that they are received in place.
 
-A guess costs nothing but a copy when it is wrong. Only a datagram whose whole header, sender and
-size are those expected lies in its place; every other one is stray, and handed over whole. No
-socket here, and no rule of receiving: those are in `reassembly`.
+The predictor assumes that the message in progress continues, and that the next message looks like
+the last one. A datagram matches only if its whole header, sender and size are as predicted. Any
+other datagram is returned unmatched and takes the ordinary path, which costs one copy.
 """
 
 from __future__ import annotations
@@ -21,194 +21,195 @@ from .pool import Pool
 _PARTS_MAX_OFFSET = 7
 _TIME_OFFSET = 8
 _TIME_END = 16
-_OWN = Struct("<2xI2xii")
-"""What a message has for itself in the header: seq_number, time_sec, time_nsec."""
+_MESSAGE_FIELDS = Struct("<2xI2xii")
+"""Header fields that differ between messages of a topic: seq_number, time_sec, time_nsec."""
 
 
-class Place(NamedTuple):
-    """What is expected next, and where it is to be put."""
+class ReceiveSlots(NamedTuple):
+    """Predicted parts of one message and the block that they are received into."""
 
     block: bytearray
-    head: bytes
-    """Header of a part of the message, or of the one before it; the part number means nothing."""
+    header: bytes
+    """Packed header of a part of this message, or of the previous one; ignore its part number."""
     sender: Address
     part_size: int
-    next: int
+    next_part: int
     """The part that is expected next."""
     arrived: Union[bytes, bytearray]
-    """One byte for each part, 1 where it is in; empty when nothing is expected."""
+    """One byte per part, 1 where it has arrived; empty when nothing is predicted."""
     is_open: bool
-    """A part of the message was taken. Else seq_number and time are not known yet."""
-    due_nanos: int
-    """When something missing is to be asked for, by the monotonic clock, so that more may not be
-    waited for behind parts that came; 0 when nothing is."""
-    patience_nanos: int
-    """So long behind a part that leaves a gap that is to be asked for; 0 when it can't be."""
-    may_ask: bool = False
-    """Nothing of the message was asked for, and nothing else is due: whoever receives may ask for
-    its gaps when that is due, once."""
+    """Whether a part of the message has arrived. If not, seq_number and time are unknown."""
+    nack_due_nanos: int
+    """Monotonic time at which missing parts are to be requested; 0 for never. A batch ends then."""
+    debounce_nanos: int
+    """Time from the detection of a gap to its request; 0 where parts can't be requested."""
+    may_nack: bool = False
+    """Whether the socket itself may send one request for the gaps of this message."""
 
-    def takes(self, head: bytes, size: int, sender: Address) -> bool:
-        """Tell whether a datagram of `size` bytes that begins so is a part that is missing.
+    def matches(self, header: bytes, size: int, sender: Address) -> bool:
+        """Tell whether a datagram of `size` bytes with this header is a missing part.
 
-        Of a message of which nothing came, the first part has to come first.
+        A message must begin with its first part.
         """
-        body_size = size - len(self.head)
+        body_size = size - len(self.header)
         if not self.arrived or not 0 < body_size <= self.part_size:
             return False
-        number = head[PART_NUMBER_OFFSET]
+        number = header[PART_NUMBER_OFFSET]
         return (
-            (body_size == self.part_size or number + 1 == head[_PARTS_MAX_OFFSET])
+            (body_size == self.part_size or number + 1 == header[_PARTS_MAX_OFFSET])
             and number < len(self.arrived)
             and not self.arrived[number]
-            and (self.is_open or number == self.next)
-            and head[_PARTS_MAX_OFFSET] == self.head[_PARTS_MAX_OFFSET]
-            and head[:2] == self.head[:2]
-            and head[_TIME_END:] == self.head[_TIME_END:]
+            and (self.is_open or number == self.next_part)
+            and header[_PARTS_MAX_OFFSET] == self.header[_PARTS_MAX_OFFSET]
+            and header[:2] == self.header[:2]
+            and header[_TIME_END:] == self.header[_TIME_END:]
             and sender == self.sender
             and (
-                head[2:PART_NUMBER_OFFSET] == self.head[2:PART_NUMBER_OFFSET]
-                and head[_TIME_OFFSET:_TIME_END] == self.head[_TIME_OFFSET:_TIME_END]
+                header[2:PART_NUMBER_OFFSET] == self.header[2:PART_NUMBER_OFFSET]
+                and header[_TIME_OFFSET:_TIME_END] == self.header[_TIME_OFFSET:_TIME_END]
                 if self.is_open
-                else 0 <= _OWN.unpack_from(head)[2] < NANOS
+                else 0 <= _MESSAGE_FIELDS.unpack_from(header)[2] < NANOS
             )
         )
 
 
-NOWHERE = Place(bytearray(), b"", ("0.0.0.0", 0), 0, 0, b"", False, 0, 0)
-"""Nothing is expected; whatever comes is stray."""
+NO_SLOTS = ReceiveSlots(bytearray(), b"", ("0.0.0.0", 0), 0, 0, b"", False, 0, 0)
+"""Nothing is predicted; every datagram is unmatched."""
 
 
-class Credits(NamedTuple):
-    """What is needed to acknowledge parts as they come."""
+class CreditState(NamedTuple):
+    """What the socket needs to acknowledge parts while it receives them."""
 
     uncredited_bytes: int
     receive_buffer: int
-    number: int
-    """seq_number of the next credit."""
+    seq_number: int
+    """seq_number of the next Credit."""
     goodput: int = 0
-    """What a request tells of it."""
+    """Bytes per second; part of a Request."""
 
 
-class Run(NamedTuple):
-    """Parts that lie in their places, and what came behind them."""
+class PartBatch(NamedTuple):
+    """Parts that were received into their slots, and the datagram that ended the batch."""
 
-    head: bytes
-    """Header of the part that came first."""
-    rows: Tuple[Tuple[int, int], ...]
-    """Parts by order of arrival: the first one of those in a row, and how many."""
-    last_size: int
-    """Body bytes of the message's last part, if that came; the others have the part size."""
-    credits: int
-    """Credits that were sent."""
+    header: bytes
+    """Packed header of the part that arrived first."""
+    part_ranges: Tuple[Tuple[int, int], ...]
+    """Parts in order of arrival, as (first part, number of parts)."""
+    last_part_size: int
+    """Body bytes of the message's last part, if it arrived; the others have the part size."""
+    credits_sent: int
     uncredited_bytes: int
-    """Bytes of parts since the last one."""
-    stray: Optional[bytes]
-    """A whole datagram that is no such part; it came last."""
-    sender: Optional[Address]
-    """Where the stray one came from."""
+    """Bytes of parts since the last Credit."""
+    unmatched: Optional[bytes]
+    """A whole datagram that is not a predicted part; it arrived last."""
+    unmatched_sender: Optional[Address]
     refused: str = ""
-    """Why another one that came last must not be taken."""
-    parked: int = 0
-    """Credits that were kept for the sender, and their bytes; see `parking`."""
-    parked_bytes: int = 0
-    order_is_over: bool = False
-    """What was left to be sent here was sent, or can't be; see `parking`."""
-    asked: bytes = b""
-    """Bitmap of the parts that were asked for where they were received; empty when none was."""
-    asked_nanos: int = 0
-    """When that was done, by the monotonic clock."""
+    """Why the datagram that arrived last was refused."""
+    mailbox_credits: int = 0
+    """Credits that were put into the sender's mailbox; see `credit_mailbox`."""
+    mailbox_bytes: int = 0
+    is_send_order_done: bool = False
+    """Whether the socket finished or gave up the message that it was left to send."""
+    nack_bitmap: bytes = b""
+    """Parts that the socket requested; empty when it sent no request."""
+    nack_nanos: int = 0
+    """Monotonic time of that request."""
 
     @property
     def parts_count(self) -> int:
-        """How many parts came."""
-        if len(self.rows) == 1:
-            return self.rows[0][1]
-        return sum(count for _, count in self.rows)
+        """Number of parts that arrived."""
+        if len(self.part_ranges) == 1:
+            return self.part_ranges[0][1]
+        return sum(count for _, count in self.part_ranges)
 
 
-class Guess:
-    """Follows the message that parts are coming of; guesses that the next one is like it."""
+class SlotPredictor:
+    """Follows the message in progress and predicts that the next one looks like it."""
 
     def __init__(self, pool: Pool) -> None:
         self._pool = pool
-        self._header: Optional[Header] = None  # of a part of the message that came last
-        self._head = b""  # the same, packed
-        self._sender = NOWHERE.sender
+        self._header: Optional[Header] = None  # of the part that arrived last
+        self._packed_header = b""
+        self._sender = NO_SLOTS.sender
         self._part_size = self._parts_max = 0
         self._asking: Optional[Asking] = None
-        self._assembly: Optional[Assembly] = None  # that message, while it is open
-        self._next = 0
+        self._assembly: Optional[Assembly] = None  # of that message, while it is open
+        self._next_part = 0
 
     @property
     def topic(self) -> str:
-        """Of the message that is followed."""
+        """Topic of the message that is followed."""
         return self._header.topic if self._header is not None else ""
 
-    def place(self) -> Place:
-        """Return what is expected next."""
+    def predict(self) -> ReceiveSlots:
+        """Return the slots of the parts that are expected next."""
         assembly = self._assembly
         if assembly is not None and not assembly.complete and assembly.block is not None:
-            number, arrived = assembly.missing(self._next), assembly.arrived
+            number, arrived = assembly.missing(self._next_part), assembly.arrived
             block, is_open = assembly.block, True
         elif self._parts_max:
             number, arrived, is_open = 0, bytearray(self._parts_max), False
             self._assembly = None
             block = self._pool.offer(self._part_size * self._parts_max)
         else:
-            return NOWHERE
-        due_nanos, patience_nanos, may_ask = 0, 0, False
+            return NO_SLOTS
+        due_nanos, debounce_nanos, may_nack = 0, 0, False
         asking = self._asking
         if asking is not None:
-            due_nanos, patience_nanos = asking.patience
-            may_ask = not due_nanos and not (
+            due_nanos, debounce_nanos = asking.patience
+            may_nack = not due_nanos and not (
                 is_open and self._header is not None and asking.is_asked(self._header)
             )
-        return Place(
+        return ReceiveSlots(
             block,
-            self._head,
+            self._packed_header,
             self._sender,
             self._part_size,
             number,
             arrived,
             is_open,
             due_nanos,
-            patience_nanos,
-            may_ask,
+            debounce_nanos,
+            may_nack,
         )
 
     def follow(
         self,
         header: Header,
-        head: bytes,
+        packed_header: bytes,
         sender: Address,
         assembly: Optional[Assembly],
         asking: Optional[Asking],
     ) -> None:
-        """Take note of a datagram of several parts that was taken, and of its open message."""
+        """Follow the open message of a part that arrived outside a batch."""
         if assembly is None or not assembly.part_size:
             return
         self._advance(header.part_number + 1, assembly)
-        self._header, self._head, self._sender = header, head, sender
+        self._header, self._packed_header, self._sender = header, packed_header, sender
         self._part_size, self._parts_max = assembly.part_size, header.parts_max
         self._asking = asking
 
-    def is_done(self, run: Run) -> None:
-        """Take note that a run came which made its message whole."""
-        self._next, self._assembly, self._head = 0, None, run.head
+    def on_complete(self, batch: PartBatch) -> None:
+        """Update the prediction after a batch that completed its message."""
+        self._next_part, self._assembly, self._packed_header = 0, None, batch.header
 
-    def went_on(self, run: Run, assembly: Optional[Assembly], asking: Optional[Asking]) -> None:
-        """Take note that a run came which did not, and of its message if that is still open."""
+    def on_incomplete(
+        self, batch: PartBatch, assembly: Optional[Assembly], asking: Optional[Asking]
+    ) -> None:
+        """Update the prediction after a batch that left its message incomplete.
+
+        `assembly` is None if that message is no longer open.
+        """
         self._asking = asking
-        # A message that the run contradicts, so that it was refused, must not be followed.
-        end = max(first + count for first, count in run.rows)
+        # If the batch contradicted an open message, it was refused; don't follow that message.
+        end = max(first + count for first, count in batch.part_ranges)
         self._advance(end, assembly if assembly is not None and self._fits(assembly) else None)
-        self._head = run.head
+        self._packed_header = batch.header
 
     def _advance(self, number: int, assembly: Optional[Assembly]) -> None:
-        """Expect that part next; behind one sent again, the message goes on where it was."""
+        """Expect part `number` next; a repeated part does not set the prediction back."""
         is_same = assembly is not None and assembly is self._assembly
-        self._next = max(self._next, number) if is_same else number
+        self._next_part = max(self._next_part, number) if is_same else number
         self._assembly = assembly
 
     def _fits(self, assembly: Assembly) -> bool:
@@ -219,12 +220,13 @@ class Guess:
             and assembly.header.link == self._header.link
         )
 
-    def header_of(self, run: Run) -> Header:
-        """Return the header of the part of a run that came first."""
-        like = self._header
-        assert like is not None
-        number, sec, nsec = _OWN.unpack_from(run.head)
+    def header_of(self, batch: PartBatch) -> Header:
+        """Return the parsed header of the part of a batch that arrived first."""
+        last = self._header
+        assert last is not None
+        number, sec, nsec = _MESSAGE_FIELDS.unpack_from(batch.header)
+        first_part = batch.part_ranges[0][0]
         self._header = Header(
-            like.msg_type, number, run.rows[0][0], like.parts_max, sec, nsec, like.topic, like.link
+            last.msg_type, number, first_part, last.parts_max, sec, nsec, last.topic, last.link
         )
         return self._header
