@@ -54,6 +54,7 @@ class Publisher:
 def own_publisher(way: str) -> Publisher:
     """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
     from udp_bridge.node import deliveries
+    from udp_bridge.node.message_class import message_class
     from udp_bridge_ros2 import environment, topics
 
     environment.apply_defaults(os.environ)
@@ -62,7 +63,7 @@ def own_publisher(way: str) -> Publisher:
 
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(f"receiver_of_{way}")
-    image = topics.message_class("sensor_msgs/msg/Image")
+    image = message_class("sensor_msgs/msg/Image")
     return Publisher(
         node.create_publisher(image, TOPIC, topics.published(deliveries.published("Image", TOPIC)))
     )
@@ -124,13 +125,13 @@ def ros_sharp(_: argparse.Namespace) -> None:
     """Receive as rosbridge does: calls in JSON by a WebSocket, of types that clients name."""
     from websockets.sync.server import ServerConnection, serve
 
-    from udp_bridge_ros2 import topics
+    from udp_bridge.node.message_class import message_class
 
     publisher = own_publisher("ros_sharp")
     classes: dict[str, type[Any]] = {}
 
     def advertise(call: dict[str, Any]) -> None:
-        classes[call["topic"]] = topics.message_class(call["type"])
+        classes[call["topic"]] = message_class(call["type"])
 
     def publish(call: dict[str, Any]) -> None:
         message = classes[call["topic"]]()

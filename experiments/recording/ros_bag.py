@@ -30,7 +30,7 @@ from std_msgs.msg import Empty  # noqa: E402
 
 from groundlink.core.clock import NANOS  # noqa: E402
 from groundlink.recording.ros_channels import RosFile, Topic  # noqa: E402
-from udp_bridge_ros2.topics import message_class  # noqa: E402
+from udp_bridge.node.message_class import message_class  # noqa: E402
 
 BRIDGE = "udp_bridge"
 ITS_OWN = {"/rosout", "/parameter_events", "/diagnostics"}

@@ -26,7 +26,8 @@ from udp_bridge.wire.message import Address
 from udp_bridge.wire.repair import Offer, Request, Symbol, parse_resend, parse_symbol
 from udp_bridge.wire.run_commands import PAUSED, STEP, Wish, WishAnswer
 from udp_bridge.wire.seal import Seal
-from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE
+from udp_bridge.wire.typed import pack_typed, parse_typed
+from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE, TYPED
 
 from .pcap import Packet, write
 from .tshark import DISSECTOR, Decoded, columns, decode
@@ -64,6 +65,8 @@ def reason(datagram: bytes) -> str | None:
             if header.parts_max > 1:
                 return "parts_max"
             Subscribe.parse(datagram[offset:])
+        if header.msg_type == TYPED and header.parts_max == 1:
+            parse_typed(datagram[offset:])
     except Refused as refused:
         return refused.reason
     return None
@@ -90,7 +93,7 @@ def shown(header: Header, size: int) -> Decoded:
 
 def test_the_table_of_types_is_the_one_in_code() -> None:
     rows = re.findall(
-        r'^    \[(\d+)\] = \{"(\w+)", "([\w/]*)", "([\w/]*)"\},$',
+        r'^    \[(\d+)\] = \{"(\w+)", "([\w/*]*)", "([\w/]*)"\},$',
         DISSECTOR.read_text(),
         re.MULTILINE,
     )
@@ -261,11 +264,17 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
             "data": bytes(range(16)).hex(":"),
         },
     ),
+    (
+        TYPED,
+        pack_typed("sensor_msgs/msg/MagneticField", bytes(9)),
+        "typed",
+        {"name_size": 29, "ros_type": "sensor_msgs/msg/MagneticField"},
+    ),
 ]
 
 
 @pytest.mark.parametrize(("msg_type", "body", "name", "values"), BODIES)
-def test_bodies_of_the_bridge_s_own(
+def test_bodies_that_are_not_plain_cdr(
     tmp_path: Path, msg_type: int, body: bytes, name: str, values: dict[str, object]
 ) -> None:
     header = Header(msg_type, 0, 0, 1, 1000, 0, "/topic", "link")

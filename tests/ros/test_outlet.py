@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from udp_bridge import MSG_TYPES, Message
+from udp_bridge import Message
 from udp_bridge.node import outlet as module
 from udp_bridge.node.outlet import MAX_TOPICS, QUICK_SECONDS, Outlet
 
@@ -47,7 +47,7 @@ def body(number: int, size: int = 1) -> bytes:
 
 def put(outlet: Outlet, msg_type: int, topic: str, number: int, size: int = 1) -> None:
     message = Message(msg_type, topic, "", 0, 0, body(number, size))
-    outlet.put(MSG_TYPES[msg_type], message, SENDER)
+    outlet.put(message, SENDER)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from udp_bridge.wire.capture import datagrams
+from udp_bridge.wire.header import Refused
+from udp_bridge.wire.typed import pack_typed, parse_typed
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 
@@ -29,27 +31,35 @@ def load(name: str) -> Vector:
 
 NAMES = sorted(path.stem for path in FOLDER.glob("*.bin"))
 VECTORS = [load(name) for name in NAMES]
-IN_ORDER = (
-    "camera-info",
-    "clock-shortest-header",
-    "cloud-255-parts",
-    "cloud-in-order",
-    "compressed-image",
-    "encoders",
-    "image",
-    "imu",
-    "joint-state",
-    "laser-scan",
-    "longest-names",
-    "map",
-    "nav-sat-fix",
-    "odometry",
-    "path",
-    "pose",
-    "range",
-    "subscribe",
-    "text",
-    "transforms",
-    "twist",
-    "twist-stamped",
+TYPED_BODIES = [
+    pack_typed(name, b"cdr") for name in ("a/msg/B", "a_1/msg/Bc", "sensor_msgs/msg/MagneticField")
+] + [
+    *(b"", b"\0", b"\x07a/msg/", b"\x08a/msg/Bc", b"\x07a/srv/B", b"\x07A/msg/B", b"\x07a/msg/b"),
+    *(
+        b"\x07a/msg/\xff",
+        b"\x06a/msg/\0",
+        b"\x06/msg/B\0",
+        b"\x07a/msg/\0",
+        b"\x07a-b/msg",
+        b"\xff" * 300,
+    ),
+]
+"""Bodies of Typed messages, valid and not."""
+OUT_OF_ORDER = (
+    "cloud-duplicated",
+    "cloud-one-part-lost",
+    "cloud-shuffled",
+    "malformed",
+    "parts-disagree",
+    "two-interleaved",
 )
+IN_ORDER = tuple(name for name in NAMES if name not in OUT_OF_ORDER)
+"""Vectors of one message whose parts come as they were sent."""
+
+
+def typed_as(body: bytes) -> str:
+    """Return what the library reads in a Typed body: type and offset, or why it is refused."""
+    try:
+        return "{} {}".format(*parse_typed(body))
+    except Refused as refused:
+        return refused.reason

@@ -24,7 +24,8 @@ from groundlink.ros.types import STORE, header, pose, vector
 from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
 from udp_bridge.wire.control import Subscribe
-from udp_bridge.wire.types import type_number
+from udp_bridge.wire.typed import pack_typed
+from udp_bridge.wire.types import TYPED, type_number
 
 FOLDER = Path(__file__).parent
 DATAGRAM_BYTES = 256
@@ -191,6 +192,15 @@ def main() -> None:
     ros = of["nav_msgs/msg/Path"](header=header(STAMP, "map"), poses=plan)
     body = bytes(STORE.serialize_cdr(ros, "nav_msgs/msg/Path"))
     _write("path", WireMessage(type_number("Path"), "/plan", "map", STAMP, 17, body), plain(ros))
+    magnetic = "sensor_msgs/msg/MagneticField"
+    ros = of[magnetic](
+        header=header(STAMP, "imu_link"),
+        magnetic_field=vector((1.9e-05, -2.5e-06, 4.5e-05)),
+        magnetic_field_covariance=np.arange(9.0),
+    )
+    body = pack_typed(magnetic, STORE.serialize_cdr(ros, magnetic))
+    wire = WireMessage(TYPED, "/magnetic_field", "imu_link", STAMP, 18, body)
+    _write("magnetic-field", wire, {"ros_type": magnetic, "message": plain(ros)})
     wish = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
     _write("subscribe", wish, SUBSCRIBE._asdict())
 

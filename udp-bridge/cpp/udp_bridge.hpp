@@ -54,6 +54,7 @@ constexpr std::size_t kLoopbackPart = 65280;
 
 constexpr std::uint8_t kSubscribe = 7;
 constexpr std::uint8_t kControl = 64;
+constexpr std::uint8_t kTyped = 67;
 constexpr std::uint8_t kSealed = 68;
 
 /// Why a datagram is refused, in the words of PROTOCOL.md, section 7.
@@ -100,7 +101,8 @@ inline const char* name_of(Refusal refusal) {
 
 /// Whether a message of this type has a ROS type: its body is CDR.
 inline bool has_ros_type(std::uint8_t type) {
-  return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 40);
+  return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 40) ||
+         type == kTyped;
 }
 
 /// Whether PROTOCOL.md, section 4, has this type.
@@ -258,6 +260,50 @@ struct Header {
 struct Message {
   Header header;  ///< of its part 0, whichever part came last
   std::vector<std::uint8_t> body;
+};
+
+/// Type 67: a message of the ROS type that the body names, PROTOCOL.md, section 4.1.
+struct Typed {
+  std::string ros_type;    ///< full ROS 2 type name, such as sensor_msgs/msg/MagneticField
+  std::size_t offset = 0;  ///< where the CDR begins in the body, a multiple of 8
+
+  /// Return the body of a message; empty where `ros_type` is not package/msg/Name.
+  static std::vector<std::uint8_t> pack(const std::string& ros_type, const std::uint8_t* cdr,
+                                        std::size_t size) {
+    if (!is_name(ros_type)) return {};
+    std::vector<std::uint8_t> body((1 + ros_type.size() + 7) / 8 * 8);
+    body[0] = static_cast<std::uint8_t>(ros_type.size());
+    std::copy(ros_type.begin(), ros_type.end(), body.begin() + 1);
+    body.insert(body.end(), cdr, cdr + size);
+    return body;
+  }
+
+  /// Read the beginning of a body; return false where a receiver drops it as `type_name`.
+  static bool parse(const std::uint8_t* body, std::size_t size, Typed& to) {
+    if (!size) return false;
+    to.offset = (std::size_t{body[0]} + 8) / 8 * 8;
+    if (to.offset > size) return false;
+    to.ros_type.assign(reinterpret_cast<const char*>(body + 1), body[0]);
+    return is_name(to.ros_type);
+  }
+
+ private:
+  /// Whether a text matches [a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]* and has at most 255 bytes.
+  static bool is_name(const std::string& text) {
+    const auto is_lower = [](char c) { return c >= 'a' && c <= 'z'; };
+    const auto is_upper = [](char c) { return c >= 'A' && c <= 'Z'; };
+    const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+    const std::size_t slash = text.find('/');
+    if (text.size() > 255 || slash == std::string::npos || text.compare(slash, 5, "/msg/")) {
+      return false;
+    }
+    const std::string package = text.substr(0, slash), name = text.substr(slash + 5);
+    return !package.empty() && is_lower(package[0]) && !name.empty() && is_upper(name[0]) &&
+           std::all_of(package.begin(), package.end(),
+                       [&](char c) { return is_lower(c) || is_digit(c) || c == '_'; }) &&
+           std::all_of(name.begin(), name.end(),
+                       [&](char c) { return is_lower(c) || is_upper(c) || is_digit(c); });
+  }
 };
 
 /// Type 7: who sends it wants a topic, which the header names.

@@ -34,9 +34,10 @@ local TYPES = {
     [64] = {"Control", "", ""},
     [65] = {"Resend", "", ""},
     [66] = {"Repair", "", ""},
+    [67] = {"Typed", "*", ""},
 }
 
-local SUBSCRIBE, CONTROL, RESEND, REPAIR, SEALED = 7, 64, 65, 66, 68
+local SUBSCRIBE, CONTROL, RESEND, REPAIR, TYPED, SEALED = 7, 64, 65, 66, 67, 68
 local SEALED_HEAD, TAG_SIZE, RAPTORQ, WHOLE_MAX, REASONS_TOLD = 28, 16, 1, 64, 32
 local FIXED_SIZE, SMALLEST_HEADER, NANOS = 18, 20, 1000000000
 
@@ -209,6 +210,8 @@ field("link_report.reason", ProtoField.string, "Reason")
 field("link_report.reason_count", u64, "Datagrams refused for it")
 field("request.parts", ProtoField.string, "Wanted parts")
 field("symbol.data", ProtoField.bytes, "Symbol")
+field("typed.name_size", u8, "Bytes of the ROS type's name")
+field("typed.ros_type", ProtoField.string, "ROS type of the body")
 field("sealed.tag", ProtoField.bytes, "Tag")
 
 local all_fields = {}
@@ -468,6 +471,25 @@ local function own_body(msg_type, parts_max, body)
     return SUBSCRIBE_BODY, subscribe_reason(body)
 end
 
+-- Returns the size of the ROS type's name in a Typed body, or nil where it has no valid name.
+-- A name that does not end within part 0 is not judged.
+local function typed_name(body)
+    local size = body:len() > 0 and body(0, 1):uint() or 0
+    if 1 + size > body:len() then return nil end
+    local name = body:raw(1, size)
+    return name:find("^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$") and size or nil
+end
+
+local function show_typed(body, parts_max, tree)
+    local size = body and typed_name(body)
+    if size then
+        tree:add(fields["typed.name_size"], body(0, 1))
+        tree:add(fields["typed.ros_type"], body(1, size))
+    end
+    local is_cut = not size or math.ceil((1 + size) / 8) * 8 > body:len()
+    if is_cut and parts_max == 1 then return "type_name" end
+end
+
 local function show_header(buffer, tree)
     local size = buffer:len()
     local function add(name, at, length)
@@ -550,6 +572,9 @@ local function show_body(buffer, tree)
         show_rows(rows, body, tree)
     elseif body then
         tree:add(fields.fragment, body())
+    end
+    if msg_type == TYPED and buffer(6, 1):uint() == 0 then
+        reason = reason or show_typed(body, parts_max, tree)
     end
     if rows == LINK_REPORT then
         for _, place in ipairs((reasons_of(body))) do

@@ -15,7 +15,16 @@ from typing import Any
 
 import pytest
 
-from tests.udp_bridge.vectors import FOLDER, IN_ORDER, NAMES, VECTORS, Vector, load
+from tests.udp_bridge.vectors import (
+    FOLDER,
+    IN_ORDER,
+    NAMES,
+    TYPED_BODIES,
+    VECTORS,
+    Vector,
+    load,
+    typed_as,
+)
 from udp_bridge import Header, Message, Reassembler, fragments
 from udp_bridge.receiver.inbox import Inbox
 
@@ -108,6 +117,15 @@ def test_a_vector_decodes_to_its_meaning(vector: Vector, receive: Path, tmp_path
         )
         assert (parts, topic, link) == (wanted["parts"], wanted["topic"], wanted["link"])
         assert hashlib.sha256(body).hexdigest() == wanted["body_sha256"]
+
+
+def test_typed_bodies_are_read_as_python_reads_them(tmp_path: Path) -> None:
+    file = tmp_path / "bodies"
+    file.write_bytes(b"".join(LENGTH.pack(len(body)) + body for body in TYPED_BODIES))
+    command = [str(compiled("typed", tmp_path, *SANITIZERS)), str(file)]
+    lines = subprocess.run(command, capture_output=True, check=True, text=True).stdout.split("\n")
+    read = [typed_as(body) for body in TYPED_BODIES]
+    assert lines[:-1] == [f"{line} 1" if " " in line else line for line in read]
 
 
 @pytest.mark.parametrize("size", [256, 1472, 9000, 65507])

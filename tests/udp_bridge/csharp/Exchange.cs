@@ -4,6 +4,7 @@
 // 'R' COUNT (NOW_NANOS SENDER SIZE DATAGRAM)...: a new Receiver takes them; a line for each message,
 // Credit, report and refusal, and one of counts; SENDER 255 stands for a time to report. 'S' TYPE STAMP TIMES LARGEST TOPIC LINK BODY: a new Sender
 // sends that so many times; a line for each datagram of the last time, and whether it was sent.
+// 'T' BODY: the ROS type and the offset of a Typed body, or why it is refused.
 // Integers are little-endian; what has a variable size stands behind it.
 
 using System;
@@ -24,6 +25,7 @@ internal static class Exchange
         for (int kind; (kind = Asked.BaseStream.ReadByte()) >= 0;)
         {
             if (kind == 'R') Receive(uint.Parse(words[0]));
+            else if (kind == 'T') ReadTyped();
             else Send();
             byte[] bytes = Encoding.ASCII.GetBytes(Told.ToString());
             Told.Clear();
@@ -63,6 +65,24 @@ internal static class Exchange
         foreach (var refused in counts.Refused) Line("refused", refused.Key, refused.Value);
         Line("end", counts.Messages, counts.Incomplete, counts.Late, counts.Missing,
              counts.Duplicates, receiver.MemoryBytes);
+    }
+
+    // What is packed again differs from the body: that is what is told then.
+    private static void ReadTyped()
+    {
+        byte[] body = Bytes();
+        Typed typed;
+        string reason = Typed.Parse(body, out typed);
+        if (reason != null)
+        {
+            Line("end", reason);
+            return;
+        }
+        var cdr = new byte[body.Length - typed.Offset];
+        Array.Copy(body, typed.Offset, cdr, 0, cdr.Length);
+        byte[] again = Typed.Pack(typed.RosType, cdr, cdr.Length);
+        if (Hex(again) == Hex(body)) Line("end", typed.RosType, typed.Offset);
+        else Line("end", Hex(again));
     }
 
     private static void Send()

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from tests.udp_bridge.reported import by_python, challenges, controls, edge, journey, single
 from tests.udp_bridge.reported import told as reported
-from tests.udp_bridge.vectors import IN_ORDER, NAMES, VECTORS, Vector, load
+from tests.udp_bridge.vectors import IN_ORDER, NAMES, TYPED_BODIES, VECTORS, Vector, load, typed_as
 from udp_bridge import Header, Message, Reassembler, fragments, parse
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.wire.control import Credit, CreditRequest, Subscribe, TopicReport
@@ -145,6 +145,12 @@ def test_a_vector_decodes_to_its_meaning(vector: Vector, exchange: Exchange) -> 
         head = wanted["msg_type"], wanted["seq_number"], stamp, wanted["parts"]
         body = wanted["body_size"], wanted["body_sha256"]
         assert message == (*head, wanted["topic"], wanted["link"], *body)
+
+
+def test_typed_bodies_are_read_as_python_reads_them(exchange: Exchange) -> None:
+    for body in TYPED_BODIES:
+        ((_, *words),) = exchange.ask(b"T" + struct.pack("<i", len(body)) + body)
+        assert " ".join(words) == typed_as(body)
 
 
 @pytest.mark.parametrize("name", IN_ORDER)

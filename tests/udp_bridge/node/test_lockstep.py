@@ -49,7 +49,7 @@ class StandIn:
     def listen(self, topic: str, take: Callable[[], object]) -> object:
         return self
 
-    def prepare(self, row: Any, message: Message, sender: Any) -> bool:
+    def prepare(self, message: Message, sender: Any) -> bool:
         is_new = message.topic not in self._known
         self._known.add(message.topic)
         return is_new

@@ -119,7 +119,7 @@ def changed(offset: int, *values: int) -> bytes:
         (changed(26, 0xFF), "link_not_utf8"),
         (changed(26, 0), "link_nul"),
         (changed(0, 0), "unknown_type"),
-        (changed(0, 67), "unknown_type"),
+        (changed(0, 69), "unknown_type"),
         (changed(0, 255), "unknown_type"),
     ],
 )

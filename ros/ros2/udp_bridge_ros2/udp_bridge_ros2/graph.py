@@ -7,6 +7,8 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from udp_bridge.node.message_class import message_class
+
 from . import topics
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ class Graph:
         """Subscribe to a topic of any type, as soon as there is one."""
         for info in self._node.get_publishers_info_by_topic(topic):
             return self._node.create_subscription(
-                topics.message_class(info.topic_type),
+                message_class(info.topic_type),
                 topic,
                 partial(_take, take),
                 topics.subscribed(""),

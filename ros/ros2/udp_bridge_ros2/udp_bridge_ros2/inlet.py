@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from udp_bridge.node.inlet import Subscription
+from udp_bridge.node.message_class import message_class
 
 from . import topics
 
@@ -30,14 +31,19 @@ class Subscriptions:
         """Return the node's time."""
         return int(self._node.get_clock().now().nanoseconds)
 
+    def type_of(self, topic: str) -> str:
+        """Return the full type name of a topic that is published; empty where nobody does."""
+        found = self._node.get_publishers_info_by_topic(topic)
+        return str(found[0].topic_type) if found else ""
+
     def subscribe(
         self, row: MessageType, topic: str, take: Callable[[bytes], None]
     ) -> Subscription:
         """Have `take` called with the body of each message."""
-        message_class = topics.message_class(str(row.ros_type))
-        fields = message_class.get_fields_and_field_types()
+        ros_class = message_class(str(row.ros_type))
+        fields = ros_class.get_fields_and_field_types()
         made = self._node.create_subscription(
-            message_class,
+            ros_class,
             topic,
             take,
             topics.subscribed(row.name),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.serialization import deserialize_message
 
+from udp_bridge.node.message_class import message_class
 from udp_bridge.node.options import prefix_frames
 from udp_bridge.node.outlet import Publication
 
@@ -36,9 +37,9 @@ class Publishers:
     def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
         """Return a publisher of a topic."""
         assert row.ros_type is not None
-        message_class = topics.message_class(row.ros_type)
+        ros_class = message_class(row.ros_type)
         publisher = self._node.create_publisher(
-            message_class,
+            ros_class,
             topic,
             topics.published(delivery),
             qos_overriding_options=topics.OVERRIDES,
@@ -48,7 +49,7 @@ class Publishers:
             publisher.publish(bytes(body))  # the one copy: rclpy takes nothing but bytes
 
         def publish_prefixed(body: Buffer) -> None:
-            message = deserialize_message(bytes(body), message_class)
+            message = deserialize_message(bytes(body), ros_class)
             prefix_frames(message, self._frame_prefix)
             publisher.publish(message)
 

@@ -10,9 +10,6 @@ messages are kept; all it costs is that a reliable reader which lags is sent tho
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
-
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -63,15 +60,3 @@ def _qos(delivery: Delivery, reliability: ReliabilityPolicy) -> QoSProfile:
         if delivery.is_latched
         else DurabilityPolicy.VOLATILE,
     )
-
-
-def message_class(ros_type: str) -> Any:
-    """Return the class of a ROS type such as ``sensor_msgs/msg/Imu``.
-
-    Raises
-    ------
-    ImportError
-        When its package is not installed.
-    """
-    package, kind, name = ros_type.split("/")
-    return getattr(import_module(f"{package}.{kind}"), name)

@@ -32,6 +32,8 @@ _PUBLISHED = {
     "Clock": Delivery(depth=1, waiting=10),
     # Each message moves other frames, so none may be dropped for a newer one lightly.
     "TFMessage": _SMALL,
+    # Messages of any size: half a second at 100 Hz, and no more than a few large ones.
+    "Typed": Delivery(depth=50, waiting=3, waiting_bytes=1 << 20),
 }
 
 _STATIC_TRANSFORMS = Delivery(depth=16, waiting=16, is_latched=True)

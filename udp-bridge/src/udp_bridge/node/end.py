@@ -13,7 +13,7 @@ import threading
 import time
 from typing import Any, Callable, NamedTuple
 
-from udp_bridge import MSG_TYPES, Link, Message
+from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.io.udp_socket import buffer_hint
 from udp_bridge.wire import control
@@ -22,7 +22,7 @@ from udp_bridge.wire.header import BadMessage
 from udp_bridge.wire.keys import Misfits, read_key
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
-from udp_bridge.wire.types import CONTROL, SUBSCRIBE
+from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 
 from . import inlet, outlet
 from .addresses import DEFAULT_BIND, parse_address
@@ -142,6 +142,9 @@ class End:
         """End all threads and say in one line what was done; `refused` is what the node refused."""
         self.link.close()
         self._outlet.close()
+        if refusals := self._outlet.refusals:
+            reasons = ", ".join(f"{reason} {count}" for reason, count in sorted(refusals.items()))
+            self._log.info(f"not published, by reason: {reasons}")
         counts: Any = self.link.counters()
         refused += sum(counts["refused"].values()) + self._outlet.refused
         self._log.info(
@@ -152,10 +155,9 @@ class End:
 
     def _take(self, message: Message, sender: Address) -> None:
         self._is_whole.wait()  # the link's thread is there before its constructor has returned
-        row = MSG_TYPES[message.msg_type]
-        if row.ros_type is not None:
+        if message.msg_type in ROS_TYPES:
             if not self._lockstep.holds(message, sender):
-                self._outlet.put(row, message, sender)
+                self._outlet.put(message, sender)
         elif message.msg_type in (SUBSCRIBE, CONTROL):
             self._hear(message, sender)
 

@@ -18,7 +18,8 @@ from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.header import BadMessage
 from udp_bridge.wire.message import Address
-from udp_bridge.wire.types import MSG_TYPES, MessageType
+from udp_bridge.wire.typed import typed_prefix
+from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 
 from .log import Log
 from .slots import Slot, given_back
@@ -47,6 +48,9 @@ class Subscription(NamedTuple):
 
 class Ros(Protocol):
     """What an inlet needs of ROS."""
+
+    def type_of(self, topic: str) -> str:
+        """Return the full type name of a topic that is published; empty where nobody does."""
 
     def subscribe(
         self, row: MessageType, topic: str, take: Callable[[bytes], None]
@@ -98,6 +102,7 @@ class Inlet:
         self._repair = repair
         self._asked: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
         self._subscriptions: Dict[Key, Subscription] = {}
+        self._prefixes: Dict[Key, bytes] = {}  # before the CDR of Typed messages
         self._wishes: Dict[Key, Dict[Address, Wish]] = {}
         self._complaints: Dict[Key, str] = {}
 
@@ -188,6 +193,11 @@ class Inlet:
             return f"there are {MAX_SUBSCRIPTIONS} subscriptions, which is the most"
         key = (row.number, topic)
         try:
+            if row.number == TYPED:
+                if not (ros_type := self._ros.type_of(topic)):
+                    return "nobody publishes it, so its type is not known yet"
+                row = row._replace(ros_type=ros_type)
+                self._prefixes[key] = typed_prefix(ros_type)
             self._subscriptions[key] = self._ros.subscribe(row, topic, partial(self._take, key))
         except Exception as error:
             return " ".join(str(error).split())
@@ -201,6 +211,7 @@ class Inlet:
             return
         del self._wishes[key]
         self._subscriptions.pop(key).end()
+        self._prefixes.pop(key, None)
         self._log.info(f"{key[1]}: no longer subscribed to: {why}")
 
     def _take(self, key: Key, body: bytes) -> None:
@@ -214,6 +225,8 @@ class Inlet:
         self._offer(key, Outgoing(frame, sec * NANOS + nanosec, body))
 
     def _offer(self, key: Key, outgoing: Outgoing) -> None:
+        if prefix := self._prefixes.get(key):
+            outgoing = outgoing._replace(body=prefix + outgoing.body)
         for wish in self._wishes.get(key, {}).values():
             wish.offer(outgoing)
         self._heard(key[1])

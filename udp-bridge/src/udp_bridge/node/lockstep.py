@@ -234,7 +234,7 @@ class Lockstep:
         if run.is_handed:
             return
         for message in run.gathering.samples(barrier.sent):
-            if self._outlet.prepare(MSG_TYPES[message.msg_type], message, sender):
+            if self._outlet.prepare(message, sender):
                 self._settled_s = now_s + SETTLE_S
         if self._answers.look({sent.topic for sent in barrier.sent}, self._inlet.topics):
             self._settled_s = now_s + SETTLE_S

@@ -29,12 +29,14 @@ from typing import (
     Union,
 )
 
-from udp_bridge.wire.header import Buffer
+from udp_bridge.wire.header import Buffer, Refused
 from udp_bridge.wire.message import Address, Message
-from udp_bridge.wire.types import MSG_TYPES, MessageType
+from udp_bridge.wire.typed import parse_typed
+from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 
 from .deliveries import Delivery, published
 from .log import Log
+from .message_class import NotInstalled
 from .slots import UNKNOWN, Slot, given_back
 
 MAX_TOPICS = 256
@@ -48,6 +50,10 @@ Publish = Callable[[Buffer], object]
 """Publishes the body of a message, and raises whatever when it can't."""
 _ENCAPSULATION = b"\x00\x01"
 """How little-endian CDR begins; a body of anything else would break its subscribers."""
+
+
+class _NotPublishable(Refused):
+    """ROS can't take a message that the bridge has received whole."""
 
 
 class Publication(NamedTuple):
@@ -68,18 +74,28 @@ class Ros(Protocol):
 
 
 class _Channel:
-    """One topic of one type: what waits for it, and its publisher once there is one."""
+    """One topic of one ROS type: its queue, and its publisher once there is one.
 
-    def __init__(self, row: MessageType, topic: str, sender: Address) -> None:
+    Parameters
+    ----------
+    row
+        The type; of a Typed message the row names the ROS type of the body.
+    offset
+        Where the CDR begins in each body.
+    """
+
+    def __init__(self, row: MessageType, topic: str, sender: Address, offset: int = 0) -> None:
         self.sender = sender
         """Whose it is: the first known sender, or else the first one."""
         self.used_s = 0.0
         self.row = row
         self.topic = topic
+        self.offset = offset
         self.delivery = published(row.name, topic)
         self.waiting: Deque[Tuple[Message, Address]] = deque()
         self.publication: Optional[Publication] = None
-        self.is_refused = False
+        self.refused_as = ""
+        """Why ROS can't take messages of this topic; empty when it can."""
         self.has_complained = False
         self.is_publishing = False
         self.took_s = math.inf
@@ -138,13 +154,14 @@ class Outlet:
         self._published_here = self._published_behind = 0  # each is counted by one thread
         self.dropped = 0
         """Messages that a newer one of their topic pushed out before they were published."""
-        self.refused = 0
-        """Messages that ROS can't take: no such type here, no valid topic, no CDR."""
+        self.refusals: Dict[str, int] = {}
+        """Messages that ROS can't take, by reason: `type_name` (a Typed body without a valid one),
+        `type_not_installed`, `no_publisher`, `no_slot`, `not_cdr` and `not_published`."""
         self._ros = ros
         self._log = Log(ros.get_logger())
         self._on_fate, self._is_known = on_fate, is_known
         self._lock = threading.Lock()  # guards channels and what waits in them
-        self._channels: Dict[Tuple[int, str], _Channel] = {}
+        self._channels: Dict[Tuple[int, str, str], _Channel] = {}
         # Of each message that waits, its channel; a queue of C wakes its reader soonest.
         self._turn: SimpleQueue[Union[_Channel, Callable[[], object], None]] = SimpleQueue()
         self._is_closed = False
@@ -161,22 +178,26 @@ class Outlet:
         """Topics that have a publisher."""
         return sum(channel.publication is not None for channel in list(self._channels.values()))
 
-    def put(self, row: MessageType, message: Message, sender: Address) -> None:
+    @property
+    def refused(self) -> int:
+        """Messages that ROS can't take."""
+        return sum(self.refusals.values())
+
+    def put(self, message: Message, sender: Address) -> None:
         """Publish a message, or queue it for that; from one thread, which is hardly held up.
 
         Parameters
         ----------
-        row
-            The message's type, one with a ROS type.
         message
-            As it came; an empty topic means the type's default.
+            One of a ROS type, as it came; an empty topic means the type's default.
         sender
             Where it came from.
         """
         with self._lock:
-            channel = self._channel(row, message, sender)
-            if channel is None:
-                self._refuse(message, sender)
+            try:
+                channel = self._channel(message, sender)
+            except Refused as refused:
+                self._refuse(refused.reason, message, sender)
                 return
             if not channel.is_quick():
                 channel.waiting.append((message, sender))
@@ -189,11 +210,14 @@ class Outlet:
         if self._publish(channel, message, sender):
             self._published_here += 1
 
-    def prepare(self, row: MessageType, message: Message, sender: Address) -> bool:
+    def prepare(self, message: Message, sender: Address) -> bool:
         """Have a publisher for messages like this one; return whether it is new."""
-        with self._lock:
-            channel = self._channel(row, message, sender)
-        if channel is None or channel.publication is not None:
+        try:
+            with self._lock:
+                channel = self._channel(message, sender)
+        except Refused:
+            return False
+        if channel.publication is not None:
             return False
         try:
             channel.publication = self._publisher(channel, message, sender)
@@ -208,10 +232,11 @@ class Outlet:
 
         def publish() -> None:
             for message in messages:
-                with self._lock:
-                    channel = self._channel(MSG_TYPES[message.msg_type], message, sender)
-                if channel is None:
-                    self._refuse(message, sender)
+                try:
+                    with self._lock:
+                        channel = self._channel(message, sender)
+                except Refused as refused:
+                    self._refuse(refused.reason, message, sender)
                 else:
                     self._published_behind += self._publish(channel, message, sender)
             then()
@@ -229,20 +254,34 @@ class Outlet:
         self._turn.put(None)
         self._thread.join()
 
-    def _channel(self, row: MessageType, message: Message, sender: Address) -> Optional[_Channel]:
-        """Return the channel of a message, a new one perhaps; None where ROS can't take it."""
+    def _channel(self, message: Message, sender: Address) -> _Channel:
+        """Return the channel of a message, a new one perhaps.
+
+        Raises
+        ------
+        Refused
+            When ROS can't take the message.
+        """
+        row, offset = MSG_TYPES[message.msg_type], 0
+        if row.number == TYPED:
+            ros_type, offset = parse_typed(message.body)
+            row = row._replace(ros_type=ros_type)
         topic = message.topic or row.default_topic
-        channel = self._channels.get((row.number, topic))
+        key = row.number, str(row.ros_type), topic
+        channel = self._channels.get(key)
         now_s = time.monotonic()
         if channel is None:
             if len(self._channels) >= MAX_TOPICS and not self._has_given_back(sender, now_s):
-                return None
-            channel = self._channels[row.number, topic] = _Channel(row, topic, sender)
+                raise _NotPublishable("no_slot")
+            channel = self._channels[key] = _Channel(row, topic, sender, offset)
         elif sender != channel.sender and not self._is_known(channel.sender):
             channel.sender = sender
         channel.used_s = now_s
-        is_taken = not channel.is_refused and message.body[:2] == _ENCAPSULATION
-        return channel if is_taken else None
+        if channel.refused_as:
+            raise _NotPublishable(channel.refused_as)
+        if message.body[offset : offset + 2] != _ENCAPSULATION:
+            raise _NotPublishable("not_cdr")
+        return channel
 
     def _has_given_back(self, sender: Address, now_s: float) -> bool:
         """End the channel that gives its place to one of a sender; return whether there is any."""
@@ -253,7 +292,7 @@ class Outlet:
         slot = given_back(slots, self._host(sender), now_s, idle_s=IDLE_S)
         if slot is not None:
             channel = self._channels.pop(slot.key)
-            channel.is_refused = True  # what waits in it finds no publisher
+            channel.refused_as = "no_slot"  # what waits in it finds no publisher
             self._turn.put(partial(self._end, channel))
         return slot is not None
 
@@ -279,8 +318,8 @@ class Outlet:
 
     def _publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
         """Return whether a message was handed to ROS; it is not when ROS has it or refuses it."""
-        if channel.is_refused:
-            self._refuse(message, sender)
+        if channel.refused_as:
+            self._refuse(channel.refused_as, message, sender)
             return False
         try:
             publication = channel.publication
@@ -291,24 +330,27 @@ class Outlet:
                 bytes(message.body), sender
             )
             if is_news:
-                publication.publish(message.body)
+                body = message.body
+                publication.publish(memoryview(body)[channel.offset :] if channel.offset else body)
                 channel.took_s = time.monotonic() - began_s
         except Exception as error:
             self._complain(channel, error)
-            self._refuse(message, sender)
+            self._refuse(channel.refused_as or "not_published", message, sender)
             return False
         self._on_fate(message, sender, True)
         return is_news
 
     def _complain(self, channel: _Channel, error: Exception) -> None:
-        channel.is_refused = channel.publication is None
+        if channel.publication is None:
+            is_missing = isinstance(error, NotInstalled)
+            channel.refused_as = "type_not_installed" if is_missing else "no_publisher"
         if not channel.has_complained:
             channel.has_complained = True
             reason = " ".join(str(error).split())
             self._log.error(f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}")
 
-    def _refuse(self, message: Message, sender: Address) -> None:
-        self.refused += 1
+    def _refuse(self, reason: str, message: Message, sender: Address) -> None:
+        self.refusals[reason] = self.refusals.get(reason, 0) + 1
         self._on_fate(message, sender, False)
 
     def _publisher(self, channel: _Channel, message: Message, sender: Address) -> Publication:

@@ -17,7 +17,7 @@ from .header import BadMessage, Buffer, Refused
 from .lockstep import Barrier, Word
 from .reports import NO_AGE, LinkReport, TopicReport
 from .run_commands import Wish, WishAnswer
-from .types import MSG_TYPES
+from .types import MSG_TYPES, ROS_TYPES
 
 __all__ = [
     "NO_AGE",
@@ -165,11 +165,9 @@ def _unpack(layout: Struct, body: Buffer) -> tuple:  # type: ignore[type-arg]
 
 
 def _is_wanted(subscribe: Subscribe) -> bool:
-    row = MSG_TYPES.get(subscribe.wanted_type)
     rate = subscribe.max_rate_hz
     return (
-        row is not None
-        and row.ros_type is not None
+        subscribe.wanted_type in ROS_TYPES
         and subscribe.action in (0, 1)
         and math.isfinite(rate)
         and rate >= 0

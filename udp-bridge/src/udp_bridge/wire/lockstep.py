@@ -12,7 +12,7 @@ from struct import Struct
 from typing import Iterable, List, NamedTuple, Sequence, Tuple
 
 from .header import BadMessage, Buffer, Refused
-from .types import MSG_TYPES
+from .types import ROS_TYPES
 
 _BARRIER = Struct("<BBBxIQq")
 _WORD = Struct("<BBBxIQq")
@@ -95,7 +95,7 @@ class Barrier(NamedTuple):
         for _ in range(answers):
             msg_type, topic_size, of_size = rest.take(_ANSWER)
             told.append(Answer(rest.name(topic_size), rest.name(of_size), msg_type))
-            if msg_type and not _is_data(msg_type):
+            if msg_type and msg_type not in ROS_TYPES:
                 raise Refused("body_value")
         rest.end()
         if tick < -1:
@@ -179,7 +179,7 @@ def _parse_sent(rest: _Rest, topics: int) -> Tuple[Sent, ...]:
     for _ in range(topics):
         msg_type, size, messages, first = rest.take(_SENT)
         told.append(Sent(msg_type, rest.name(size), first, messages))
-        if not messages or not _is_data(msg_type):
+        if not messages or msg_type not in ROS_TYPES:
             raise Refused("body_value")
     if _repeats(told):
         raise Refused("body_value")
@@ -213,8 +213,3 @@ def _size(name: str) -> int:
     if not 1 <= size <= 0xFF:
         raise BadMessage(f"{name!r} is no topic: it has {size} bytes")
     return size
-
-
-def _is_data(msg_type: int) -> bool:
-    row = MSG_TYPES.get(msg_type)
-    return row is not None and row.ros_type is not None

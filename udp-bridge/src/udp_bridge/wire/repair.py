@@ -11,7 +11,7 @@ from struct import Struct
 from typing import NamedTuple, Tuple, Union
 
 from .header import Buffer, Refused
-from .types import MSG_TYPES
+from .types import ROS_TYPES
 
 _OFFER = Struct("<BBBxI")
 _REQUEST = Struct("<BBBBI")
@@ -69,7 +69,7 @@ def parse_resend(body: Buffer) -> Union[Offer, Request]:
     if len(body) < _OFFER.size:
         raise Refused("body_size")
     kind, msg_type, parts_max, count, number = _REQUEST.unpack_from(body)
-    if kind > 1 or not _is_data(msg_type):
+    if kind > 1 or msg_type not in ROS_TYPES:
         raise Refused("body_value")
     bitmap = bytes(body[_REQUEST.size :])
     if len(bitmap) != (-(-parts_max // 8) if kind else 0):
@@ -115,14 +115,8 @@ def parse_symbol(body: Buffer) -> Tuple[Symbol, memoryview]:
         raise Refused("body_size")
     symbol = Symbol(*_SYMBOL.unpack_from(body))
     size = len(body) - SYMBOL_PREFIX
-    if not _is_data(symbol.msg_type) or symbol.parts_max != -(-symbol.body_size // size):
+    if symbol.msg_type not in ROS_TYPES or symbol.parts_max != -(-symbol.body_size // size):
         raise Refused("body_value")
     if symbol.parts_max == 0:
         raise Refused("body_value")
     return symbol, memoryview(body)[SYMBOL_PREFIX:]
-
-
-def _is_data(msg_type: int) -> bool:
-    """Tell whether messages of a type are repaired: those of ROS, not the bridge's own."""
-    row = MSG_TYPES.get(msg_type)
-    return row is not None and row.ros_type is not None

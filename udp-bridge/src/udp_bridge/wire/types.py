@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Dict, NamedTuple, Optional
 
+ANY_ROS_TYPE = "*"
+
 
 class MessageType(NamedTuple):
     """One row: a type of message as the wire and ROS know it."""
@@ -18,7 +20,8 @@ class MessageType(NamedTuple):
     name: str
     """What users write and read."""
     ros_type: Optional[str]
-    """Full ROS 2 type name; None for the bridge's own messages, which are not CDR."""
+    """Full ROS 2 type name; `ANY_ROS_TYPE` where the body names it (`typed`); None for the bridge's
+    own messages, which are not CDR."""
     default_topic: str
     """The topic that an empty topic on the wire stands for; empty where there is none."""
     direction: str
@@ -51,10 +54,14 @@ _ROWS = (
     MessageType(64, "Control", None, "", "both"),
     MessageType(65, "Resend", None, "", "both"),
     MessageType(66, "Repair", None, "", "both"),
+    MessageType(67, "Typed", ANY_ROS_TYPE, "", "both"),
 )
 
 MSG_TYPES: Dict[int, MessageType] = {row.number: row for row in _ROWS}
 """Every message type that this version knows, by number."""
+
+ROS_TYPES = frozenset(row.number for row in _ROWS if row.ros_type is not None)
+"""Numbers of the types whose body is CDR; the others are the bridge's own."""
 
 _BY_NAME = {row.name: row.number for row in _ROWS}
 
@@ -85,3 +92,4 @@ SUBSCRIBE = type_number("Subscribe")
 CONTROL = type_number("Control")
 RESEND = type_number("Resend")
 REPAIR = type_number("Repair")
+TYPED = type_number("Typed")

@@ -8,10 +8,11 @@ are bytes in ROS 1's form.
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib import import_module
 from typing import Any, NamedTuple, Sequence
 
 import genpy
+
+from udp_bridge.node.message_class import message_class
 
 from .cdr import Buffer, Plan
 
@@ -50,10 +51,9 @@ def kind(ros_type: str) -> Kind:
 
     Raises
     ------
-    ImportError
+    NotInstalled
         When its package is not installed.
     """
-    package, _, name = ros_type.split("/")
-    known = getattr(import_module(f"{package}.msg"), name)
+    known = message_class(ros_type)
     told = {part: getattr(known, part) for part in ("_type", "_md5sum", "_full_text")}
-    return Kind(type(name, (Raw,), {"__slots__": (), **told}), Plan(known._full_text))
+    return Kind(type(known.__name__, (Raw,), {"__slots__": (), **told}), Plan(known._full_text))

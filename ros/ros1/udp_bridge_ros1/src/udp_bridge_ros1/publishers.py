@@ -11,12 +11,12 @@ from __future__ import annotations
 import io
 import itertools
 import logging
-from importlib import import_module
 from struct import Struct
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence
 
 import rospy
 
+from udp_bridge.node.message_class import message_class
 from udp_bridge.node.options import prefix_frames
 from udp_bridge.node.outlet import Publication
 
@@ -110,8 +110,7 @@ class Publishers:
         return Publication(publish, end)
 
     def _prefixed(self, row: MessageType, chunks: Sequence[Buffer]) -> bytes:
-        package, _, name = str(row.ros_type).split("/")
-        message = getattr(import_module(f"{package}.msg"), name)()
+        message = message_class(str(row.ros_type))()
         message.deserialize(b"".join(chunks))
         prefix_frames(message, self._frame_prefix)
         buffer = io.BytesIO()

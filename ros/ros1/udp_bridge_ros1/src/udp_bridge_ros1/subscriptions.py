@@ -12,6 +12,7 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Deque, Tuple
 
+import rosgraph
 import rospy
 
 from udp_bridge.node.inlet import Subscription
@@ -43,6 +44,11 @@ class Subscriptions:
     def now_nanos(self) -> int:
         """Return the time as ROS has it, which is the simulation's with `use_sim_time`."""
         return int(rospy.get_rostime().to_nsec())
+
+    def type_of(self, topic: str) -> str:
+        """Return the full ROS 2 type name of a topic; empty where nobody publishes it."""
+        types = dict(rosgraph.Master(rospy.get_name()).getTopicTypes())
+        return types.get(rospy.resolve_name(topic), "").replace("/", "/msg/")
 
     def subscribe(self, row: MessageType, topic: str, take: Take) -> Subscription:
         """Have `take` called with the CDR of each message, in the thread of `turn`."""
