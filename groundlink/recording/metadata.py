@@ -22,7 +22,7 @@ from groundlink.scenario import Scenario
 from groundlink.world.build import world_hash
 
 RUN_RECORD = "groundlink.run"
-TOPICS_RECORD = "groundlink.bus.topics"
+TOPICS_RECORD = "groundlink.topics"
 END_RECORD = "groundlink.end"
 DROPPED_RECORD = "groundlink.dropped"
 JOURNAL_ATTACHMENT = "groundlink.journal"

@@ -65,6 +65,9 @@ def test_the_recording_has_its_messages_and_the_scenario() -> None:
         now = load(str(SCENARIO))
         assert recording.run.scenario == replace(now, time=recording.run.scenario.time)
         assert recording.journal is not None
+        told = {topic: facts.messages for topic, facts in recording.topics.items()}
+        assert {topic: count for topic, count in told.items() if count} == COUNTS
+        assert recording.end_nanos is not None
 
 
 def test_every_stream_can_be_replayed() -> None:
