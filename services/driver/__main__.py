@@ -14,15 +14,15 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_name
 from groundlink.core.errors import UserError, nearest
 from groundlink.process import runner as process
-from groundlink.process import state_follower as following
 from groundlink.process.joining import join
+from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.run.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import Route
 from groundlink.scenario.schema import Vehicle
 
-from .model import Follower
-from .shell import DriverProcess, MakeFollower
+from .driver import Driver, MakePurePursuit
+from .pure_pursuit import PurePursuitFollower
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             print(text if sys.stdout.isatty() else f"{options.name}: {text}", flush=True)
             finished.set()
 
-        driver = DriverProcess(
+        driver = Driver(
             vehicle.name,
             make_follower,
             publish=bus.publisher(COMMAND.key_in(run, vehicle=vehicle.name), COMMAND.delivery),
@@ -67,10 +67,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def ended() -> bool:
             return stop.is_set() or (options.once and finished.is_set())
 
-        follower = following.StateFollower(options.name, driver, counters)
-        following.follow_states(
-            bus, run, [follower], ended, waited_for=scenario.time.mode != "realtime"
-        )
+        follower = StateFollower(options.name, driver, counters)
+        follow_states(bus, run, [follower], ended, waited_for=scenario.time.mode != "realtime")
 
 
 def _find(scenario: Scenario, name: str) -> Vehicle:
@@ -82,13 +80,15 @@ def _find(scenario: Scenario, name: str) -> Vehicle:
     raise UserError(f"scenario `{scenario.name}` has no `{name}`; {nearest(name, known)}")
 
 
-def _route(scenario: Scenario, vehicle: Vehicle, given: str | None) -> tuple[Route, MakeFollower]:
+def _route(
+    scenario: Scenario, vehicle: Vehicle, given: str | None
+) -> tuple[Route, MakePurePursuit]:
     """Return the route that was given, or the scenario's, and what makes its follower.
 
     The scenario's route begins at the placement, so that a restarted driver finds the same line.
     """
     follower = partial(
-        Follower,
+        PurePursuitFollower,
         least_radius_m=vehicle.model.least_radius_m,
         turns_radps2=vehicle.model.drive.max_angular_acceleration_radps2,
     )

@@ -24,8 +24,8 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 
 with process_needs("gateway", "gateway"):
-    from services.gateway.lockstep.gateway import REPAIR, Lockstep
-    from services.gateway.lockstep.reply_mailbox import Words
+    from services.gateway.lockstep.lockstep import REPAIR, Lockstep
+    from services.gateway.lockstep.reply_mailbox import ReplyMailbox
     from udp_bridge.io.link import DEFAULT_RECEIVE_BUFFER, Link
     from udp_bridge.io.memory import keep_memory
     from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
@@ -36,15 +36,15 @@ with process_needs("gateway", "gateway"):
     from udp_bridge.wire.seal import TO_ROS
     from udp_bridge.wire.types import CONTROL
 
-    from .bus_session import NAME, Kept
-    from .emulated import Emulated
-    from .following import Following
+    from .bus_session import NAME, BusSession
+    from .emulated_socket import EmulatedSocket
+    from .forwarder import Forwarder
     from .gateway import Gateway
     from .memory import known_of, memory_of, recall
-    from .peer_resolver import Whereabouts
-    from .rmw_zenoh import Facade
+    from .peer_resolver import PeerResolver
+    from .rmw_zenoh import RmwZenohBridge
     from .streams import repair_table, waiting_table
-    from .subscriptions import Address
+    from .subscribers import Address
 
 RECEIVE_WAIT_SECONDS = 0.1
 """How long a receiving thread sleeps at most."""
@@ -67,8 +67,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         run, scenario = join(bus, options.run, stop)
         claim = claim_name(bus, run, NAME)
         changed: Scenario | None = scenario
-        kept = Kept(bus, run, claim)
-        peer = Whereabouts(options.peer or scenario.gateway.peer, process.address)
+        kept = BusSession(bus, run, claim)
+        peer = PeerResolver(options.peer or scenario.gateway.peer, process.address)
         try:
             while changed is not None and peer.known(stop, _say) is not None:
                 changed = _carry(kept, changed, options, peer, stop)
@@ -78,10 +78,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 
 
 def _carry(
-    kept: Kept,
+    kept: BusSession,
     scenario: Scenario,
     options: argparse.Namespace,
-    peer_now: Whereabouts,
+    peer_now: PeerResolver,
     stop: threading.Event,
 ) -> Scenario | None:
     """Carry a scenario's streams until `stop` is set, or they have to begin anew.
@@ -92,7 +92,7 @@ def _carry(
     bind = process.address(options.bind or scenario.gateway.bind)
     peer = peer_now.address
     assert peer is not None, "it is known by now"
-    words = Words() if scenario.time.lockstep == "ros" else None
+    words = ReplyMailbox() if scenario.time.lockstep == "ros" else None
     gateway = Gateway(
         scenario,
         kept.run,
@@ -183,7 +183,7 @@ def _say(line: str) -> None:
     print(f"{NAME}: {printable(line)}", file=sys.stderr, flush=True)  # names come from the peer
 
 
-def _known(kept: Kept, begins: Clock) -> bytes:
+def _known(kept: BusSession, begins: Clock) -> bytes:
     """Return what is known of this gateway's predecessors as a life begins for it."""
     life, memory = kept.left
     if life == begins.life:
@@ -204,25 +204,25 @@ def native(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
         raise UserError(f"`gateway.rmw_zenoh.connect`: {error}") from None
     with theirs as bus:
         wanted = [(wish.msg_type, wish.topic) for wish in gateway.incoming]
-        gateway.native = Facade(bus, settings, gateway.pushed, wanted, gateway.latched)
+        gateway.native = RmwZenohBridge(bus, settings, gateway.pushed, wanted, gateway.latched)
         yield
 
 
 def _following(
-    kept: Kept,
+    kept: BusSession,
     gateway: Gateway,
     link: Link,
-    words: Words | None,
+    words: ReplyMailbox | None,
     scenario: Scenario,
-    emulated: Emulated | None,
-) -> Following | Lockstep:
+    emulated: EmulatedSocket | None,
+) -> Forwarder | Lockstep:
     """Return how this gateway follows its run, as the scenario says."""
 
     def acknowledge(ack: Ack) -> None:
         kept.acknowledge(replace(ack, memory=memory_of(gateway, emulated)))
 
     if words is None:
-        return Following(scenario, gateway, link, acknowledge=acknowledge)
+        return Forwarder(scenario, gateway, link, acknowledge=acknowledge)
     return Lockstep(
         *(scenario, gateway, link, words),
         acknowledge=acknowledge,
@@ -233,7 +233,7 @@ def _following(
 
 def sockets(
     settings: GatewaySettings, bind: Address, peer: Address, key_file: str | None
-) -> tuple[DatagramSocket, Emulated | None]:
+) -> tuple[DatagramSocket, EmulatedSocket | None]:
     """Return what the link sends by, and the emulated link in it if there is one.
 
     Datagrams pass the guard first, so that strangers are refused before all else, and are opened
@@ -266,7 +266,7 @@ def sockets(
     around: DatagramSocket = PeersOnly(bare, peers)
     emulated = None
     if settings.link is not None:
-        around = emulated = Emulated(around, settings.link, flips=secret is not None)
+        around = emulated = EmulatedSocket(around, settings.link, flips=secret is not None)
     if secret is not None:
         around = Sealed(around, secret, sends=TO_ROS)
     return around, emulated

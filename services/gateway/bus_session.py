@@ -22,9 +22,9 @@ from groundlink.process.joining import Heartbeat, join
 from groundlink.process.name_claim import Claims
 from groundlink.scenario import Scenario
 
-from .emulated import Emulated
+from .emulated_socket import EmulatedSocket
 from .gateway import Gateway
-from .run_commands import Wishes
+from .run_commands import RunCommandQueue
 
 NAME = "gateway"
 
@@ -42,7 +42,7 @@ class Resumed(NamedTuple):
     """The last one of physics."""
 
 
-class Kept:
+class BusSession:
     """What a gateway keeps of a run whose vehicles change: what it has declared on the bus."""
 
     def __init__(self, bus: Bus, run: str, claim: Claims) -> None:
@@ -50,8 +50,8 @@ class Kept:
         self.inbox: BusInbox[Message] = BusInbox(depth=MESSAGES_KEPT)
         self.publishers: dict[str, Callable[[Message], bytes]] = {}
         self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
-        self.wishes = Wishes(partial(ask, bus, run), backlog=lambda: len(self.inbox))
-        self.emulated: Emulated | None = None
+        self.wishes = RunCommandQueue(partial(ask, bus, run), backlog=lambda: len(self.inbox))
+        self.emulated: EmulatedSocket | None = None
         self.left: tuple[int | None, bytes] = (None, b"")
         """What the last gateway in this process left to the next: in which life, its memory."""
 
@@ -96,7 +96,7 @@ class Kept:
         told = list(self.bus.ask(history_key(self.run), process, seconds=2.0).values())
         return Resumed(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
 
-    def emulates(self, emulated: Emulated) -> None:
+    def emulates(self, emulated: EmulatedSocket) -> None:
         """Let the emulated link be changed and told by queries."""
         if self.emulated is None:
             self.bus.serve(link_key(self.run), self._answer)

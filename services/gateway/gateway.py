@@ -24,7 +24,7 @@ from groundlink.ros.base import Bases
 from groundlink.ros.encoding import to_cdr
 from groundlink.ros.streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
-from services.gateway.lockstep.reply_mailbox import Words
+from services.gateway.lockstep.reply_mailbox import ReplyMailbox
 from udp_bridge.io.link import Link
 from udp_bridge.wire import control
 from udp_bridge.wire.control import LinkReport, Subscribe, Wish, Word
@@ -34,12 +34,12 @@ from udp_bridge.wire.header import Refused
 from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE
 
-from .incoming import LATCHED, Incoming
-from .missing_readings import Attendance
+from .missing_readings import MissingReadingCounter
 from .reports import PeerReports, peer_counters, with_pushed_out
-from .rmw_zenoh import Facade, NoFacade
+from .rmw_zenoh import NoRmwZenohBridge, RmwZenohBridge
+from .ros_subscriptions import LATCHED, RosSubscriptions
 from .streams import wire_type
-from .subscriptions import Address, Subscriptions, TopicKey
+from .subscribers import Address, Subscribers, TopicKey
 
 STALE_SLACK_NANOS = 100_000_000
 """A stream may be this much ahead of the clock that the gateway has heard."""
@@ -70,14 +70,14 @@ class Gateway:
         peer: Address,
         publish: Callable[[str, Message], object],
         on_wish: Callable[[Wish], object] = lambda wish: None,
-        words: Words | None = None,
+        words: ReplyMailbox | None = None,
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
         self._place_in_ros = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
         self.peer = peer
         self._publish, self._on_wish, self._words = publish, on_wish, words
         self._scenario = scenario
-        self.incoming = Incoming(scenario, run)
+        self.incoming = RosSubscriptions(scenario, run)
         self._has_wished = False
         self._bases = Bases(scenario, run)
         # What is not pushed may never arrive, and then nothing is wrong.
@@ -102,17 +102,17 @@ class Gateway:
         self.pushed: tuple[TopicKey, ...] = (*rates, *sorted(self.latched))
         """Wire type and topic of all that goes to ROS unasked."""
 
-        self._subscriptions = Subscriptions(self.places | self.latched)
+        self._subscriptions = Subscribers(self.places | self.latched)
         for place in self.pushed:
             self._subscriptions.push(place, peer)
         self.newest: dict[str, int] = {}
         """By stream: the stamp of the newest message that went to ROS."""
 
-        self.attendance = Attendance(scenario, run)
+        self.missing_readings = MissingReadingCounter(scenario, run)
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
 
-        self.native: Facade | NoFacade = NoFacade()
+        self.native: RmwZenohBridge | NoRmwZenohBridge = NoRmwZenohBridge()
         """Where what is pushed goes besides the wire."""
 
         self.epoch_nanos = 0
@@ -133,7 +133,7 @@ class Gateway:
         elif self._is_stale(key, measured_nanos(message)):
             self.counts["stale"] += 1
             return []
-        self.attendance.came(key, measured_nanos(message))
+        self.missing_readings.came(key, measured_nanos(message))
         told = [(self._place_in_ros[key], message)]
         following = self._bases.hear(key, message)
         told += [((wire_type(type(m)), topic), m) for topic, m, _ in following]
@@ -157,7 +157,7 @@ class Gateway:
             self.life = clock.life
             self.newest.clear()
             self._bases.restart()
-        self.attendance.clock(clock)
+        self.missing_readings.clock(clock)
         self.clock_nanos, self.epoch_nanos = clock.stamp_nanos, clock.epoch_nanos
         return has_begun
 
@@ -223,7 +223,7 @@ class Gateway:
         topics = {key: stream.topic for key, stream in self.streams.items()}
         pushed_out = {topics[key]: count for key, count in dropped.items() if key in topics}
         rows = [with_pushed_out(row, pushed_out) for row in rows]
-        counts = self.counts | self.attendance.counters()
+        counts = self.counts | self.missing_readings.counters()
         return rows, counts | peer_counters(self._reports.link)
 
     def _send(

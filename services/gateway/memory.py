@@ -15,7 +15,7 @@ from groundlink.bus.session import Bus
 from groundlink.emulation.model import DirectionState
 from groundlink.messages.base import Ack, decode
 
-from .emulated import Emulated
+from .emulated_socket import EmulatedSocket
 from .gateway import Gateway
 
 ANSWER_SECONDS = 20.0
@@ -31,14 +31,14 @@ class _Memory(msgspec.Struct, array_like=True):
 
     next_due: dict[str, int] = {}
     not_come: dict[str, int] = {}
-    """See `Attendance.memory`."""
+    """See `MissingReadingCounter.memory`."""
 
 
-def memory_of(gateway: Gateway, emulated: Emulated | None) -> bytes:
+def memory_of(gateway: Gateway, emulated: EmulatedSocket | None) -> bytes:
     """Return what a successor has to know."""
     link = {} if emulated is None else emulated.courses()
-    attendance = gateway.attendance.memory()
-    return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link, *attendance))
+    missing_readings = gateway.missing_readings.memory()
+    return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link, *missing_readings))
 
 
 def known_of(bus: Bus, run: str) -> bytes:
@@ -48,13 +48,13 @@ def known_of(bus: Bus, run: str) -> bytes:
     return b""
 
 
-def recall(memory: bytes, gateway: Gateway, emulated: Emulated | None) -> None:
+def recall(memory: bytes, gateway: Gateway, emulated: EmulatedSocket | None) -> None:
     """Go on from a predecessor's memory, in a life whose first clock was heard."""
     if not memory:
         return
     known = msgspec.msgpack.decode(memory, type=_Memory)
     gateway.newest = known.newest
     gateway.counts |= known.counts
-    gateway.attendance.remember(known.next_due, known.not_come)
+    gateway.missing_readings.remember(known.next_due, known.not_come)
     if emulated is not None:
         emulated.take_up(known.link)

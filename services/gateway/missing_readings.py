@@ -45,7 +45,7 @@ class _Life:
         return 0 <= stamp_nanos - self.epoch_nanos <= self.clock_nanos + AHEAD_NANOS
 
 
-class Attendance:
+class MissingReadingCounter:
     """Looks for readings that are left out."""
 
     def __init__(self, scenario: Scenario, run: str) -> None:

@@ -14,7 +14,7 @@ from math import ceil
 from groundlink.core.errors import UserError
 from groundlink.process.runner import NoSuchHost
 
-from .subscriptions import Address
+from .subscribers import Address
 
 LOOK_UP_SECONDS = 2.0
 """Between two look-ups: a container that was made anew may have another address."""
@@ -22,7 +22,7 @@ LOOK_UP_SECONDS = 2.0
 WAIT_SECONDS = 0.02
 
 
-class Whereabouts:
+class PeerResolver:
     """The address behind `HOST:PORT`.
 
     Parameters

@@ -19,7 +19,7 @@ from groundlink.scenario.ros_side import RmwZenoh
 from udp_bridge.wire.message import Message
 from udp_bridge.wire.types import MSG_TYPES
 
-from .subscriptions import TopicKey
+from .subscribers import TopicKey
 
 NODE = "groundlink"
 """The name under which the gateway stands in the graph of ROS."""
@@ -113,7 +113,7 @@ class _Publisher:
         self._put(cdr, attachment(self._sequence, stamp_nanos, self._gid))
 
 
-class Facade:
+class RmwZenohBridge:
     """A node in the graph of ROS that publishes and subscribes what the gateway carries.
 
     Parameters
@@ -176,7 +176,7 @@ class Facade:
         return lambda body: self._arrived.append((place, body))
 
 
-class NoFacade:
+class NoRmwZenohBridge:
     """What stands in its place where no node runs rmw_zenoh."""
 
     def offers(self, place: TopicKey) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wishes of ROS about the run's time: asked of physics one after the other, each done once.
+"""Run commands from ROS: forwarded to physics one after the other, each executed once.
 
 Rule: physics may take seconds to answer, so it is asked on a thread of this module's own, and
 neither the bus nor the wire waits for it. A wish that comes again is one whose answer was lost, or
@@ -41,7 +41,7 @@ ON_THE_BUS: dict[int, AnyRunCommand] = {PAUSE: Pause(), RESUME: Resume(), RESET:
 """What physics is told for each wish; for a step how far, and for a question nothing."""
 
 
-class Wishes:
+class RunCommandQueue:
     """What ROS has wished, and what became of it.
 
     Parameters

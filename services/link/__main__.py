@@ -17,7 +17,7 @@ from groundlink.emulation.arguments import Outages, add_arguments, impairments
 from groundlink.emulation.model import NOTES, OUTCOMES
 from groundlink.process import runner as process
 
-from .relay import Relay
+from .relay import UdpRelay
 
 NAME = "link"
 
@@ -30,8 +30,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """Relay until `stop` is set, then tell what happened to the datagrams."""
-    parser = _Parser(prog=NAME, description="Relay datagrams over an emulated link.")
+    """UdpRelay until `stop` is set, then tell what happened to the datagrams."""
+    parser = _Parser(prog=NAME, description="UdpRelay datagrams over an emulated link.")
     add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="tell the counters as JSON")
     options = parser.parse_args(arguments)
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     seed = options.seed or 0
     if seed < 0:
         raise UserError(f"--seed {seed}: expected 0 or more")
-    relay = Relay(
+    relay = UdpRelay(
         process.address(options.listen),
         process.address(options.to),
         forward=settings["forward"],
@@ -69,7 +69,7 @@ def _is_out(outages: Outages, now: int) -> bool:
     return any(start <= now < end for start, end in outages)
 
 
-def _tell(relay: Relay, *, as_json: bool) -> None:
+def _tell(relay: UdpRelay, *, as_json: bool) -> None:
     """Print the counters; each direction's add up."""
     ways = {
         name: {**way.counts, "waiting": way.waiting}

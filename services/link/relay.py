@@ -32,7 +32,7 @@ WAIT_SECONDS = 0.1
 _SO_RXQ_OVFL = 40  # the number that Linux gives it
 
 
-class Way:
+class RelaySocket:
     """A socket, and whose datagrams it carries."""
 
     def __init__(self, socket_: socket.socket, peer: Address | None) -> None:
@@ -43,7 +43,7 @@ class Way:
         self.kernel_drops = 0
 
 
-class Relay:
+class UdpRelay:
     """A relay between `listen` and `to`.
 
     Raises
@@ -76,9 +76,9 @@ class Relay:
 
         self._to = to
         self._selector = selectors.SelectSelector()  # its timeouts are as fine as microseconds
-        self._behind: OrderedDict[Address, Way] = OrderedDict()
+        self._behind: OrderedDict[Address, RelaySocket] = OrderedDict()
         try:
-            self._front = Way(_bound(listen), None)
+            self._front = RelaySocket(_bound(listen), None)
         except OSError as error:
             self._selector.close()
             why = (error.strerror or str(error)).lower()
@@ -108,7 +108,7 @@ class Relay:
         wait_nanos = min(dues) - now_nanos if dues else WAIT_SECONDS * NANOS
         return min(max(wait_nanos / NANOS, 0.0), WAIT_SECONDS)
 
-    def _take(self, way: Way, clock: Callable[[], int]) -> None:
+    def _take(self, way: RelaySocket, clock: Callable[[], int]) -> None:
         for _ in range(BURST):
             try:
                 datagram, ancillary, _, sender = way.socket.recvmsg(LARGEST, 64)
@@ -151,7 +151,7 @@ class Relay:
                 _, oldest = self._behind.popitem(last=False)
                 self._selector.unregister(oldest.socket)
                 oldest.socket.close()
-            way = self._behind[sender] = Way(_bound(("0.0.0.0", 0)), sender)
+            way = self._behind[sender] = RelaySocket(_bound(("0.0.0.0", 0)), sender)
             self._selector.register(way.socket, selectors.EVENT_READ, way)
         self._behind.move_to_end(sender)
 

@@ -17,9 +17,9 @@ from groundlink.process import runner as process
 from groundlink.process.joining import join
 
 with process_needs(NAME, "record"):
-    from .files import Files
-    from .ordered import OrderedFiles
-    from .shell import record
+    from .mcap_files import McapFiles
+    from .ordered_mcap_files import OrderedMcapFiles
+    from .runner import record
 
 JOURNAL_SECONDS = 0.5
 """How long physics may take to answer; who asks records nothing meanwhile."""
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         def journal(question: str) -> bytes:
             return b"".join(bus.ask(journal_key(run), question, seconds=JOURNAL_SECONDS).values())
 
-        keeper = OrderedFiles if options.ordered else Files
+        keeper = OrderedMcapFiles if options.ordered else McapFiles
         files = keeper(options.out, scenario, run, journal)
         try:
             record(bus, scenario, run, files, duration, stop, ordered=options.ordered)

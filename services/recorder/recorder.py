@@ -38,21 +38,21 @@ PATIENCE_NANOS = 5 * NANOS
 """Sim time after the recording's end for which a sensor that lags, or is not there, is awaited."""
 
 
-class Written(Protocol):
+class RecordingTopic(Protocol):
     """A topic of what a recorder writes to."""
 
     def write(self, nanos: int, cdr: memoryview) -> None:
         """Take a message; times of a topic never decrease."""
 
 
-class File(Protocol):
+class RecordingFile(Protocol):
     """Where a recorder writes to: a `RosFile`, or what stands in for one."""
 
     @property
     def size_bytes(self) -> int:
         """What it takes on disk."""
 
-    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> Written:
+    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> RecordingTopic:
         """Return the topic of this name and type; it is declared at the first call."""
 
     def commit(self, declared_hz: Mapping[str, float | None]) -> None:
@@ -85,7 +85,7 @@ class Recorder:
         self,
         scenario: Scenario,
         run: str,
-        begin: Callable[[int], File],
+        begin: Callable[[int], RecordingFile],
         *,
         duration_nanos: int | None = None,
         early: Iterable[tuple[str, Message]] = (),
@@ -127,7 +127,7 @@ class Recorder:
             so_far = self._declared_hz.get(place.topic) or 0.0
             self._declared_hz[place.topic] = so_far + place.declared_hz
         self._health: dict[str, Health] = {}
-        self._file: File | None = None
+        self._file: RecordingFile | None = None
         self.early = deque(early, maxlen=EARLY_MESSAGES)
         """What waits for its clock."""
 
@@ -149,7 +149,7 @@ class Recorder:
         return [*self._outgoing.values(), *self._incoming.values()]
 
     @property
-    def file(self) -> File | None:
+    def file(self) -> RecordingFile | None:
         """What is being written; None before the first clock."""
         return self._file
 
@@ -311,7 +311,7 @@ class Recorder:
         self._topic(topic, ros_type).write(nanos, cdr)
         self.counts["messages"] += 1
 
-    def _topic(self, name: str, ros_type: str) -> Written:
+    def _topic(self, name: str, ros_type: str) -> RecordingTopic:
         assert self._file is not None
         return self._file.topic(name, ros_type, latched=name in self._bases.latched)
 

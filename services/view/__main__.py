@@ -28,8 +28,8 @@ from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world.build import world_hash
 
-from .intake import Intake, streams_of
-from .true_states import Drawable, TrueStates
+from .reconstructed_states import StateReconstructor, StreamMessage
+from .viewer_subscriptions import ViewerSubscriptions, streams_of
 
 if TYPE_CHECKING:
     from groundlink.recording.reading import Recording
@@ -46,7 +46,7 @@ WEB_PORT = 9090
 FOXGLOVE_PORT = 8765
 
 
-class Outlet(Protocol):
+class RunView(Protocol):
     """What shows a run."""
 
     def change(self, scenario: Scenario) -> None:
@@ -87,15 +87,15 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         return
     with Bus(connect=process.endpoint(options), onlooker=True, name=NAME) as bus:
         run, scenario = join_world(bus, options.run, stop)
-        intake = Intake(bus, scenario, run)
-        outlet = _outlet(options, scenario, run, intake.streams)
+        intake = ViewerSubscriptions(bus, scenario, run)
+        view = _view(options, scenario, run, intake.streams)
         if options.save is None:
             _end_in_time()
         heartbeat = Heartbeat(bus, run, f"{NAME}/{os.getpid()}")
         tick, world = -1, world_hash(scenario)
         try:
             due = time.monotonic()
-            while not stop.wait(max(0.0, due - time.monotonic())) and outlet.alive():
+            while not stop.wait(max(0.0, due - time.monotonic())) and view.alive():
                 due = max(due + FRAME_SECONDS, time.monotonic())
                 states, messages = intake.take()
                 if states and states[-1].world_hash != world:
@@ -103,18 +103,18 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                     changed = changed_world(bus, run, world)
                     if changed is not None and changed != scenario:
                         scenario = changed
-                        outlet.change(scenario)
-                outlet.take_states(states)
+                        view.change(scenario)
+                view.take_states(states)
                 tick = states[-1].tick if states else tick
                 for path, stream, message in messages:
-                    outlet.take(path, stream, message)
+                    view.take(path, stream, message)
                 for health in intake.health():
-                    outlet.take_health(health, time.monotonic())
-                outlet.flush()
+                    view.take_health(health, time.monotonic())
+                view.flush()
                 if heartbeat.due():
-                    heartbeat.beat(tick, intake.counters() | outlet.counters())
+                    heartbeat.beat(tick, intake.counters() | view.counters())
         finally:
-            outlet.close()
+            view.close()
 
 
 def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
@@ -140,40 +140,40 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
         streams = {p: stream for p, stream in every.items() if stream.topic in recording.types}
         playback = Playback(recording, streams.values())
         paths = {stream.key: path for path, stream in streams.items()}
-        outlet = _outlet(options, scenario, run, streams, whole=True)
-        outlet.tell(_in_words(recording))
+        view = _view(options, scenario, run, streams, whole=True)
+        view.tell(_in_words(recording))
         if options.save is None:
             _end_in_time()
-        truth = TrueStates(scenario, run)
+        truth = StateReconstructor(scenario, run)
         try:
             due = playback.play(recording.first_nanos)
             for _, together in itertools.groupby(due, key=lambda each: each.nanos):
-                if stop.is_set() or not outlet.alive():
+                if stop.is_set() or not view.alive():
                     return
                 came = [
-                    Drawable(paths[each.key], streams[paths[each.key]], each.message)
+                    StreamMessage(paths[each.key], streams[paths[each.key]], each.message)
                     for each in together
                 ]
                 states, messages = truth.follow(came)
-                outlet.take_states(states)
+                view.take_states(states)
                 for path, stream, message in messages:
-                    outlet.take(path, stream, message)
-                outlet.flush()
+                    view.take(path, stream, message)
+                view.flush()
             if options.save is None:
-                while not stop.wait(FRAME_SECONDS) and outlet.alive():
+                while not stop.wait(FRAME_SECONDS) and view.alive():
                     pass
         finally:
-            outlet.close()
+            view.close()
 
 
-def _outlet(
+def _view(
     options: argparse.Namespace,
     scenario: Scenario,
     run: str,
     streams: Mapping[str, RosStream],
     *,
     whole: bool = False,
-) -> Outlet:
+) -> RunView:
     """Return what the user wants to look at, and say where it is."""
     with needs("view"):
         if options.foxglove:
@@ -183,25 +183,26 @@ def _outlet(
             server = FoxgloveServer(scenario, run, streams, options.host, port)
             print(f"view: open ws://{options.host}:{port} in Foxglove or Lichtblick", flush=True)
             return server
-        from . import layout, picture, viewer
+        from . import layout, rerun_destinations
+        from .rerun_view import RerunView
     blueprint = layout.layout(scenario, streams, whole=whole)
-    destination: viewer.Destination
+    destination: rerun_destinations.RerunDestination
     has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if options.save:
-        destination = viewer.File(options.save, blueprint)
+        destination = rerun_destinations.RerunFile(options.save, blueprint)
         print(f"view: writing {options.save}; open it with: rerun {options.save}", flush=True)
     elif options.web or not has_screen:
         port = options.port or WEB_PORT
         _need_free(options.host, port)
-        destination, address = viewer.web(
+        destination, address = rerun_destinations.web(
             *(blueprint, options.host, _free_port(), port),
             machine=socket.gethostname(),
             whole=whole,
         )
         print(f"view: open {address}", flush=True)
     else:
-        destination = viewer.window(blueprint, _free_port(), whole=whole)
-    return picture.Picture(scenario, run, colouring=options.colour, destination=destination)
+        destination = rerun_destinations.window(blueprint, _free_port(), whole=whole)
+    return RerunView(scenario, run, coloring=options.colour, destination=destination)
 
 
 def _in_words(recording: Recording) -> str:

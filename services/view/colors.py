@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colours of numbers: of a LiDAR's intensities and rings, of a map's cells.
+"""Colors of numbers: of a LiDAR's intensities and rings, of a map's cells.
 
-Rule: a table of 256 colours and an index into it; a colour is a number 0xRRGGBBAA.
+Rule: a table of 256 colors and an index into it; a color is a number 0xRRGGBBAA.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Colouring = Literal["intensity", "ring"]
-Colours = NDArray[np.uint32]
+Coloring = Literal["intensity", "ring"]
+Colors = NDArray[np.uint32]
 
 _STOPS = (
     (0.00, (52, 58, 148)),
@@ -28,34 +28,34 @@ _DIFFUSE = 100.0
 """Intensity of a white surface; above it, up to 255, are retroreflectors (VLP-16 manual)."""
 
 
-def _table() -> Colours:
-    places, colours = zip(*_STOPS, strict=True)
+def _table() -> Colors:
+    places, colors = zip(*_STOPS, strict=True)
     at = np.linspace(0, 1, 256)
-    parts = [np.interp(at, places, part) for part in zip(*colours, strict=True)]
+    parts = [np.interp(at, places, part) for part in zip(*colors, strict=True)]
     return packed(np.stack(parts, axis=-1).astype(np.uint8))
 
 
-def packed(rgb: NDArray[np.uint8]) -> Colours:
-    """Return colours, shape (..., 3), as numbers 0xRRGGBBAA without transparency."""
+def packed(rgb: NDArray[np.uint8]) -> Colors:
+    """Return colors, shape (..., 3), as numbers 0xRRGGBBAA without transparency."""
     red, green, blue = np.moveaxis(rgb.astype(np.uint32), -1, 0)
-    colours: Colours = (red << 24 | green << 16 | blue << 8 | 255).astype(np.uint32)
-    return colours
+    colors: Colors = (red << 24 | green << 16 | blue << 8 | 255).astype(np.uint32)
+    return colors
 
 
 RAINBOW = _table()
 
 
-def of_points(records: NDArray[np.void], colouring: Colouring, rings: int) -> Colours:
-    """Return the colour of each point, shape (N,), by its intensity or its ring of so many."""
-    if colouring == "ring":
+def of_points(records: NDArray[np.void], coloring: Coloring, rings: int) -> Colors:
+    """Return the color of each point, shape (N,), by its intensity or its ring of so many."""
+    if coloring == "ring":
         share = records["ring"] * np.float32(1 / max(rings - 1, 1))
     else:
         share = records["intensity"] * np.float32(1 / _DIFFUSE)
     return RAINBOW[np.minimum(share * 255, 255).astype(np.uint8)]
 
 
-def of_bodies(bodies: NDArray[np.uint32]) -> Colours:
-    """Return the colour of each point, shape (N,), by the number of its body; neighbours differ."""
+def of_bodies(bodies: NDArray[np.uint32]) -> Colors:
+    """Return the color of each point, shape (N,), by the number of its body; neighbors differ."""
     return RAINBOW[bodies * 61 % 256]
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world and the vehicles as a foxglove.SceneUpdate, for the 3D panel.
 
-Rule: each solid is the primitive of its shape, in the colour of its material; meshes and terrain
-are triangles in their own colours. The ceiling is left
+Rule: each solid is the primitive of its shape, in the color of its material; meshes and terrain
+are triangles in their own colors. The ceiling is left
 out, so that a room can be looked into. Wheels stand at rest: the tf tree has no frames for them.
 """
 
@@ -41,7 +41,7 @@ from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.solids import Mesh as MeshShape
 from groundlink.world.terrain import BODY
 
-from .meshes import Mesh, mesh, rgba, terrain
+from .meshes import ShadedMesh, mesh, rgba, terrain
 
 WORLD = "world"
 CEILING = "room_ceiling"
@@ -86,7 +86,7 @@ def _entity(
     parts: Iterable[Solid],
     materials: Mapping[str, Material],
     stamp_nanos: int,
-    meshes: Sequence[Mesh] = (),
+    meshes: Sequence[ShadedMesh] = (),
 ) -> SceneEntity:
     cubes, cylinders, spheres = [], [], []
     triangles = [_triangles(drawn) for drawn in meshes]
@@ -98,24 +98,24 @@ def _entity(
         qx, qy, qz, qw = solid.orientation
         pose = Pose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
         red, green, blue, _ = (part / 255 for part in rgba(materials[solid.material].color))
-        colour = Color(r=red, g=green, b=blue, a=1.0)
+        color = Color(r=red, g=green, b=blue, a=1.0)
         if isinstance(solid.shape, Box):
             size = Vector3(
                 x=solid.shape.size_m[0], y=solid.shape.size_m[1], z=solid.shape.size_m[2]
             )
-            cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
+            cubes.append(CubePrimitive(pose=pose, size=size, color=color))
         elif isinstance(solid.shape, Cylinder):
             across = 2 * solid.shape.radius_m
             size = Vector3(x=across, y=across, z=solid.shape.length_m)
             cylinders.append(
                 CylinderPrimitive(
-                    pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=colour
+                    pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=color
                 )
             )
         else:
             across = 2 * solid.shape.radius_m
             size = Vector3(x=across, y=across, z=across)
-            spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
+            spheres.append(SpherePrimitive(pose=pose, size=size, color=color))
     return SceneEntity(
         timestamp=Timestamp(sec=stamp_nanos // NANOS, nsec=stamp_nanos % NANOS),
         frame_id=frame,
@@ -129,9 +129,9 @@ def _entity(
     )
 
 
-def _triangles(drawn: Mesh) -> TriangleListPrimitive:
+def _triangles(drawn: ShadedMesh) -> TriangleListPrimitive:
     # A vertex of several faces is sent once: a quarter of the bytes.
-    corners = np.hstack([drawn.vertices, drawn.colours / np.float32(255)])
+    corners = np.hstack([drawn.vertices, drawn.colors / np.float32(255)])
     points, indices = np.unique(corners, axis=0, return_inverse=True)
     return TriangleListPrimitive(
         pose=Pose(

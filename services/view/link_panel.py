@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from groundlink.messages.base import Health, StreamReport
 from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
 
-from .plots import LINE_COLOURS, Plots
+from .plots import LINE_COLORS, Plots
 
 AGES = "link/age"
 RATES = "link/rate"
@@ -73,12 +73,12 @@ def _milliseconds(seconds: float | None) -> str:
 def plot(plots: Plots, sim_nanos: int, health: Health) -> None:
     """Plot each stream's age, rate and losses: a line a topic, in the order of the table."""
     for index, stream in enumerate(health.streams):
-        colour = [LINE_COLOURS[index % len(LINE_COLOURS)]]
+        color = [LINE_COLORS[index % len(LINE_COLORS)]]
         name = f"{stream.topic} {stream.direction}" if _is_back(stream) else stream.topic
         line = name.strip("/").replace("/", "_").replace(" ", "_")
         for path, value, words in _values(stream):
             if value is not None:
-                plots.add(f"{path}/{line}", sim_nanos, [value], [f"{name}{words}"], colour)
+                plots.add(f"{path}/{line}", sim_nanos, [value], [f"{name}{words}"], color)
 
 
 def _is_back(stream: StreamReport) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solids as meshes that a viewer shades: triangles with normals and colours of their own.
+"""Solids as meshes that a viewer shades: triangles with normals and colors of their own.
 
 Rule: every triangle has its own three vertices, so that edges stay sharp. Of a room's floor, walls
 and ceiling only what faces into the room is drawn: who looks from outside looks through, as into a
@@ -25,73 +25,73 @@ from groundlink.world.solids import Mesh as MeshShape
 from groundlink.world.terrain import BODY
 from groundlink.world.triangles import merged
 
-from . import landscape
+from . import simplified_surfaces
 
 Reals = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Mesh:
+class ShadedMesh:
     """Triangles to draw: vertices 3 i to 3 i + 2 are one, anticlockwise seen from outside."""
 
     vertices: Reals
-    """Shape (3 F, 3), metres."""
+    """Shape (3 F, 3), meters."""
 
     normals: Reals
     """Shape (3 F, 3), unit vectors."""
 
-    colours: NDArray[np.uint8]
+    colors: NDArray[np.uint8]
     """Shape (3 F, 4): red, green, blue, opacity; sRGB."""
 
 
-def mesh(solids: Sequence[Solid], materials: Mapping[str, Material]) -> Mesh:
+def mesh(solids: Sequence[Solid], materials: Mapping[str, Material]) -> ShadedMesh:
     """Return solids as one mesh in the frame of their poses."""
     plain = [solid for solid in solids if not isinstance(solid.shape, MeshShape)]
     triangles = merged(plain)
     corners = [triangles.vertices[triangles.faces].astype(np.float64)]
-    colours = np.array([materials[solid.material].color for solid in plain]).reshape(-1, 3)
-    colours_of_faces = [colours[triangles.labels]]
+    colors = np.array([materials[solid.material].color for solid in plain]).reshape(-1, 3)
+    colors_of_faces = [colors[triangles.labels]]
     for solid in solids:
         if isinstance(solid.shape, MeshShape):
             frame_from_solid = matrix_from_quaternion(solid.orientation)
             surface = mesh_asset.surface(solid.shape.asset)
-            local, kept = landscape.coarse(surface)
+            local, kept = simplified_surfaces.coarse(surface)
             placed = local @ frame_from_solid.T + solid.position_m
-            seen = landscape.face_colours(surface, materials[solid.material])[kept]
+            seen = simplified_surfaces.face_colors(surface, materials[solid.material])[kept]
             # Scans are open: what has no thickness is drawn on both sides.
             corners += [placed, placed[:, ::-1]]
-            colours_of_faces += [seen, seen]
-    return _soup(np.concatenate(corners), np.concatenate(colours_of_faces))
+            colors_of_faces += [seen, seen]
+    return _soup(np.concatenate(corners), np.concatenate(colors_of_faces))
 
 
-def _soup(corners: Floats, linear: Floats) -> Mesh:
-    """Return faces with corners, shape (F, 3, 3), and colours, shape (F, 3), as a mesh."""
+def _soup(corners: Floats, linear: Floats) -> ShadedMesh:
+    """Return faces with corners, shape (F, 3, 3), and colors, shape (F, 3), as a mesh."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    colours = np.full((len(corners), 4), 255, np.uint8)
-    colours[:, :3] = np.rint(255 * srgb(linear))
-    return Mesh(
+    colors = np.full((len(corners), 4), 255, np.uint8)
+    colors[:, :3] = np.rint(255 * srgb(linear))
+    return ShadedMesh(
         corners.reshape(-1, 3).astype(np.float32),
         np.repeat(normals, 3, axis=0).astype(np.float32),
-        np.repeat(colours, 3, axis=0),
+        np.repeat(colors, 3, axis=0),
     )
 
 
 def rgba(linear: Sequence[float]) -> tuple[int, int, int, int]:
-    """Return a linear colour, 0..1, as sRGB with full opacity."""
+    """Return a linear color, 0..1, as sRGB with full opacity."""
     red, green, blue = np.rint(255 * srgb(np.asarray(linear, np.float64))).astype(int).tolist()
     return red, green, blue, 255
 
 
-def world(scenario: Scenario) -> dict[str, Mesh]:
+def world(scenario: Scenario) -> dict[str, ShadedMesh]:
     """Return what stands still, in the world: one mesh for the room, one for each thing in it."""
     materials, room = scenario.world.materials, scenario.world.room
     shell = {solid.name for solid in walls(room)} if room else set()
     inside = [solid for solid in solids(scenario) if solid.name in shell]
     meshes = {}
     if room and inside:
-        centre = (0.0, 0.0, room.size_m[2] / 2)
-        meshes["room"] = facing(mesh(inside, materials), centre)
+        center = (0.0, 0.0, room.size_m[2] / 2)
+        meshes["room"] = facing(mesh(inside, materials), center)
     things: dict[str, list[Solid]] = {}
     for solid in solids(scenario):
         if solid.name not in shell:
@@ -101,11 +101,11 @@ def world(scenario: Scenario) -> dict[str, Mesh]:
     return meshes | {name: mesh(parts, materials) for name, parts in things.items()}
 
 
-def terrain(scenario: Scenario) -> Mesh | None:
+def terrain(scenario: Scenario) -> ShadedMesh | None:
     """Return a world's terrain, if it has some."""
     if scenario.world.terrain is None:
         return None
-    return _soup(*landscape.terrain_faces(scenario, scenario.world.terrain))
+    return _soup(*simplified_surfaces.terrain_faces(scenario, scenario.world.terrain))
 
 
 def thing(part: str) -> str:
@@ -115,7 +115,7 @@ def thing(part: str) -> str:
     return kind if kind == "clutter" or not number.isdecimal() else f"{kind}_{number}"
 
 
-def facing(whole: Mesh, point: Sequence[float]) -> Mesh:
+def facing(whole: ShadedMesh, point: Sequence[float]) -> ShadedMesh:
     """Return the triangles of a mesh whose front can be seen from a point."""
     seen = np.einsum("ij,ij->i", whole.normals, np.subtract(point, whole.vertices)) > 0
-    return Mesh(whole.vertices[seen], whole.normals[seen], whole.colours[seen])
+    return ShadedMesh(whole.vertices[seen], whole.normals[seen], whole.colors[seen])

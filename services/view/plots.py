@@ -14,9 +14,9 @@ import rerun as rr
 TIMELINE = "sim_time"
 
 XYZ = ("x", "y", "z")
-XYZ_COLOURS = ((238, 84, 84), (108, 204, 96), (84, 148, 250))
+XYZ_COLORS = ((238, 84, 84), (108, 204, 96), (84, 148, 250))
 
-LINE_COLOURS = (
+LINE_COLORS = (
     *((84, 168, 255), (255, 170, 60), (120, 214, 120), (240, 110, 170)),
     *((180, 140, 255), (70, 214, 214), (230, 220, 100), (200, 200, 200)),
 )
@@ -36,12 +36,12 @@ class Plots:
         sim_nanos: int,
         values: Sequence[float],
         names: Sequence[str],
-        colours: Sequence[tuple[int, int, int]] = LINE_COLOURS,
+        colors: Sequence[tuple[int, int, int]] = LINE_COLORS,
     ) -> None:
         """Add one value to each of the lines of an entity."""
         if path not in self._named:
             self._named.add(path)
-            chosen = [colours[i % len(colours)] for i in range(len(names))]
+            chosen = [colors[i % len(colors)] for i in range(len(names))]
             lines = rr.SeriesLines(names=list(names), colors=chosen, widths=[1.5] * len(names))
             self._recording.log(path, lines, static=True)
         times, rows = self._waiting.setdefault(path, ([], []))

@@ -65,7 +65,7 @@ def points_in_world(
     base: PoseHistory,
     base_from_sensor: Floats,
 ) -> Reals | None:
-    """Return where points were measured, shape (N, 3), metres; None where the pose is not known.
+    """Return where points were measured, shape (N, 3), meters; None where the pose is not known.
 
     Parameters
     ----------

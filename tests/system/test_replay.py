@@ -22,7 +22,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import IMU
 from groundlink.messages.base import Clock, Imu
 from groundlink.recording.reading import Recording
-from services.view.viewer import program
+from services.view.rerun_destinations import program
 
 from .rig import Rig, rig, wait_for
 

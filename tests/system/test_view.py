@@ -27,7 +27,7 @@ from groundlink.bus.topics import IMU, POINTS, RELAYED
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Command, Health, Imu, Message, PointCloud, State
 from groundlink.messages.relayed import Relayed
-from services.view.viewer import program
+from services.view.rerun_destinations import program
 from tests.services.view.foxglove_client import joined
 
 from .rerun_eyes import Eyes, eyes, need_vulkan, share_of
@@ -36,7 +36,7 @@ from .rig import Rig, children_of, free_port, rig, wait_for
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(240)]
 
 TRUTH = (90, 220, 255)
-"""Colour of the true trajectory, as services/view/picture.py draws it."""
+"""Colour of the true trajectory, as services/view/rerun_view.py draws it."""
 
 
 OF_THE_STACK = "from_ros: {pose: /pose, map: /map}"

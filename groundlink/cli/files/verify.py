@@ -116,7 +116,14 @@ def _run(
     commands = {
         "physics": ["-m", modules["physics"], "--follow", str(folder / FOLLOWED), *joining],
         running.RECORDER: [
-            *("-m", "services.recorder.again", str(recording), "--verdict", str(verdict), *joining)
+            *(
+                "-m",
+                "services.recorder.verifier",
+                str(recording),
+                "--verdict",
+                str(verdict),
+                *joining,
+            )
         ],
     }
     commands["physics"] += ["--wait-for", running.RECORDER]

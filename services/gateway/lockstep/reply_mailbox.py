@@ -14,7 +14,7 @@ from udp_bridge.wire.lockstep import ANEW, WAITING, Sent, Word
 from udp_bridge.wire.message import Message
 
 
-class Words:
+class ReplyMailbox:
     """A letter box between two threads."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 
-class Others:
+class SensorProgress:
     """The sensors of a run, or physics where it has none."""
 
     def __init__(self, names: Sequence[str]) -> None:

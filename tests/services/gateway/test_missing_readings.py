@@ -9,7 +9,7 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import Clock
 from groundlink.messages.reading_schedule import calendar
-from services.gateway.missing_readings import Attendance
+from services.gateway.missing_readings import MissingReadingCounter
 
 SCENARIO = load(SHIPPED / "indoor_lab.yaml")
 VEHICLE = SCENARIO.vehicles[0]
@@ -19,10 +19,10 @@ SECOND = 1_000_000_000
 
 
 class Run:
-    """An attendance, and a run whose lives begin at an epoch."""
+    """An missing_readings, and a run whose lives begin at an epoch."""
 
     def __init__(self) -> None:
-        self.attendance = Attendance(SCENARIO, "lab")
+        self.missing_readings = MissingReadingCounter(SCENARIO, "lab")
         self.life, self.epoch_nanos = 1, 100 * SECOND
 
     def begins_anew(self, *, epoch_nanos: int) -> None:
@@ -32,15 +32,15 @@ class Run:
         nanos = round(seconds * SECOND)
         tick = nanos // 2_500_000
         stamp = self.epoch_nanos + nanos
-        self.attendance.clock(Clock(stamp, self.epoch_nanos, tick, self.life))
+        self.missing_readings.clock(Clock(stamp, self.epoch_nanos, tick, self.life))
 
     def came(self, sensor: str, *readings: int) -> None:
         for reading in readings:
             stamp = self.epoch_nanos + DUE[sensor].nanos(reading)
-            self.attendance.came(f"groundlink/lab/rover/{sensor}", stamp)
+            self.missing_readings.came(f"groundlink/lab/rover/{sensor}", stamp)
 
     def not_come(self, topic: str) -> int:
-        return self.attendance.counters().get(f"not_come_{topic}", 0)
+        return self.missing_readings.counters().get(f"not_come_{topic}", 0)
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_a_stream_that_never_came_is_not_missed(run: Run) -> None:
     run.clock(5)
     run.came("imu", 1000)
     run.clock(6)
-    assert run.attendance.counters() == {}
+    assert run.missing_readings.counters() == {}
 
 
 def test_a_successor_goes_on_from_where_the_last_one_was(run: Run) -> None:
@@ -123,13 +123,13 @@ def test_a_successor_goes_on_from_where_the_last_one_was(run: Run) -> None:
     after = Run()
     after.came("encoders", 20, 21)
     after.clock(1)
-    after.attendance.remember(*run.attendance.memory())
+    after.missing_readings.remember(*run.missing_readings.memory())
     after.clock(1.1)
     assert after.not_come("/wheel_encoders") == 1 + 9
 
 
 def test_what_is_no_reading_is_passed_over(run: Run) -> None:
-    run.attendance.came("groundlink/lab/clock", run.epoch_nanos)
-    run.attendance.came("groundlink/lab/clock", run.epoch_nanos + 10 * SECOND)
+    run.missing_readings.came("groundlink/lab/clock", run.epoch_nanos)
+    run.missing_readings.came("groundlink/lab/clock", run.epoch_nanos + 10 * SECOND)
     run.clock(11)
-    assert run.attendance.counters() == {}
+    assert run.missing_readings.counters() == {}

@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.process.runner import NoSuchHost
-from services.gateway.peer_resolver import Whereabouts
+from services.gateway.peer_resolver import PeerResolver
 from tests.system.rig import wait_for
 
 
@@ -50,8 +50,8 @@ def lines() -> list[str]:
 
 
 @pytest.fixture
-def peer(names: Names) -> Iterator[Whereabouts]:
-    peer = Whereabouts("ros2:7511", names.look_up, period_seconds=0.001)
+def peer(names: Names) -> Iterator[PeerResolver]:
+    peer = PeerResolver("ros2:7511", names.look_up, period_seconds=0.001)
     try:
         yield peer
     finally:
@@ -60,7 +60,7 @@ def peer(names: Names) -> Iterator[Whereabouts]:
 
 
 def test_another_address_is_taken_and_a_failed_look_up_changes_nothing(
-    names: Names, peer: Whereabouts, stop: threading.Event, lines: list[str]
+    names: Names, peer: PeerResolver, stop: threading.Event, lines: list[str]
 ) -> None:
     assert peer.known(stop, lines.append) == ("10.0.0.1", 7511)
     names.host = None
@@ -79,7 +79,7 @@ def test_a_peer_without_an_address_is_told_once_and_taken_when_it_has_one(
     names.host = None
     if hangs:
         names.hangs.clear()
-    peer = Whereabouts("ros2:7511", names.look_up, period_seconds=0.001)
+    peer = PeerResolver("ros2:7511", names.look_up, period_seconds=0.001)
 
     def appear() -> None:
         wait_for(lambda: lines, 5, "the line")
@@ -101,7 +101,7 @@ def test_who_is_asked_to_end_waits_for_no_name(
     names: Names, stop: threading.Event, lines: list[str]
 ) -> None:
     names.host = None
-    never = Whereabouts("ros2:7511", names.look_up, period_seconds=0.001)
+    never = PeerResolver("ros2:7511", names.look_up, period_seconds=0.001)
     stop.set()
     assert never.known(stop, lines.append) is None
     never.close()
@@ -111,7 +111,7 @@ def test_what_is_no_address_is_the_users_mistake(
     names: Names, stop: threading.Event, lines: list[str]
 ) -> None:
     names.host, names.no_host = None, UserError("`ros2` is no address")
-    peer = Whereabouts("ros2", names.look_up)
+    peer = PeerResolver("ros2", names.look_up)
     with pytest.raises(UserError, match="is no address"):
         peer.known(stop, lines.append)
     peer.close()

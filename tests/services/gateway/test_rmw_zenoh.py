@@ -24,8 +24,8 @@ from services.gateway.rmw_zenoh import (
     QOS,
     QOS_LATCHED,
     SUBSCRIBER,
-    Facade,
-    NoFacade,
+    NoRmwZenohBridge,
+    RmwZenohBridge,
     attachment,
     data_key,
     endpoint_token,
@@ -111,7 +111,7 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
     tf_key = data_key(3, TF_STATIC[1], tf_type, type_hash_of(tf_type))
     node.declare_subscriber(imu_key, came.append)
     with Bus(connect=router, foreign=True) as bus:
-        facade = Facade(
+        facade = RmwZenohBridge(
             bus, RmwZenoh(connect=router, domain_id=3), [IMU, TF_STATIC], [CMD_VEL], [TF_STATIC]
         )
         assert facade.offers(IMU)
@@ -167,14 +167,14 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
 
 def test_humble_has_no_hashes(router: str, node: zenoh.Session) -> None:
     with Bus(connect=router, foreign=True) as bus:
-        Facade(bus, RmwZenoh(connect=router, type_hashes=False), [IMU], [])
+        RmwZenohBridge(bus, RmwZenoh(connect=router, type_hashes=False), [IMU], [])
         wait_for(lambda: tokens(node, "@ros2_lv/0/*/0/1/**"))
         (token,) = tokens(node, "@ros2_lv/0/*/0/1/**")
     assert token.split("/")[-2] == "TypeHashNotSupported"
 
 
 def test_without_the_option_nothing_is_there() -> None:
-    stand_in = NoFacade()
+    stand_in = NoRmwZenohBridge()
     stand_in.publish(IMU, 0, memoryview(b""))
     assert not stand_in.offers(IMU)
     assert not list(stand_in.arrived())
@@ -189,7 +189,7 @@ def test_a_scenario_has_it_or_not(router: str) -> None:
             assert gateway.native.offers((2, "/imu")) == (settings is not None)
         return type(gateway.native)
 
-    assert native(None) is NoFacade
-    assert native(RmwZenoh(connect=router)) is Facade
+    assert native(None) is NoRmwZenohBridge
+    assert native(RmwZenoh(connect=router)) is RmwZenohBridge
     with pytest.raises(UserError, match=r"`gateway.rmw_zenoh.connect`: `here` is no endpoint"):
         native(RmwZenoh(connect="here"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wishes of ROS: each is done once, answered as often as it comes, and nobody waits for physics."""
+"""Each run command from ROS is executed once and answered each time it comes; nothing blocks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from groundlink.core.errors import UserError
 from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
 from services.gateway.__main__ import sockets
-from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, Wishes
+from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, RunCommandQueue
 from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.wire import run_commands as wishing
@@ -24,7 +24,7 @@ from udp_bridge.wire.types import CONTROL
 
 
 class Bench:
-    """Wishes with a physics that answers when it is let."""
+    """RunCommandQueue with a physics that answers when it is let."""
 
     def __init__(self) -> None:
         self.asked: list[AnyRunCommand | None] = []
@@ -34,7 +34,7 @@ class Bench:
         self.answers.set()
         self.backlog = 0
         self._told = threading.Condition()
-        self.wishes = Wishes(self._ask, backlog=lambda: self.backlog)
+        self.wishes = RunCommandQueue(self._ask, backlog=lambda: self.backlog)
         self.wishes.tell_by(self._tell)
 
     def _ask(self, wish: AnyRunCommand | None) -> ControlAnswer:

@@ -21,7 +21,7 @@ import pytest
 from groundlink.emulation import Impairment
 from groundlink.emulation.model import OUTCOMES
 from services.link import relay as module
-from services.link.relay import Relay
+from services.link.relay import UdpRelay
 from udp_bridge import Link, Message
 from udp_bridge.wire.control import Subscribe
 
@@ -49,9 +49,9 @@ def end(stack: ExitStack, **options: Any) -> tuple[Link, list[tuple[Message, Any
     return stack.enter_context(link), received
 
 
-def relay(stack: ExitStack, to: tuple[str, int], **options: Any) -> Relay:
+def relay(stack: ExitStack, to: tuple[str, int], **options: Any) -> UdpRelay:
     """Run a relay in a thread until the test ends."""
-    it = Relay(LOCAL, to, **{"forward": CLEAN, "back": CLEAN, "seed": 1} | options)
+    it = UdpRelay(LOCAL, to, **{"forward": CLEAN, "back": CLEAN, "seed": 1} | options)
     stop = threading.Event()
 
     def run() -> None:
@@ -130,10 +130,10 @@ class Told:
 
 
 def test_what_the_kernel_drops_is_counted_once() -> None:
-    it = Relay(LOCAL, LOCAL, forward=CLEAN, back=CLEAN, seed=1)
+    it = UdpRelay(LOCAL, LOCAL, forward=CLEAN, back=CLEAN, seed=1)
     try:
         for drops in ((5, 5, 12), (3,)):
-            it._take(module.Way(Told(*drops), ("127.0.0.1", 9)), lambda: 0)  # type: ignore[arg-type]
+            it._take(module.RelaySocket(Told(*drops), ("127.0.0.1", 9)), lambda: 0)  # type: ignore[arg-type]
         assert it.kernel_drops == 12 + 3
     finally:
         it.close()

@@ -27,8 +27,8 @@ from groundlink.report.page.page import page
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.ros.streams import outgoing, static_transforms
-from services.recorder.again import Again
 from services.recorder.recorder import Recorder
+from services.recorder.verifier import ReferenceComparison
 from services.replay.player import Player
 
 EPOCH = 1_700_000_000 * NANOS
@@ -84,7 +84,7 @@ def earlier(tmp_path: Path) -> Iterator[Recording]:
 
 def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
     comparison = Comparison(compared(earlier), extent(earlier), left_out(earlier))
-    again = Again(earlier, comparison, promised=["/clock", "/imu"])
+    again = ReferenceComparison(earlier, comparison, promised=["/clock", "/imu"])
     keys = {stream.topic: stream.key for stream in outgoing(LAB, RUN)}
     recorder = Recorder(LAB, RUN, again.begin, duration_nanos=STEPS * 8 * TICK_NANOS)
     for topic, message in told():

@@ -20,9 +20,9 @@ from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from services.view.__main__ import main
-from services.view.intake import streams_of
 from services.view.layout import layout
-from services.view.viewer import program
+from services.view.rerun_destinations import program
+from services.view.viewer_subscriptions import streams_of
 
 from .scenes import EPOCH, SCENARIO, truth
 

@@ -20,7 +20,7 @@ from groundlink.ros.streams import actor_transforms
 from groundlink.world.actors import Actor, Crate, Free
 from services.view.foxglove_scene import scene
 from services.view.foxglove_server import FoxgloveServer
-from services.view.intake import streams_of
+from services.view.viewer_subscriptions import streams_of
 from tests.system.rig import free_port
 
 from .foxglove_client import Client, joined

@@ -7,8 +7,8 @@ from typing import Any
 
 import rerun.blueprint as rrb
 
-from services.view.intake import streams_of
 from services.view.layout import layout
+from services.view.viewer_subscriptions import streams_of
 
 from .scenes import SCENARIO, with_streams
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is drawn of the world: closed, shaded, in its colours, and open towards who looks in."""
+"""What is drawn of the world: closed, shaded, in its colors, and open towards who looks in."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_normals_point_out_and_colours_are_those_of_the_material() -> None:
     assert mesh.vertices.shape == mesh.normals.shape == (36, 3)
     outward = np.einsum("ij,ij->i", mesh.vertices - CUBE.position_m, mesh.normals)
     assert np.allclose(outward, 0.5)
-    assert (mesh.colours == (255, 0, 124, 255)).all()
+    assert (mesh.colors == (255, 0, 124, 255)).all()
 
 
 def test_of_a_room_only_the_inside_is_drawn() -> None:

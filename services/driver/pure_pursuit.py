@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A driver that follows a line by pure pursuit: poses in, velocities out.
+
+Rule: pure, and all that it remembers is how far it has come. It heads for a point of the line some
+way ahead, on the arc that leads there (R. C. Coulter, "Implementation of the Pure Pursuit Path
+Tracking Algorithm", CMU-RI-TR-92-01, 1992). Where the line has a corner that no arc follows, it
+stops, turns on the spot and drives on; a vehicle that cannot rounds the corner as narrowly as it
+steers. It sees nothing: what stands on its line is driven into.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import atan2, copysign, cos, inf, pi, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from groundlink.run.routes import Floats, Line
+
+Twist = tuple[float, float]
+"""Velocity along the base's x, m/s, and about its z, rad/s."""
+
+LOOK_AHEAD_M = 0.25
+LOOK_AHEAD_S = 0.3
+"""The point that is headed for is this far ahead, and so many seconds of the speed more."""
+
+CORNER_RAD = pi / 6
+"""A sharper bend of the line is a corner."""
+
+OFF_COURSE_RAD = pi / 3
+"""With the point ahead farther aside than this, the vehicle turns on the spot."""
+
+ON_COURSE_RAD = 0.02
+"""As well as a turn on the spot has to end."""
+
+TURN_RATE_RADPS = 1.0
+TURN_GAIN = 3.0
+"""Yaw rate for each radian that is left to turn, up to the rate above."""
+
+SLOWEST_TURN_RADPS = 0.15
+BRAKING_MPS2 = 0.5
+"""How the speed falls towards a corner and the end: well below what the drive can do."""
+
+SLOWEST_MPS = 0.05
+SEARCHED_M = 1.0
+"""How far ahead of the last one the nearest point of the line is looked for."""
+
+
+class Progress(NamedTuple):
+    """How far a follower has come."""
+
+    leg: int = 0
+    reached_m: float | None = None
+    """Along the leg; None before the first pose."""
+
+    turning: bool = True
+    """On the spot."""
+
+
+class PurePursuitFollower:
+    """Follows one line, once.
+
+    Parameters
+    ----------
+    line
+        what to follow, in the world.
+    least_radius_m
+        of the arcs that the vehicle can drive; with 0 it turns on the spot.
+    turns_radps2
+        how fast the vehicle's yaw rate grows. What is slow to turn looks farther ahead, and slows
+        its turns on the spot down earlier, or it would swing about the line.
+    """
+
+    def __init__(
+        self, line: Line, *, least_radius_m: float = 0.0, turns_radps2: float = inf
+    ) -> None:
+        self._least_radius_m = least_radius_m
+        self._look_ahead_s = max(LOOK_AHEAD_S, TURN_RATE_RADPS / turns_radps2)
+        self._turn_gain = min(TURN_GAIN, turns_radps2 / TURN_RATE_RADPS)
+        # A point nearer than it can steer to would have it swing about the line.
+        self._look_ahead_m = LOOK_AHEAD_M + least_radius_m / 2
+        corner_rad = inf if least_radius_m else CORNER_RAD
+        self._legs = [_Leg(points, speeds) for points, speeds in _split(line, corner_rad)]
+        self.progress = Progress()
+
+    @property
+    def progress(self) -> Progress:
+        """All that it remembers; another one that follows the same line may go on from there."""
+        return Progress(self._leg, self._reached_m, self._turning)
+
+    @progress.setter
+    def progress(self, progress: Progress) -> None:
+        self._leg, self._reached_m, self._turning = progress
+
+    @property
+    def finished(self) -> bool:
+        """Whether the end of the line was reached."""
+        return self._leg == len(self._legs)
+
+    def twist(self, x_m: float, y_m: float, yaw_rad: float) -> Twist:
+        """Return the velocity to ask for at a pose of the base in the world.
+
+        The first call begins at the point of the line that is nearest, the earliest of several.
+        """
+        place = np.array([x_m, y_m])
+        if self._reached_m is None and self._legs:
+            distances = [leg.nearest(place, 0.0, np.inf)[1] for leg in self._legs]
+            self._leg = next(i for i, d in enumerate(distances) if d < min(distances) + 0.05)
+            self._reached_m = self._legs[self._leg].nearest(place, 0.0, np.inf)[0]
+        while not self.finished:
+            leg = self._legs[self._leg]
+            assert self._reached_m is not None
+            end = self._reached_m + SEARCHED_M
+            self._reached_m = leg.nearest(place, self._reached_m, end)[0]
+            if self._reached_m < leg.length_m:
+                return self._towards(leg, self._reached_m, place, yaw_rad)
+            self._leg, self._reached_m, self._turning = self._leg + 1, 0.0, True
+        return 0.0, 0.0
+
+    def _towards(self, leg: _Leg, reached_m: float, place: Floats, yaw_rad: float) -> Twist:
+        speed = leg.speed_mps(reached_m)
+        speed = min(speed, sqrt(2 * BRAKING_MPS2 * (leg.length_m - reached_m)))
+        goal = leg.point(reached_m + self._look_ahead_m + self._look_ahead_s * speed)
+        east, north = (goal - place).tolist()
+        ahead = cos(yaw_rad) * east + sin(yaw_rad) * north
+        left = cos(yaw_rad) * north - sin(yaw_rad) * east
+        if self._least_radius_m:
+            return self._arc(left, ahead, speed)
+        aside_rad = atan2(left, ahead)
+        self._turning = abs(aside_rad) > (ON_COURSE_RAD if self._turning else OFF_COURSE_RAD)
+        if self._turning:
+            rate = max(SLOWEST_TURN_RADPS, self._turn_gain * abs(aside_rad))
+            rate = min(TURN_RATE_RADPS, rate)
+            return 0.0, rate if aside_rad > 0 else -rate
+        return self._arc(left, ahead, speed)
+
+    def _arc(self, left: float, ahead: float, speed: float) -> Twist:
+        """Return the velocity along the arc to a point, as far as it can be driven."""
+        # Coulter's (2 x / L^2): the arc through a point that lies x to the side, L away.
+        curvature = 2 * left / (ahead * ahead + left * left)
+        if self._least_radius_m:
+            most = 1 / self._least_radius_m
+            curvature = max(-most, min(most, curvature if ahead > 0.0 else copysign(most, left)))
+        if curvature:
+            speed = min(speed, TURN_RATE_RADPS / abs(curvature))
+        speed = max(speed, SLOWEST_MPS)
+        return speed, curvature * speed
+
+
+class _Leg:
+    """A part of the line without corners."""
+
+    def __init__(self, points: Floats, speeds: Floats) -> None:
+        self._points, self._speeds = points, speeds
+        moves = np.diff(points, axis=0)
+        self._lengths = np.linalg.norm(moves, axis=1)
+        self._directions = moves / self._lengths[:, None]
+        self._starts_m = np.concatenate([[0.0], np.cumsum(self._lengths)])
+        self.length_m = float(self._starts_m[-1])
+
+    def nearest(self, place: Floats, start_m: float, end_m: float) -> tuple[float, float]:
+        """Return how far along the nearest point is, from `start_m` to `end_m`, and its distance.
+
+        Of several that are nearest within a centimetre, the first.
+        """
+        first = max(int(np.searchsorted(self._starts_m, start_m, "right")) - 1, 0)
+        last = max(int(np.searchsorted(self._starts_m, end_m, "left")), first + 1)
+        pieces = slice(min(first, len(self._lengths) - 1), last)
+        starts, lengths = self._starts_m[pieces.start : -1][: last - first], self._lengths[pieces]
+        offsets = place - self._points[:-1][pieces]
+        along = np.clip(np.sum(offsets * self._directions[pieces], axis=1), 0.0, lengths)
+        along = np.clip(along, start_m - starts, max(end_m, start_m) - starts)
+        apart = np.linalg.norm(offsets - along[:, None] * self._directions[pieces], axis=1)
+        i = int(np.argmax(apart <= apart.min() + 0.01))
+        # On from the first that is near enough to the best in its neighbourhood.
+        while i + 1 < len(apart) and apart[i + 1] < apart[i]:
+            i += 1
+        return float(starts[i] + along[i]), float(apart[i])
+
+    def speed_mps(self, at_m: float) -> float:
+        """Return the speed asked for at a distance from the leg's start."""
+        return float(self._speeds[self._piece(at_m)])
+
+    def point(self, at_m: float) -> Floats:
+        """Return the point at a distance from the start; beyond the end, straight on."""
+        i = self._piece(at_m)
+        point: Floats = self._points[i] + (at_m - self._starts_m[i]) * self._directions[i]
+        return point
+
+    def _piece(self, at_m: float) -> int:
+        piece = int(np.searchsorted(self._starts_m, at_m, "right")) - 1
+        return min(piece, len(self._lengths) - 1)
+
+
+def _split(line: Line, corner_rad: float) -> list[tuple[Floats, Floats]]:
+    """Return the parts of a line between its corners: points and speeds of each."""
+    moves = np.diff(line.points_m, axis=0)
+    if not len(moves):
+        return []
+    headings = np.arctan2(moves[:, 1], moves[:, 0])
+    bends = np.abs((np.diff(headings) + pi) % (2 * pi) - pi)
+    corners = [0, *(np.flatnonzero(bends > corner_rad) + 1).tolist(), len(moves)]
+    return [
+        (line.points_m[start : end + 1], line.speeds_mps[start:end])
+        for start, end in pairwise(corners)
+    ]

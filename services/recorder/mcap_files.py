@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The files of a run: the one that was asked for, and one more for each new life of physics.
+
+Rule: what exists is never overwritten. The run's journal goes into the file part after part, so
+that a recorder that is killed leaves what was recorded with nearly all of its cause.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from groundlink.core.clock import NANOS
+from groundlink.core.errors import UserError
+from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.ros_channels import RosFile
+from groundlink.run.journal import Journal, dumped, loaded
+from groundlink.scenario import Scenario
+
+from .recorder import Recorder, RecordingFile
+
+JOURNAL_NANOS = 2 * NANOS
+"""Of sim time, from one part of the journal to the next."""
+
+
+class McapFiles:
+    """Writes what is recorded to files (a `RecordingFiles`).
+
+    Parameters
+    ----------
+    ask
+        asks physics for the journal, as `questions.journal_key` says; returns b"" for no answer.
+    """
+
+    def __init__(
+        self, path: Path, scenario: Scenario, run: str, ask: Callable[[str], bytes]
+    ) -> None:
+        self._wanted = path
+        self._scenario = scenario
+        self._run = run
+        self._ask = ask
+        self.path = path
+        self._file: RosFile | None = None
+        self._entries = 0
+        """Of the journal, that are in the file."""
+
+        self._next_journal_nanos = 0
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a file that is not complete."""
+        return self._file is not None
+
+    def begin(self, epoch_nanos: int) -> RecordingFile:
+        """Open the next file, whole and without messages; what exists is never overwritten."""
+        for number in itertools.count(1):
+            if number > 1:
+                self.path = self._wanted.with_stem(f"{self._wanted.stem}_{number}")
+            try:
+                file = RosFile(self.path)
+                break
+            except FileExistsError:
+                continue
+        if self.path != self._wanted:
+            print(f"{self._wanted} exists, so this goes to {self.path}", flush=True)
+        run = facts(self._scenario, self._run, epoch_nanos)
+        file.mcap.add_metadata(RUN_RECORD, run_entries(run))
+        self._file, self._entries, self._next_journal_nanos = file, 0, 0
+        return file
+
+    def tend(self, recorder: Recorder) -> None:
+        """Make the file whole; ask how the run came to where it is."""
+        if recorder.clock and recorder.clock.stamp_nanos >= self._next_journal_nanos:
+            self._next_journal_nanos = recorder.clock.stamp_nanos + JOURNAL_NANOS
+            self._add_journal(recorder)
+        recorder.commit()
+
+    def finish(self, recorder: Recorder) -> None:
+        """Complete the file, if one was begun."""
+        if self._file is None:
+            return
+        self._add_journal(recorder)
+        self._file.lacks(recorder.dropped)
+        if recorder.is_whole and recorder.end_nanos is not None:
+            self._file.end(recorder.end_nanos)
+        recorder.commit(anyway=True)
+        size = self._file.size_bytes / 1e6
+        self._file.close()
+        self._file = None
+        print(f"wrote {self.path}: {recorder.counts['messages']} messages, {size:.1f} MB")
+
+    def _add_journal(self, recorder: Recorder) -> None:
+        """Put what is new in the journal of the file's life into the file."""
+        if self._file is None or recorder.clock is None:
+            return
+        journal = self._asked(recorder.clock.life, self._entries)
+        if journal is not None:
+            self._attach(recorder.clock.stamp_nanos, journal)
+
+    def _asked(self, life: int, left_out: int) -> Journal | None:
+        """Return physics' journal of a life without its first entries; None for no answer."""
+        content = self._ask(f"{life}/{left_out}")
+        if not content:
+            return None
+        try:
+            journal = loaded(content, "physics")
+        except UserError:  # of another version
+            return None
+        return journal if (journal.life, journal.left_out) == (life, left_out) else None
+
+    def _attach(self, nanos: int, journal: Journal) -> None:
+        assert self._file is not None
+        # A life's number is the wall clock's, which would make equal recordings differ.
+        self._file.add_journal(nanos, dumped(replace(journal, acks={}, life=0)))
+        self._entries += len(journal.entries)

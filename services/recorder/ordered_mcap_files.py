@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings that repeat: the same run gives the same file, byte for byte.
+
+Rule: nothing in the file depends on when a message arrived. Messages are held until every sensor
+has acknowledged beyond a slice of sim time. Each slice is then sorted, written, and ends a chunk.
+The journal is added at fixed instants of sim time, with every command at the tick from which it
+acts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from msgspec.structs import replace
+
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.recording.ros_channels import RosFile, Topic
+from groundlink.run.journal import acting_before
+
+from .mcap_files import JOURNAL_NANOS, McapFiles
+from .recorder import Recorder, RecordingFile
+
+SLICE_NANOS = NANOS // 2
+"""Sim time that is sorted at once: what a kill may cost, beside what sensors lag behind."""
+
+Held = tuple[int, int, bytes]
+"""Log time, number of the topic, CDR. Messages are written in this order."""
+
+
+class _BufferedTopic:
+    """A topic of which messages are held."""
+
+    def __init__(self, number: int, topic: Topic, held: list[Held]) -> None:
+        self._number, self._held, self.topic = number, held, topic
+
+    def write(self, nanos: int, cdr: memoryview) -> None:
+        """Hold a message."""
+        self._held.append((nanos, self._number, bytes(cdr)))
+
+
+class OrderedMcapFile:
+    """A `RecordingFile` that writes what it holds in an order that the messages alone determine."""
+
+    def __init__(self, file: RosFile) -> None:
+        self._file = file
+        self._held: list[Held] = []
+        self._topics: list[_BufferedTopic] = []
+        self._by_name: dict[tuple[str, str], _BufferedTopic] = {}
+
+    @property
+    def size_bytes(self) -> int:
+        """What the file takes on disk."""
+        return self._file.size_bytes
+
+    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> _BufferedTopic:
+        """Return the topic of this name and type; it is declared at the first call."""
+        known = self._by_name.get((name, ros_type))
+        if known is None:
+            topic = self._file.topic(name, ros_type, latched=latched)
+            known = _BufferedTopic(len(self._topics), topic, self._held)
+            self._by_name[name, ros_type] = known
+            self._topics.append(known)
+        return known
+
+    def write(self, until_nanos: float) -> None:
+        """Write all that is held and has an earlier log time, then end the chunk."""
+        self._held.sort()
+        count = 0
+        for nanos, number, cdr in self._held:
+            if nanos >= until_nanos:
+                break
+            self._topics[number].topic.write(nanos, memoryview(cdr))
+            count += 1
+        del self._held[:count]
+        self._file.mcap.close_chunk()
+
+    def commit(self, declared_hz: Mapping[str, float | None]) -> None:
+        """Make the file whole with all that was written."""
+        self._file.commit(declared_hz)
+
+    def close(self) -> None:
+        """Close the file as the last commit left it."""
+        self._file.close()
+
+
+class OrderedMcapFiles(McapFiles):
+    """McapFiles of runs that do not follow the wall clock (a `RecordingFiles`)."""
+
+    _ordered: OrderedMcapFile
+    _written_nanos = 0
+    """Everything before this instant was written."""
+
+    _waiting: tuple[bytes, ...] = ()
+    """Entries of the journal that act after what was written."""
+
+    def begin(self, epoch_nanos: int) -> RecordingFile:
+        """Open the next file."""
+        super().begin(epoch_nanos)
+        assert self._file is not None
+        self._ordered = OrderedMcapFile(self._file)
+        self._written_nanos, self._waiting = 0, ()
+        return self._ordered
+
+    def tend(self, recorder: Recorder) -> None:
+        """Write the slices that are complete."""
+        before = self._written_nanos
+        self._write_slices(recorder)
+        recorder.commit(anyway=self._written_nanos != before)
+
+    def finish(self, recorder: Recorder) -> None:
+        """Write the rest, and complete the file, if one was begun."""
+        if self._file is not None and recorder.clock is not None:
+            self._write_slices(recorder)
+            if self._written_nanos != recorder.end_nanos:
+                self._written_nanos = recorder.clock.stamp_nanos
+                self._ordered.write(math.inf)
+        super().finish(recorder)
+
+    def _write_slices(self, recorder: Recorder) -> None:
+        if self._file is None:
+            return
+        self._written_nanos = max(self._written_nanos, recorder.first_nanos)
+        while self._written_nanos != recorder.end_nanos:
+            until = self._written_nanos + SLICE_NANOS
+            if recorder.end_nanos is not None:
+                until = min(until, recorder.end_nanos)
+            if not recorder.has_come(until):
+                return
+            self._ordered.write(until)
+            self._written_nanos = until
+            if until >= self._next_journal_nanos:
+                self._next_journal_nanos = until + JOURNAL_NANOS
+                self._add_journal(recorder)
+
+    def _add_journal(self, recorder: Recorder) -> None:
+        if recorder.clock is None:
+            return
+        journal = self._asked(recorder.clock.life, self._entries + len(self._waiting))
+        if journal is None:
+            return
+        tick = (self._written_nanos - journal.epoch_nanos) // TICK_NANOS
+        entries, self._waiting = acting_before(tick, (*self._waiting, *journal.entries))
+        # Physics is further by now, by how much differs from run to run.
+        part = replace(journal, tick=tick, digest="", entries=entries, left_out=self._entries)
+        self._attach(self._written_nanos, part)

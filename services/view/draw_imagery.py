@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draw images, depth images, laser scans and ranges in Rerun.
+
+The entity of an image is in the frame `<optical frame>/image`. A CameraInfo message ties that frame
+to the optical frame; the image then also appears in the 3D view.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+from typing import Any, Literal
+
+import numpy as np
+import PIL.Image
+import rerun as rr
+from numpy.typing import NDArray
+
+from groundlink.messages.base import floats
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+
+from .colors import RAINBOW
+from .drawing_context import DrawingContext, VehicleHistory
+from .point_placement import points_in_world
+
+ColourModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
+
+IMAGE_PLANE_M = 0.6
+"""How far in front of a camera its picture hangs in the 3D view."""
+
+SCAN_COLOR = (255, 90, 90)
+
+_COLOURS: dict[str, tuple[ColourModel, type[np.unsignedinteger[Any]]]] = {
+    "rgb8": ("RGB", np.uint8),
+    "bgr8": ("BGR", np.uint8),
+    "rgba8": ("RGBA", np.uint8),
+    "bgra8": ("BGRA", np.uint8),
+    "mono8": ("L", np.uint8),
+    "8UC1": ("L", np.uint8),
+    "mono16": ("L", np.uint16),
+}
+"""Rerun's color model and the type of a channel, by the encoding's name."""
+
+_DEPTHS: dict[str, tuple[Any, float]] = {"32FC1": (np.float32, 1.0), "16UC1": (np.uint16, 1000.0)}
+"""Type of a pixel, and how much of it is a meter (REP 118)."""
+
+_DEPTH_HEADER = struct.Struct("<iff")
+"""What compressed_depth_image_transport puts before the PNG: format, A and B."""
+
+
+def image(context: DrawingContext, history: VehicleHistory, path: str, message: Image) -> None:
+    """Show an image, or a depth image where the encoding says so."""
+    if message.encoding in _DEPTHS:
+        dtype, meter = _DEPTHS[message.encoding]
+        depth = rr.DepthImage(_pixels(message, 1, dtype), meter=meter, point_fill_ratio=0.4)
+        _show(context, path, message, depth)
+    elif message.encoding in _COLOURS:
+        model, dtype = _COLOURS[message.encoding]
+        pixels = _pixels(message, len(model), dtype)
+        _show(context, path, message, rr.Image(pixels, color_model=model))
+    else:
+        context.not_drawn += 1
+
+
+def _pixels(message: Image, channels: int, dtype: Any) -> NDArray[Any]:
+    """Return the pixels as an array of height, width (and channels), without a row's padding."""
+    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.row_bytes)
+    used = message.width * channels * np.dtype(dtype).itemsize
+    pixels: NDArray[Any] = np.ascontiguousarray(rows[:, :used]).view(dtype)
+    return pixels.reshape(message.height, message.width, channels) if channels > 1 else pixels
+
+
+def compressed_image(
+    context: DrawingContext, history: VehicleHistory, path: str, message: CompressedImage
+) -> None:
+    """Show a compressed file as it is."""
+    said = message.format.lower()
+    if "compresseddepth" in said:
+        try:
+            depth = _compressed_depth(message, meters="32fc1" in said)
+        except (OSError, SyntaxError, struct.error):  # what Pillow says of a broken PNG; no header
+            context.not_drawn += 1
+            return
+        _show(context, path, message, depth)
+        return
+    kind = next((kind for kind in ("png", "jpeg", "jpg") if kind in said), None)
+    if kind is None:
+        context.not_drawn += 1
+        return
+    media_type = "image/png" if kind == "png" else "image/jpeg"
+    picture = rr.EncodedImage(contents=bytes(message.data), media_type=media_type)
+    _show(context, path, message, picture)
+
+
+def _compressed_depth(message: CompressedImage, *, meters: bool) -> rr.AsComponents:
+    """Return depth as compressed_depth_image_transport stores it.
+
+    Of 16UC1 the PNG has millimeters. Of meters, 32FC1, it has A / depth + B, with 0 for none, and
+    the header has A and B (codec.cpp there).
+    """
+    png = bytes(message.data[_DEPTH_HEADER.size :])
+    if not meters:
+        return rr.EncodedDepthImage(png, media_type="image/png", meter=1000.0)
+    _, a, b = _DEPTH_HEADER.unpack_from(message.data)
+    with PIL.Image.open(io.BytesIO(png)) as file:
+        stored = np.asarray(file, np.float32)
+    depth_m = np.full(stored.shape, np.nan, np.float32)
+    np.divide(a, stored - np.float32(b), out=depth_m, where=stored > 0)
+    return rr.DepthImage(depth_m, meter=1.0, point_fill_ratio=0.4)
+
+
+def _show(
+    context: DrawingContext, path: str, message: Image | CompressedImage, drawn: rr.AsComponents
+) -> None:
+    context.in_frame(path, f"{message.frame}/image")
+    context.log(path, message.stamp_nanos, drawn)
+
+
+def camera_info(
+    context: DrawingContext, history: VehicleHistory, path: str, message: CameraInfo
+) -> None:
+    """Tie the image's frame to the camera's optical frame, whenever it changes."""
+    before = context.last.get(path)
+    if isinstance(before, CameraInfo) and before.intrinsic == message.intrinsic:
+        return
+    context.last[path] = message
+    lens = rr.Pinhole(
+        image_from_camera=floats(message.intrinsic).reshape(3, 3),
+        resolution=[message.width, message.height],
+        parent_frame=message.frame,
+        child_frame=f"{message.frame}/image",
+        image_plane_distance=IMAGE_PLANE_M,
+    )
+    context.log(path, message.stamp_nanos, lens)
+
+
+def laser_scan(
+    context: DrawingContext, history: VehicleHistory, path: str, message: LaserScan
+) -> None:
+    """Draw a scan's returns in the world, each where the scanner was at its instant."""
+    ranges = np.frombuffer(message.ranges_m, np.float32)
+    met = np.flatnonzero((ranges >= message.min_range_m) & (ranges <= message.max_range_m))
+    angles = message.angle_min_rad + met * message.angle_increment_rad
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(met))], axis=-1)
+    points = (ranges[met, None] * directions).astype(np.float32)
+    seconds = (met * message.time_increment_s).astype(np.float32)
+    base_from_sensor = history.base_from(message.frame)
+    if base_from_sensor is not None:
+        placed = points_in_world(
+            points, seconds, message.stamp_nanos, history.base, base_from_sensor
+        )
+        if placed is None:
+            context.not_drawn += 1
+            return
+        points = placed
+    else:
+        context.in_frame(path, message.frame)
+    if (whole := context.revolution(history, path, points)) is not None:
+        drawn = rr.Points3D(whole[0], colors=SCAN_COLOR, radii=-2.0)
+        context.log(path, message.stamp_nanos, drawn)
+
+
+def range_reading(
+    context: DrawingContext, history: VehicleHistory, path: str, message: Range
+) -> None:
+    """Draw a distance as an arrow along the beam, and plot it; a failed measurement is neither."""
+    if math.isnan(message.range_m):
+        return
+    context.in_frame(path, message.frame)
+    reach = min(max(message.range_m, message.min_range_m), message.max_range_m)
+    near = 1 - reach / max(message.max_range_m, 1e-9)
+    arrow = rr.Arrows3D(vectors=[[reach, 0, 0]], colors=[int(RAINBOW[int(near * 255)])])
+    context.log(path, message.stamp_nanos, arrow)
+    at = context.sim_nanos(message.stamp_nanos)
+    context.plots.add(f"{path}/distance", at, [reach], ["distance"])

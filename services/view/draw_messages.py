@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How each message of the bus is drawn in Rerun.
+
+Rule: one table, one small function a message; a message that cannot be drawn is counted and never
+an error. Pixels are not touched: a compressed image goes to the viewer as it is. Images and ranges
+are in `draw_imagery`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import Floats, transform
+from groundlink.messages import imagery, navigation
+from groundlink.messages.base import Command, Imu, Message, PointCloud, WheelEncoders, floats
+from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.incoming import READERS
+from groundlink.ros.types import STORE
+from groundlink.scenario.sensors import Encoders, Lidar
+
+from . import draw_imagery, draw_ros_messages
+from .colors import Colors, of_bodies, of_cells, of_points
+from .drawing_context import WORLD, DrawingContext, Trail, VehicleHistory
+from .plots import XYZ, XYZ_COLORS
+from .point_placement import Reals, points_in_world
+
+ASKED = (255, 170, 60)
+"""Color of what a vehicle is asked for."""
+
+TOLD = (255, 120, 200)
+"""Color of what comes from a vehicle's own stack; the truth is drawn in another."""
+
+MAP_OPACITY = 0.6
+
+POINT_RADIUS = -1.1
+"""In points of the screen, which Rerun says by a negative radius."""
+
+
+def command(context: DrawingContext, history: VehicleHistory, path: str, message: Command) -> None:
+    """Plot what the vehicle is asked for beside what it does."""
+    at = context.sim_nanos(message.stamp_nanos)
+    name = history.spec.name
+    context.plots.add(
+        f"{name}/speed/commanded", at, [message.linear_mps[0]], ["commanded"], [ASKED]
+    )
+    context.plots.add(
+        f"{name}/turning/commanded", at, [message.angular_radps[2]], ["commanded"], [ASKED]
+    )
+
+
+def imu(context: DrawingContext, history: VehicleHistory, path: str, message: Imu) -> None:
+    """Plot acceleration and angular velocity."""
+    at = context.sim_nanos(message.stamp_nanos)
+    for what, values in (
+        ("acceleration", message.linear_acceleration_mps2),
+        ("angular_velocity", message.angular_velocity_radps),
+    ):
+        context.plots.add(f"{path}/{what}", at, values, XYZ, XYZ_COLORS)
+
+
+def wheel_encoders(
+    context: DrawingContext, history: VehicleHistory, path: str, message: WheelEncoders
+) -> None:
+    """Plot the speed of each wheel's tread by the ticks since the message before."""
+    before, context.last[path] = context.last.get(path), message
+    spec = history.sensor(path)
+    if not isinstance(before, WheelEncoders) or before.names != message.names:
+        return
+    seconds = (message.stamp_nanos - before.stamp_nanos) / NANOS
+    if seconds <= 0:
+        return
+    per_tick = {}
+    if isinstance(spec, Encoders):
+        for wheel in history.spec.model.wheels:
+            tread = 2 * math.pi * wheel.radius_m / spec.ticks_per_wheel_revolution
+            per_tick[wheel.name] = -tread if wheel.name in spec.reversed_wheels else tread
+    speeds = [
+        (now - then) * per_tick.get(name, 1.0) / seconds
+        for name, now, then in zip(message.names, message.ticks, before.ticks, strict=False)
+    ]
+    names = [name.removesuffix("_wheel") for name in message.names]
+    context.plots.add(path, context.sim_nanos(message.stamp_nanos), speeds, names)
+
+
+def point_cloud(
+    context: DrawingContext, history: VehicleHistory, path: str, message: PointCloud
+) -> None:
+    """Draw a revolution in the world, each point where the LiDAR was at its instant."""
+    records = message.records()
+    spec = history.sensor(path)
+    rings = len(spec.elevations_deg) if isinstance(spec, Lidar) else 16
+    colors = of_points(records, context.coloring, rings)
+    _points(context, history, path, message, records["time"], colors)
+
+
+def true_points(
+    context: DrawingContext, history: VehicleHistory, path: str, message: TruePoints
+) -> None:
+    """Draw the truth behind a revolution, which is of one instant, in the colors of bodies."""
+    bodies = message.records()["body"]
+    at_once = np.zeros(len(bodies), np.float32)
+    _points(context, history, path, message, at_once, of_bodies(bodies))
+
+
+def _points(
+    context: DrawingContext,
+    history: VehicleHistory,
+    path: str,
+    message: PointCloud | TruePoints,
+    seconds: Reals,
+    colors: Colors,
+) -> None:
+    base_from_sensor = history.base_from(message.frame)
+    records = message.records()
+    placed = None
+    if base_from_sensor is not None:
+        packed = np.stack([records[axis] for axis in XYZ], axis=-1)
+        placed = points_in_world(
+            packed, seconds, message.stamp_nanos, history.base, base_from_sensor
+        )
+    if placed is None:
+        context.not_drawn += 1
+        return
+    if (whole := context.revolution(history, path, placed, colors)) is not None:
+        points, colors = whole
+        drawn = rr.Points3D(points, colors=colors, radii=POINT_RADIUS)
+        context.log(path, message.stamp_nanos, drawn)
+
+
+def pose_stamped(
+    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.PoseStamped
+) -> None:
+    """Draw where the vehicle's stack believes it to be as a line beside the truth."""
+    _told(context, history, path, message, message.position_m, message.orientation)
+
+
+def odometry(
+    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.Odometry
+) -> None:
+    """Draw it as a pose, and plot its speed."""
+    if path.endswith("/ground_truth"):
+        return  # states say the same, and more often
+    _told(context, history, path, message, message.position_m, message.orientation)
+    at = context.sim_nanos(message.stamp_nanos)
+    context.plots.add(
+        f"{history.spec.name}/speed/odometry", at, [message.linear_mps[0]], ["odometry"]
+    )
+
+
+def _told(
+    context: DrawingContext,
+    history: VehicleHistory,
+    path: str,
+    message: Any,
+    position: Any,
+    orientation: Any,
+) -> None:
+    stamp: int = message.stamp_nanos
+    if message.frame != WORLD and not _lay(context, history, stamp, position, orientation):
+        context.not_drawn += 1
+        return
+    context.in_frame(path, WORLD if message.frame == WORLD else history.stack_frame)
+    trail = context.trails.setdefault(path, Trail())
+    if trail.add(position):
+        line = rr.LineStrips3D([trail.points], colors=[TOLD], radii=[-2.5])
+        context.log(path, stamp, line)
+
+
+def _lay(
+    context: DrawingContext, history: VehicleHistory, stamp: int, position: Any, orientation: Any
+) -> bool:
+    """Lay the stack's frame so that its first pose is the true one of that instant."""
+    if history.world_from_stack is None:
+        states = history.base.span(stamp, stamp)
+        if states is None:
+            return False
+        true = states[1][0]
+        stack_from_base = transform(position, orientation)
+        world_from_base = transform(true[:3], true[3:])
+        history.world_from_stack = world_from_base @ np.linalg.inv(stack_from_base)
+        _show_frame(context, history, history.world_from_stack)
+        for path, waiting in list(context.last.items()):
+            mine = path.startswith(f"{history.spec.name}/")
+            if mine and isinstance(waiting, navigation.OccupancyGrid):
+                occupancy_grid(context, history, path, waiting)
+    return True
+
+
+def _show_frame(context: DrawingContext, history: VehicleHistory, world_from_stack: Floats) -> None:
+    frame = rr.Transform3D(
+        translation=world_from_stack[:3, 3],
+        mat3x3=world_from_stack[:3, :3],
+        parent_frame=WORLD,
+        child_frame=history.stack_frame,
+    )
+    context.recording.log(f"tf/{history.stack_frame}", frame, static=True)
+
+
+def occupancy_grid(
+    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.OccupancyGrid
+) -> None:
+    """Draw a map as a picture on the plane of its frame."""
+    if not message.width or not message.height:
+        return
+    if message.frame != WORLD and history.world_from_stack is None:
+        context.last[path] = message  # where the stack's frame lies is known with its first pose
+        return
+    context.in_frame(path, WORLD if message.frame == WORLD else history.stack_frame)
+    cells = np.frombuffer(message.cells, np.int8).reshape(message.height, message.width)
+    plane = rr.GridMap(
+        data=of_cells(cells[::-1]).tobytes(),  # a picture's first row is at its top
+        format=rr.components.ImageFormat(
+            width=message.width, height=message.height, color_model="RGBA", channel_datatype="U8"
+        ),
+        cell_size=message.resolution_m,
+        translation=message.origin_position_m,
+        quaternion=rr.Quaternion(xyzw=message.origin_orientation),
+        opacity=MAP_OPACITY,
+    )
+    context.log(path, message.stamp_nanos, plane)
+
+
+def transforms(
+    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.Transforms
+) -> None:
+    """Place the frames that others tell of; those of the scenario stay where they truly are."""
+    for t in message.transforms:
+        if history.base_from(t.child) is None:
+            context.move(t.child, t.parent, (*t.translation_m, *t.rotation), t.stamp_nanos)
+
+
+def joint_state(
+    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.JointState
+) -> None:
+    """Plot the joints' positions and speeds."""
+    if path.endswith("/ground_truth/wheels"):
+        return  # encoders show nearly the same
+    at = context.sim_nanos(message.stamp_nanos)
+    for what in ("positions", "velocities"):
+        values = floats(getattr(message, what)).tolist()
+        if values:
+            context.plots.add(f"{path}/{what}", at, values, message.names)
+
+
+def nav_sat_fix(
+    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.NavSatFix
+) -> None:
+    """Draw the fix on a map, and the way there."""
+    if message.status < 0:
+        return
+    fix = (message.latitude_deg, message.longitude_deg)
+    here = rr.GeoPoints(lat_lon=[fix], radii=[-6.0], colors=[(255, 90, 60)])
+    context.log(path, message.stamp_nanos, here)
+    trail = context.trails.setdefault(path, Trail(3e-7))  # of a degree: 3 cm
+    if trail.add(fix) and len(trail.points) > 1:
+        way = rr.GeoLineStrings(lat_lon=[trail.points], radii=[-2.0], colors=[(255, 170, 60)])
+        context.log(f"{path}/way", message.stamp_nanos, way)
+
+
+RELAYED_FORMS = {
+    "nav_msgs/msg/Path": draw_ros_messages.path,
+    "sensor_msgs/msg/PointCloud2": draw_ros_messages.point_cloud,
+}
+
+
+def relayed(context: DrawingContext, history: VehicleHistory, path: str, message: Relayed) -> None:
+    """Draw what ROS tells as it came: by its own type, or as what the bus has for it."""
+    if draw := RELAYED_FORMS.get(message.ros_type):
+        found = STORE.deserialize_cdr(bytes(message.cdr), message.ros_type)
+        draw(context, history, path, message.stamp_nanos, found)
+        return
+    read = READERS.get(message.ros_type)
+    known = read(message.cdr, message.stamp_nanos) if read is not None else None
+    if isinstance(known, navigation.PoseStamped | navigation.Odometry | navigation.OccupancyGrid):
+        FORMS[type(known)](context, history, path, known)
+    else:
+        context.not_drawn += 1
+
+
+Form = Callable[[DrawingContext, VehicleHistory, str, Any], None]
+
+FORMS: dict[type[Message], Form] = {
+    Command: command,
+    Imu: imu,
+    PointCloud: point_cloud,
+    TruePoints: true_points,
+    WheelEncoders: wheel_encoders,
+    imagery.Image: draw_imagery.image,
+    imagery.CompressedImage: draw_imagery.compressed_image,
+    imagery.CameraInfo: draw_imagery.camera_info,
+    imagery.LaserScan: draw_imagery.laser_scan,
+    imagery.Range: draw_imagery.range_reading,
+    navigation.PoseStamped: pose_stamped,
+    navigation.Odometry: odometry,
+    navigation.OccupancyGrid: occupancy_grid,
+    navigation.Transforms: transforms,
+    navigation.JointState: joint_state,
+    navigation.NavSatFix: nav_sat_fix,
+    Relayed: relayed,
+}
+"""Every message of a vehicle that is drawn. States, clock and health are not a vehicle's."""

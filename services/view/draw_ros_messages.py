@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How paths and clouds of a vehicle's own stack are drawn, which come as ROS has them.
+
+Rule: fields are found by name, as any ROS tool finds them; a cloud without x, y and z of float32 is
+not drawn. What is in the stack's own frames is drawn where that frame was laid (`context`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from groundlink.ros.types import xyz
+
+from .drawing_context import WORLD, DrawingContext, VehicleHistory
+
+PLANNED = (130, 230, 110)
+"""Color of what a stack means to do, or has made of readings."""
+
+PATH_RADIUS = -2.0
+POINT_RADIUS = -1.3
+"""In points of the screen, which Rerun says by a negative radius."""
+
+_FLOAT32 = 7
+"""sensor_msgs/PointField."""
+
+
+def path(
+    context: DrawingContext, history: VehicleHistory, entity: str, stamp_nanos: int, message: Any
+) -> None:
+    """Draw a nav_msgs/Path as a line; an empty one takes the last away."""
+    if _place(context, history, entity, message.header.frame_id):
+        line = [xyz(row.pose.position) for row in message.poses]
+        strips = [line] if len(line) > 1 else []
+        drawn = rr.LineStrips3D(strips, colors=[PLANNED], radii=[PATH_RADIUS])
+        context.log(entity, stamp_nanos, drawn)
+
+
+def point_cloud(
+    context: DrawingContext, history: VehicleHistory, entity: str, stamp_nanos: int, message: Any
+) -> None:
+    """Draw the points of a sensor_msgs/PointCloud2."""
+    points = _points(message)
+    if points is None:
+        context.not_drawn += 1
+    elif _place(context, history, entity, message.header.frame_id):
+        drawn = rr.Points3D(points, colors=[PLANNED], radii=POINT_RADIUS)
+        context.log(entity, stamp_nanos, drawn)
+
+
+def _place(context: DrawingContext, history: VehicleHistory, entity: str, frame: str) -> bool:
+    """Say in which frame an entity is drawn; return whether that is known."""
+    if frame != WORLD and history.base_from(frame) is None:
+        if history.world_from_stack is None:
+            context.not_drawn += 1
+            return False
+        frame = history.stack_frame
+    context.in_frame(entity, frame)
+    return True
+
+
+def _points(message: Any) -> NDArray[np.float32] | None:
+    """Return the finite points of a cloud, shape (N, 3), meters in its frame; None without any."""
+    offsets = {f.name: f.offset for f in message.fields if f.datatype == _FLOAT32}
+    count, step = message.width * message.height, message.point_step
+    if message.is_bigendian or not {"x", "y", "z"} <= offsets.keys():
+        return None
+    if count * step != len(message.data) or max(offsets[axis] for axis in "xyz") + 4 > step:
+        return None
+    record = np.dtype(
+        {
+            "names": ["x", "y", "z"],
+            "formats": ["<f4"] * 3,
+            "offsets": [offsets[axis] for axis in "xyz"],
+            "itemsize": step,
+        }
+    )
+    records = np.frombuffer(message.data, record)
+    points: NDArray[np.float32] = np.stack([records[axis] for axis in "xyz"], axis=-1)
+    finite: NDArray[np.float32] = points[np.isfinite(points).all(axis=-1)]
+    return finite

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States of a run that has none: a replay, or a file.
+
+Rule: made of the ground truth of each vehicle at its own rate, and of the poses of all bodies,
+which come less often: between those a wheel keeps its place on its vehicle and turns as the truth
+says. What takes time to measure is held back until the truth of its end is known.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import Floats, conjugate, matrix_from_quaternion, multiply
+from groundlink.messages.base import (
+    Clock,
+    Message,
+    PointCloud,
+    State,
+    VehicleState,
+    floats,
+    measured_nanos,
+    packed,
+)
+from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.imagery import LaserScan
+from groundlink.messages.navigation import JointState, Odometry
+from groundlink.ros.streams import Outgoing, RosStream
+from groundlink.scenario import Scenario
+from groundlink.scenario.joints import base_from_links
+from groundlink.scenario.schema import Vehicle
+from groundlink.world.build import world_hash
+
+HELD = 64
+"""Messages that may wait for the truth of their end; the oldest go."""
+
+
+class StreamMessage(NamedTuple):
+    """A message of a stream of the run."""
+
+    path: str
+    stream: RosStream
+    message: Message
+
+
+class StateReconstructor:
+    """Makes states of the ground truth."""
+
+    def __init__(self, scenario: Scenario, run: str) -> None:
+        self._scenario, self._run = scenario, run
+        self._hash = world_hash(scenario)
+        self._links = {v.name: _Links(v) for v in scenario.vehicles}
+        self._rounds = 0
+        self._clock: Clock | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._actors = memoryview(b"")
+        self._newest_nanos = -1
+        self._held: deque[StreamMessage] = deque(maxlen=HELD)
+
+    def follow(self, came: Iterable[StreamMessage]) -> tuple[list[State], list[StreamMessage]]:
+        """Return the states that follow from messages, and the messages to be drawn after them."""
+        vehicles: dict[int, dict[str, VehicleState]] = {}
+        drawable: list[StreamMessage] = []
+        for each in came:
+            message, (name, _, rest) = each.message, each.path.partition("/")
+            if isinstance(message, Clock):
+                if self._clock is not None and message.stamp_nanos < self._clock.stamp_nanos:
+                    self._rounds += 1  # a replay in a loop
+                    self._begin()
+                self._clock = message
+            elif isinstance(message, Bodies):
+                self._take_bodies(message)
+            elif isinstance(message, JointState) and rest == "ground_truth/wheels":
+                self._links[name].turn(floats(message.positions))
+            elif isinstance(message, JointState) and rest == "ground_truth/joints":
+                self._links[name].move(floats(message.positions))
+            elif isinstance(message, Odometry) and rest == "ground_truth":
+                at = vehicles.setdefault(message.stamp_nanos, {})
+                at[name] = self._links[name].state(message)
+            if isinstance(message, PointCloud | LaserScan) and isinstance(each.stream, Outgoing):
+                self._held.append(each)
+            else:
+                drawable.append(each)
+        if self._clock is None:
+            return [], []
+        states = [self._state(self._clock, stamp, vehicles[stamp]) for stamp in sorted(vehicles)]
+        if states:
+            self._newest_nanos = states[-1].stamp_nanos
+        held, self._held = self._held, deque(maxlen=HELD)
+        for each in held:
+            (drawable if _end_nanos(each) <= self._newest_nanos else self._held).append(each)
+        return states, drawable
+
+    def _state(self, clock: Clock, stamp: int, vehicles: dict[str, VehicleState]) -> State:
+        return State(
+            *(self._run, clock.life + self._rounds, clock.epoch_nanos, clock.tick),
+            *(stamp - clock.epoch_nanos, self._hash, vehicles, self._actors),
+        )
+
+    def _take_bodies(self, bodies: Bodies) -> None:
+        poses = dict(zip(bodies.names, bodies.world_from_body(), strict=True))
+        for name, links in self._links.items():
+            rows = [poses.get(f"{name}/{link}") for link in links.names]
+            if all(row is not None for row in rows):
+                links.place(np.array(rows))
+        actors = [poses.get(actor.name) for actor in self._scenario.world.actors]
+        if actors and all(row is not None for row in actors):
+            self._actors = packed(np.array(actors))
+
+
+class _Links:
+    """Where the links of a vehicle are on it."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        model = vehicle.model
+        self.names = model.link_names()
+        self.angles: Floats = np.zeros(len(model.wheels))
+        """Of the wheels, as the truth last said."""
+
+        self._placed_at: Floats = self.angles
+        self._base_from_link = np.zeros((len(self.names), 7))
+        self._base_from_link[:, 6] = 1.0
+        wheels, last = [wheel.center_m for wheel in model.wheels], len(model.wheels) + 1
+        self._base_from_link[1:last, :3] = wheels
+        self._joints = model.joints
+        self._base_from_joint = self._base_from_link[last:]
+        self.move(np.zeros(len(model.joints)))
+
+    def turn(self, angles: Floats) -> None:
+        """Take note of the wheels' angles; those of a replay by another version may not fit."""
+        if len(angles) == len(self.angles):
+            self.angles = angles
+
+    def move(self, positions: Floats) -> None:
+        """Move the links of joints other than wheels to positions, in rad or m."""
+        if len(positions) == len(self._joints):
+            for row, pose in enumerate(base_from_links(self._joints, positions.tolist())):
+                self._base_from_joint[row] = *pose[0], *pose[1]
+
+    def place(self, world_from_link: Floats) -> None:
+        """Take note of where all links were at an instant, shape (links, 7), base first."""
+        position, turn = world_from_link[0, :3], world_from_link[0, 3:]
+        found = np.empty_like(world_from_link)
+        found[:, :3] = (world_from_link[:, :3] - position) @ matrix_from_quaternion(turn)
+        found[:, 3:] = multiply(conjugate(turn), world_from_link[:, 3:])
+        self._base_from_link, self._placed_at = found, self.angles
+        self._base_from_joint = found[len(self.angles) + 1 :]
+
+    def state(self, truth: Odometry) -> VehicleState:
+        """Return where all links are when the base is where the truth says."""
+        turned = self.angles - self._placed_at  # about the link's y
+        spin = np.zeros((len(self.names), 4))
+        spin[:, 3] = 1.0
+        wheels = slice(1, len(turned) + 1)
+        spin[wheels, 1], spin[wheels, 3] = np.sin(turned / 2), np.cos(turned / 2)
+        rotation = matrix_from_quaternion(truth.orientation)
+        poses = np.empty_like(self._base_from_link)
+        poses[:, :3] = truth.position_m + self._base_from_link[:, :3] @ rotation.T
+        poses[:, 3:] = multiply(truth.orientation, multiply(self._base_from_link[:, 3:], spin))
+        velocity = np.concatenate([rotation @ truth.linear_mps, rotation @ truth.angular_radps])
+        still = packed(np.zeros(len(self.angles)))
+        return VehicleState(packed(poses), packed(velocity), packed(self.angles), still)
+
+
+def _end_nanos(each: StreamMessage) -> int:
+    """Return when a message was measured to its end."""
+    assert isinstance(each.stream, Outgoing)
+    return measured_nanos(each.message) + round(NANOS / each.stream.declared_hz)

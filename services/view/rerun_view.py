@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run as a Rerun recording: the world first, then every message of the bus.
+
+States place vehicles and actors, at most 30 times a second. The table in `draw_messages` draws the
+other messages. `rerun_destinations` opens the recording: a window, a browser or a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from groundlink.core.clock import NANOS
+from groundlink.core.frames import conjugate, matrix_from_quaternion
+from groundlink.messages.base import Health, Message, State, floats
+from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.ros.streams import RosStream
+from groundlink.scenario import Scenario
+from groundlink.world import actors
+from groundlink.world.links import links
+
+from . import link_panel
+from .colors import Coloring
+from .draw_messages import FORMS
+from .drawing_context import WORLD, DrawingContext, VehicleHistory
+from .layout import TEXT
+from .meshes import ShadedMesh, mesh, world
+from .rerun_destinations import RerunDestination
+
+FRAME_NANOS = NANOS // 30
+"""Of sim time between two places of a vehicle."""
+
+ROOT = "tf#/"
+"""Rerun's name for the frame of the entity at the root."""
+
+TRUTH = (90, 220, 255)
+"""Color of the true trajectory."""
+
+WORLD_LIGHT = 0.6
+"""What stands still is drawn darker than it is, so that points and vehicles stand out."""
+
+IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class RerunView:
+    """One run, as it is drawn.
+
+    Parameters
+    ----------
+    destination
+        asked for a recording for each life of the run's physics, as sim time begins anew with it,
+        and for each world.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        run: str,
+        *,
+        coloring: Coloring,
+        destination: RerunDestination,
+    ) -> None:
+        self._scenario, self._run = scenario, run
+        self._coloring = coloring
+        self._destination = destination
+        self._monitor = RunMonitor()
+        self._next_frame_nanos = 0
+        self._next_plot_nanos = 0
+        self._life: int | None = None
+        self.context = self._begin()
+
+    def change(self, scenario: Scenario) -> None:
+        """Draw another world from now on, in a recording of its own."""
+        self.context.plots.flush()
+        self._scenario = scenario
+        self.context = self._begin()
+
+    def take_states(self, states: Sequence[State]) -> None:
+        """Take the states that have come; the newest of them is drawn when it is due."""
+        for state in states:
+            if state.life != self._life:
+                if self._life is not None:
+                    self.context = self._begin()
+                self._life = state.life
+            self.context.epoch_nanos = state.epoch_nanos
+            self.context.now_nanos = state.sim_nanos
+            for name, history in self.context.vehicles.items():
+                if name in state.vehicles:
+                    history.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
+        if states and self.context.now_nanos >= self._next_frame_nanos:
+            self._next_frame_nanos = self.context.now_nanos + FRAME_NANOS * 3 // 4
+            newest = {name: state for state in states for name in state.vehicles}
+            for name, history in self.context.vehicles.items():
+                if name in newest:
+                    self._draw(newest[name], history)
+            poses = floats(states[-1].actors).reshape(-1, 7).tolist()
+            for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
+                self.context.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
+
+    def take(self, path: str, stream: RosStream, message: Message) -> None:
+        """Draw a message of a vehicle; without a state before it there is no sim time for it."""
+        history = self.context.vehicles.get(path.partition("/")[0])
+        if self.context.epoch_nanos is not None and history is not None:
+            FORMS[stream.message](self.context, history, path, message)
+
+    def take_health(self, health: Health, now_seconds: float) -> None:
+        """Show how a process is."""
+        self._monitor.heard(health, now_seconds)
+        if self.context.epoch_nanos is None:
+            return
+        if health.streams:
+            link_panel.plot(self.context.plots, self.context.now_nanos, health)
+        if health.process == "physics":
+            color = {"intensity": "intensity", "ring": "laser"}[self._coloring]
+            title = f"{self._scenario.name} · run {self._run}"
+            said = link_panel.text(title, self._monitor, shown=f"points colored by {color}")
+            stamp = self.context.epoch_nanos + self.context.now_nanos
+            self.context.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
+
+    def tell(self, text: str) -> None:
+        """Show a text in the run's panel."""
+        document = rr.TextDocument(text, media_type="text/markdown")
+        self.context.recording.log(TEXT, document, static=True)
+
+    def flush(self) -> None:
+        """Hand the plots over, some times a second of sim time."""
+        if self.context.now_nanos >= self._next_plot_nanos:
+            self._next_plot_nanos = self.context.now_nanos + NANOS // 5
+            self.context.plots.flush()
+
+    def alive(self) -> bool:
+        """Return whether anybody can still look."""
+        return self._destination.alive()
+
+    def counters(self) -> dict[str, int]:
+        """Return how many messages could not be drawn."""
+        return {"not_drawn": self.context.not_drawn}
+
+    def close(self) -> None:
+        """Show what waits, and end."""
+        self.context.plots.flush()
+        self._destination.close()
+
+    def _begin(self) -> DrawingContext:
+        """Return a new recording with all that stands still."""
+        recording = self._destination.new_recording()
+        context = DrawingContext(recording, self._scenario, self._coloring)
+        self._next_frame_nanos = self._next_plot_nanos = 0
+        recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        context.fix(WORLD, ROOT, IDENTITY)
+        for name, solid in world(self._scenario).items():
+            recording.log(f"world/{name}", _drawn(solid, WORLD_LIGHT), static=True)
+        materials = self._scenario.world.materials
+        for actor in self._scenario.world.actors:
+            path = f"actors/{actor.name}"
+            context.in_frame(path, actor.name)
+            recording.log(path, _drawn(mesh(actors.parts(actor.form), materials)), static=True)
+        for history in context.vehicles.values():
+            model, prefix = history.spec.model, history.spec.frame_prefix
+            for link, parts in zip(model.link_names(), links(model), strict=True):
+                path = f"{history.spec.name}/links/{link}"
+                context.in_frame(path, prefix + link)
+                recording.log(path, _drawn(mesh(parts, materials)), static=True)
+            for sensor in history.spec.sensors:
+                frame = prefix + sensor.frame
+                placed = history.base_from(frame)
+                if frame != history.base_frame and placed is not None:
+                    mount = rr.Transform3D(
+                        translation=placed[:3, 3],
+                        mat3x3=placed[:3, :3],
+                        parent_frame=history.base_frame,
+                        child_frame=frame,
+                    )
+                    recording.log(f"tf/{frame}", mount, static=True)
+        return context
+
+    def _draw(self, state: State, history: VehicleHistory) -> None:
+        """Draw where a vehicle is and how it moves."""
+        vehicle, context = state.vehicles[history.spec.name], self.context
+        name, prefix = history.spec.name, history.spec.frame_prefix
+        poses = vehicle.poses()
+        for link, pose in zip(history.spec.model.link_names(), poses.tolist(), strict=False):
+            context.move(prefix + link, WORLD, pose, state.stamp_nanos)
+        # Just above the floor, so that the vehicle does not hide it.
+        x, y, z = poses[0, :3].tolist()
+        if history.trail.add((x, y, z - history.spec.model.base_height_m + 0.01)):
+            line = rr.LineStrips3D([history.trail.points], colors=[TRUTH], radii=[-2.5])
+            context.log(f"{name}/path", state.stamp_nanos, line)
+        base_from_world = matrix_from_quaternion(conjugate(poses[0, 3:]))
+        linear, angular = floats(vehicle.base_velocity).reshape(2, 3) @ base_from_world.T
+        at = state.sim_nanos
+        context.plots.add(f"{name}/speed/true", at, [float(linear[0])], ["true"], [TRUTH])
+        context.plots.add(f"{name}/turning/true", at, [float(angular[2])], ["true"], [TRUTH])
+
+
+def _drawn(solid: ShadedMesh, light: float = 1.0) -> rr.Mesh3D:
+    return rr.Mesh3D(
+        vertex_positions=solid.vertices,
+        triangle_indices=np.arange(len(solid.vertices), dtype=np.uint32).reshape(-1, 3),
+        vertex_normals=solid.normals,
+        vertex_colors=solid.colors,
+        albedo_factor=[light, light, light, 1.0],
+        face_rendering="Front",
+    )

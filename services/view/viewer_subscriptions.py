@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a viewer takes from the bus: everything that ROS would see, states and health.
+
+Rule: nothing is acknowledged, so nobody waits for a viewer. Each stream has a box of its own that
+keeps the newest and counts what it drops, few of what is large. A replay has no states; as long as
+none has come they are made of the ground truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from groundlink.bus.core_topics import HEALTH, STATE
+from groundlink.bus.inbox import BusInbox
+from groundlink.bus.session import Bus
+from groundlink.messages.base import Health, Imu, M, Message, PointCloud, State
+from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.imagery import CompressedImage, Image
+from groundlink.messages.navigation import OccupancyGrid
+from groundlink.messages.relayed import Relayed
+from groundlink.ros.streams import RosStream, incoming, outgoing
+from groundlink.scenario import Scenario
+from groundlink.scenario.sensors import RotatingLidar
+
+from .reconstructed_states import StateReconstructor, StreamMessage
+
+KEPT: dict[type[Message], int] = {
+    State: 1000,
+    Imu: 1000,
+    PointCloud: 3,
+    TruePoints: 3,
+    Image: 3,
+    CompressedImage: 6,
+    OccupancyGrid: 1,
+    Relayed: 6,
+}
+"""Messages of a stream that may wait, by type: of states those of 2.5 s."""
+
+KEPT_OF_OTHERS = 200
+
+
+def streams_of(scenario: Scenario, run: str) -> dict[str, RosStream]:
+    """Return every stream of a run that ROS sees, by its key without the run's part."""
+    every = [*outgoing(scenario, run), *incoming(scenario, run)]
+    return {stream.key.split("/", 2)[2]: stream for stream in every}
+
+
+class ViewerSubscriptions:
+    """The boxes of one viewer."""
+
+    def __init__(self, bus: Bus, scenario: Scenario, run: str) -> None:
+        self.streams = streams_of(scenario, run)
+        self._states: BusInbox[State] = BusInbox(depth=KEPT[State])
+        self._truth: StateReconstructor | None = StateReconstructor(scenario, run)
+        self._health: BusInbox[Health] = BusInbox(depth=KEPT_OF_OTHERS)
+        self._boxes: dict[str, BusInbox[Message]] = {}
+        bus.subscribe(STATE.key_in(run), State, self._states)
+        bus.subscribe(HEALTH.key_in(run), Health, self._health)
+        for path, stream in self.streams.items():
+            depth = KEPT.get(stream.message, KEPT_OF_OTHERS)
+            if stream.message in (PointCloud, TruePoints):
+                depth *= _blocks(scenario, path.removesuffix("/truth"))
+            box = self._boxes[path] = BusInbox[Message](depth=depth)
+            bus.subscribe(stream.key, stream.message, box)
+
+    def take(self) -> tuple[list[State], list[StreamMessage]]:
+        """Return the states that wait, and the messages of all streams that can be drawn."""
+        came = [
+            StreamMessage(path, self.streams[path], message)
+            for path, box in self._boxes.items()
+            for message in _waiting(box)
+        ]
+        states = list(_waiting(self._states))
+        if states:
+            self._truth = None
+        return (states, came) if self._truth is None else self._truth.follow(came)
+
+    def health(self) -> list[Health]:
+        """Return what processes have said about themselves."""
+        return list(_waiting(self._health))
+
+    def counters(self) -> dict[str, int]:
+        """Return how many messages were dropped and refused."""
+        boxes: list[BusInbox[Any]] = [self._states, self._health, *self._boxes.values()]
+        return {
+            "dropped": sum(box.dropped for box in boxes),
+            "refused": sum(box.refused for box in boxes),
+        }
+
+
+def _waiting(box: BusInbox[M]) -> Iterator[M]:
+    """Yield as many messages as waited when it was asked, so that it ends."""
+    for _ in range(len(box)):
+        if (arrived := box.get(seconds=0)) is None:
+            return
+        yield arrived[1]
+
+
+def _blocks(scenario: Scenario, path: str) -> int:
+    found = scenario.sensor(path)
+    if found is None or not isinstance(found[1], RotatingLidar):
+        return 1
+    return found[1].blocks_per_revolution

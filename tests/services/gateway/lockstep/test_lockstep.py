@@ -1,0 +1,395 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lockstep between a list of messages of the bus and a stand-in of the link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from groundlink.bus.inbox import BusInbox
+from groundlink.core.backoff import QUIET_SECONDS
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.messages.base import Ack, Clock, Command, Message, State, WheelEncoders, encode
+from groundlink.scenario.schema import Time
+from services.gateway.__main__ import _say
+from services.gateway.bus_session import Resumed
+from services.gateway.gateway import Gateway
+from services.gateway.lockstep.lockstep import LIMIT_MS, Lockstep
+from services.gateway.lockstep.reply_mailbox import ReplyMailbox
+from udp_bridge.wire import control
+from udp_bridge.wire.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.message import Message as WireMessage
+from udp_bridge.wire.types import CONTROL, type_number
+
+PEER = ("127.0.0.1", 7511)
+RUN = "lab"
+TWIST, CLOCK, ENCODERS, JOINTS = map(type_number, ("Twist", "Clock", "WheelEncoders", "JointState"))
+COMMAND_KEY = "groundlink/lab/rover/command"
+LAB = load(SHIPPED / "indoor_lab.yaml")
+SENSORS = ("rover/lidar", "rover/imu", "rover/encoders", "rover/camera")
+LIFE = 77
+
+
+class StandIn:
+    """A link that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[int, str, int, bytes]] = []
+        self.counts: dict[tuple[int, str], int] = {}
+        self.is_busy = False
+
+    def send(self, msg_type: int, topic: str, _: str, stamp: int, body: Any, to: Any) -> None:
+        assert to == PEER
+        self.sent.append((msg_type, topic, stamp, bytes(body)))
+        self.counts[msg_type, topic] = self.counts.get((msg_type, topic), 0) + 1
+
+    def left(self, to: Any) -> dict[tuple[int, str], int]:
+        return dict(self.counts)
+
+    def flush(self, seconds: float) -> bool:
+        assert 0 < seconds <= LIMIT_MS / 1e3, "the run stands still meanwhile"
+        return not self.is_busy
+
+    @property
+    def barriers(self) -> list[Barrier]:
+        found = [control.parse(body) for kind, _, _, body in self.sent if kind == CONTROL]
+        return [said for said in found if isinstance(said, Barrier)]
+
+
+@dataclass
+class Rig:
+    """A gateway in lockstep, between a bus and ROS that the test plays."""
+
+    time: Time = field(default_factory=lambda: Time(mode="fast", lockstep="ros", epoch="zero"))
+    resumed: Resumed | None = None
+    heard_of_sensors: Ack = field(default_factory=lambda: Ack(LIFE, -1, -1))
+
+    def __post_init__(self) -> None:
+        scenario = replace(LAB, time=self.time)
+        self.link: Any = StandIn()
+        self.words = ReplyMailbox()
+        self.published: list[tuple[str, Message]] = []
+        self.acks: list[Ack] = []
+        self.said: list[str] = []
+        self.now = 100.0
+        self.gateway = Gateway(
+            scenario,
+            RUN,
+            peer=PEER,
+            publish=lambda key, message: self.published.append((key, message)),
+            words=self.words,
+        )
+        self.lockstep = Lockstep(
+            *(scenario, self.gateway, self.link, self.words),
+            acknowledge=self.acks.append,
+            resume=self.resume,
+            say=self.said.append,
+        )
+        self.inbox: BusInbox[Message] = BusInbox(depth=64)
+
+    def resume(self, process: str) -> Resumed | None:
+        if process == "gateway" or self.resumed is None:
+            return self.resumed
+        return Resumed(self.heard_of_sensors, self.resumed.state)
+
+    def turn(self, seconds: float = 0.0) -> None:
+        self.now += seconds
+        if arrived := self.lockstep.listen(self.inbox):
+            self.lockstep.hear(*arrived)
+        self.lockstep.turn(self.now)
+
+    def hear(self, key: str, message: Message) -> None:
+        self.inbox.put(f"groundlink/{RUN}/{key}", encode(message), type(message))
+        self.turn()
+
+    def clock(self, tick: int, life: int = LIFE) -> None:
+        self.hear("clock", Clock(tick * TICK_NANOS, 0, tick, life))
+
+    def followed(self, tick: int, *names: str, life: int = LIFE) -> None:
+        for name in names or SENSORS:
+            self.hear(f"ack/{name}", Ack(life, tick, tick))
+
+    def measured(self, tick: int) -> None:
+        reading = WheelEncoders(
+            stamp_nanos=tick * TICK_NANOS, frame="base", names=("a",) * 4, ticks=(1,) * 4
+        )
+        self.hear("rover/encoders", reading)
+
+    def says(self, tick: int, *, state: int = DONE, topic: str = "", **more: Any) -> None:
+        life = 0 if tick < 0 else more.pop("life", LIFE)
+        self.gateway.on_message(self.of_ros(Word(life, tick, state, **more), topic), PEER)
+        self.turn()
+
+    @staticmethod
+    def of_ros(word: Word, topic: str = "") -> WireMessage:
+        return WireMessage(CONTROL, topic, "", 0, 0, word.pack())
+
+    def commands(self, number: int) -> None:
+        twist = b"\0\1\0\0" + bytes(48)
+        self.gateway.on_message(WireMessage(TWIST, "/cmd_vel", "", 5, number, twist), PEER)
+
+
+@pytest.fixture
+def rig() -> Rig:
+    it = Rig()
+    it.turn()
+    it.says(-1)
+    return it
+
+
+def test_ros_is_asked_whether_it_is_there_before_anything_goes_out() -> None:
+    it = Rig()
+    it.clock(0)
+    assert it.link.barriers == [
+        Barrier(0, -1, LIMIT_MS, answers=(Answer("/cmd_vel", "/clock", TWIST),))
+    ]
+    assert {kind for kind, *_ in it.link.sent} == {CONTROL}
+    it.turn(0.1)
+    assert len(it.link.barriers) == 2, "it is repeated"
+    it.says(-1)
+    it.turn()
+    assert (CLOCK, "/clock", 0) in {row[:3] for row in it.link.sent}
+
+
+def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> None:
+    rig.clock(0)
+    rig.measured(0)
+    rig.followed(0, *SENSORS[:3])
+    assert rig.link.barriers[-1].tick == -1
+    rig.link.is_busy = True
+    rig.followed(0, SENSORS[3])
+    assert rig.link.barriers[-1].tick == -1
+    rig.link.is_busy = False
+    rig.turn()
+    barrier = rig.link.barriers[-1]
+    assert (barrier.life, barrier.tick) == (LIFE, 0)
+    assert set(barrier.sent) == {
+        Sent(CLOCK, "/clock", 0, 1),
+        Sent(ENCODERS, "/wheel_encoders", 0, 1),
+        Sent(JOINTS, "/joint_states", 0, 1),
+    }
+
+
+def test_acknowledgements_of_another_life_count_for_nothing(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(400, life=LIFE - 1)
+    assert rig.link.barriers[-1].tick == -1
+
+
+def test_physics_is_told_when_the_word_and_its_commands_are_here(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0, sent=(Sent(TWIST, "/cmd_vel", 0, 2),))
+    rig.commands(1)
+    rig.turn()
+    assert rig.acks == []
+    assert rig.published == []
+    rig.commands(0)
+    rig.turn()
+    assert [key for key, _ in rig.published] == [COMMAND_KEY] * 2
+    assert all(isinstance(one, Command) and one.stamp_nanos == 0 for _, one in rig.published)
+    assert rig.acks == [Ack(LIFE, 0, 0, commanded={"rover": 0})]
+    rig.clock(4)
+    rig.followed(4)
+    assert rig.link.barriers[-1].sent == (Sent(CLOCK, "/clock", 1, 1),)
+    rig.commands(2)
+    rig.says(4, sent=(Sent(TWIST, "/cmd_vel", 2, 1),))
+    assert rig.published[-1][1].stamp_nanos == 4 * TICK_NANOS  # type: ignore[attr-defined]
+    assert rig.acks[-1] == Ack(LIFE, 4, 4, commanded={"rover": 4})
+
+
+def test_words_of_others_and_of_other_ticks_change_nothing(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(4)
+    rig.says(0, state=WAITING, topic="/cmd_vel")
+    rig.says(0, life=LIFE + 1)
+    rig.gateway.on_message(rig.of_ros(Word(LIFE, 0)), ("127.0.0.1", 9))
+    rig.turn()
+    assert rig.acks == []
+    rig.says(0)
+    rig.says(0)
+    assert [ack.tick for ack in rig.acks] == [0]
+
+
+def test_commands_that_are_lost_for_good_are_counted_and_said(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0, lost=3, sent=(Sent(TWIST, "/cmd_vel", 0, 2),))
+    rig.turn(LIMIT_MS / 1e3 + 0.1)
+    assert [ack.tick for ack in rig.acks] == [0]
+    assert (rig.lockstep.counts["lost_for_ros"], rig.lockstep.counts["lost_from_ros"]) == (3, 2)
+    assert any("lost 3 messages to ROS and 2 back" in line for line in rig.said)
+
+
+def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0)
+    rig.commands(0)  # of the predecessor; nobody will tell of it
+    rig.clock(4)
+    rig.measured(4)
+    rig.followed(4)
+    before = rig.link.barriers[-1]
+    for _ in range(3):
+        rig.says(4, state=ANEW)
+    again = rig.link.barriers[-1]
+    assert (again.life, again.tick) == (LIFE, 4)
+    told = {(ENCODERS, "/wheel_encoders"): 0, (JOINTS, "/joint_states"): 0, (CLOCK, "/clock"): 1}
+    assert {*before.sent} == {Sent(*place, first, 1) for place, first in told.items()}
+    assert {*again.sent} == {Sent(*place, first + 1, 1) for place, first in told.items()}
+    data = [row for row in rig.link.sent if row[0] != CONTROL]
+    assert sorted(data[-3:]) == sorted(data[-6:-3])
+    assert [ack.tick for ack in rig.acks] == [0]
+    rig.commands(0)
+    rig.says(4, sent=(Sent(TWIST, "/cmd_vel", 0, 1),))
+    assert len(rig.published) == 1
+    assert [ack.tick for ack in rig.acks] == [0, 4]
+
+
+def test_a_reset_begins_anew(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0)
+    rig.clock(4)
+    rig.measured(4)
+    rig.clock(0, life=LIFE + 1)
+    rig.measured(4)  # of the life that is over, by its stamp
+    rig.followed(0, life=LIFE + 1)
+    barrier = rig.link.barriers[-1]
+    assert (barrier.life, barrier.tick) == (LIFE + 1, 0)
+    assert barrier.sent == (Sent(CLOCK, "/clock", 2, 1),)
+    assert rig.lockstep.counts["other_lives"] == 1
+
+
+def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
+    state = State(RUN, LIFE, 0, 8, 8 * TICK_NANOS, "", {})
+    it = Rig(resumed=Resumed(Ack(LIFE, 4, 4), state))
+    it.turn()
+    it.says(-1)
+    it.turn()
+    barrier = it.link.barriers[-1]
+    assert (barrier.life, barrier.tick) == (LIFE, 8)
+    it.says(8)
+    assert [ack.tick for ack in it.acks] == [8]
+
+
+def stands_at(rig: Rig, tick: int, acknowledged: int) -> None:
+    """Let physics say where it stands once nothing has come for long."""
+    state = State(RUN, LIFE, 0, tick, tick * TICK_NANOS, "", {})
+    rig.resumed = Resumed(Ack(LIFE, acknowledged, acknowledged), state)
+    rig.turn(QUIET_SECONDS + 0.1)
+    rig.turn()
+
+
+def test_a_clock_that_the_bus_has_lost(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0)
+    stands_at(rig, 4, acknowledged=0)
+    assert rig.link.barriers[-1].tick == 4
+
+
+def test_a_command_and_an_acknowledgement_that_the_bus_has_lost(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.commands(1)
+    rig.says(0, sent=(Sent(TWIST, "/cmd_vel", 1, 1),))
+    assert len(rig.published) == 1
+    stands_at(rig, 0, acknowledged=-1)
+    assert [ack.tick for ack in rig.acks] == [0, 0]
+    assert rig.published[0] == rig.published[1], "physics waits for it, too"
+
+
+@pytest.mark.parametrize(("they_have_said", "asked"), [(0, 0), (-1, -1)])
+def test_sensors_words_that_the_bus_has_lost(rig: Rig, they_have_said: int, asked: int) -> None:
+    rig.heard_of_sensors = Ack(LIFE, they_have_said, they_have_said)
+    rig.clock(0)
+    stands_at(rig, 0, acknowledged=-1)
+    assert rig.link.barriers[-1].tick == asked
+
+
+def test_what_was_heard_of_is_not_asked_twice() -> None:
+    state = State(RUN, LIFE, 0, 0, 0, "", {})
+    it = Rig(resumed=Resumed(Ack(LIFE, -1, -1), state))
+    it.clock(0)
+    it.says(-1)
+    it.turn()
+    it.turn()
+    assert it.link.barriers[-1].tick == -1, "no sensor has followed yet"
+
+
+@pytest.mark.parametrize(
+    ("word", "line"),
+    [
+        (None, "127.0.0.1:7511 has not answered the barrier of tick 0"),
+        (Word(LIFE, 0, WAITING), "127.0.0.1:7511 waits for /cmd_vel since the barrier of tick 0"),
+    ],
+)
+def test_who_is_waited_for_too_long_is_named_once(rig: Rig, word: Word | None, line: str) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    if word is not None:
+        rig.gateway.on_message(rig.of_ros(word, "/cmd_vel"), PEER)
+    for _ in range(20):
+        rig.turn(0.5)
+    assert rig.said == [f"the ROS node at {line}"]
+    rig.says(0)
+    assert rig.said[1:] == ["time goes on"]
+
+
+def test_a_silent_sensor_is_named(rig: Rig) -> None:
+    rig.clock(0)
+    rig.followed(0, *SENSORS[1:])
+    rig.turn(6.0)
+    assert rig.said == ["tick 0 waits for rover/lidar, before ROS is asked"]
+
+
+def test_skip_goes_on_without_ros_until_it_answers() -> None:
+    it = Rig(Time(mode="fast", lockstep="ros", epoch="zero", overload="skip"))
+    it.turn()
+    it.says(-1)
+    it.clock(0)
+    it.followed(0)
+    it.turn(6.0)
+    assert [ack.tick for ack in it.acks] == [0]
+    assert it.said[1:] == ["time goes on without ROS's word until it comes"]
+    it.clock(4)
+    it.followed(4)
+    assert [ack.tick for ack in it.acks] == [0, 4], "it is not waited for again"
+    it.says(4)
+    it.clock(8)
+    it.followed(8)
+    assert [ack.tick for ack in it.acks] == [0, 4], "it is back"
+    assert it.said[2:] == ["ROS's word is back"]
+    assert it.lockstep.counts["barriers_skipped"] == 2
+
+
+def test_skip_goes_on_without_a_silent_sensor_before_ros_is_blamed() -> None:
+    it = Rig(Time(mode="fast", lockstep="ros", epoch="zero", overload="skip"))
+    it.turn()
+    it.says(-1)
+    it.clock(0)
+    it.followed(0, *SENSORS[1:])
+    it.turn(3.0)
+    it.turn()
+    assert it.link.barriers[-1].tick == 0
+
+
+def test_a_topic_that_ros_does_not_get_cannot_be_answered() -> None:
+    with pytest.raises(UserError, match=r"/cmd_vel cannot answer /odom.*expected one of /"):
+        Rig(Time(mode="fast", lockstep="ros", answers={"/cmd_vel": "/odom"}))
+
+
+def test_a_name_of_the_peer_forges_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ReplyMailbox()
+    words.say(Word(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
+    _say(words.lacking("the node", 1, 0))
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.isprintable()

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A gateway that waits for nobody in ROS, between clocks of the bus and a stand-in of the rest."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from groundlink.bus.inbox import BusInbox
+from groundlink.loader import load
+from groundlink.loader.load import SHIPPED
+from groundlink.messages.base import Ack, Clock, Message, encode
+from services.gateway.forwarder import PILE, Forwarder
+
+from .test_gateway import RUN, Bench
+from .test_memory import IMU_KEY, sample
+
+SECOND = 1_000_000_000
+CLOCK_KEY = f"groundlink/{RUN}/clock"
+
+
+def test_it_tells_how_far_it_is_and_counts_clocks_that_the_bus_has_lost() -> None:
+    acks: list[Ack] = []
+    gateway: Any = SimpleNamespace(streams={})
+    link: Any = None
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    following = Forwarder(scenario, gateway, link, acknowledge=acks.append)
+    for life, tick in ((5, 300), (5, 304), (5, 312), (6, 0), (6, 4)):  # at 100 Hz
+        following.hear("clock", Clock(0, 0, tick, life))
+    assert [(ack.life, ack.tick) for ack in acks][-1] == (6, 4)
+    assert following.counts == {"clocks_missed": 1}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "stale_seconds"), [(2.5, 0.0), (8.0, 5.0)], ids=["stood still", "cut off"]
+)
+def test_of_what_has_piled_up_the_stale_is_dropped_by_stamp_and_counted(
+    seconds: float, stale_seconds: float
+) -> None:
+    """Samples of 100 a second, each behind its clock, and all of them waiting."""
+    bench, inbox = Bench(), BusInbox[Message](depth=8192)
+    link: Any = bench.link
+    following = Forwarder(
+        load(SHIPPED / "indoor_lab.yaml"), bench.gateway, link, acknowledge=lambda ack: None
+    )
+
+    def arrives(hundredth: int) -> None:
+        stamp = hundredth * SECOND // 100
+        inbox.put(CLOCK_KEY, encode(Clock(stamp, 0, hundredth * 4, 7)), Clock)
+        inbox.put(IMU_KEY, encode(sample(stamp)), type(sample(0)))
+
+    def hears() -> None:
+        while len(inbox) or following._piled:
+            arrived = following.listen(inbox)
+            assert arrived is not None
+            following.hear(*arrived)
+
+    arrives(1)
+    hears()
+    count = round(seconds * 100)
+    assert count > PILE
+    for hundredth in range(2, 2 + count):
+        arrives(hundredth)
+    hears()
+    stale = 2 * round(stale_seconds * 100)
+    assert bench.gateway.counts["stale"] == pytest.approx(stale, abs=4)
+    sent = [one["stamp"] for one in link.sent if one["topic"] == "/imu"]
+    assert len(sent) == pytest.approx(1 + count - stale // 2, abs=2)
+    assert sent[-1] == (1 + count) * SECOND // 100
+    arrives(2 + count)
+    hears()
+    assert len([one for one in link.sent if one["topic"] == "/imu"]) == len(sent) + 1
