@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from groundlink.bus.topics import IMU, POINTS
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import POINT, Imu, Message, PointCloud
 from groundlink.ros.encoding import to_cdr
 
@@ -97,7 +97,7 @@ def sensor(endpoint: str, run: str, vehicle: str) -> None:
     with Bus(connect=endpoint) as bus:
         publish = {
             name: bus.publisher(row.key_in(run, vehicle=vehicle, sensor=name), row.delivery)
-            for name, row in (("imu", IMU), ("cloud", POINTS))
+            for name, row in (("imu", SENSOR_TOPICS["imu"]), ("cloud", SENSOR_TOPICS["lidar"]))
         }
         for line in sys.stdin:
             name = line.strip()

@@ -7,12 +7,13 @@ command `groundlink topics`, documentation and tests are derived from the table.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from groundlink.messages.base import Imu, Message, PointCloud, WheelCommand, WheelEncoders
+from groundlink.messages.base import Message, WheelCommand
 from groundlink.messages.faults import Faults
-from groundlink.messages.ground_truth import Bodies, TruePoints
-from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan
 from groundlink.messages.missing_readings import Gaps
 from groundlink.messages.navigation import (
     JointState,
@@ -24,21 +25,9 @@ from groundlink.messages.navigation import (
 )
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import VITALS_HZ, Vitals
+from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import (
-    Camera,
-    DepthCamera,
-    Encoders,
-    Gnss,
-    Lidar,
-    Lidar2d,
-    Sensor,
-    SensorSpec,
-    StereoCamera,
-    WheelOdometry,
-)
-from groundlink.scenario.sensors import Imu as ImuSpec
-from groundlink.scenario.sensors import Range as RangeSpec
+from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
 
 from .core_topics import (
     ACK,
@@ -56,7 +45,7 @@ from .core_topics import (
 def _of_sensor(
     name: str, message: type[Message], rate: str = "rate_hz", *, bulky: bool = False
 ) -> BusTopic:
-    """Return the row of a kind of sensor's main stream."""
+    """Return the row of the main stream of a kind of sensor."""
     return BusTopic(
         name=name,
         key="{vehicle}/{sensor}",
@@ -68,25 +57,24 @@ def _of_sensor(
     )
 
 
-def _beside(main: BusTopic, **messages: type[Message]) -> dict[str, BusTopic]:
-    """Return the rows of what a sensor publishes beside its main stream, by name."""
+def _beside(main: BusTopic, messages: Mapping[str, type[Message]]) -> dict[str, BusTopic]:
+    """Return the rows of further streams of a publisher, by name."""
     return {
         name: replace(main, name=f"{main.name}.{name}", key=f"{main.key}/{name}", message=message)
         for name, message in messages.items()
     }
 
 
-WHEEL_COMMAND, JOINT_COMMAND = _beside(COMMAND, wheels=WheelCommand, joints=JointState).values()
-POINTS = _of_sensor("lidar", PointCloud, "rotation_rate_hz", bulky=True)
-SCAN = _of_sensor("lidar_2d", LaserScan, "rotation_rate_hz")
-IMU = _of_sensor("imu", Imu)
-ENCODERS = _of_sensor("encoders", WheelEncoders)
-GNSS = _of_sensor("gnss", NavSatFix)
-RANGE = _of_sensor("range", Range)
-WHEEL_ODOMETRY = _of_sensor("wheel_odometry", Odometry)
-CAMERA = _of_sensor("camera", CompressedImage, bulky=True)
-DEPTH_CAMERA = _of_sensor("depth_camera", Image, bulky=True)
-STEREO_CAMERA = _of_sensor("stereo_camera", Image, bulky=True)
+def _outputs(kind: SensorKind) -> dict[str, BusTopic]:
+    """Return the rows of all streams of a kind of sensor."""
+    further = dict(kind.streams)
+    main = _of_sensor(kind.name, further.pop(""), kind.spec.rate_field, bulky=kind.bulky)
+    return {"": main} | _beside(main, further)
+
+
+WHEEL_COMMAND, JOINT_COMMAND = _beside(
+    COMMAND, {"wheels": WheelCommand, "joints": JointState}
+).values()
 FAULTS = BusTopic(
     name="faults",
     key="faults/{process}",
@@ -106,14 +94,7 @@ GROUND_TRUTH = BusTopic(
     rate="ground_truth.rate_hz",
     delivery=Delivery.NEWEST,
 )
-TRUE_WHEELS, JOINTS = _beside(GROUND_TRUTH, wheels=JointState, joints=JointState).values()
-TRUE_POINTS = replace(
-    POINTS,
-    name="lidar.truth",
-    key="{vehicle}/{sensor}/truth",
-    message=TruePoints,
-    rate="as the cloud",
-)
+TRUE_WHEELS, JOINTS = _beside(GROUND_TRUTH, {"wheels": JointState, "joints": JointState}).values()
 BODIES = replace(STATE, name="bodies", key="bodies", message=Bodies, rate="bodies.rate_hz")
 VITALS = BusTopic(
     name="vitals",
@@ -148,42 +129,11 @@ FROM_ROS = {
 RELAYED = replace(_from_ros("topics", Relayed), key="{vehicle}/from_ros/topics/{topic}")
 """Of its further topics, each under its name in ROS."""
 
-SENSOR_TOPICS: dict[type[SensorSpec], BusTopic] = {
-    Lidar: POINTS,
-    Lidar2d: SCAN,
-    ImuSpec: IMU,
-    Encoders: ENCODERS,
-    WheelOdometry: WHEEL_ODOMETRY,
-    Gnss: GNSS,
-    RangeSpec: RANGE,
-    Camera: CAMERA,
-    DepthCamera: DEPTH_CAMERA,
-    StereoCamera: STEREO_CAMERA,
-}
-"""The main stream of each kind of sensor."""
+OUTPUTS = {kind.name: _outputs(kind) for kind in sensor_kinds().values()}
+"""By kind of sensor: the rows of its streams by name; the main one has the empty name."""
 
-SIDE_TOPICS: dict[type[SensorSpec], dict[str, BusTopic]] = {
-    Camera: _beside(CAMERA, image=Image, camera_info=CameraInfo),
-    DepthCamera: _beside(
-        DEPTH_CAMERA,
-        compressed=CompressedImage,
-        camera_info=CameraInfo,
-        points=PointCloud,
-        color=CompressedImage,
-        color_image=Image,
-        color_info=CameraInfo,
-    ),
-    StereoCamera: _beside(
-        STEREO_CAMERA,
-        compressed=CompressedImage,
-        camera_info=CameraInfo,
-        right=Image,
-        right_compressed=CompressedImage,
-        right_camera_info=CameraInfo,
-    ),
-    Lidar: {"truth": TRUE_POINTS},
-}
-"""What kinds of sensors publish beside it, by name; which of it is the specification's choice."""
+SENSOR_TOPICS = {kind: rows[""] for kind, rows in OUTPUTS.items()}
+"""By kind of sensor: the row of its main stream."""
 
 _EXTRAS: dict[str, type[Message]] = {
     "image": Image,
@@ -198,9 +148,9 @@ _EXTRAS: dict[str, type[Message]] = {
     "joint_state": JointState,
 }
 
-_CAMERAS = (CAMERA, DEPTH_CAMERA, STEREO_CAMERA)
-
-STREAM_TOPICS = {topic.name: topic for topic in SENSOR_TOPICS.values() if topic not in _CAMERAS} | {
+STREAM_TOPICS = {
+    name: row for name, row in SENSOR_TOPICS.items() if sensor_kinds()[name].streamable
+} | {
     name: replace(_of_sensor(name, message), publisher="as in vehicles.streams")
     for name, message in _EXTRAS.items()
 }
@@ -211,13 +161,11 @@ TOPICS = (
     CLOCK,
     COMMAND,
     WHEEL_COMMAND,
-    *STREAM_TOPICS.values(),
-    *_CAMERAS,
-    *(topic for sides in SIDE_TOPICS.values() for topic in sides.values()),
+    *dict.fromkeys((*SENSOR_TOPICS.values(), *STREAM_TOPICS.values())),
+    *(row for rows in OUTPUTS.values() for name, row in rows.items() if name),
     GROUND_TRUTH,
     TRUE_WHEELS,
     JOINTS,
-    TRUE_POINTS,
     BODIES,
     VITALS,
     *FROM_ROS.values(),
@@ -240,9 +188,9 @@ class Output:
     ros_topic: str
 
 
-def sensor_outputs(spec: Sensor) -> list[Output]:
+def sensor_outputs(spec: SensorSpec) -> list[Output]:
     """Return every stream of a sensor, with its ROS topic."""
-    rows = SIDE_TOPICS.get(type(spec), {}) | {"": SENSOR_TOPICS[type(spec)]}
+    rows = OUTPUTS.get(spec.kind, {})
     return [
         Output(name=name, row=rows[name], ros_topic=topic)
         for name, topic in spec.ros_topics().items()
@@ -260,12 +208,15 @@ def driver_names(scenario: Scenario) -> list[str]:
 
 
 def process_names(scenario: Scenario) -> dict[str, str]:
-    """Return the processes of a run, by name, with the module that each one is."""
+    """Return the processes of a run, by name, with the module of each.
+
+    A sensor of a kind that is not installed here has an empty module.
+    """
     processes = {PHYSICS: "services.physics"}
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
-            module = f"services.sensors.{SENSOR_TOPICS[type(sensor)].name}"
-            processes[f"{vehicle.name}/{sensor.name}"] = module
+            kind = sensor_kinds().get(sensor.kind)
+            processes[f"{vehicle.name}/{sensor.name}"] = kind.package if kind else ""
     processes |= dict.fromkeys(driver_names(scenario), "services.driver")
     processes[GATEWAY] = "services.gateway"
     return processes

@@ -18,6 +18,7 @@ import yaml
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError, nearest
 from groundlink.scenario import Scenario
+from groundlink.scenario.sensor_kinds import sensor_kinds
 
 MAIN = "main"
 """The host of the router, of physics, and of all that has no label."""
@@ -59,8 +60,6 @@ SOON = "2s"
 """How often it looks at those that others wait for."""
 
 _WELL = yaml.safe_load(HEAD)["x-process"]["healthcheck"]
-
-_CAMERAS = ("camera", "depth_camera", "stereo_camera")
 
 
 class _Row(NamedTuple):
@@ -262,7 +261,8 @@ def _image_of(process: str, module: str) -> str:
     if kind == "driver":
         return "router"
     if "/" in process:
-        return "camera" if kind in _CAMERAS else "sensor"
+        cameras = {k.package for k in sensor_kinds().values() if k.extra == "camera"}
+        return "camera" if module in cameras else "sensor"
     return kind
 
 

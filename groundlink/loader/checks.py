@@ -12,10 +12,10 @@ from typing import NamedTuple
 from groundlink.core.errors import nearest
 from groundlink.scenario.fault_checks import mistake
 from groundlink.scenario.lockstep_window import window_mistake
-from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY
+from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY, Stream
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
-from groundlink.scenario.sensors import Encoders, Gnss, Sensor, SensorSpec, WheelOdometry
+from groundlink.scenario.sensors import Encoders, Gnss, SensorSpec, WheelOdometry
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.build import WorldError, solids
 from groundlink.world.spawn_checks import check_starts
@@ -39,7 +39,7 @@ def check(scenario: Scenario, document: Document) -> None:
         here: DataPath = ("vehicles", v)
         _free(document, (*here, "name"), vehicle.name, RESERVED_NAMES)
         taken: list[str] = []
-        for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
+        for section, specs in _sections(vehicle):
             for s, spec in enumerate(specs):
                 _free(document, (*here, section, s, "name"), spec.name, RESERVED_SENSOR_NAMES)
             _unique(document, (*here, section), [spec.name for spec in specs], taken)
@@ -106,7 +106,7 @@ def _sent(scenario: Scenario) -> Iterator[_Use]:
         for topic in scenario.true_topics(vehicle):
             yield _Use(topic, truth, whose)
     for v, vehicle in enumerate(scenario.vehicles):
-        for section, specs in (("sensors", vehicle.sensors), ("streams", vehicle.streams)):
+        for section, specs in _sections(vehicle):
             for s, spec in enumerate(specs):
                 topics = spec.ros_topics() if isinstance(spec, SensorSpec) else {"": spec.topic}
                 for name, topic in topics.items():
@@ -114,7 +114,12 @@ def _sent(scenario: Scenario) -> Iterator[_Use]:
                     yield _Use(topic, path, f"`{vehicle.name}/{spec.name}`")
 
 
-def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
+def _sections(vehicle: Vehicle) -> list[tuple[str, Sequence[SensorSpec | Stream]]]:
+    """Return what a vehicle publishes, by the section of the scenario."""
+    return [("sensors", vehicle.sensors), ("streams", vehicle.streams)]
+
+
+def _check_wheels(sensor: SensorSpec, vehicle: Vehicle, document: Document, path: DataPath) -> None:
     """Refuse encoders of wheels that there are not, and odometry of encoders that there are not."""
     if isinstance(sensor, Encoders):
         wheels = [shaft.name for shaft in vehicle.model.counted]
@@ -134,7 +139,7 @@ def _check_wheels(sensor: Sensor, vehicle: Vehicle, document: Document, path: Da
             )
 
 
-def _check_faults(sensor: Sensor, vehicle: Vehicle, document: Document, path: DataPath) -> None:
+def _check_faults(sensor: SensorSpec, vehicle: Vehicle, document: Document, path: DataPath) -> None:
     """Refuse faults that the sensor cannot have."""
     for i, fault in enumerate(sensor.faults):
         if found := mistake(fault, sensor, vehicle):

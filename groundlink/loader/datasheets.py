@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from groundlink.scenario.sensors import Sensor
+from groundlink.scenario.schema import Sensor
 
 from .document import ScenarioError
 from .explain import explained

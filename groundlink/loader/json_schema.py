@@ -9,7 +9,6 @@ out, the files of terrain and meshes. Editors find most mistakes by them; `load`
 from __future__ import annotations
 
 import json
-import types
 import typing
 from collections.abc import Iterable
 from typing import Any, TypeAlias
@@ -19,8 +18,7 @@ import msgspec
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
 from groundlink.scenario.route import Route
-from groundlink.scenario.schema import Scenario, Vehicle, World
-from groundlink.scenario.sensors import Sensor
+from groundlink.scenario.schema import Scenario, Sensor, Vehicle, World
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import Terrain
@@ -123,9 +121,7 @@ def _sheets(definitions: dict[str, Schema]) -> dict[str, Schema]:
 
 def _names(union: Any) -> list[str]:
     """Return the names of a type's members, or its own."""
-    members: Iterable[Any] = (
-        typing.get_args(union) if isinstance(union, types.UnionType) else (union,)
-    )
+    members: Iterable[Any] = typing.get_args(union) or (union,)
     return [member.__name__ for member in members]
 
 

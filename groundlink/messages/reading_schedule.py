@@ -12,7 +12,7 @@ from bisect import bisect_left
 from typing import Protocol
 
 from groundlink.core.clock import TICK_NANOS, Schedule
-from groundlink.scenario.sensors import Imu, RotatingLidar, Sensor
+from groundlink.scenario.sensors import Imu, RotatingLidar, SensorSpec
 
 
 class Calendar(Protocol):
@@ -87,14 +87,14 @@ class Blocks:
         return revolution * self.per_revolution + bisect_left(self.first_firings[:-1], firing)
 
 
-def calendar(spec: Sensor) -> Calendar:
+def calendar(spec: SensorSpec) -> Calendar:
     """Return which readings of a sensor are due."""
     if isinstance(spec, RotatingLidar):
         return Blocks(spec)
     if isinstance(spec, Imu):
         # The first sample's window begins when the low pass is full.
         return Events(spec.rate_hz, Events(spec.rate_hz).at_or_after(_filling_nanos(spec)) + 1)
-    return Events(spec.rate_hz)
+    return Events(spec.message_rate_hz)
 
 
 def _filling_nanos(spec: Imu) -> int:

@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.bus.topics import ENCODERS, GROUND_TRUTH, JOINTS, WHEEL_ODOMETRY
+from groundlink.bus.topics import GROUND_TRUTH, JOINTS, SENSOR_TOPICS
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import IDENTITY_QUATERNION, Floats
 from groundlink.messages.base import Message, WheelEncoders, measured_nanos, packed
@@ -73,7 +73,9 @@ class Base:
         """Of the bus's messages that are listened to, by what they are to this."""
 
         if self._encoders is not None:
-            key = ENCODERS.key_in(run, vehicle=vehicle.name, sensor=self._encoders.name)
+            key = SENSOR_TOPICS["encoders"].key_in(
+                run, vehicle=vehicle.name, sensor=self._encoders.name
+            )
             self.keys["encoders"] = key
             self.places.append(Place(self._joints_topic, JointState, self._encoders.rate_hz))
         if vehicle.model.joints:
@@ -81,7 +83,9 @@ class Base:
             self.places.append(Place(self._joints_topic, JointState, vehicle.ground_truth.rate_hz))
         tf_hz = 0.0
         if odometry is not None:
-            key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
+            key = SENSOR_TOPICS["wheel_odometry"].key_in(
+                run, vehicle=vehicle.name, sensor=odometry.name
+            )
             self.keys["odometry"] = key
             tf_hz += odometry.rate_hz
         self._from_truth = TopFromTruth(MAP_FRAME, _top(vehicle, odometry), alone=odometry is None)
@@ -198,7 +202,9 @@ class TrueTree:
             self._roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
             rate_hz = vehicle.ground_truth.rate_hz
             if odometry is not None:
-                key = WHEEL_ODOMETRY.key_in(run, vehicle=vehicle.name, sensor=odometry.name)
+                key = SENSOR_TOPICS["wheel_odometry"].key_in(
+                    run, vehicle=vehicle.name, sensor=odometry.name
+                )
                 self._roles[key] = "odometry"
                 rate_hz = odometry.rate_hz
             self.places.append(Place(TRUE_TF_TOPIC, Transforms, rate_hz))

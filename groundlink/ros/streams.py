@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from groundlink.bus.core_topics import CLOCK, COMMAND
+from groundlink.bus.core_topics import CLOCK, COMMAND, BusTopic
 from groundlink.bus.topics import (
     BODIES,
     FAULTS,
@@ -33,8 +33,10 @@ from groundlink.messages.ground_truth import WORLD_FRAME
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.messages.vitals import VITALS_HZ
 from groundlink.scenario import Scenario
+from groundlink.scenario.every_sensor import SensorSpec
+from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Lidar, Lidar2d, Repair, sensor_rate_hz
+from groundlink.scenario.sensors import Lidar, Lidar2d, Repair
 
 CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"
@@ -170,13 +172,13 @@ def answers_mistake(scenario: Scenario) -> str:
 
 
 def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outgoing]:
-    rows = [
-        (output.row, output.ros_topic, s, sensor_rate_hz(s))
+    rows: list[tuple[BusTopic, str, SensorSpec | Stream, float]] = [
+        (output.row, output.ros_topic, s, s.message_rate_hz)
         for s in vehicle.sensors
         for output in sensor_outputs(s)
     ]
-    extra = [(STREAM_TOPICS[s.kind], s.topic, s, s.rate_hz) for s in vehicle.streams]
-    for row, topic, spec, rate_hz in (*rows, *extra):
+    rows += [(STREAM_TOPICS[s.kind], s.topic, s, s.rate_hz) for s in vehicle.streams]
+    for row, topic, spec, rate_hz in rows:
         yield Outgoing(
             key=row.key_in(run, vehicle=vehicle.name, sensor=spec.name),
             message=row.message,

@@ -4,6 +4,20 @@
 May be imported by everything except `core`. Reads no file: `groundlink.loader` does.
 """
 
-from .schema import Scenario
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .schema import Scenario
 
 __all__ = ["Scenario"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the schema at first use: it needs all sensor kinds, which import this package."""
+    if name != "Scenario":
+        raise AttributeError(name)
+    from .schema import Scenario
+
+    return Scenario

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
@@ -129,11 +129,28 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     faults: tuple[Fault, ...] = ()
     """What goes wrong with it, and when."""
 
+    package: str = ""
+    """Distribution that installs this kind, filled by the loader; empty for shipped kinds."""
+
     quantities: ClassVar[Mapping[str, Quantity]] = {}
     """What of its readings faults can make wrong by numbers; the first is meant unless named."""
 
     turns: ClassVar[bool] = False
     """Whether faults can cover a sector of its turn."""
+
+    rate_field: ClassVar[str] = "rate_hz"
+    """Field with the rate; part of the reference of the bus."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind."""
+        return str(self.__struct_config__.tag)
+
+    @property
+    def message_rate_hz(self) -> float:
+        """Messages per second of sim time on each stream."""
+        rate_hz: float = getattr(self, self.rate_field)
+        return rate_hz
 
     @property
     def truth_topic(self) -> str | None:
@@ -143,3 +160,22 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     def ros_topics(self) -> dict[str, str]:
         """Return the ROS topic of each of its streams, by name; the main one has none."""
         return {"": self.topic}
+
+
+class UnknownSensor(SensorSpec, frozen=True, tag="unknown", kw_only=True):
+    """Sensor of a kind that is not installed here. It has no streams, only a place in the run."""
+
+    rate_hz: float = 1.0
+    fields: dict[str, Any]
+    """The sensor as the scenario has it, with its own `kind`."""
+
+    @property
+    def problem(self) -> str:
+        """One line: what is missing and which package to install."""
+        kind = self.fields.get("kind")
+        fix = f"pip install {self.package}" if self.package else "install the package that has it"
+        return f"sensor `{self.name}`: the kind `{kind}` is not installed here. Fix: {fix}"
+
+    def ros_topics(self) -> dict[str, str]:
+        """Return no topics."""
+        return {}

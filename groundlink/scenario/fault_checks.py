@@ -9,22 +9,24 @@ from __future__ import annotations
 from groundlink.core.errors import nearest
 from groundlink.scenario.faults import EACH_WHEEL, Disturbance, Fault, OccludedSector, RateChange
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Sensor, sensor_rate_hz
+from groundlink.scenario.sensors import SensorSpec
 
 
-def mistake(fault: Fault, spec: Sensor, vehicle: Vehicle) -> tuple[str, str] | None:
+def mistake(fault: Fault, spec: SensorSpec, vehicle: Vehicle) -> tuple[str, str] | None:
     """Return what makes a fault impossible for a vehicle's sensor; None if nothing does."""
     if isinstance(fault, Disturbance):
         return _of_disturbance(fault, spec, vehicle)
     if isinstance(fault, OccludedSector) and not spec.turns:
         return "kind", "nothing can cover a sector of a sensor that does not look around"
-    rate_hz = sensor_rate_hz(spec)
+    rate_hz = spec.message_rate_hz
     if isinstance(fault, RateChange) and fault.rate_hz >= rate_hz:
         return "rate_hz", f"{fault.rate_hz:g} Hz; expected less than the declared {rate_hz:g} Hz"
     return None
 
 
-def _of_disturbance(fault: Disturbance, spec: Sensor, vehicle: Vehicle) -> tuple[str, str] | None:
+def _of_disturbance(
+    fault: Disturbance, spec: SensorSpec, vehicle: Vehicle
+) -> tuple[str, str] | None:
     if not spec.quantities:
         return "kind", "this sensor has no numbers that could be wrong"
     name = fault.quantity or next(iter(spec.quantities))

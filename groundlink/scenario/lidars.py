@@ -25,6 +25,7 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
 
     quantities: ClassVar = {"range": Quantity("m")}
     turns: ClassVar[bool] = True
+    rate_field: ClassVar[str] = "rotation_rate_hz"
 
     rotation_rate_hz: Rate = 10.0
     firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
@@ -150,6 +151,11 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
                     f"divided by a whole number up to the {self.firings_in_view} firings of a "
                     "revolution"
                 )
+
+    @property
+    def message_rate_hz(self) -> float:
+        """Messages per second of sim time: one for each block of a revolution."""
+        return self.rotation_rate_hz * self.blocks_per_revolution
 
     @property
     def firings_in_view(self) -> int:

@@ -17,13 +17,13 @@ from groundlink.core.clock import TICK_RATE_HZ
 from .faults import Delay
 from .lidars import RotatingLidar
 from .schema import Time
-from .sensors import Optics, Sensor, sensor_rate_hz
+from .sensors import Optics, SensorSpec
 
 HISTORY_TICKS = 1024
 """States that physics keeps for sensors that rejoin."""
 
 
-def window_mistake(time: Time, sensors: Iterable[Sensor]) -> str | None:
+def window_mistake(time: Time, sensors: Iterable[SensorSpec]) -> str | None:
     """Return what is wrong with the window of a run in lockstep, or None."""
     window = time.window_ticks
     if window < TICK_RATE_HZ / time.clock_rate_hz:
@@ -41,9 +41,9 @@ def window_mistake(time: Time, sensors: Iterable[Sensor]) -> str | None:
     return None
 
 
-def _under_way_s(sensor: Sensor) -> float:
+def _under_way_s(sensor: SensorSpec) -> float:
     """Return how long after it began a measurement is published at the latest."""
     late_s = max((fault.delay_s for fault in sensor.faults if isinstance(fault, Delay)), default=0)
     if isinstance(sensor, RotatingLidar):
-        return late_s + 1 / sensor_rate_hz(sensor)
+        return late_s + 1 / sensor.message_rate_hz
     return late_s + (sensor.imager.span_s if isinstance(sensor, Optics) else 0.0)

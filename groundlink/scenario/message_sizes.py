@@ -30,7 +30,7 @@ from .sensors import (
     Lidar,
     Lidar2d,
     RotatingLidar,
-    Sensor,
+    SensorSpec,
     StereoCamera,
     WheelOdometry,
 )
@@ -69,7 +69,7 @@ class NeverFits(ValueError):
     """A message that fits at no datagram size; the text says how much would."""
 
 
-def body_bytes(vehicle: Vehicle, sensor: Sensor, *, truth: bool = False) -> int:
+def body_bytes(vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False) -> int:
     """Return the bytes of a sensor's largest message in CDR, or of the truth behind it."""
     with needs("gateway"):
         from groundlink.ros.encoding import to_cdr
@@ -80,7 +80,7 @@ def body_bytes(vehicle: Vehicle, sensor: Sensor, *, truth: bool = False) -> int:
     return len(to_cdr(message))
 
 
-def cut(vehicle: Vehicle, sensor: Sensor, gateway: Gateway, *, truth: bool = False) -> Cut:
+def cut(vehicle: Vehicle, sensor: SensorSpec, gateway: Gateway, *, truth: bool = False) -> Cut:
     """Return how a sensor's largest message is sent, or the truth behind it.
 
     Raises
@@ -119,7 +119,7 @@ def fitting_block_deg(vehicle: Vehicle, sensor: Lidar | Lidar2d, gateway: Gatewa
     return None
 
 
-def _largest(vehicle: Vehicle, sensor: Sensor) -> Message:
+def _largest(vehicle: Vehicle, sensor: SensorSpec) -> Message:
     """Return a message of a sensor that is as large as they get."""
     frame = vehicle.frame_prefix + sensor.frame
     if isinstance(sensor, RotatingLidar):

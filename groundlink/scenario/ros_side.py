@@ -6,7 +6,7 @@ Rule: types say what is allowed, and nothing else does, as in `schema`, of which
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta, field
 
@@ -14,31 +14,35 @@ from groundlink.core.fields import Spec
 from groundlink.emulation import LinkScript
 
 from .every_sensor import Address, Name, Peer, Rate, Repair, RosTopic
+from .sensor_kinds import sensor_kinds
+
+OTHER_STREAM_KINDS = (
+    "camera_info",
+    "compressed_image",
+    "image",
+    "joint_state",
+    "laser_scan",
+    "map",
+    "nav_sat_fix",
+    "odometry",
+    "pose",
+    "transforms",
+)
+"""Kinds of streams that no sensor publishes as its main one."""
+
+StreamKind: TypeAlias = str
+"""Kind of sensor, or one of `OTHER_STREAM_KINDS`."""
+
+if not TYPE_CHECKING:
+    _streamable = (name for name, kind in sensor_kinds().items() if kind.streamable)
+    StreamKind = Literal[(*_streamable, *OTHER_STREAM_KINDS)]
 
 
 class Stream(Spec, frozen=True, kw_only=True):
     """What another process puts on the bus under `vehicle/name`, for the gateway to carry."""
 
     name: Name
-    kind: Literal[
-        "camera_info",
-        "compressed_image",
-        "encoders",
-        "gnss",
-        "image",
-        "imu",
-        "joint_state",
-        "laser_scan",
-        "lidar",
-        "lidar_2d",
-        "map",
-        "nav_sat_fix",
-        "odometry",
-        "pose",
-        "range",
-        "transforms",
-        "wheel_odometry",
-    ]
+    kind: StreamKind
     topic: RosTopic
     rate_hz: Rate
     """What that process publishes in a second of sim time."""

@@ -9,7 +9,7 @@ sheets, named in the field; they are converted once, where they are used.
 from __future__ import annotations
 
 from math import isfinite, isinf
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta, field
 from msgspec.structs import replace
@@ -24,11 +24,17 @@ from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
 
-from .every_sensor import FramePrefix, Name
+from .every_sensor import FramePrefix, Name, Rate, RosTopic, SensorSpec
 from .ros_side import FromRos, Gateway, Stream, TfTree
 from .route import Route
-from .sensors import Rate, RosTopic, Sensor
+from .sensor_kinds import sensor_union
 from .vehicle import VehicleModel
+
+Sensor: TypeAlias = SensorSpec
+"""Any installed kind, told apart by its tag. Type checkers see what all kinds share."""
+
+if not TYPE_CHECKING:
+    Sensor = sensor_union()
 
 RESERVED_NAMES = frozenset(
     "ack assets bodies clock control faults gaps health journal link scenario state".split()
@@ -252,7 +258,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
     bodies: BodyPoses = BodyPoses()
     gateway: Gateway = Gateway()
 
-    def sensor(self, name: str) -> tuple[Vehicle, Sensor] | None:
+    def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
         """Return the vehicle and the sensor called `vehicle/sensor`, or None."""
         for vehicle in self.vehicles:
             for sensor in vehicle.sensors:

@@ -48,12 +48,9 @@ __all__ = [
     "RepairBy",
     "RosTopic",
     "RotatingLidar",
-    "Sensor",
     "SensorSpec",
     "StereoCamera",
     "WheelOdometry",
-    "WithNative",
-    "sensor_rate_hz",
 ]
 
 
@@ -278,18 +275,3 @@ class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
                 f"`min_range_m` is {self.min_range_m:g}; expected less than `max_range_m`, "
                 f"{self.max_range_m:g}"
             )
-
-
-WithNative = Lidar | Gnss
-"""Kinds of which the device's own datagrams are known."""
-
-Cameras = Camera | DepthCamera | StereoCamera
-
-Sensor = Lidar | Lidar2d | Imu | Encoders | Gnss | Range | WheelOdometry | Cameras
-
-
-def sensor_rate_hz(spec: Sensor) -> float:
-    """Return how many messages a second of sim time a sensor declares."""
-    if isinstance(spec, RotatingLidar):
-        return spec.rotation_rate_hz * spec.blocks_per_revolution
-    return spec.rate_hz

@@ -10,15 +10,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
-from importlib import import_module
-from typing import Any
 
 from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
 from groundlink.process.joining import join_world
 from groundlink.process.state_follower import follow_states
-from services.sensors.runtime.kinds import Kind, follower, kind_name
+from services.sensors.runtime.process import follower
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -35,7 +33,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         bus = opened.enter_context(Bus(connect=process.endpoint(options)))
         run_name, scenario = join_world(bus, options.run, stop)
         sensors = [
-            follower(_kind(kind_name(scenario, name)), name, scenario, bus, run_name, opened)
+            follower(name, scenario, bus, run_name, opened)
             for name in dict.fromkeys(options.name or scenario.sensor_names())
         ]
         if not sensors:
@@ -43,12 +41,6 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         follow_states(
             bus, run_name, sensors, stop.is_set, waited_for=scenario.time.mode != "realtime"
         )
-
-
-def _kind(name: str) -> Kind[Any, Any]:
-    """Return the kind of this name; what it needs is imported for it alone."""
-    kind: Kind[Any, Any] = import_module(f"services.sensors.{name}.__main__").KIND
-    return kind
 
 
 if __name__ == "__main__":

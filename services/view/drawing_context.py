@@ -20,7 +20,7 @@ from groundlink.core.clock import NANOS
 from groundlink.core.frames import Floats, transform
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import RotatingLidar, Sensor
+from groundlink.scenario.sensors import RotatingLidar, SensorSpec
 
 from .colors import Coloring
 from .plots import TIMELINE, Plots
@@ -78,7 +78,7 @@ class VehicleHistory:
         """The viewer's name of the frame in which the vehicle's stack tells poses."""
         return f"{self.spec.name}/from_ros"
 
-    def sensor(self, path: str) -> Sensor | None:
+    def sensor(self, path: str) -> SensorSpec | None:
         """Return the sensor whose messages are drawn at an entity."""
         of_sensor = path.removesuffix("/truth")
         return next((s for s in self.spec.sensors if of_sensor.endswith(f"/{s.name}")), None)

@@ -12,7 +12,6 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import PointCloud
-from groundlink.scenario.sensors import Lidar
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
 from tests.groundlink.importing.files import glb, write
@@ -61,7 +60,7 @@ def test_a_sensor_without_files_gets_them_from_physics(
     it.environment[VARIABLE] = str(ours)
     with Bus(connect=it.endpoint) as bus:
         clouds: BusInbox[PointCloud] = BusInbox(depth=10)
-        key = SENSOR_TOPICS[Lidar].key_in(it.run, vehicle="rover", sensor="lidar")
+        key = SENSOR_TOPICS["lidar"].key_in(it.run, vehicle="rover", sensor="lidar")
         bus.subscribe(key, PointCloud, clouds)
         it.start(
             *("-m", "services.sensors.lidar", "--name", "rover/lidar", "--connect", it.endpoint),

@@ -13,7 +13,7 @@ import pytest
 from groundlink.bus.control_client import ask
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import IMU
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Imu, encode
 from groundlink.messages.control import Pause, Reset, Resume, Step
 
@@ -34,7 +34,9 @@ def run(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Rig, B
         wait_for(it.is_answered, 20, "physics listens")
         with Bus(connect=it.endpoint) as bus:
             samples: BusInbox[Imu] = BusInbox(depth=100_000)
-            bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
+            bus.subscribe(
+                SENSOR_TOPICS["imu"].key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples
+            )
             sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
             it.start(*sensor, "--connect", it.endpoint, log="imu.log")
             yield it, bus, samples

@@ -15,7 +15,7 @@ import pytest
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import POINTS
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import PointCloud
 
 from .rig import Rig, rig, wait_for
@@ -96,7 +96,11 @@ def test_others_decode_the_points_that_are_on_the_bus(it: Rig, host: str) -> Non
         wait_for(it.is_answered, 30, "the run's router listens")
         with Bus(connect=it.endpoint) as bus:
             inbox: BusInbox[PointCloud] = BusInbox(depth=10_000)
-            bus.subscribe(POINTS.key_in(it.run, vehicle="rover", sensor="lidar"), PointCloud, inbox)
+            bus.subscribe(
+                SENSOR_TOPICS["lidar"].key_in(it.run, vehicle="rover", sensor="lidar"),
+                PointCloud,
+                inbox,
+            )
             clouds = [next_cloud(inbox)]
             # What is in the sockets was measured before the first cloud on the bus.
             drain(data)

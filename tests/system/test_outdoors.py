@@ -16,7 +16,7 @@ import pytest
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GNSS, RANGE
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import encode
 from groundlink.messages.imagery import Range
 from groundlink.messages.navigation import NavSatFix
@@ -85,10 +85,12 @@ def test_fixes_sentences_and_distances_come_from_real_processes(outdoors: Rig) -
         device.settimeout(60)
         fixes: BusInbox[NavSatFix] = BusInbox(depth=10_000)
         distances: dict[str, BusInbox[Range]] = {}
-        bus.subscribe(GNSS.key_in("yard", vehicle="rover", sensor="gnss"), NavSatFix, fixes)
+        bus.subscribe(
+            SENSOR_TOPICS["gnss"].key_in("yard", vehicle="rover", sensor="gnss"), NavSatFix, fixes
+        )
         for name in ("sonar", "tof"):
             distances[name] = BusInbox(depth=10_000)
-            key = RANGE.key_in("yard", vehicle="rover", sensor=name)
+            key = SENSOR_TOPICS["range"].key_in("yard", vehicle="rover", sensor=name)
             bus.subscribe(key, Range, distances[name])
         it.start("-m", "services.gateway", "--connect", it.endpoint, log="gateway.log")
         receiver = ("-m", "udp_bridge", "listen", "--bind", it.address(it.peer), "--json")
@@ -133,7 +135,9 @@ def fixes_until(it: Rig, last_nanos: int, *, crash: bool) -> list[bytes]:
     """Return the fixes of a run as they were on the bus, each once."""
     with Bus(connect=it.endpoint) as bus:
         inbox: BusInbox[NavSatFix] = BusInbox(depth=10_000)
-        bus.subscribe(GNSS.key_in("yard", vehicle="rover", sensor="gnss"), NavSatFix, inbox)
+        bus.subscribe(
+            SENSOR_TOPICS["gnss"].key_in("yard", vehicle="rover", sensor="gnss"), NavSatFix, inbox
+        )
         for name in ("sonar", "tof"):
             sensor(it, "range", name)
         sensor(it, "gnss", "gnss")

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from groundlink.bus.core_topics import CLOCK, BusTopic
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ENCODERS, GAPS, IMU, POINTS
+from groundlink.bus.topics import GAPS, SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Clock, Imu, Message, PointCloud, WheelEncoders
 from groundlink.messages.missing_readings import Gap, Gaps
@@ -35,9 +35,9 @@ pytestmark = pytest.mark.system
 LIDAR = "rover/lidar"
 LIDAR_PERIOD = 100_000_000
 STREAMS: dict[str, tuple[BusTopic, type[Message], int]] = {
-    "lidar": (POINTS, PointCloud, LIDAR_PERIOD),
-    "imu": (IMU, Imu, 2_500_000),
-    "encoders": (ENCODERS, WheelEncoders, 20_000_000),
+    "lidar": (SENSOR_TOPICS["lidar"], PointCloud, LIDAR_PERIOD),
+    "imu": (SENSOR_TOPICS["imu"], Imu, 2_500_000),
+    "encoders": (SENSOR_TOPICS["encoders"], WheelEncoders, 20_000_000),
 }
 STOPPED_SECONDS = 4.0
 WINDOW_TICKS = 400

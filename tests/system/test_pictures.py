@@ -13,7 +13,7 @@ import pytest
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import CAMERA
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.imagery import CompressedImage
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 
@@ -73,7 +73,7 @@ def test_what_arrives_is_what_was_sent(tmp_path: Path) -> None:
         sent: dict[int, CompressedImage] = {}
         with Bus(connect=it.endpoint) as bus:
             pictures: BusInbox[CompressedImage] = BusInbox(depth=1000)
-            key = CAMERA.key_in(it.run, vehicle="rover", sensor="camera")
+            key = SENSOR_TOPICS["camera"].key_in(it.run, vehicle="rover", sensor="camera")
             bus.subscribe(key, CompressedImage, pictures)
 
             def all_there() -> bool:

@@ -19,7 +19,7 @@ import pytest
 from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import IMU
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Clock, Imu
 from groundlink.recording.reading import Recording
 from services.view.rerun_destinations import program
@@ -192,7 +192,9 @@ def test_a_run_is_not_replayed_into_itself(recorded: tuple[Rig, Path, Sent]) -> 
         first = ("-m", "services.replay", str(out), "--connect", it.endpoint, "--loop")
         playing = it.start(*first, log="first.log")
         samples: BusInbox[Imu] = BusInbox(depth=10)
-        bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
+        bus.subscribe(
+            SENSOR_TOPICS["imu"].key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples
+        )
         wait_for(lambda: samples.get(seconds=1), 20, "it plays")
         second = it.start(*first, log="second.log")
         assert second.wait(20) == 2

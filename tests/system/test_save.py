@@ -16,7 +16,7 @@ from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key, faults_key, journal_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import IMU
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.loader.spawned import At, addition
 from groundlink.messages.base import Command, Imu, M, State, decode, encode
@@ -164,7 +164,9 @@ def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) ->
         wait_for(it.is_answered, 60, "physics listens")
         with Bus(connect=it.endpoint) as bus:
             samples: BusInbox[Imu] = BusInbox(depth=1_000_000)
-            bus.subscribe(IMU.key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples)
+            bus.subscribe(
+                SENSOR_TOPICS["imu"].key_in(it.run, vehicle="rover", sensor="imu"), Imu, samples
+            )
             sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
             it.start(*sensor, "--connect", it.endpoint, log="imu.log")
             wait_for(lambda: len(samples) > 100, 60, "samples come")

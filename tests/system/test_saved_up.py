@@ -15,7 +15,7 @@ import pytest
 from groundlink.bus.core_topics import COMMAND, BusTopic
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ENCODERS, IMU, POINTS
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.messages.base import Command, M, Message, decode, measured_nanos
 from groundlink.run.journal import loaded
@@ -29,7 +29,11 @@ HAS_ROS = importlib.util.find_spec("rclpy") is not None
 COMPARED_NANOS = TICK_RATE_HZ * TICK_NANOS
 """How long a run goes on after the saved tick."""
 
-STREAMS = {"lidar": POINTS, "imu": IMU, "encoders": ENCODERS}
+STREAMS = {
+    "lidar": SENSOR_TOPICS["lidar"],
+    "imu": SENSOR_TOPICS["imu"],
+    "encoders": SENSOR_TOPICS["encoders"],
+}
 
 Bodies = dict[int, bytes]
 """Of a stream, by the instant of measurement."""

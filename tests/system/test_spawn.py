@@ -15,7 +15,7 @@ from groundlink.bus.control_client import ask
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import POINTS
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import PointCloud, encode
 from groundlink.messages.control import Pause, Step
@@ -46,7 +46,7 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
         wait_for(it.is_answered, 20, "physics listens")
         with Bus(connect=it.endpoint) as bus:
             got: BusInbox[PointCloud] = BusInbox(depth=1000)
-            key = POINTS.key_in(it.run, vehicle="rover", sensor="lidar")
+            key = SENSOR_TOPICS["lidar"].key_in(it.run, vehicle="rover", sensor="lidar")
             bus.subscribe(key, PointCloud, got)
             wait_for(lambda: bool(bus.ask(control_key(it.run), seconds=1)), 20, "physics is there")
             ask(bus, it.run, Pause())

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from groundlink.bus.core_topics import COMMAND, HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import IMU, POINTS, RELAYED
+from groundlink.bus.topics import RELAYED, SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Command, Health, Imu, Message, PointCloud, State
 from groundlink.messages.relayed import Relayed
@@ -95,8 +95,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
             names = {"vehicle": "rover"}
             for name, row, box_of in (
                 ("state", STATE, State),
-                ("lidar", POINTS, PointCloud),
-                ("imu", IMU, Imu),
+                ("lidar", SENSOR_TOPICS["lidar"], PointCloud),
+                ("imu", SENSOR_TOPICS["imu"], Imu),
             ):
                 box: BusInbox[Message] = BusInbox(depth=40_000 if name != "lidar" else 800)
                 run.boxes[name] = box

@@ -11,7 +11,7 @@ import pytest
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import ENCODERS, WHEEL_ODOMETRY
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Message, WheelEncoders, encode
 from groundlink.messages.navigation import Odometry
 
@@ -39,7 +39,10 @@ vehicles:
 time: {mode: fast, epoch: zero, window_ticks: 200}
 """
 
-STREAMS = {"encoders": (ENCODERS, WheelEncoders), "odometry": (WHEEL_ODOMETRY, Odometry)}
+STREAMS = {
+    "encoders": (SENSOR_TOPICS["encoders"], WheelEncoders),
+    "odometry": (SENSOR_TOPICS["wheel_odometry"], Odometry),
+}
 MODULES = {"encoders": "encoders", "odometry": "wheel_odometry"}
 CRASH_NANOS, UNTIL_NANOS = 1_500_000_000, 4_000_000_000
 

@@ -17,7 +17,7 @@ import numpy as np
 from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import SCAN, WHEEL_ODOMETRY
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Ack, Clock, Command, Message
 from groundlink.messages.imagery import LaserScan
 from groundlink.messages.navigation import Odometry
@@ -44,8 +44,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         command = bus.publisher(COMMAND.key_in(run, vehicle=vehicle), COMMAND.delivery)
         types: dict[str, type[Message]] = {
             CLOCK.key_in(run): Clock,
-            SCAN.key_in(run, vehicle=vehicle, sensor="scanner"): LaserScan,
-            WHEEL_ODOMETRY.key_in(run, vehicle=vehicle, sensor="odometry"): Odometry,
+            SENSOR_TOPICS["lidar_2d"].key_in(run, vehicle=vehicle, sensor="scanner"): LaserScan,
+            SENSOR_TOPICS["wheel_odometry"].key_in(
+                run, vehicle=vehicle, sensor="odometry"
+            ): Odometry,
         }
         acks = ACK.key_in(run, process="")
 

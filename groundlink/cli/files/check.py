@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from groundlink.bus.topics import SENSOR_TOPICS, driver_name
+from groundlink.bus.topics import driver_name
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.core.errors import UserError
 from groundlink.loader import load
@@ -21,7 +21,7 @@ from groundlink.ros.streams import answers_mistake
 from groundlink.run import routes
 from groundlink.scenario.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Lidar, Lidar2d, Sensor, sensor_rate_hz
+from groundlink.scenario.sensors import Lidar, Lidar2d, SensorSpec
 from groundlink.world.build import solids, world_hash
 
 
@@ -74,10 +74,9 @@ def _described(scenario: Scenario) -> Iterator[str]:
             speed = f"{vehicle.route.speed_mps:g} m/s"
             yield f"route    {driver_name(vehicle)}: {way.length_m:.1f} m at {speed}"
         for sensor in vehicle.sensors:
-            kind = SENSOR_TOPICS[type(sensor)].name
-            rate = sensor_rate_hz(sensor)
+            rate = sensor.message_rate_hz
             topics = ", ".join(sensor.ros_topics().values())
-            yield f"sensor   {vehicle.name}/{sensor.name} ({kind}): {topics}, {rate:g} Hz"
+            yield f"sensor   {vehicle.name}/{sensor.name} ({sensor.kind}): {topics}, {rate:g} Hz"
             for line in _sent(scenario, vehicle, sensor):
                 yield f"         {line}"
             for fault in sensor.faults:
@@ -106,7 +105,7 @@ def _asked(push: bool) -> str:
 
 
 def _sent(
-    scenario: Scenario, vehicle: Vehicle, sensor: Sensor, *, truth: bool = False
+    scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False
 ) -> list[str]:
     """Return how a sensor's largest message is sent, and what to do if that is not as asked."""
     gateway = scenario.gateway
@@ -122,7 +121,7 @@ def _sent(
     return lines
 
 
-def _warning(scenario: Scenario, vehicle: Vehicle, sensor: Sensor, found: Cut) -> list[str]:
+def _warning(scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, found: Cut) -> list[str]:
     gateway = scenario.gateway
     most = 127 if gateway.signed_peer else 255
     size = f"`{gateway.datagram}`" if isinstance(gateway.datagram, str) else gateway.datagram
@@ -133,7 +132,7 @@ def _warning(scenario: Scenario, vehicle: Vehicle, sensor: Sensor, found: Cut) -
     ]
 
 
-def _mend(vehicle: Vehicle, sensor: Sensor, scenario: Scenario, otherwise: str) -> str:
+def _mend(vehicle: Vehicle, sensor: SensorSpec, scenario: Scenario, otherwise: str) -> str:
     block_deg = None
     if isinstance(sensor, Lidar | Lidar2d):
         block_deg = fitting_block_deg(vehicle, sensor, scenario.gateway)

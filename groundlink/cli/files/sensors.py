@@ -16,12 +16,12 @@ from typing import Any
 
 import msgspec
 
-from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader.datasheets import FOLDER, Datasheet, datasheet, shipped
 from groundlink.loader.load import SHIPPED
-from groundlink.scenario.sensors import SensorSpec
+from groundlink.scenario.every_sensor import SensorSpec
+from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
 
 WIDTH = 110
 """Of lines where the output is no terminal."""
@@ -50,9 +50,9 @@ def sensors(options: argparse.Namespace) -> int:
     """
     sheets = shipped()
     width = max(shutil.get_terminal_size((WIDTH, 0)).columns, 2 * INDENT) - INDENT
-    for spec, topic in SENSOR_TOPICS.items():
-        print(_kind(spec))
-        for sheet in (sheet for sheet in sheets if sheet.kind == topic.name):
+    for kind in sensor_kinds().values():
+        print(_kind(kind))
+        for sheet in (sheet for sheet in sheets if sheet.kind == kind.name):
             lines = [textwrap.shorten(sheet.title, width, placeholder=" ...")]
             figures = ", ".join(_told(sheet.figures))
             lines += textwrap.wrap(figures, width, max_lines=2, placeholder=" ...")
@@ -70,29 +70,27 @@ def show(options: argparse.Namespace) -> int:
     UserError
         when there is no such sheet, or it is wrong.
     """
-    kinds = {topic.name for topic in SENSOR_TOPICS.values()}
-    if options.sheet in kinds - {sheet.name for sheet in shipped()}:
+    if options.sheet in sensor_kinds().keys() - {sheet.name for sheet in shipped()}:
         sheets = [sheet.name for sheet in shipped() if sheet.kind == options.sheet]
         raise UserError(
             f"`{options.sheet}` is a kind of sensor; expected the name of a data sheet: "
             + (", ".join(sheets) or "none of this kind is shipped, write one of your own")
         )
     sheet = datasheet(options.sheet)
-    spec = next(spec for spec, topic in SENSOR_TOPICS.items() if topic.name == sheet.kind)
-    print(f"{_kind(spec)}\n{sheet.file}\n")
+    kind = sensor_kinds()[sheet.kind]
+    print(f"{_kind(kind)}\n{sheet.file}\n")
     print(sheet.file.read_text(encoding="utf-8").strip())
-    if left_out := ", ".join(_told(_left_out(spec, sheet))):
+    if left_out := ", ".join(_told(_left_out(kind.spec, sheet))):
         print(f"\n{textwrap.fill(f'Left out, and so at their defaults: {left_out}.', WIDTH)}")
     return 0
 
 
-def _kind(spec: type[SensorSpec]) -> str:
+def _kind(kind: SensorKind) -> str:
     """Return what a kind of sensor is and what it sends to ROS."""
     with needs("gateway"):
         from groundlink.ros.encoding import ROS_FORMS
-    topic = SENSOR_TOPICS[spec]
-    about = " ".join((spec.__doc__ or "").partition("\n\n")[0].split())
-    return f"{topic.name}, {ROS_FORMS[topic.message].ros_type.rpartition('/')[2]}: {about}"
+    about = " ".join((kind.spec.__doc__ or "").partition("\n\n")[0].split())
+    return f"{kind.name}, {ROS_FORMS[kind.streams['']].ros_type.rpartition('/')[2]}: {about}"
 
 
 def _left_out(spec: type[SensorSpec], sheet: Datasheet) -> dict[str, Any]:

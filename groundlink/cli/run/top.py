@@ -33,7 +33,6 @@ from groundlink.monitor.overview import Overview
 from groundlink.process import runner as process
 from groundlink.process.joining import join
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import sensor_rate_hz
 
 PERIOD_SECONDS = 1.0
 """Between two JSON objects, and between two questions about the link."""
@@ -111,7 +110,7 @@ def declared_rates(scenario: Scenario) -> dict[str, float | None]:
     rates: dict[str, float | None] = dict.fromkeys(process_names(scenario))
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
-            rate_hz = sensor_rate_hz(sensor) * len(sensor.ros_topics())
+            rate_hz = sensor.message_rate_hz * len(sensor.ros_topics())
             rates[f"{vehicle.name}/{sensor.name}"] = rate_hz
     return rates
 

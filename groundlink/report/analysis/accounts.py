@@ -19,7 +19,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.missing_readings import CAUSES, Gaps
 from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import Sensor
+from groundlink.scenario.sensors import SensorSpec
 
 UNDER_WAY = "under way"
 """Too near to the recording's end for its word to be in the file."""
@@ -59,7 +59,7 @@ class StreamAccount:
         sensor: str,
         output: str,
         topic: str,
-        spec: Sensor,
+        spec: SensorSpec,
         *,
         first_nanos: int,
         last_nanos: int,

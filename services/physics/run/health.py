@@ -16,7 +16,6 @@ from groundlink.messages.base import Health
 from groundlink.messages.missing_readings import Gaps
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Time
-from groundlink.scenario.sensors import sensor_rate_hz
 
 from .episode import Episode
 from .shortfalls import ShortfallMonitor
@@ -70,7 +69,7 @@ class HealthMonitor:
         if episode.scenario is not self._scenario:
             self._scenario = episode.scenario
             self._declared_hz = {
-                f"{vehicle.name}/{sensor.name}": sensor_rate_hz(sensor)
+                f"{vehicle.name}/{sensor.name}": sensor.message_rate_hz
                 for vehicle in episode.scenario.vehicles
                 for sensor in vehicle.sensors
             }

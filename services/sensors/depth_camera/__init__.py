@@ -1,2 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The depth camera's process."""
+"""A depth camera: the kind `depth_camera`. Other kinds never import it."""
+
+from groundlink.messages.base import PointCloud
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.scenario.depth_cameras import DepthCamera
+from groundlink.scenario.sensor_kinds import SensorKind
+
+KIND = SensorKind(
+    spec=DepthCamera,
+    streams={
+        "": Image,
+        "compressed": CompressedImage,
+        "camera_info": CameraInfo,
+        "points": PointCloud,
+        "color": CompressedImage,
+        "color_image": Image,
+        "color_info": CameraInfo,
+    },
+    model="services.sensors.depth_camera.model:DepthCameraModel",
+    extra="camera",
+    sees_world=True,
+    bulky=True,
+    streamable=False,
+)

@@ -1,2 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wheel encoders' process."""
+"""Wheel encoders: the kind `encoders`. Other kinds never import it."""
+
+from groundlink.messages.base import WheelEncoders
+from groundlink.scenario.sensor_kinds import SensorKind
+from groundlink.scenario.sensors import Encoders
+
+KIND = SensorKind(
+    spec=Encoders,
+    streams={"": WheelEncoders},
+    model="services.sensors.encoders.model:EncodersModel",
+)

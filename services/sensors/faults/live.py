@@ -21,7 +21,7 @@ from groundlink.process.state_follower import StateConsumer
 from groundlink.scenario.fault_checks import mistake
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Sensor
+from groundlink.scenario.sensors import SensorSpec
 
 from .fault_wrapper import FaultyModel
 
@@ -63,7 +63,7 @@ class LiveFaults:
         model: FaultyModel,
         *,
         vehicle: Vehicle,
-        spec: Sensor,
+        spec: SensorSpec,
         report: Callable[[Faults], object],
         acknowledge: Callable[[], object],
     ) -> None:

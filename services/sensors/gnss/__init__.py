@@ -1,2 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The satellite receiver's process."""
+"""A satellite navigation receiver: the kind `gnss`. Other kinds never import it."""
+
+from groundlink.messages.navigation import NavSatFix
+from groundlink.scenario.sensor_kinds import SensorKind
+from groundlink.scenario.sensors import Gnss
+
+KIND = SensorKind(
+    spec=Gnss,
+    streams={"": NavSatFix},
+    model="services.sensors.gnss.model:GnssModel",
+    native="services.sensors.gnss.model:nmea_device",
+    sees_world=True,
+)

@@ -1,12 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start with ``python -m services.sensors.gnss --name VEHICLE/SENSOR [--native HOST:PORT]``."""
 
-from groundlink.scenario.sensors import Gnss
-from services.sensors.runtime.kinds import Kind, run
-
-from .model import GnssModel
-
-KIND = Kind(Gnss, GnssModel, native=lambda model, _: model, sees_world=True)
+from services.sensors.gnss import KIND
+from services.sensors.runtime.process import run
 
 if __name__ == "__main__":
     run(KIND)

@@ -254,6 +254,11 @@ class GnssModel:
         return fix, nmea.Epoch(stamp_nanos, 0, "N")
 
 
+def nmea_device(model: GnssModel, spec: Gnss) -> GnssModel:
+    """Return the device that sends NMEA 0183: the model itself knows the satellites."""
+    return model
+
+
 def _vector(xyz: Floats) -> Vector3:
     x, y, z = xyz.tolist()
     return x, y, z

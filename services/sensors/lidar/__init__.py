@@ -1,2 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spinning LiDARs."""
+"""A spinning LiDAR: the kind `lidar`. Other kinds never import it."""
+
+from groundlink.messages.base import PointCloud
+from groundlink.messages.ground_truth import TruePoints
+from groundlink.scenario.lidars import Lidar
+from groundlink.scenario.sensor_kinds import SensorKind
+
+KIND = SensorKind(
+    spec=Lidar,
+    streams={
+        "": PointCloud,
+        "truth": TruePoints,
+    },
+    model="services.sensors.lidar.model:LidarModel",
+    native="services.sensors.lidar.vlp16:vlp16_device",
+    sees_world=True,
+    bulky=True,
+)

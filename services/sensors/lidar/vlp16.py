@@ -126,6 +126,11 @@ class Vlp16:
         return measured.reshape(firings, packets.LASERS, -1).swapaxes(1, 2)
 
 
+def vlp16_device(model: object, spec: Lidar) -> Vlp16:
+    """Return the device that sends a VLP-16's packets."""
+    return Vlp16(spec)
+
+
 def _misfit(spec: Lidar) -> str | None:
     """Return how a LiDAR differs from what a decoder takes for granted; None if it does not."""
     cycle_us = 1e6 / (spec.rotation_rate_hz * spec.firings_per_revolution)

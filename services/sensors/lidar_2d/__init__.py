@@ -1,2 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planar scanners."""
+"""A planar laser scanner: the kind `lidar_2d`. Other kinds never import it."""
+
+from groundlink.messages.imagery import LaserScan
+from groundlink.scenario.lidars import Lidar2d
+from groundlink.scenario.sensor_kinds import SensorKind
+
+KIND = SensorKind(
+    spec=Lidar2d,
+    streams={"": LaserScan},
+    model="services.sensors.lidar_2d.model:Lidar2dModel",
+    sees_world=True,
+)

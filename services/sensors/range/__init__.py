@@ -1,2 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The range finder's process."""
+"""A range finder: the kind `range`. Other kinds never import it."""
+
+from groundlink.messages.imagery import Range
+from groundlink.scenario import sensors as specs
+from groundlink.scenario.sensor_kinds import SensorKind
+
+KIND = SensorKind(
+    spec=specs.Range,
+    streams={"": Range},
+    model="services.sensors.range.model:RangeModel",
+    sees_world=True,
+)

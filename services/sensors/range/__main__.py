@@ -1,12 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start with ``python -m services.sensors.range --name VEHICLE/SENSOR``."""
 
-from groundlink.scenario.sensors import Range
-from services.sensors.runtime.kinds import Kind, run
-
-from .model import RangeModel
-
-KIND = Kind(Range, RangeModel, sees_world=True)
+from services.sensors.range import KIND
+from services.sensors.runtime.process import run
 
 if __name__ == "__main__":
     run(KIND)

@@ -1,2 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stereo pair's process."""
+"""A stereo camera: the kind `stereo_camera`. Other kinds never import it."""
+
+from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.scenario.depth_cameras import StereoCamera
+from groundlink.scenario.sensor_kinds import SensorKind
+
+KIND = SensorKind(
+    spec=StereoCamera,
+    streams={
+        "": Image,
+        "compressed": CompressedImage,
+        "camera_info": CameraInfo,
+        "right": Image,
+        "right_compressed": CompressedImage,
+        "right_camera_info": CameraInfo,
+    },
+    model="services.sensors.stereo_camera.model:StereoCameraModel",
+    extra="camera",
+    sees_world=True,
+    bulky=True,
+    streamable=False,
+)

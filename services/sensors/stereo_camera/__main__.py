@@ -1,27 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.sensors.stereo_camera --name VEHICLE/SENSOR``.
+"""Start with ``python -m services.sensors.stereo_camera --name VEHICLE/SENSOR``."""
 
-Rule: the model is imported when what it imports is known to be here.
-"""
-
-from __future__ import annotations
-
-from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import StereoCamera
-from services.sensors.rendering.gl.context import require
-from services.sensors.runtime.kinds import Kind, run
-from services.sensors.runtime.model import SensorModel
-
-
-def model(scenario: Scenario, vehicle: Vehicle, spec: StereoCamera) -> SensorModel:
-    """Return the model, or raise a UserError that says what is missing."""
-    require("cv2", "moderngl")
-    from .model import StereoCameraModel
-
-    return StereoCameraModel(scenario, vehicle, spec)
-
-
-KIND = Kind(StereoCamera, model, sees_world=True)
+from services.sensors.runtime.process import run
+from services.sensors.stereo_camera import KIND
 
 if __name__ == "__main__":
     run(KIND)

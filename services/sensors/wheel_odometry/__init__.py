@@ -1,2 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process of odometry by wheel encoders."""
+"""Wheel odometry: the kind `wheel_odometry`. Other kinds never import it."""
+
+from groundlink.messages.navigation import Odometry
+from groundlink.scenario.sensor_kinds import SensorKind
+from groundlink.scenario.sensors import WheelOdometry
+
+KIND = SensorKind(
+    spec=WheelOdometry,
+    streams={"": Odometry},
+    model="services.sensors.wheel_odometry.model:WheelOdometryModel",
+)

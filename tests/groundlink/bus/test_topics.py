@@ -18,7 +18,6 @@ from groundlink.messages import ground_truth, navigation
 from groundlink.ros.encoding import ROS_FORMS
 from groundlink.scenario.ros_side import FromRos, Stream
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES
-from groundlink.scenario.sensors import sensor_rate_hz
 
 
 def test_every_message_of_the_bus_has_a_row() -> None:
@@ -49,7 +48,9 @@ def test_every_field_of_from_ros_has_a_row() -> None:
 
 def test_unfilled_words_match_everything() -> None:
     assert HEALTH.key_in("lab") == "groundlink/lab/health/**"
-    assert topics.POINTS.key_in("lab", vehicle="a", sensor="b") == "groundlink/lab/a/b"
+    assert (
+        topics.SENSOR_TOPICS["lidar"].key_in("lab", vehicle="a", sensor="b") == "groundlink/lab/a/b"
+    )
 
 
 def test_every_kind_of_sensor_is_a_process_and_a_ros_message() -> None:
@@ -69,7 +70,7 @@ def test_processes_of_the_shipped_scenario() -> None:
         "rover/camera": "services.sensors.camera",
         "gateway": "services.gateway",
     }
-    rates = [sensor_rate_hz(s) for s in scenario.vehicles[0].sensors]
+    rates = [s.message_rate_hz for s in scenario.vehicles[0].sensors]
     assert rates == [10.0, 400.0, 50.0, 30.0]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from groundlink.bus.core_topics import COMMAND, STATE
 from groundlink.bus.queries import control_key, faults_key, link_key
-from groundlink.bus.topics import IMU, JOINT_COMMAND, WHEEL_COMMAND, process_names
+from groundlink.bus.topics import JOINT_COMMAND, SENSOR_TOPICS, WHEEL_COMMAND, process_names
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.loader import load
 from groundlink.scenario import Scenario
@@ -36,7 +36,9 @@ def test_physics_alone_says_where_things_are(tour: Scenario) -> None:
 
 
 def test_a_sensor_alone_says_its_readings(tour: Scenario) -> None:
-    assert who_says(tour, IMU.key_in("*", vehicle="rover", sensor="imu")) == {"rover/imu"}
+    assert who_says(tour, SENSOR_TOPICS["imu"].key_in("*", vehicle="rover", sensor="imu")) == {
+        "rover/imu"
+    }
 
 
 def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None:

@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.core_topics import CLOCK
-from groundlink.bus.topics import ENCODERS, GROUND_TRUTH, WHEEL_ODOMETRY
+from groundlink.bus.topics import GROUND_TRUTH, SENSOR_TOPICS
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
@@ -53,11 +53,14 @@ def told(vehicle: Vehicle, step: int) -> Iterator[tuple[str, Message]]:
         if isinstance(sensor, WheelOdometry):
             frame = vehicle.frame_prefix + sensor.frame
             moved = odometry(stamp, frame, base, x_m, 0.02 * step)
-            yield WHEEL_ODOMETRY.key_in(RUN, **where), moved
+            yield SENSOR_TOPICS["wheel_odometry"].key_in(RUN, **where), moved
         elif isinstance(sensor, Encoders):
             shafts = tuple(shaft.name for shaft in vehicle.model.counted)
             ticks = (sensor.start_ticks + 100 * step,) * len(shafts)
-            yield ENCODERS.key_in(RUN, **where), WheelEncoders(stamp, base, shafts, ticks)
+            yield (
+                SENSOR_TOPICS["encoders"].key_in(RUN, **where),
+                WheelEncoders(stamp, base, shafts, ticks),
+            )
     truth = odometry(stamp, "world", base, 3.0 + 0.9 * x_m, 1.0 + 0.01 * step)
     yield GROUND_TRUTH.key_in(RUN, vehicle=name), truth
 

@@ -12,15 +12,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from groundlink.bus.topics import SENSOR_TOPICS, sensor_outputs
+from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Message, State, encode, measured_nanos, packed
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import Gaps
 from groundlink.messages.reading_schedule import Calendar, calendar
+from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.lenses import Imager
 from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensor_kinds import sensor_kinds
 from groundlink.scenario.sensors import (
     Camera,
     DepthCamera,
@@ -30,7 +32,6 @@ from groundlink.scenario.sensors import (
     Lidar,
     Lidar2d,
     Range,
-    Sensor,
     StereoCamera,
     WheelOdometry,
 )
@@ -145,7 +146,7 @@ KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]
 
 
 def test_every_kind_of_sensor_is_tried() -> None:
-    assert set(KINDS) == set(SENSOR_TOPICS)
+    assert {kind.__struct_config__.tag for kind in KINDS} == set(sensor_kinds())
 
 
 def run() -> list[State]:
@@ -174,7 +175,7 @@ MADE = yard(box("wall", (1, 40, 40), (3, 0, 0)))
 class Fed:
     """What came of a sensor and what it told, by stream and number of the reading."""
 
-    def __init__(self, spec: Sensor, *, patience_ticks: int | None = None) -> None:
+    def __init__(self, spec: SensorSpec, *, patience_ticks: int | None = None) -> None:
         rover = replace(MADE.vehicles[0], sensors=(COUNTED, spec))
         self.model = KINDS[type(spec)][1](replace(MADE, vehicles=(rover,)), rover, spec)
         self.due: Calendar = calendar(spec)

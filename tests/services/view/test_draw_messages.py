@@ -17,9 +17,9 @@ from groundlink.bus.core_topics import COMMAND
 from groundlink.bus.topics import (
     FROM_ROS,
     GROUND_TRUTH,
+    OUTPUTS,
     RELAYED,
     STREAM_TOPICS,
-    TRUE_POINTS,
     TRUE_WHEELS,
 )
 from groundlink.core.clock import NANOS, TICK_NANOS
@@ -189,7 +189,7 @@ CASES: dict[type[Message], tuple[Message, str, type | None]] = {
 
 
 def test_all_that_ros_sees_of_a_vehicle_is_drawn() -> None:
-    truths = [GROUND_TRUTH, TRUE_WHEELS, TRUE_POINTS]
+    truths = [GROUND_TRUTH, TRUE_WHEELS, OUTPUTS["lidar"]["truth"]]
     rows = [COMMAND, *truths, *STREAM_TOPICS.values(), *FROM_ROS.values(), RELAYED]
     assert {row.message for row in rows} == set(FORMS) == set(CASES)
 

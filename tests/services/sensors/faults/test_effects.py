@@ -12,7 +12,6 @@ import pymap3d
 import pytest
 from scipy import stats
 
-from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Imu, Message, PointCloud, Reading, State, WheelEncoders
 from groundlink.messages.imagery import LaserScan, Range
 from groundlink.messages.navigation import NavSatFix, Odometry
@@ -30,6 +29,7 @@ from groundlink.scenario.faults import (
     Stuck,
     TimeJump,
 )
+from groundlink.scenario.sensor_kinds import sensor_kinds
 from services.sensors.faults.effects import EFFECTS
 from services.sensors.faults.quantities import QUANTITIES
 from services.sensors.faults.sectors import COVERED
@@ -86,9 +86,10 @@ VALUES: dict[tuple[type[Reading], str], tuple[Values, Any, Any]] = {
 
 
 def test_every_sensor_has_its_quantities_and_every_kind_its_effect() -> None:
-    for spec, topic in SENSOR_TOPICS.items():
-        assert list(spec.quantities) == list(QUANTITIES[topic.message]), spec  # type: ignore[index]
-        assert spec.turns == (topic.message in COVERED)
+    for kind in sensor_kinds().values():
+        message = kind.streams[""]
+        assert list(kind.spec.quantities) == list(QUANTITIES[message]), kind  # type: ignore[index]
+        assert kind.spec.turns == (message in COVERED)
     assert {(m, name) for m, names in QUANTITIES.items() for name in names} == set(VALUES)
     assert set(QUANTITIES) == set(READINGS) == set(Reading.__subclasses__())
     assert set(EFFECTS) == set(KINDS.values())

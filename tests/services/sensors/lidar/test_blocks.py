@@ -17,7 +17,7 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar, sensor_rate_hz
+from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
 from services.sensors.scanning.blocks import Blocks
 from services.sensors.scanning.sweep import Sweep
@@ -142,7 +142,7 @@ def test_blocks_do_not_drift(rate_hz: float, block_deg: float) -> None:
     declared = Schedule.at(rate_hz)
     count = spec.blocks_per_revolution
     blocks = Blocks(spec, Sweep(spec))
-    assert sensor_rate_hz(spec) == rate_hz * count
+    assert spec.message_rate_hz == rate_hz * count
     for revolution in (0, 1, 77, 100_003):
         assert blocks.nanos(revolution * count) == declared.nanos(revolution)
         assert blocks.end_tick((revolution + 1) * count - 1) == declared.tick(revolution + 1)

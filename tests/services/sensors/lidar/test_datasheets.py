@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from groundlink.loader.load import SHIPPED
-from groundlink.scenario.sensors import Lidar, sensor_rate_hz
+from groundlink.scenario.sensors import Lidar
 from services.sensors.scanning.sweep import Sweep
 
 # VLP-16 User Manual 63-9243 Rev D, table 9-1, by laser id, which is the order of firing.
@@ -51,7 +51,7 @@ def test_the_papers() -> None:
     assert len(spec.elevations_deg) * spec.firings_per_revolution == 57_600
     assert 360 / spec.firings_per_revolution == 0.1
     assert set(np.diff(spec.elevations_deg)) == {2.0}
-    assert (spec.block_deg, sensor_rate_hz(spec)) == (15.0, 240.0)
+    assert (spec.block_deg, spec.message_rate_hz) == (15.0, 240.0)
     assert (spec.range_stddev_m, spec.laser_bias_m) == (0.03, 0.0)
     assert (spec.vertical_offsets_m, spec.range_resolution_m) == ((), 0.0)
 

@@ -16,7 +16,7 @@ from groundlink.ros.encoding import to_cdr
 from groundlink.ros.types import STORE
 from groundlink.scenario.message_sizes import body_bytes, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway
-from groundlink.scenario.sensors import Lidar2d, sensor_rate_hz
+from groundlink.scenario.sensors import Lidar2d
 from tests.services.sensors.lidar import rooms
 
 from . import planes
@@ -203,7 +203,7 @@ def test_what_check_says_of_its_size_is_the_largest_message(block_deg: float) ->
     (vehicle,) = made.vehicles
     sizes = {len(to_cdr(scan)) for scan in planes.scans(made)}
     assert max(sizes) == body_bytes(vehicle, vehicle.sensors[0])
-    assert sensor_rate_hz(vehicle.sensors[0]) == (120.0 if block_deg else 40.0)
+    assert vehicle.sensors[0].message_rate_hz == (120.0 if block_deg else 40.0)
 
 
 def test_a_block_that_fits_is_a_part_of_the_view() -> None:

@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a kind of sensor to the process of one of its sensors, and what follows the states for it.
+"""Process of one sensor: joins the run, builds the model and follows the states.
 
-Rule: what tells kinds apart is in their `Kind`, which each has in its `__main__`. Where a sensor
-runs, in a process of its own or beside others, changes nothing of what it does.
+A sensor behaves the same in a process of its own and beside other sensors in one process.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, TypeVar
 
 from groundlink.bus.core_topics import ACK
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import FAULTS, GAPS, SENSOR_TOPICS, sensor_outputs
+from groundlink.bus.topics import FAULTS, GAPS, sensor_outputs
 from groundlink.core.errors import UserError, nearest
+from groundlink.core.extras import needs
 from groundlink.messages.base import Message
 from groundlink.messages.faults import counted
 from groundlink.messages.missing_readings import counters_of
@@ -28,53 +26,29 @@ from groundlink.process.joining import changed_world, join_world
 from groundlink.process.name_claim import claim_name
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Sensor, WithNative
+from groundlink.scenario.sensor_kinds import SensorKind, kind_of, load_reference
 from groundlink.world.build import world_hash
 from services.sensors.faults.fault_wrapper import FaultyModel
 from services.sensors.faults.live import LiveFaults
 from services.sensors.noise.random_streams import RandomStreams
 
-from .model import Beside, Gone, NativeDevice, SensorModel, parted
+from .model import Beside, Gone, parted
 from .native import NativeLink, NoLink
 from .reading_ledger import Account
 from .runner import SensorProcess
 
-S = TypeVar("S", bound=Sensor)
-M = TypeVar("M", bound=SensorModel)
 
-
-@dataclass(frozen=True)
-class Kind(Generic[S, M]):
-    """What a kind of sensor is to its process."""
-
-    spec_type: type[S]
-    """What the scenario says of a sensor of this kind."""
-
-    make_model: Callable[[Scenario, Vehicle, S], M]
-    native: Callable[[M, S], NativeDevice] | None = None
-    """Makes the device of a model, where the device's own form is known."""
-
-    sees_world: bool = False
-    """Whether the model has a copy of the world, and so is made anew when that changes."""
-
-    @property
-    def name(self) -> str:
-        """Return what scenarios call it."""
-        return SENSOR_TOPICS[self.spec_type].name
-
-
-def run(kind: Kind[Any, Any]) -> None:
+def run(kind: SensorKind) -> None:
     """Run the process of one sensor until it is asked to end."""
     process.run(f"sensors.{kind.name}", lambda arguments, stop: _main(kind, arguments, stop))
 
 
-def _main(kind: Kind[Any, Any], arguments: Sequence[str], stop: threading.Event) -> None:
+def _main(kind: SensorKind, arguments: Sequence[str], stop: threading.Event) -> None:
     parser = process.parser(
         f"sensors.{kind.name}", f"Simulate a sensor of kind `{kind.name}` in a run."
     )
     parser.add_argument("--name", required=True, help="vehicle/sensor, as in rover/lidar")
-    if kind.native is not None:
+    if kind.native:
         parser.add_argument(
             "--native",
             metavar="HOST:PORT",
@@ -84,35 +58,34 @@ def _main(kind: Kind[Any, Any], arguments: Sequence[str], stop: threading.Event)
     with ExitStack() as opened:
         bus = opened.enter_context(Bus(connect=process.endpoint(options), name=options.name))
         run_name, scenario = join_world(bus, options.run, stop)
-        right = kind_name(scenario, options.name)
-        if right != kind.name:
+        right = kind_in(scenario, options.name)
+        if right != kind:
             raise UserError(
-                f"`{options.name}` is of kind `{right}`: start python -m services.sensors.{right}"
+                f"`{options.name}` is of kind `{right.name}`. Fix: python -m {right.package}"
             )
-        native = options.native if kind.native is not None else None
-        sensor = follower(kind, options.name, scenario, bus, run_name, opened, native=native)
+        native = options.native if kind.native else None
+        sensor = follower(options.name, scenario, bus, run_name, opened, native=native)
         follow_states(
             bus, run_name, [sensor], stop.is_set, waited_for=scenario.time.mode != "realtime"
         )
 
 
-def kind_name(scenario: Scenario, name: str) -> str:
+def kind_in(scenario: Scenario, name: str) -> SensorKind:
     """Return the kind of the sensor that is called `vehicle/sensor`.
 
     Raises
     ------
     UserError
-        when there is none.
+        when there is no such sensor, or when its kind is not installed here.
     """
     found = scenario.sensor(name)
     if found is None:
         hint = nearest(name, scenario.sensor_names())
         raise UserError(f"scenario `{scenario.name}` has no sensor `{name}`; {hint}")
-    return SENSOR_TOPICS[type(found[1])].name
+    return kind_of(found[1])
 
 
 def follower(
-    kind: Kind[S, M],
     name: str,
     scenario: Scenario,
     bus: Bus,
@@ -121,7 +94,7 @@ def follower(
     *,
     native: str | None = None,
 ) -> StateFollower:
-    """Return what follows a run's states for the sensor of this kind and name.
+    """Return what follows a run's states for the sensor of this name.
 
     Parameters
     ----------
@@ -130,20 +103,21 @@ def follower(
     native
         HOST:PORT for the device's own datagrams, instead of the scenario's.
     """
+    kind = kind_in(scenario, name)
     found = scenario.sensor(name)
-    assert found is not None, "who asks has found it"
+    assert found is not None, "kind_in found it"
     vehicle, spec = found
-    assert isinstance(spec, kind.spec_type)
+    with needs(kind.extra):
+        make_model = load_reference(kind.model)
     claim = claim_name(bus, run_name, name)
-    model = kind.make_model(scenario, vehicle, spec)
+    model = make_model(scenario, vehicle, spec)
     link: NativeLink | NoLink = NoLink()
-    if kind.native is not None and isinstance(spec, WithNative):
-        if destination := native or spec.native:
-            link = NativeLink(kind.native(model, spec), destination)
-            opened.callback(link.close)
+    if kind.native and (destination := native or getattr(spec, "native", None)):
+        link = NativeLink(load_reference(kind.native)(model, spec), destination)
+        opened.callback(link.close)
     names = {"vehicle": vehicle.name, "sensor": spec.name}
     # All that it says takes the way of its readings: who hears how far it has come has them.
-    publisher = partial(bus.publisher, bulky=SENSOR_TOPICS[type(spec)].bulky)
+    publisher = partial(bus.publisher, bulky=kind.bulky)
     publish = {
         output.name: publisher(output.row.key_in(run_name, **names), output.row.delivery)
         for output in sensor_outputs(spec)
@@ -175,7 +149,7 @@ def follower(
             faulty.renew(Gone())
         elif kind.sees_world or faulty.has_gone:
             account.because("world changed")
-            faulty.renew(kind.make_model(changed, found[0], spec))
+            faulty.renew(make_model(changed, found[0], spec))
         return True
 
     time = scenario.time

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Registry of sensor kinds.
+
+A kind is one folder (or one distribution of its own) with a `SensorKind`. Installed kinds are found
+through the entry-point group `groundlink.sensors`. Topics, schemas, processes, access rules, codecs
+and drawings are derived from this registry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Union
+
+from groundlink.core.errors import UserError
+from groundlink.messages.base import Message
+
+from .every_sensor import SensorSpec, UnknownSensor
+
+GROUP = "groundlink.sensors"
+"""Entry-point group. An entry's name is the kind; its object is a `SensorKind`."""
+
+OWN_DISTRIBUTION = "groundlink"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MessageSupport:
+    """Parts that Groundlink needs to handle a message type that a kind brings along.
+
+    Both are `module:object` references, imported by the processes that need them.
+    """
+
+    codec: str
+    """A `groundlink.ros.codec.Codec`: ROS type, encoding and decoding."""
+
+    drawing: str = ""
+    """Function that draws the message in the viewer (`services.view.forms.Form`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorKind:
+    """One kind of sensor: its specification, its streams and where its model is.
+
+    Models and all that they import are `module:object` references. Only the sensor's own process
+    imports them. The package that holds the model must run as `python -m <package>`.
+    """
+
+    spec: type[SensorSpec]
+    """Fields of a scenario. The tag of the Struct is the name of the kind."""
+
+    streams: Mapping[str, type[Message]]
+    """Message type of each stream; the main stream has the empty name."""
+
+    model: str
+    """Callable `(scenario, vehicle, spec) -> SensorModel`."""
+
+    native: str = ""
+    """Callable `(model, spec) -> NativeDevice`, where the device's own datagrams are known."""
+
+    extra: str = ""
+    """Extra of Groundlink that installs the libraries of the model."""
+
+    sees_world: bool = False
+    """The model has a copy of the world and must be built again when the world changes."""
+
+    bulky: bool = False
+    """Messages are so large that small ones must not wait behind them."""
+
+    streamable: bool = True
+    """Other processes may publish the main stream (`vehicles.streams` in a scenario)."""
+
+    messages: Mapping[type[Message], MessageSupport] = field(default_factory=dict)
+    """Message types that the kind brings along."""
+
+    disturb: Mapping[str, str] = field(default_factory=dict)
+    """By quantity of the specification: callable `(reading, offsets) -> reading` for faults. A
+    quantity that names its field needs none."""
+
+    cover: str = ""
+    """Callable `(reading, begin_rad, width_rad) -> reading` for the fault `occluded_sector`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the kind in scenarios and on the bus."""
+        return str(self.spec.__struct_config__.tag)
+
+    @property
+    def package(self) -> str:
+        """Package that runs as the process of one sensor of this kind."""
+        return self.model.partition(":")[0].rpartition(".")[0]
+
+
+def load_reference(reference: str) -> Any:
+    """Return the object that a `module:object` reference names."""
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)
+
+
+@cache
+def sensor_kinds() -> Mapping[str, SensorKind]:
+    """Return all installed kinds by name: the shipped ones first, each group in order of names.
+
+    Raises
+    ------
+    UserError
+        when no kind is installed, or when an entry point cannot be used.
+    """
+    kinds = {}
+    for entry in sorted(entry_points(group=GROUP), key=_shipped_first):
+        kinds[entry.name] = _loaded(entry)
+    if not kinds:
+        raise UserError(
+            f"no sensor kinds: no installed distribution has entry points in the group `{GROUP}`. "
+            "Fix: install Groundlink again (pip install -e .)"
+        )
+    return kinds
+
+
+def distribution_of(kind: str) -> str:
+    """Return the name of the distribution that installs a kind."""
+    (entry,) = entry_points(group=GROUP, name=kind)
+    return _distribution(entry)
+
+
+def kind_of(spec: SensorSpec) -> SensorKind:
+    """Return the kind of a sensor.
+
+    Raises
+    ------
+    UserError
+        when the kind is not installed here; the line names the package to install.
+    """
+    if isinstance(spec, UnknownSensor):
+        raise UserError(spec.problem)
+    return sensor_kinds()[spec.kind]
+
+
+def sensor_union() -> Any:
+    """Return the tagged union of the specifications of all installed kinds, for msgspec."""
+    return Union[tuple(kind.spec for kind in sensor_kinds().values())]  # noqa: UP007
+
+
+def _loaded(entry: EntryPoint) -> SensorKind:
+    where = f"sensor kind `{entry.name}` of the package `{_distribution(entry)}`"
+    try:
+        kind = entry.load()
+    except Exception as error:  # whatever a package of others raises, no traceback of ours
+        raise UserError(
+            f"{where}: cannot import {entry.value}: {error}. Fix: update or uninstall the package"
+        ) from error
+    if not isinstance(kind, SensorKind) or kind.name != entry.name:
+        raise UserError(
+            f"{where}: {entry.value} is not a SensorKind of this name. "
+            "Fix: name the entry point like the tag of the specification"
+        )
+    return kind
+
+
+def _shipped_first(entry: EntryPoint) -> tuple[bool, str]:
+    return _distribution(entry) != OWN_DISTRIBUTION, entry.name
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else "?"
