@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Claims of speed: what was measured beside the limit that the documents promise.
+"""NameClaim of speed: what was measured beside the limit that the documents promise.
 
 A claim is a ratio or a count, never a time: those depend on the machine.
 """

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import yaml
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import send_command
 from groundlink.bus.core_topics import ACK, HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
@@ -139,7 +139,7 @@ def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[
             episode, _ = episode_seconds(acks, needed, -1)
             seconds = []
             for _ in range(1 + 2 * pairs):
-                ask(bus, RUN, Reset())
+                send_command(bus, RUN, Reset())
                 episode, taken = episode_seconds(acks, needed, episode)
                 seconds.append(taken)
         finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `groundlink`: runs a subcommand; errors and interrupts become one line and a code."""
+"""The command `groundlink`: run a subcommand; print an error as one line and set the exit code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import NoReturn
 from groundlink.core.errors import UserError, os_error_text
 
 INTERRUPTED = 128 + signal.SIGINT
-"""Exit code after Ctrl-C, as shells have it."""
+"""Exit code after Ctrl-C, by the convention of shells."""
 
 TERMINATED = 128 + signal.SIGTERM
 
@@ -22,8 +22,8 @@ TERMINATED = 128 + signal.SIGTERM
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code.
 
-    2 or 3 after a mistake or a lack that the user can mend, 130 after Ctrl-C. SIGTERM raises
-    SystemExit, so that what was begun is cleared away.
+    2 or 3 after an error that the user can fix, 130 after Ctrl-C. SIGTERM raises SystemExit, so
+    that `finally` blocks clean up.
     """
     try:
         with _terminable():
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _failed("interrupted", INTERRUPTED)
     except BrokenPipeError:
-        # The reader of our output has seen enough. Nothing is flushed to it at exit.
+        # The reader closed the pipe. Redirect stdout so that the flush at exit does not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
@@ -52,7 +52,7 @@ def _failed(line: str, code: int) -> int:
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Let SIGTERM raise SystemExit; commands that run processes take it over."""
+    """Let SIGTERM raise SystemExit; commands that run processes install their own handlers."""
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
         raise SystemExit(TERMINATED)

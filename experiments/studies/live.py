@@ -141,7 +141,7 @@ def _joined(endpoint: str, supervisor: subprocess.Popen[str], folder: Path) -> B
     end_s = time.monotonic() + JOIN_S
     while supervisor.poll() is None and time.monotonic() < end_s:
         try:
-            return Bus(connect=endpoint, onlooker=True)
+            return Bus(connect=endpoint, observer=True)
         except BusError:
             time.sleep(LOOK_S)
     raise UserError(f"live: there is no bus at {endpoint}; see {folder / 'up.log'}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bus: Zenoh sessions, topics, queries, inboxes and credentials.
+"""Sessions on the bus (Zenoh), topics, queries, inboxes and credentials.
 
-May be imported by every process. `session` is the only module that imports zenoh.
+May be imported by every process. Only `session` imports zenoh.
 """

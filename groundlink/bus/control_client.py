@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a run's physics is told a wish, by whoever is on the bus.
-
-Rule: one query, one answer; what may be wished is in `control`.
-"""
+"""Client of a run's control queryable: send a run command to physics, return its answer."""
 
 from __future__ import annotations
 
@@ -15,24 +12,33 @@ from .queries import control_key
 from .session import Bus
 
 ANSWER_SECONDS = 7.0
-"""How long physics may be silent; it answers within 6 s what it has no time for."""
+"""Timeout of a query. A busy physics process answers within 6 s."""
 
 
-def ask(
-    bus: Bus, run: str, wish: AnyRunCommand | None = None, *, content: bytes | None = None
+def send_command(
+    bus: Bus, run: str, command: AnyRunCommand | None = None, *, content: bytes | None = None
 ) -> ControlAnswer:
-    """Return physics' answer to a wish, with what comes with it, or how it is.
+    """Send a run command, with a payload if it needs one; return the answer of physics.
+
+    Without a command, physics only reports the state of the run.
 
     Raises
     ------
     UserError
-        when there is none, or the wish could not be done.
+        if physics does not answer or rejects the command.
     """
-    asked = msgspec.json.encode(wish).decode() if wish is not None else ""
-    replies = bus.ask(control_key(run), asked, seconds=ANSWER_SECONDS, content=content)
+    parameters = msgspec.json.encode(command).decode() if command is not None else ""
+    replies = bus.query(control_key(run), parameters, seconds=ANSWER_SECONDS, content=content)
     if not replies:
-        raise UserError(f"physics of run `{run}` does not answer; is its process running?")
+        raise UserError(
+            f"run `{run}`: physics does not answer. Fix: check that its process is running"
+        )
     answer = msgspec.json.decode(next(iter(replies.values())), type=ControlAnswer)
     if answer.error:
         raise UserError(f"run `{run}`: {answer.error}")
     return answer
+
+
+def run_status(bus: Bus, run: str) -> ControlAnswer:
+    """Return the state of a run; errors are those of `send_command`."""
+    return send_command(bus, run)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who a process is on a bus that strangers reach: its certificate, from a folder of its own.
+"""Credentials of a process on a secured bus: its certificate, its key and the run's authority.
 
-Rule: a folder holds the name of one process, its certificate and its key, and that of the run's
-authority; `groundlink secure` makes it. A process that is given another's folder says so and ends.
-Nothing of it is printed.
+`groundlink secure` writes one folder for each process. A process that gets the folder of another
+process ends with an error. Contents of the files are never printed.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ import msgspec
 from groundlink.core.errors import UserError
 
 VARIABLE = "GROUNDLINK_CREDENTIALS"
-"""Environment variable with the folder; without it the bus is open, and belongs on one host."""
+"""Environment variable with the folder. Without it the bus is open; use that on one host only."""
 
 AUTHORITY, CERTIFICATE, KEY, ABOUT = "authority.pem", "certificate.pem", "key.pem", "about.json"
 
 
-class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What stands beside the certificate."""
+class CredentialInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Content of the file beside the certificate."""
 
     process: str
     access_control: dict[str, Any] | None = None
-    """Of a router: who may say what."""
+    """Access control of a router; None for other processes."""
 
 
 class Credentials:
@@ -38,7 +37,7 @@ class Credentials:
     Raises
     ------
     UserError
-        when it isn't whole.
+        if a file is missing, unreadable or malformed.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -46,33 +45,33 @@ class Credentials:
         for name in (AUTHORITY, CERTIFICATE, KEY, ABOUT):
             if not os.access(folder / name, os.R_OK):
                 raise UserError(
-                    f"{VARIABLE}: cannot read {folder / name}; make the folder with `groundlink "
-                    "secure` and give it to this process"
+                    f"{VARIABLE}: cannot read {folder / name}. Fix: create the folder with "
+                    "`groundlink secure` and make it readable for this process"
                 )
         try:
-            self._about = msgspec.json.decode((folder / ABOUT).read_bytes(), type=About)
+            self._about = msgspec.json.decode((folder / ABOUT).read_bytes(), type=CredentialInfo)
         except msgspec.DecodeError as error:
             raise UserError(f"{folder / ABOUT}: {error}") from None
 
     def check(self, process: str) -> None:
-        """Refuse a folder that is another's.
+        """Check that the folder belongs to `process`.
 
         Raises
         ------
         UserError
-            when it is.
+            if it belongs to another process.
         """
         owner = self._about.process
         if owner not in (process, process.partition("/")[0]):
             raise UserError(
-                f"these are the credentials of `{owner}`, and this is `{process}`; point "
-                f"{VARIABLE} to its own folder"
+                f"{VARIABLE}: credentials of another process; expected `{process}`, got `{owner}`. "
+                f"Fix: set {VARIABLE} to the folder of `{process}`"
             )
 
     def settings(self) -> dict[str, Any]:
-        """Return Zenoh's settings: both ends show a certificate of the authority."""
+        """Return Zenoh's settings for mutual TLS."""
         certificate, key = str(self._folder / CERTIFICATE), str(self._folder / KEY)
-        found: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "transport/link/tls": {
                 "root_ca_certificate": str(self._folder / AUTHORITY),
                 "enable_mtls": True,
@@ -84,17 +83,17 @@ class Credentials:
             }
         }
         if self._about.access_control is not None:
-            found["access_control"] = self._about.access_control
-        return found
+            settings["access_control"] = self._about.access_control
+        return settings
 
 
 def from_environment(environment: Mapping[str, str]) -> Credentials | None:
-    """Return the credentials that the environment names; None where it names none."""
+    """Return the credentials that the environment names; None without the variable."""
     folder = environment.get(VARIABLE)
     return Credentials(Path(folder)) if folder else None
 
 
 def about_text(process: str, access_control: dict[str, Any] | None = None) -> str:
-    """Return what is to stand in the file beside a certificate."""
-    about = msgspec.to_builtins(About(process, access_control))
+    """Return the content of the file beside a certificate."""
+    about = msgspec.to_builtins(CredentialInfo(process, access_control))
     return json.dumps(about, indent=1) + "\n"

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has arrived and was not yet looked at: bounded, newest kept, losses counted.
+"""Inbox: a bounded queue between Zenoh's threads and the thread that reads.
 
-Rule: `put` is called on the transport's thread and only stores bytes; decoding and its errors
-happen on the thread of the one who reads.
+`put` runs on a thread of Zenoh and only stores bytes. Decoding happens in the reading thread.
 """
 
 from __future__ import annotations
@@ -21,15 +20,15 @@ class BusInbox(Generic[M]):
     Parameters
     ----------
     depth
-        messages it holds; when one more comes, the oldest is dropped and counted.
+        maximum number of messages. When the queue is full, the oldest is dropped and counted.
     """
 
     def __init__(self, *, depth: int) -> None:
         self.dropped_of: Counter[str] = Counter()
-        """Messages that were pushed out by newer ones, by key."""
+        """Messages dropped because the queue was full, by key."""
 
         self.refused = 0
-        """Messages that did not fit their schema."""
+        """Messages that did not match their schema."""
 
         self.last_refusal = ""
         self._waiting: deque[tuple[str, bytes, type[M]]] = deque()
@@ -41,7 +40,7 @@ class BusInbox(Generic[M]):
 
     @property
     def dropped(self) -> int:
-        """Messages that were pushed out by newer ones."""
+        """Messages dropped because the queue was full."""
         return self.dropped_of.total()
 
     def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
@@ -53,15 +52,15 @@ class BusInbox(Generic[M]):
             self._arrived.notify()
 
     def wait(self, seconds: float) -> None:
-        """Wait until a message is here, or so long."""
+        """Wait until a message is in the queue, for at most `seconds`."""
         with self._arrived:
             if not self._waiting:
                 self._arrived.wait(seconds)
 
     def get(self, *, seconds: float) -> tuple[str, M] | None:
-        """Return the oldest waiting message with its key, or None when none comes in time.
+        """Return the oldest message with its key; None after a timeout of `seconds`.
 
-        Messages that do not fit their schema are counted and passed over.
+        Messages that do not match their schema are counted and skipped.
         """
         deadline = time.monotonic() + seconds
         while True:

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be asked on the bus: the keys of its queryables, beside the streams of `topics`.
-
-Rule: a key is written here and nowhere else. Who answers stands with each.
-"""
+"""Keys of the queryables of a run. Keys of streams are in `topics`. No other module writes keys."""
 
 from __future__ import annotations
 
@@ -11,39 +8,39 @@ from .topics import FAULTS
 
 
 def scenario_key(run: str) -> str:
-    """Return the key of the queryable that serves a run's resolved scenario."""
+    """Return the key of a run's resolved scenario. Served by physics or a replay."""
     return f"{ROOT}/{run}/scenario"
 
 
 def asset_key(run: str) -> str:
-    """Return the key of the queryable that serves the assets that a run's scenario names."""
+    """Return the key of the assets that a run's scenario names. Served with the scenario."""
     return f"{ROOT}/{run}/assets"
 
 
 def link_key(run: str) -> str:
-    """Return the key of the queryable by which a run's emulated link is changed and told."""
+    """Return the key that reads and changes a run's emulated link. Served by the gateway."""
     return f"{ROOT}/{run}/link"
 
 
 def faults_key(run: str, sensor: str) -> str:
-    """Return the key of the queryable by which a sensor's faults are changed and told."""
+    """Return the key that reads and changes a sensor's faults. Served by the sensor."""
     return FAULTS.key_in(run, process=sensor)
 
 
 def control_key(run: str) -> str:
-    """Return the key of the queryable by which a run is paused, stepped and reset."""
+    """Return the key that takes run commands (see `messages.control`). Served by physics."""
     return f"{ROOT}/{run}/control"
 
 
 def history_key(run: str) -> str:
-    """Return the key of the queryable that serves the states a rejoining sensor has missed."""
+    """Return the key of the states that a rejoining process missed. Served by physics."""
     return f"{ROOT}/{run}/state/history"
 
 
 def journal_key(run: str) -> str:
-    """Return the key of the queryable that serves a run's journal, see `journal`.
+    """Return the key of a run's journal (see `run.journal`). Served by physics.
 
-    The question is empty for the present life, or names one that has just ended: `LIFE`, or
-    `LIFE/NUMBER` for the entries from a number on. The replies, joined, are a file of `journal`.
+    Empty parameters select the current episode. `EPISODE` selects one that has just ended, and
+    `EPISODE/NUMBER` its entries from a number on. The replies, joined, are a journal file.
     """
     return f"{ROOT}/{run}/journal"

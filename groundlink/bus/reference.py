@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference of the bus in Markdown: the keys of all streams, and the fields of every message.
+"""Reference of the bus in Markdown: keys of all streams and fields of all messages.
 
-Rule: everything is taken from the table of topics and the classes of the messages; the meaning of
-a field is its docstring in the source. `docs/bus.md` holds the text.
+Generated from the table of topics and the message classes. The meaning of a field is its docstring
+in the source. The text is part of `docs/bus.md`.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ def reference() -> str:
 
 
 def _section(struct: type[Any], found: list[type[Any]]) -> Iterator[str]:
-    """Yield what a message or a part of one is; append the structs in it to `found`."""
+    """Yield the section of a struct; append the structs that it contains to `found`."""
     yield f"### {struct.__name__}"
     yield ""
     yield _joined(inspect.getdoc(struct) or "")
     yield ""
-    told = _told(struct)
+    docs = _field_docs(struct)
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
     rows = []
@@ -81,12 +81,12 @@ def _section(struct: type[Any], found: list[type[Any]]) -> Iterator[str]:
     for field in info.fields:
         default = "" if field.required else "optional. "
         kind = _kind(field.type, found)
-        rows.append((f"`{field.encode_name}`", kind, default + told.get(field.name, "")))
+        rows.append((f"`{field.encode_name}`", kind, default + docs.get(field.name, "")))
     yield from _table(("field", "type", "meaning"), rows)
 
 
 def _kind(field: types.Type, found: list[type[Any]]) -> str:
-    """Return a type in MessagePack's words."""
+    """Return the MessagePack name of a type."""
     match field:
         case types.StructType():
             found.append(field.cls)
@@ -108,22 +108,22 @@ def _kind(field: types.Type, found: list[type[Any]]) -> str:
     return type(field).__name__.removesuffix("Type").lower()
 
 
-def _told(struct: type[Any]) -> dict[str, str]:
-    """Return the docstrings of a struct's fields, those that it inherits included."""
-    told: dict[str, str] = {}
+def _field_docs(struct: type[Any]) -> dict[str, str]:
+    """Return the docstrings of a struct's fields, inherited ones included."""
+    docs: dict[str, str] = {}
     for base in reversed(struct.__mro__):
         if base in (object, msgspec.Struct, Message) or not issubclass(base, msgspec.Struct):
             continue
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
         assert isinstance(tree, ast.ClassDef)
-        for field, text in zip(tree.body, tree.body[1:], strict=False):
-            match field, text:
+        for field, doc in zip(tree.body, tree.body[1:], strict=False):
+            match field, doc:
                 case (
                     ast.AnnAssign(target=ast.Name(id=name)),
-                    ast.Expr(value=ast.Constant(value=str(said))),
+                    ast.Expr(value=ast.Constant(value=str(text))),
                 ):
-                    told[name] = _joined(said)
-    return told
+                    docs[name] = _joined(text)
+    return docs
 
 
 def _joined(text: str) -> str:

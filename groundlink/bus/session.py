@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bus: messages between the processes of a run, over Zenoh.
+"""Bus sessions: messages, queries and liveliness between the processes of a run, over Zenoh.
 
-Rule: the only importer of `zenoh`. Zenoh's callbacks only hand over to an inbox, which is bounded,
-keeps the newest and counts what it drops. Endpoints are explicit, multicast is off; every process
-is a client of one router, on one host as on many: peers that find each other by gossip change
-routes while data flow, and lost up to 12 states at the start of a run. A session that is not closed
-hangs its process, so a `Bus` is a context manager.
+The only module that imports `zenoh`. Zenoh's callbacks only store into an inbox. Endpoints are
+explicit and multicast is off. Every process is a client of one router, on one host too: peers that
+find each other by gossip change routes while data flows, and lost up to 12 states at the start of a
+run. An open session blocks the exit of its process, so a `Bus` is a context manager.
 """
 
 from __future__ import annotations
@@ -23,16 +22,16 @@ import zenoh.ext
 from groundlink.core.errors import UserError
 from groundlink.messages.base import M, Message, encode
 
-from . import zenoh_config as zenoh_settings
+from . import zenoh_config
 from .core_topics import Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where physics listens when it is told neither to listen nor to connect elsewhere."""
+"""Where physics listens by default."""
 
 REPLIES_KEPT = 4096
-"""Of one query: more than the longest answer has, what a sensor has missed of a fast run."""
+"""Maximum number of replies to one query; the longest answer is the history of a fast run."""
 
 _CONGESTION_CONTROL = {
     Delivery.NEWEST: zenoh.CongestionControl.DROP,
@@ -40,7 +39,7 @@ _CONGESTION_CONTROL = {
 }
 
 HEARTBEAT_SECONDS = 0.5
-"""How often a publisher that keeps messages tells what it has."""
+"""Period of the heartbeat of a publisher with a cache."""
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d{1,5})$")
 
@@ -50,26 +49,26 @@ class BusError(UserError):
 
 
 class Bus:
-    """One process's session.
+    """The session of one process.
 
     Parameters
     ----------
     connect
         endpoint of the router to join, such as `tcp/HOST:7447`.
     listen
-        endpoint to listen on as the router that others join through.
-    onlooker
-        never waited for: what this session does not take in time, the router drops.
+        endpoint to listen on, as the router of the run.
+    observer
+        the router does not wait for this session and drops messages that it is too slow for.
     name
-        of the process, where its credentials have to be its own.
+        process name, checked against the credentials.
     foreign
-        the router is others': the run's credentials are not shown to it, it is not waited for
-        longer than Zenoh does by itself, and what is published gets Zenoh's timestamps.
+        the router is not part of the run: use no credentials and Zenoh's default queues, and
+        publish with Zenoh's timestamps.
 
     Raises
     ------
     UserError
-        when the endpoints are none, nobody is there, or the credentials are wrong.
+        if an endpoint is malformed or not reachable, or the credentials are wrong.
     """
 
     def __init__(
@@ -77,26 +76,29 @@ class Bus:
         *,
         connect: str | None = None,
         listen: str | None = None,
-        onlooker: bool = False,
+        observer: bool = False,
         name: str | None = None,
         foreign: bool = False,
     ) -> None:
         self._declared: list[Any] = []
         self._is_router = listen is not None
-        self._links_made = 0
+        self._connections = 0
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
-                raise BusError(f"`{endpoint}` is no endpoint; expected one like tcp/HOST:7447")
+                raise BusError(
+                    f"`{endpoint}` is no endpoint; expected PROTOCOL/HOST:PORT such as "
+                    "tcp/HOST:7447"
+                )
         credentials = None if foreign else from_environment(os.environ)
         if credentials is not None and name is not None:
             credentials.check(name)
         more = credentials.settings() if credentials is not None else {}
-        more |= {"timestamping/enabled": True} if foreign else zenoh_settings.PATIENCE
-        settings = zenoh_settings.settings_of(connect, listen, onlooker=onlooker) | more
+        more |= {"timestamping/enabled": True} if foreign else zenoh_config.SENDER_QUEUE
+        settings = zenoh_config.settings_of(connect, listen, observer=observer) | more
         configuration = zenoh.Config()
         for key, value in settings.items():
             configuration.insert_json5(key, json.dumps(value))
-        threads = {"ZENOH_RUNTIME": zenoh_settings.ROUTER_THREADS} if listen else {}
+        threads = {"ZENOH_RUNTIME": zenoh_config.ROUTER_THREADS} if listen else {}
         before = dict(os.environ)
         os.environ.update(threads | before)
         try:
@@ -104,7 +106,7 @@ class Bus:
         except zenoh.ZError as error:
             raise BusError(_explained(str(error), connect, listen)) from None
         except BaseException as error:
-            # Zenoh panics where it may open no more files, by an exception outside of Exception.
+            # Zenoh panics at the limit of open files, with an exception that is not an Exception.
             if type(error).__name__ != "PanicException":
                 raise
             raise BusError(
@@ -112,15 +114,15 @@ class Bus:
                 "ulimit -n 1024"
             ) from None
         finally:
-            for name in threads.keys() - before:  # no business of the processes that it starts
+            for name in threads.keys() - before:  # child processes must not inherit them
                 del os.environ[name]
         if not self._is_router:
             self._declared.append(
-                self._session.info.declare_transport_events_listener(self._on_link)
+                self._session.info.declare_transport_events_listener(self._on_connection)
             )
 
-    def _on_link(self, event: zenoh.TransportEvent) -> None:
-        self._links_made += event.kind == zenoh.SampleKind.PUT
+    def _on_connection(self, event: zenoh.TransportEvent) -> None:
+        self._connections += event.kind == zenoh.SampleKind.PUT
 
     def __enter__(self) -> Bus:
         return self
@@ -140,16 +142,16 @@ class Bus:
         self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]
 
-    def is_linked(self) -> bool:
-        """Return whether there is a way to others: this is the router, or has a link to it."""
+    def is_connected(self) -> bool:
+        """Return whether this session is a router or connected to one."""
         return self._is_router or bool(self._session.info.routers_zid())
 
-    def links_made(self) -> int:
-        """Return how often this session had to make another link to its router.
+    def reconnects(self) -> int:
+        """Return how often this session reconnected to its router.
 
-        What was published by the one before may never have come.
+        Messages published before a reconnection may be lost.
         """
-        return self._links_made
+        return self._connections
 
     def publisher(
         self, key: str, delivery: Delivery, *, bulky: bool = False
@@ -159,8 +161,8 @@ class Bus:
         Parameters
         ----------
         bulky
-            take the way of large messages, or of what must not overtake them: it has queues of its
-            own, and small ones go first.
+            use the low-priority queues of large messages. Also for messages that must not overtake
+            those.
         """
         publisher = self._session.declare_publisher(
             key,
@@ -178,16 +180,16 @@ class Bus:
 
     @property
     def identity(self) -> str:
-        """Zenoh's name of this session."""
+        """Zenoh id of this session."""
         return str(self._session.zid())
 
     def publisher_of_bytes(self, key: str, *, kept: int = 0) -> Callable[[bytes, bytes], None]:
-        """Return a function that publishes bytes, and what is attached to them, under `key`.
+        """Return a function that publishes a payload with an attachment under `key`.
 
         Parameters
         ----------
         kept
-            how many messages are kept for those that subscribe later and ask for them.
+            size of the cache for subscribers that join later.
         """
         congestion_control = zenoh.CongestionControl.DROP
         publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher
@@ -212,13 +214,13 @@ class Bus:
         return publish
 
     def subscribe_bytes(self, key: str, take: Callable[[bytes], None]) -> None:
-        """Call `take` with what arrives under `key`, on a thread of Zenoh's: it must not block."""
+        """Call `take` with each payload under `key`, on a thread of Zenoh: it must not block."""
         self._declared.append(
             self._session.declare_subscriber(key, lambda sample: take(sample.payload.to_bytes()))
         )
 
     def subscribe(self, key: str, message_type: type[M], inbox: BusInbox[M]) -> None:
-        """Put every message that arrives under `key` into `inbox`."""
+        """Put messages under `key` into `inbox`."""
 
         def hand_over(sample: zenoh.Sample) -> None:
             inbox.put(str(sample.key_expr), sample.payload.to_bytes(), message_type)
@@ -228,28 +230,29 @@ class Bus:
     def subscribe_in_order(
         self, key: str, type_of: Callable[[str], type[M] | None], inbox: BusInbox[M]
     ) -> None:
-        """Put every message that arrives under a key expression into `inbox` as it came.
+        """Put messages under a key expression into `inbox`, in order of arrival across keys.
 
-        Zenoh serves each subscriber on a thread of its own: among those of several keys, order is
-        lost there. What `type_of` has no type for, by its key, is passed over.
+        Zenoh serves each subscriber on its own thread, so separate subscribers have no common
+        order. Messages for whose key `type_of` returns None are skipped.
         """
 
         def hand_over(sample: zenoh.Sample) -> None:
-            came_on = str(sample.key_expr)
-            if (message_type := type_of(came_on)) is not None:
-                inbox.put(came_on, sample.payload.to_bytes(), message_type)
+            own_key = str(sample.key_expr)
+            if (message_type := type_of(own_key)) is not None:
+                inbox.put(own_key, sample.payload.to_bytes(), message_type)
 
         self._declared.append(self._session.declare_subscriber(key, hand_over))
 
     def serve(self, key: str, answer: Callable[[str], list[bytes]]) -> None:
-        """Answer queries for `key`: `answer` gets the query's parameters, its items are replies.
+        """Answer queries for `key`: `answer` gets the parameters and returns the replies.
 
-        Replies to one query have keys `key/0`, `key/1`, ... so that none replaces another.
+        Replies to one query have the keys `key/0`, `key/1`, ... because replies with equal keys
+        replace each other.
         """
-        self.serve_content(key, lambda asked, _: answer(asked))
+        self.serve_content(key, lambda parameters, _: answer(parameters))
 
     def serve_content(self, key: str, answer: Callable[[str, bytes], list[bytes]]) -> None:
-        """Answer queries for `key` as `serve` does; `answer` gets what comes with a query, too."""
+        """Answer queries for `key` like `serve`; `answer` gets the payload of the query too."""
 
         def reply(query: zenoh.Query) -> None:
             with query:
@@ -259,14 +262,14 @@ class Bus:
 
         self._declared.append(self._session.declare_queryable(f"{key}/**", reply))
 
-    def ask(
+    def query(
         self, key: str, parameters: str = "", *, seconds: float, content: bytes | None = None
     ) -> dict[str, bytes]:
-        """Return all replies that come within `seconds`, by key, in the order of their numbers."""
+        """Return the replies that arrive within `seconds`, by key, ordered by number."""
         selector = f"{key}/**?{parameters}" if parameters else f"{key}/**"
         replies = {}
-        # Zenoh's own queue holds 256. Where it is full before the first is taken out, and this
-        # session has queryables too, `get` waits for itself for ever.
+        # Zenoh's default queue holds 256 replies. If it is full before the first is read, and this
+        # session has queryables, `get` deadlocks.
         room: zenoh.handlers.FifoChannel[zenoh.Reply] = zenoh.handlers.FifoChannel(REPLIES_KEPT)
         for reply in self._session.get(selector, room, timeout=seconds, payload=content):
             if reply.ok is not None:
@@ -274,13 +277,7 @@ class Bus:
         return dict(sorted(replies.items(), key=lambda item: int(item[0].rpartition("/")[2])))
 
     def announce(self, key: str) -> Callable[[], None]:
-        """Show that this process is there, under `key`, for as long as the session lives.
-
-        Returns
-        -------
-        callable
-            takes it back before.
-        """
+        """Declare a liveliness token under `key`; return a function that withdraws it early."""
         token = self._session.liveliness().declare_token(key)
         self._declared.append(token)
 
@@ -291,12 +288,12 @@ class Bus:
         return withdraw
 
     def present(self, key: str, *, seconds: float) -> set[str]:
-        """Return the keys of the processes that are there now, of those that `key` matches."""
+        """Return the keys of current liveliness tokens that match `key`."""
         replies = self._session.liveliness().get(key, timeout=seconds)
         return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
     def watch(self, key: str, on_change: Callable[[str, bool], None]) -> None:
-        """Call `on_change(key, there)` for every process that is there, comes or goes."""
+        """Call `on_change(key, present)` for each current token, and when one appears or goes."""
 
         def hand_over(sample: zenoh.Sample) -> None:
             on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -307,19 +304,19 @@ class Bus:
 
 
 def _explained(problem: str, connect: str | None, listen: str | None) -> str:
-    """Return what Zenoh's error means to the one who gave the endpoints."""
+    """Return an error line for a Zenoh error, in terms of the endpoints."""
     if listen and "in use" in problem:
-        return f"{listen} is in use; end the other process or choose a port with --listen"
+        return f"{listen}: the address is in use. Fix: end the other process or pass --listen"
     if listen and "listener" in problem:
-        return f"cannot listen on {listen}: {problem.split(': ')[-1][:80]}"
-    within = f"{zenoh_settings.CONNECT_SECONDS:.0f} s"
+        return f"{listen}: cannot listen: {problem.split(': ')[-1][:80]}"
+    within = f"{zenoh_config.CONNECT_SECONDS:.0f} s"
     if connect and connect.startswith("tls/"):
         return (
-            f"{connect} was not joined within {within}: nobody is there, or one of the two does "
-            "not take the other's certificate (another run's, or expired); see "
+            f"{connect}: no connection within {within}: no router listens there, or one side "
+            "rejected the other's certificate (of another run, or expired). Fix: check "
             "GROUNDLINK_CREDENTIALS"
         )
     return (
-        f"nobody answered at {connect} within {within}; start physics or a router there first, or "
-        "correct --connect"
+        f"{connect}: no answer within {within}. Fix: start physics or a router there, or correct "
+        "--connect"
     )

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the bus sets in Zenoh that is not Zenoh's own choice, and why.
-
-Rule: explicit endpoints only. Plain data: nothing is opened here.
-"""
+"""Zenoh settings of the bus that differ from Zenoh's defaults, with reasons. Plain data."""
 
 from __future__ import annotations
 
@@ -10,55 +7,49 @@ import random
 from typing import Any
 
 CONNECT_SECONDS = 5.0
-"""How long a process tries to reach its endpoint before it gives up."""
+"""Timeout for reaching the endpoint."""
 
 ROUTER_WAIT_SECONDS = 3.0
-"""So long a router waits for a receiver that takes nothing, before it ends the link to it. Whoever
-sends to that one waits as long: only what is bulky, as what is small fills its queue in no less
-than the 10 s after which a link is dead. Less than the 5 s after which a sender gives up its own
-link, to a router that waits; enough for a gateway that stands still for 2 s to lose nothing."""
+"""Time that a router waits for a blocked receiver before it closes the connection. Senders of large
+messages to that receiver wait as long; small messages take longer than the lease of 10 s to fill
+their queue. Shorter than the 5 s after which a sender closes its own connection to a waiting
+router, and long enough that a gateway that stops for 2 s loses nothing."""
 
-ROUTER_ALIVES = 100
-"""Signs of life that a router gives within the 10 s of a lease. As long as from one to the next it
-goes on to write what is left to a link that it closes, and meanwhile takes a new link of the same
-session for one more of the old: it drops what comes by that, and then closes both. With Zenoh's own
-4 that is 2.5 s, in which a sensor that was cut off believes that it is back."""
+ROUTER_KEEPALIVES = 100
+"""Keep-alives of a router within the lease of 10 s. A router that closes a connection flushes it
+until the next keep-alive. A new connection of the same session in that time counts as a second one
+of the old: the router drops its data, then closes both. With Zenoh's default of 4 this window is
+2.5 s, in which a sensor that was cut off takes itself for connected."""
 
-ONLOOKERS = tuple(f"6e10{number:04x}" for number in range(1024))
-"""Identities of sessions that only look on, so many that two hardly choose the same. To them the
-router drops what they are too slow for; for everybody else it waits, and a viewer that somebody has
-stopped would stop the run."""
+OBSERVER_IDS = tuple(f"6e10{number:04x}" for number in range(1024))
+"""Session ids of observers; many, so that two sessions rarely choose the same. The router drops
+messages that an observer is too slow for. It waits for other receivers, so without this a suspended
+viewer would stop the run."""
 
 ROUTER_THREADS = "(rx: (worker_threads: 32), tx: (worker_threads: 16), net: (worker_threads: 4))"
-"""Of Zenoh in a router, whose own are 2, 1 and 1. One that closes a link over which something was
-still to go stands for 10 s, and one that waits for a receiver stands as long: two sensors that were
-cut off stopped everybody. They take effect in a process that has opened no session before."""
+"""Threads of Zenoh in a router; the defaults are 2, 1 and 1. A thread that closes a connection with
+unsent data, or waits for a receiver, blocks for 10 s: with the defaults, two sensors that were cut
+off stopped the whole run. Takes effect only before a process opens its first session."""
 
 _CONGESTION = "transport/link/tx/queue/congestion_control"
-PATIENCE = {
+SENDER_QUEUE = {
     "transport/link/tx/queue/size/data": 16,
     "transport/link/tx/queue/size/data_low": 16,
     f"{_CONGESTION}/drop/wait_before_drop": 100_000,
     f"{_CONGESTION}/drop/max_wait_before_drop_fragments": 100_000,
 }
-"""A busy machine may leave a sender's thread unscheduled for many ticks. The defaults (two batches,
-1 ms) then drop states although every receiver keeps up."""
+"""Queue of a sender. A busy machine may not schedule a sender's thread for many ticks; the defaults
+(two batches, 1 ms) then drop states although every receiver keeps up."""
 
 
-def settings_of(connect: str | None, listen: str | None, *, onlooker: bool) -> dict[str, Any]:
-    """Return the settings of a session, by the paths of Zenoh's configuration.
-
-    Parameters
-    ----------
-    connect, listen, onlooker
-        see `bus.Bus`.
-    """
+def settings_of(connect: str | None, listen: str | None, *, observer: bool) -> dict[str, Any]:
+    """Return the settings of a session by Zenoh's paths; arguments as of `Bus`."""
     settings: dict[str, Any] = {
         "mode": "router" if listen else "client",
         "connect/endpoints": [connect] if connect else [],
         "connect/timeout_ms": int(CONNECT_SECONDS * 1000),
         "connect/exit_on_failure": True,
-        # A router that was lost is looked for this often; Zenoh's own periods grow to 4 s.
+        # Reconnection. Zenoh's default periods grow to 4 s.
         "connect/retry": {
             "period_init_ms": 250,
             "period_max_ms": 1000,
@@ -72,16 +63,16 @@ def settings_of(connect: str | None, listen: str | None, *, onlooker: bool) -> d
     if listen:
         wait_micros = int(ROUTER_WAIT_SECONDS * 1e6)
         settings[f"{_CONGESTION}/block/wait_before_close"] = wait_micros
-        settings["transport/link/tx/keep_alive"] = ROUTER_ALIVES
+        settings["transport/link/tx/keep_alive"] = ROUTER_KEEPALIVES
         settings["qos/network"] = [
             {
-                "id": "onlookers",
-                "zids": ONLOOKERS,
+                "id": "observers",
+                "zids": OBSERVER_IDS,
                 "messages": ["put"],
                 "flows": ["egress"],
                 "overwrite": {"congestion_control": "drop"},
             }
         ]
-    if onlooker:
-        settings["id"] = random.choice(ONLOOKERS)
+    if observer:
+        settings["id"] = random.choice(OBSERVER_IDS)
     return settings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Core: errors, sim time, frames and other basics that every package uses.
+"""Errors, sim time, field types, frames and other basics of every package.
 
-May be imported by everything. Imports nothing else of Groundlink.
+May be imported by every package. Imports nothing else of Groundlink.
 """

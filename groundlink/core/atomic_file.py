@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output files: written beside their final name and renamed when they are complete.
+"""Atomic output: write beside the final name, rename when complete.
 
-Rule: a command that is interrupted, killed or out of room leaves no partial file under the final
-name.
+An interrupted or killed command, or a full disk, leaves no partial file under the final name.
 """
 
 from __future__ import annotations
@@ -18,12 +17,12 @@ from .errors import UserError, os_error_reason
 
 @contextmanager
 def write_atomically(out: Path) -> Iterator[Path]:
-    """Give the path to write to; rename it to `out` at the end. It may become a file or a folder.
+    """Yield a temporary path for a file or folder; rename it to `out` at the end.
 
     Raises
     ------
     UserError
-        when it cannot be written.
+        if the output cannot be written.
     """
     part = out.with_name(f".{out.name}.{os.getpid()}.part")
     try:

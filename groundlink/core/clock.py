@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated time: integers of nanoseconds, ticks of 2.5 ms, schedules rational in ticks.
-
-Rule: everything here is arithmetic on arguments. Nothing reads a clock or sleeps.
-"""
+"""Sim time: integer nanoseconds, ticks of 2.5 ms and exact schedules. Reads no clock."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 TICK_NANOS = 2_500_000
-"""One step of the physics engine, 2.5 ms: 400 Hz, as high-end IMUs sample (the paper, 3.3.3)."""
+"""One physics step, 2.5 ms: 400 Hz, the sample rate of high-end IMUs (the paper, 3.3.3)."""
 
 TICK_SECONDS = TICK_NANOS * 1e-9
 
@@ -20,25 +17,22 @@ TICK_RATE_HZ = NANOS // TICK_NANOS
 
 
 def exact(value: float) -> Fraction:
-    """Return the short decimal that a user wrote for `value` as an exact fraction.
-
-    A rate of 29.97 means 2997/100, not the binary number nearest to it.
-    """
+    """Return the shortest decimal of `value` as an exact fraction: 29.97 is 2997/100."""
     return Fraction(repr(value))
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Events at a fixed rate on the time line of ticks, without drift.
+    """Events at a fixed rate without drift: event i is at i/rate seconds of sim time.
 
-    Event i happens at i/rate seconds of sim time: 30 Hz has events at ticks 0, 13 1/3, 26 2/3, 40.
+    At 30 Hz, events are at ticks 0, 13 1/3, 26 2/3, 40.
     """
 
     rate_hz: Fraction
 
     @classmethod
     def at(cls, rate_hz: float) -> Schedule:
-        """Return the schedule of a rate as it stands in a scenario."""
+        """Return the schedule of a rate from a scenario."""
         return cls(exact(rate_hz))
 
     def nanos(self, index: int) -> int:
@@ -46,19 +40,19 @@ class Schedule:
         return int(index * NANOS / self.rate_hz)
 
     def tick(self, index: int) -> int:
-        """Return the first tick at or after event `index`: by its state it can be measured."""
+        """Return the first tick at or after event `index`; its state completes the measurement."""
         ticks = index * NANOS / (self.rate_hz * TICK_NANOS)
         return -int(-ticks // 1)
 
     def first_at_or_after(self, tick: int) -> int:
-        """Return the index of the first event that happens at `tick` or later."""
+        """Return the index of the first event at or after `tick`."""
         return self.at_or_after_nanos(tick * TICK_NANOS)
 
     def at_or_after_nanos(self, nanos: int) -> int:
-        """Return the index of the first event that happens at a sim time or later."""
+        """Return the index of the first event at or after a sim time."""
         return -int(-(nanos * self.rate_hz / NANOS) // 1)
 
     def between(self, tick: int, later: int) -> int:
-        """Return how many events there are after that of one tick and before that of a later."""
+        """Return the number of events strictly between the events of two ticks."""
         per_tick = self.rate_hz * TICK_NANOS / NANOS
         return max(int((later - 1) * per_tick) - int(tick * per_tick), 0)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The errors that a user is meant to read.
+"""Errors that a user reads, each as one line: where, the problem, what was expected, the fix.
 
-Rule: the text is one line: what is wrong, where, what was expected, how to mend it. Whoever runs a
-command prints it and exits with its code; nobody else catches it.
+The entry point of a command or process prints the line and exits with the error's code. No other
+code catches these errors.
 """
 
 from __future__ import annotations
@@ -16,35 +16,35 @@ TOO_MANY_FILES = (errno.EMFILE, errno.ENFILE)
 
 
 class UserError(Exception):
-    """Something that the user can mend."""
+    """A problem that the user can fix."""
 
     exit_code: ClassVar[int] = 2
 
 
 class RequirementError(UserError):
-    """Something that a process needs and this machine lacks; others may go on without it."""
+    """The machine lacks something that a process needs. Other processes may continue."""
 
     exit_code: ClassVar[int] = 3
 
 
 class RunFailed(UserError):
-    """A run could not be what its scenario asks for, and the scenario has it end then."""
+    """The run was aborted because its scenario says so, as by `overload: fail`."""
 
     exit_code: ClassVar[int] = 4
 
 
 def os_error_text(error: OSError) -> str:
-    """Return what the operating system refused: where, the reason, and a fix where one is known."""
+    """Return the file name and the reason of an operating system error, with a fix if known."""
     if error.errno in TOO_MANY_FILES or error.filename is None:
         return os_error_reason(error)
     return f"{error.filename}: {os_error_reason(error)}"
 
 
 def os_error_reason(error: OSError) -> str:
-    """Return why the operating system refused something, without where."""
-    told = (error.strerror or str(error) or type(error).__name__).lower()
+    """Return the reason of an operating system error, without the file name."""
+    text = (error.strerror or str(error) or type(error).__name__).lower()
     return (
-        f"{told}. Fix: raise the limit, ulimit -n 1024" if error.errno in TOO_MANY_FILES else told
+        f"{text}. Fix: raise the limit, ulimit -n 1024" if error.errno in TOO_MANY_FILES else text
     )
 
 

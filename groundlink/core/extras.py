@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optional dependencies: a missing package becomes one line that names the extra to install.
+"""Optional dependencies: a missing package becomes one error line that names the extra to install.
 
-Rule: a command or a process imports what an extra brings inside `needs`, so that everything else
-works without that extra.
+Commands and processes import optional packages inside `needs`; the rest works without them.
 """
 
 from __future__ import annotations
@@ -14,17 +13,17 @@ from contextlib import contextmanager
 from .errors import RequirementError
 
 OWN = ("groundlink", "services")
-"""Packages of this distribution. If one of them is missing, the installation is broken."""
+"""Packages of this distribution. If one is missing, the installation is broken."""
 
 
 @contextmanager
 def needs(extra: str) -> Iterator[None]:
-    """Name the extra that brings a package which cannot be imported in this block.
+    """Turn a failed import in this block into an error that names the extra.
 
     Raises
     ------
     RequirementError
-        when a package is not installed.
+        if a package is not installed.
     """
     try:
         yield
@@ -40,7 +39,7 @@ def needs(extra: str) -> Iterator[None]:
 
 @contextmanager
 def process_needs(process: str, extra: str) -> Iterator[None]:
-    """Import what a process needs at the top of its module; end it where the extra is missing."""
+    """Guard the imports at the top of a process's module; exit if the extra is missing."""
     try:
         with needs(extra):
             yield

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rotations and rigid transforms, vectorised over leading axes.
+"""Rotations and rigid transforms, vectorized over leading axes, float64.
 
-Rule: names chain, ``point_in_world = world_from_body @ point_in_body``; quaternions are xyzw with
-unit length; angles are radians; roll, pitch and yaw turn about fixed x, y, z (REP 103). float64.
+Names chain: ``point_in_world = world_from_body @ point_in_body``. Quaternions are xyzw with unit
+length. Angles are radians. Roll, pitch and yaw rotate about fixed x, y, z (REP 103).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return the xyzw quaternion of a turn by roll, then pitch, then yaw about the fixed axes."""
+    """Return the xyzw quaternion of roll, then pitch, then yaw about the fixed axes."""
     (sr, sp, sy), (cr, cp, cy) = (f(np.array([roll, pitch, yaw]) / 2) for f in (np.sin, np.cos))
     return (
         float(sr * cp * cy - cr * sp * sy),
@@ -47,7 +47,7 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> Floats:
 def rpy_from_matrix(rotation: Floats) -> tuple[float, float, float]:
     """Return roll, pitch and yaw about the fixed axes of a rotation matrix, shape (3, 3).
 
-    Where x points straight up or down, roll and yaw are one turn, which is told as yaw.
+    If x points straight up or down (gimbal lock), roll is 0 and yaw has the whole rotation.
     """
     across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = float(np.arctan2(0.0 - rotation[2, 0], across))
@@ -94,7 +94,7 @@ def rotation_vector(quaternion: ArrayLike) -> Floats:
 def nlerp(first: Floats, second: Floats, fraction: Floats) -> Floats:
     """Interpolate unit quaternions, shape (..., 4), on the shorter arc; `fraction` has shape (...).
 
-    Normalised linear interpolation. Between two ticks of 2.5 ms at 6 rad/s it differs from slerp by
+    Normalized linear interpolation. Between two ticks of 2.5 ms at 6 rad/s it differs from slerp by
     less than 1e-7 rad.
     """
     sign = np.where(np.sum(first * second, axis=-1, keepdims=True) < 0, -1.0, 1.0)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quaternion operations on single values, for what is computed 400 times a second.
+"""Quaternion operations on single values, for code that runs 400 times a second.
 
-Rule: the conventions of `groundlink.core.frames` (xyzw, unit length, names chain) on plain floats:
-for one value a numpy call costs ten times as much as the arithmetic. Arrays belong to `frames`.
+The conventions are those of `groundlink.core.frames`, on plain floats: for one value, a numpy call
+costs ten times as much as the arithmetic.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from groundlink.core.fields import Quaternion, Vector3
 
 SMALL_SINE = 1e-150
-"""Below it a squared component underflows; the rotation is none."""
+"""Below this a squared component underflows; the rotation is treated as zero."""
 
 
 def multiply(a_from_b: Quaternion, b_from_c: Quaternion) -> Quaternion:
@@ -48,7 +48,7 @@ def rotate(a_from_b: Quaternion, vector_in_b: Vector3) -> Vector3:
 def rotation_vector(a_from_b: Quaternion) -> Vector3:
     """Return axis times angle in radians, the angle in [0, pi]: the logarithm map of SO(3).
 
-    By 2 atan2(sine, cosine) of the half angle, which is exact to rounding for small angles too.
+    Uses 2 atan2(sine, cosine) of the half angle, exact to rounding at small angles too.
     """
     x, y, z, w = a_from_b
     sine = math.sqrt(x * x + y * y + z * z)
@@ -59,7 +59,7 @@ def rotation_vector(a_from_b: Quaternion) -> Vector3:
 
 
 def half_of(a_from_b: Quaternion) -> Quaternion:
-    """Return the unit quaternion of half the turn, the short way around."""
+    """Return the unit quaternion of half the rotation, on the shorter arc."""
     x, y, z, w = a_from_b
     if w < 0:
         x, y, z, w = -x, -y, -z, -w
@@ -69,7 +69,7 @@ def half_of(a_from_b: Quaternion) -> Quaternion:
 
 
 def from_rotation_vector(vector: Vector3) -> Quaternion:
-    """Return the unit quaternion of a turn about `vector` by its length in radians."""
+    """Return the unit quaternion of a rotation about `vector` by its length in radians."""
     x, y, z = vector
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(angle / 2) / angle if angle >= SMALL_SINE else 0.5

@@ -44,7 +44,7 @@ from groundlink.scenario import Scenario
 OPERATOR = "operator"
 """Who has its certificate may pause a run, drive, spawn, break sensors and links."""
 
-ONLOOKERS = ("recorder", "view")
+OBSERVERS = ("recorder", "view")
 
 ALL = f"{ROOT}/**"
 
@@ -89,7 +89,7 @@ def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     told_by_ros = (*FROM_ROS.values(), RELAYED)
     heard = (row.key_in("*") for row in told_by_ros if row is not JOINT_COMMAND)
     yield "gateway", Grant((*_own("gateway"), *commands, *heard), (link_key("*"),))
-    for name in ONLOOKERS:
+    for name in OBSERVERS:
         yield name, Grant((*_own(name), *_own(f"{name}/*")))
     yield OPERATOR, Grant((*commands, *_own(f"{OPERATOR}/*")))
 

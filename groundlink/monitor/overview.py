@@ -69,9 +69,9 @@ class Overview:
         self.link_settings: Mapping[str, Mapping[str, float | bool]] = {}
         """Of the emulated link, by direction, as the gateway told them."""
 
-    def heard(self, health: Health, now_seconds: float) -> None:
+    def update(self, health: Health, now_seconds: float) -> None:
         """Take note of a process's word."""
-        self.monitor.heard(health, now_seconds)
+        self.monitor.update(health, now_seconds)
         process = self._processes.setdefault(health.process, _Process())
         last = process.health
         if last is not None and (last.pid, last.host) != (health.pid, health.host):
@@ -83,13 +83,13 @@ class Overview:
         process.beats.append((now_seconds, health.tick, readings))
         process.health, process.heard_seconds = health, now_seconds
 
-    def came_or_went(self, name: str, there: bool) -> None:
+    def presence_changed(self, name: str, there: bool) -> None:
         """Take note that a process is there now, or no longer."""
         process = self._processes.setdefault(name, _Process())
         process.present, process.was_present = there, process.was_present or there
 
     @property
-    def everybody_spoke(self) -> bool:
+    def has_rates(self) -> bool:
         """Whether all that are there have said something twice, so that there are rates."""
         present = [process for process in self._processes.values() if process.present]
         return bool(present) and all(len(process.beats) > 1 for process in present)
@@ -101,7 +101,7 @@ class Overview:
             "run": self._run,
             "sim_seconds": monitor.sim_seconds,
             "real_time_factor": self._real_time_factor(),
-            "held_up": asdict(monitor.hold_ups),
+            "stalls": asdict(monitor.stalls),
             "processes": [
                 self._row(name, process, now_seconds)
                 for name, process in self._processes.items()

@@ -50,7 +50,7 @@ class RunMonitor:
     _first_seconds: float = 0.0
     _last_seconds: float = 0.0
 
-    def heard(self, health: Health, now_seconds: float) -> None:
+    def update(self, health: Health, now_seconds: float) -> None:
         """Take note of a process's health, heard at `now_seconds` of the wall clock."""
         self.health[health.process] = health
         if health.streams:
@@ -83,7 +83,7 @@ class RunMonitor:
         return (self.tick - self.first_tick) * TICK_SECONDS / wall
 
     @property
-    def hold_ups(self) -> Stalls:
+    def stalls(self) -> Stalls:
         """Who has held up the run, as far as physics has told."""
         physics = self.health.get(PHYSICS)
         return Stalls.read(physics.counters if physics else {})

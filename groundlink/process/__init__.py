@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every process of a run does: arguments, signals, joining the run, following its states.
+"""Shared by all processes of a run: arguments, signals, joining, health, following states.
 
-Imported by services. Knows no kind of process.
+Imported by services and commands. Contains nothing about a particular process.
 """

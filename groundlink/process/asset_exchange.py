@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Assets over the bus: whoever serves a scenario serves what it names, others fetch what they lack.
+"""Assets over the bus: the process that serves a scenario serves its assets; others fetch them.
 
-Rule: an asset travels in parts of 1 MiB, each a query of its own, the last one shorter; so nobody
-waits for another's large answer. What arrives is kept only under the digest of what arrived, and if
-that is not what was asked for the run is not joined.
+An asset travels in parts of 1 MiB, one query each, the last part shorter, so a large asset does not
+block other answers. An asset is stored under the digest of its received content. If that is not the
+requested digest, joining the run fails.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from groundlink.world.terrain import Terrain
 
 PART_BYTES = 2**20
 
-MOST_PARTS = 4096
-"""Four gigabytes: whoever goes on and on is not believed."""
+MAX_PARTS = 4096
+"""Limit of 4 GiB against a server that never ends."""
 
 ANSWER_SECONDS = 10.0
 
 
 def needed(described: msgspec.Struct) -> list[str]:
-    """Return the digests of all assets that a resolved scenario, or a part of one, names."""
+    """Return the digests of all assets that a resolved scenario, or part of one, names."""
     return list(dict.fromkeys(_digests(described)))
 
 
@@ -54,13 +54,13 @@ def _digests(value: Any) -> Iterator[str]:
 
 
 def serve(bus: Bus, run: str, scenario: Callable[[], Scenario]) -> None:
-    """Give a scenario's assets, and no others, to those who ask, as far as the store has them.
+    """Serve the assets of a scenario, and no others, from the local store.
 
-    `scenario` is asked each time: a run's may change.
+    `scenario` is called for each query because the scenario of a run may change.
     """
 
-    def part(asked: str) -> list[bytes]:
-        digest, _, number = asked.partition("/")
+    def part(parameters: str) -> list[bytes]:
+        digest, _, number = parameters.partition("/")
         if digest not in needed(scenario()) or not number.isdecimal():
             return []
         start = int(number) * PART_BYTES
@@ -75,32 +75,32 @@ def serve(bus: Bus, run: str, scenario: Callable[[], Scenario]) -> None:
 
 
 def fetch(bus: Bus, run: str, scenario: Scenario) -> None:
-    """Get what the store lacks of a scenario's assets.
+    """Fetch the assets of a scenario that the local store lacks.
 
     Raises
     ------
     UserError
-        when it is not to be had, or something else came.
+        if an asset is not served, or its content does not match its digest.
     """
     for digest in assets.missing(needed(scenario)):
         content = b"".join(_parts(bus, run, digest))
         if (arrived := assets.keep(content)) != digest:
             raise UserError(
-                f"run `{run}` sent {arrived[:12]} for the world's data {digest[:12]}; the store of "
-                "who serves the run is damaged: delete it and start the run again"
+                f"run `{run}`: asset {digest[:12]}: content has digest {arrived[:12]}. Fix: delete "
+                "the asset store on the host that serves the run, and start the run again"
             )
 
 
 def _parts(bus: Bus, run: str, digest: str) -> Iterator[bytes]:
-    for number in range(MOST_PARTS):
-        replies = bus.ask(asset_key(run), f"{digest}/{number}", seconds=ANSWER_SECONDS)
+    for number in range(MAX_PARTS):
+        replies = bus.query(asset_key(run), f"{digest}/{number}", seconds=ANSWER_SECONDS)
         if not replies:
             raise UserError(
-                f"run `{run}` has a world with data {digest[:12]}, which nobody there serves; "
-                "is the store of who serves the run whole?"
+                f"run `{run}`: asset {digest[:12]}: not served. Fix: check the asset store on the "
+                "host that serves the run"
             )
         part = next(iter(replies.values()))
         yield part
         if len(part) < PART_BYTES:
             return
-    raise UserError(f"run `{run}` sends the world's data {digest[:12]} without an end")
+    raise UserError(f"run `{run}`: asset {digest[:12]}: larger than the limit of 4 GiB")

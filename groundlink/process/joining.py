@@ -20,7 +20,7 @@ from groundlink.scenario import Scenario
 
 from . import asset_exchange
 from .liveness_file import LivenessFile
-from .name_claim import Claims, NoClaim
+from .name_claim import NameClaim, NoClaim
 
 JOIN_SECONDS = 20.0
 """Timeout for the run's scenario, and for states that a process has missed."""
@@ -29,38 +29,40 @@ HEALTH_PERIOD_SECONDS = 1.0
 
 
 def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Scenario]:
-    """Return the name and the resolved scenario of the run that is on the bus.
+    """Return the name and the resolved scenario of the run on the bus.
 
     Raises
     ------
     UserError
-        when there is none within `JOIN_SECONDS`, or several and no name was given.
+        if no run is found within `JOIN_SECONDS`, or several are found and no name is given.
     """
     deadline = time.monotonic() + JOIN_SECONDS
     while not stop.is_set():
-        replies = bus.ask(scenario_key(run_name or "*"), seconds=1.0)
+        replies = bus.query(scenario_key(run_name or "*"), seconds=1.0)
         runs = {key.split("/")[1]: payload for key, payload in replies.items()}
         if len(runs) > 1:
-            raise UserError(f"several runs are on the bus, name one with --run: {', '.join(runs)}")
+            raise UserError(
+                f"several runs on the bus: {', '.join(runs)}. Fix: choose one with --run"
+            )
         for name, payload in runs.items():
             return name, msgspec.msgpack.decode(payload, type=Scenario)
         if time.monotonic() > deadline:
             wanted = f"run `{run_name}`" if run_name else "run"
             raise UserError(
-                f"no {wanted} was found on the bus within {JOIN_SECONDS:.0f} s; "
-                f"is physics running there? (key {ROOT}/<run>/scenario)"
+                f"no {wanted} on the bus within {JOIN_SECONDS:.0f} s (key {ROOT}/<run>/scenario). "
+                "Fix: check that physics is running and connected to this router"
             )
         stop.wait(0.2)
     raise SystemExit(0)
 
 
 def join_world(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Scenario]:
-    """Join a run, as `join` does, and fetch what of its world's assets this machine lacks.
+    """Join a run like `join` and fetch the assets of its world that this machine lacks.
 
     Raises
     ------
     UserError
-        also when they are not to be had.
+        also if an asset cannot be fetched.
     """
     run_name, scenario = join(bus, run_name, stop)
     asset_exchange.fetch(bus, run_name, scenario)
@@ -68,14 +70,14 @@ def join_world(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[s
 
 
 def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
-    """Return the scenario of a run's world by its hash, its assets at hand; None if there is none.
+    """Return the scenario with the world of a given hash, its assets fetched; None if unknown.
 
     Raises
     ------
     UserError
-        when assets are not to be had.
+        if an asset cannot be fetched.
     """
-    replies = bus.ask(scenario_key(run_name), world, seconds=JOIN_SECONDS)
+    replies = bus.query(scenario_key(run_name), world, seconds=JOIN_SECONDS)
     for payload in replies.values():
         scenario = msgspec.msgpack.decode(payload, type=Scenario)
         asset_exchange.fetch(bus, run_name, scenario)
@@ -84,18 +86,20 @@ def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
 
 
 class Heartbeat:
-    """Tells the run once a second how a process is."""
+    """Publishes the health of a process once a second."""
 
-    def __init__(self, bus: Bus, run_name: str, process: str, claim: Claims | None = None) -> None:
+    def __init__(
+        self, bus: Bus, run_name: str, process: str, claim: NameClaim | NoClaim | None = None
+    ) -> None:
         key = HEALTH.key_in(run_name, process=process)
         self._process, self._claim = process, claim or NoClaim()
         self._publish = bus.publisher(key, HEALTH.delivery)
         self._next = 0.0
-        self._alive = LivenessFile(process, bus.is_linked, os.environ)
+        self._liveness = LivenessFile(process, bus.is_connected, os.environ)
         bus.announce(key)
 
     def due(self) -> bool:
-        """Return whether a second has passed since the last beat."""
+        """Return whether the next health message is due."""
         return time.monotonic() >= self._next
 
     def beat(
@@ -106,12 +110,12 @@ class Heartbeat:
         *,
         is_well: bool = True,
     ) -> None:
-        """Publish the process's health; touch the liveness file only if `is_well`.
+        """Publish the health of the process; touch the liveness file only if `is_well`.
 
         Raises
         ------
         UserError
-            when another one has taken its place.
+            if another process took over the name.
         """
         self._next = time.monotonic() + HEALTH_PERIOD_SECONDS
         health = Health(
@@ -119,5 +123,5 @@ class Heartbeat:
         )
         self._publish(health)
         if is_well:
-            self._alive.show(time.monotonic())
+            self._liveness.update(time.monotonic())
         self._claim.check(time.monotonic())

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a process makes sure that it is the only one of its name in a run, and stays it.
+"""Name claim: at most one process of a name runs in a run.
 
-Rule: of those that start at the same instant one goes on, and every other one says who it is and
-ends. Each claims the name by a token of its own before it looks who else does: of two that look,
-the later one sees both. The lowest claim wins; who lost takes its claim back and waits for the
-winner to show itself. Of two that run, as one was cut off when the other was started, the one with
-the highest claim goes on: claims begin with the time, so where the hosts' clocks agree that is the
-later one, which the others have joined. Nothing is kept anywhere: tokens end with their sessions.
+Of processes that start at the same time, one continues; the others end with an error. Each process
+declares a claim (a liveliness token) before it reads the claims of others, so of two starting
+processes the later one sees both. The lowest claim wins. A losing process withdraws its claim and
+waits for the winner's health message.
+
+Two processes of one name can run if one was cut off when the other started. Then the highest claim
+continues. NameClaim start with the time, so with synchronized clocks that is the newer process,
+which the rest of the run has joined. NameClaim end with their sessions; nothing is stored.
 """
 
 from __future__ import annotations
 
 import random
 import time
-from typing import Protocol
 
 from groundlink.bus.core_topics import HEALTH, ROOT
 from groundlink.bus.inbox import BusInbox
@@ -22,48 +23,36 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import Health
 
 GONE_SECONDS = 15.0
-"""After this long Zenoh has told that a process is gone that was cut off: its lease is 10 s."""
+"""Time after which Zenoh has removed a process that was cut off: its lease is 10 s."""
 
 YIELD_SECONDS = 3.0
-"""Who has seen a lower claim than its own has long taken its own back; so who keeps one runs."""
+"""Grace period. A losing process has withdrawn its claim by now, so a remaining claim belongs to a
+running process."""
 
 LOOK_SECONDS = 1.0
 PAUSE_SECONDS = 0.1
 
 
 def claims_key(run: str, process: str) -> str:
-    """Return the key of the tokens by which processes claim a name, a number each below it."""
+    """Return the key of the claims to a process name; each claim appends a number."""
     return f"{ROOT}/{run}/claims/{process}"
 
 
-class Claims(Protocol):
-    """A process's claim to its name, while it runs."""
+def claim_name(bus: Bus, run_name: str, process: str) -> NameClaim:
+    """Return the claim once no other process of this name is in the run.
 
-    def check(self, now_seconds: float) -> None:
-        """Look whether the name is still this process's alone; to be called every second or so.
-
-        Raises
-        ------
-        UserError
-            once, when another one has taken its place.
-        """
-
-
-def claim_name(bus: Bus, run_name: str, process: str) -> Claims:
-    """Return when no other process of this name is in a run, nor will be.
-
-    One that was cut off is still counted as there for some seconds; it is waited for.
+    Waits for a process that was cut off, which stays visible until its lease ends.
 
     Raises
     ------
     UserError
-        when there is one, and it is well.
+        if a process of this name is running.
     """
-    there = _There(bus, run_name, process)
+    existing = _Existing(bus, run_name, process)
     claims = claims_key(run_name, process)
     own = f"{claims}/{time.time_ns():019}{random.getrandbits(31):010}"
     while True:
-        while there.is_there() or _others(bus, claims, own):
+        while existing.is_present() or _others(bus, claims, own):
             time.sleep(PAUSE_SECONDS)
         withdraw = bus.announce(own)
         if _is_mine(bus, claims, own):
@@ -76,10 +65,10 @@ def _others(bus: Bus, claims: str, own: str) -> set[str]:
 
 
 def _is_mine(bus: Bus, claims: str, own: str) -> bool:
-    """Return whether the name is this process's, which has claimed it."""
+    """Return whether the claim `own` has won."""
     deadline = time.monotonic() + YIELD_SECONDS
     while others := _others(bus, claims, own):
-        # A higher claim that stays has looked before this one was there, and has won.
+        # A higher claim that stays was checked before this one existed, and has won.
         if min(others) < own or time.monotonic() > deadline:
             return False
         time.sleep(PAUSE_SECONDS)
@@ -87,50 +76,50 @@ def _is_mine(bus: Bus, claims: str, own: str) -> bool:
 
 
 class NameClaim:
-    """Sees who else claims the name of a process that runs.
-
-    Parameters
-    ----------
-    own
-        key of this process's claim.
-    """
+    """The claim of a running process, with key `own`; detects newer claims to the name."""
 
     def __init__(self, bus: Bus, run_name: str, process: str, own: str) -> None:
         self._bus, self._run, self._process, self._own = bus, run_name, process, own
         self._higher: dict[str, float] = {}
-        """By claim above the own one: since when it is there."""
+        """Time of appearance of each claim above the own one."""
 
         bus.watch(f"{claims_key(run_name, process)}/*", self._on_change)
 
-    def _on_change(self, key: str, there: bool) -> None:
-        if not there:
+    def _on_change(self, key: str, present: bool) -> None:
+        if not present:
             self._higher.pop(key, None)
         elif key > self._own:
             self._higher.setdefault(key, time.monotonic())
 
     def check(self, now_seconds: float) -> None:
-        """See `Claims`."""
+        """Check for a newer process of this name; call about once a second.
+
+        Raises
+        ------
+        UserError
+            once, if a newer process continues in place of this one.
+        """
         for key, since in self._higher.copy().items():
             if now_seconds - since <= YIELD_SECONDS:
                 continue
-            # Where nobody answers in time it is looked again: it goes when its token goes.
+            # After a timeout the next call checks again, until the token is gone.
             if self._bus.present(key, seconds=LOOK_SECONDS):
                 self._higher.clear()
                 raise UserError(
-                    f"another `{self._process}` of run `{self._run}` was started while this one "
-                    "was cut off, and goes on; this one ends"
+                    f"run `{self._run}`: another `{self._process}` was started while this process "
+                    "was cut off; ending in favor of the newer one"
                 )
 
 
 class NoClaim:
-    """Stands for the claim of a process of which several may be there."""
+    """Stands in for the claim of a process that may run several times."""
 
     def check(self, now_seconds: float) -> None:
         """Do nothing."""
 
 
-class _There:
-    """Looks for a process of the name that is there, and does not wait for ever."""
+class _Existing:
+    """Checks for an existing process of the name, with a deadline."""
 
     def __init__(self, bus: Bus, run_name: str, process: str) -> None:
         self._bus, self._run, self._process = bus, run_name, process
@@ -138,25 +127,25 @@ class _There:
         self._beats: BusInbox[Health] | None = None
         self._deadline = time.monotonic() + GONE_SECONDS
 
-    def is_there(self) -> bool:
-        """Return whether one is there that may be gone.
+    def is_present(self) -> bool:
+        """Return whether a process of the name is present and may be gone soon.
 
         Raises
         ------
         UserError
-            when it is well, or it or another one that starts does not go in time.
+            if it is running, or is still present after the deadline.
         """
-        is_there = bool(self._bus.present(self._key, seconds=LOOK_SECONDS))
-        where = "and does not answer" if is_there else "or is just being started"
-        if is_there and self._beats is None:
+        is_present = bool(self._bus.present(self._key, seconds=LOOK_SECONDS))
+        where = "does not respond" if is_present else "is being started"
+        if is_present and self._beats is None:
             self._beats = BusInbox(depth=1)
             self._bus.subscribe(self._key, Health, self._beats)
-        beat = self._beats.get(seconds=0.5) if is_there and self._beats is not None else None
+        beat = self._beats.get(seconds=0.5) if is_present and self._beats is not None else None
         if beat is not None:
-            where = f"on {beat[1].host} (process {beat[1].pid})"
+            where = f"runs on {beat[1].host} (pid {beat[1].pid})"
         if beat is not None or time.monotonic() > self._deadline:
             raise UserError(
-                f"`{self._process}` of run `{self._run}` is there already, {where}; end it, or "
-                "give --run another name"
+                f"run `{self._run}`: another `{self._process}` {where}. Fix: end it, or choose "
+                "another name with --run"
             )
-        return is_there
+        return is_present

@@ -25,26 +25,26 @@ class NoSuchHost(UserError):
 
 
 def parser(process: str, description: str) -> argparse.ArgumentParser:
-    """Return the argument parser that all processes share."""
+    """Return a parser with the arguments that all processes share."""
     arguments = argparse.ArgumentParser(prog=process, description=description)
     arguments.add_argument(
-        "--connect", metavar="ENDPOINT", help="router or physics to join, such as tcp/HOST:7447"
+        "--connect", metavar="ENDPOINT", help="router of the run, such as tcp/HOST:7447"
     )
-    arguments.add_argument("--run", help="name of the run; needed only where several run")
+    arguments.add_argument("--run", help="name of the run; required if the bus has several")
     return arguments
 
 
 ROUTER_VARIABLE = "GROUNDLINK_ROUTER"
-"""Environment variable with the endpoint to join where `--connect` is not given."""
+"""Environment variable with the endpoint, used without `--connect`."""
 
 
 def router_of(options: argparse.Namespace) -> str | None:
-    """Return the endpoint to join: as told, or of the environment; None where there is none."""
+    """Return the endpoint of the option or the environment; None without both."""
     return options.connect or os.environ.get(ROUTER_VARIABLE)
 
 
 def endpoint(options: argparse.Namespace) -> str:
-    """Return where to join: as told, or where physics listens by default."""
+    """Return the endpoint of the option or the environment, or the default endpoint."""
     return router_of(options) or DEFAULT_ENDPOINT
 
 
@@ -54,7 +54,7 @@ def address(text: str) -> tuple[str, int]:
     Raises
     ------
     UserError
-        when it is no address; `NoSuchHost` when the host has none.
+        if the text is malformed; `NoSuchHost` if the host does not resolve.
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535:
@@ -62,11 +62,11 @@ def address(text: str) -> tuple[str, int]:
     try:
         return socket.gethostbyname(host), int(port)
     except OSError:
-        raise NoSuchHost(f"`{text}`: no host is called `{host}`") from None
+        raise NoSuchHost(f"`{text}`: host `{host}` does not resolve") from None
 
 
 def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) -> NoReturn:
-    """Run a process's `main(arguments, stop)` and exit; `stop` is set when it should end."""
+    """Run a process's `main(arguments, stop)` and exit; SIGINT and SIGTERM set `stop`."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

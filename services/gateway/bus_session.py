@@ -12,14 +12,14 @@ from collections.abc import Callable
 from functools import cached_property, partial
 from typing import NamedTuple
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import send_command
 from groundlink.bus.core_topics import ACK, HEALTH, ROOT, STATE, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
 from groundlink.messages.base import Ack, Health, Message, State, decode
 from groundlink.process.joining import Heartbeat, join
-from groundlink.process.name_claim import Claims
+from groundlink.process.name_claim import NameClaim
 from groundlink.scenario import Scenario
 
 from .emulated_socket import EmulatedSocket
@@ -45,12 +45,14 @@ class Resumed(NamedTuple):
 class BusSession:
     """What a gateway keeps of a run whose vehicles change: what it has declared on the bus."""
 
-    def __init__(self, bus: Bus, run: str, claim: Claims) -> None:
+    def __init__(self, bus: Bus, run: str, claim: NameClaim) -> None:
         self.bus, self.run, self._claim = bus, run, claim
         self.inbox: BusInbox[Message] = BusInbox(depth=MESSAGES_KEPT)
         self.publishers: dict[str, Callable[[Message], bytes]] = {}
         self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
-        self.wishes = RunCommandQueue(partial(ask, bus, run), backlog=lambda: len(self.inbox))
+        self.wishes = RunCommandQueue(
+            partial(send_command, bus, run), backlog=lambda: len(self.inbox)
+        )
         self.emulated: EmulatedSocket | None = None
         self.left: tuple[int | None, bytes] = (None, b"")
         """What the last gateway in this process left to the next: in which life, its memory."""
@@ -93,7 +95,7 @@ class BusSession:
 
     def resumed(self, process: str = NAME) -> Resumed | None:
         """Return where the run is, as told to a process; None before its first state."""
-        told = list(self.bus.ask(history_key(self.run), process, seconds=2.0).values())
+        told = list(self.bus.query(history_key(self.run), process, seconds=2.0).values())
         return Resumed(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
 
     def emulates(self, emulated: EmulatedSocket) -> None:

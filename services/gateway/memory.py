@@ -43,7 +43,7 @@ def memory_of(gateway: Gateway, emulated: EmulatedSocket | None) -> bytes:
 
 def known_of(bus: Bus, run: str) -> bytes:
     """Return what physics knows of a predecessor; nothing where it knows of none."""
-    for payload in bus.ask(history_key(run), GATEWAY, seconds=ANSWER_SECONDS).values():
+    for payload in bus.query(history_key(run), GATEWAY, seconds=ANSWER_SECONDS).values():
         return decode(payload, Ack).memory
     return b""
 

@@ -48,7 +48,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         run, scenario = join(bus, options.run, stop)
 
         def journal(question: str) -> bytes:
-            return b"".join(bus.ask(journal_key(run), question, seconds=JOURNAL_SECONDS).values())
+            return b"".join(bus.query(journal_key(run), question, seconds=JOURNAL_SECONDS).values())
 
         keeper = OrderedMcapFiles if options.ordered else McapFiles
         files = keeper(options.out, scenario, run, journal)

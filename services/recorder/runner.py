@@ -99,12 +99,12 @@ def record(
 
     def tell_where() -> None:
         """Acknowledge what physics has come to: it begins, or goes on, when it hears of this."""
-        if missed := list(bus.ask(history_key(run), NAME, seconds=2.0).values()):
+        if missed := list(bus.query(history_key(run), NAME, seconds=2.0).values()):
             tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
             acknowledge(decode(missed[0], Ack).life, tick)
 
     tell_where()
-    quiet = Backoff(time.monotonic())
+    backoff = Backoff(time.monotonic())
     next_commit = 0.0
     try:
         while not stop.wait(REST_SECONDS) and not recorder.is_complete:
@@ -125,8 +125,8 @@ def record(
                 recorder.take(key, message)
                 if isinstance(message, Clock):
                     acknowledge(message.life, message.tick)
-                    quiet.heard(time.monotonic())
-            if scenario.time.mode != "realtime" and quiet.is_too_long(time.monotonic()):
+                    backoff.reset(time.monotonic())
+            if scenario.time.mode != "realtime" and backoff.is_due(time.monotonic()):
                 tell_where()  # The bus loses what comes while a process is cut off.
             if (now := time.monotonic()) >= next_commit:
                 keeper.tend(recorder)

@@ -85,7 +85,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     if options.recording is not None:
         show_file(options, stop)
         return
-    with Bus(connect=process.endpoint(options), onlooker=True, name=NAME) as bus:
+    with Bus(connect=process.endpoint(options), observer=True, name=NAME) as bus:
         run, scenario = join_world(bus, options.run, stop)
         intake = ViewerSubscriptions(bus, scenario, run)
         view = _view(options, scenario, run, intake.streams)

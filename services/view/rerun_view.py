@@ -107,7 +107,7 @@ class RerunView:
 
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Show how a process is."""
-        self._monitor.heard(health, now_seconds)
+        self._monitor.update(health, now_seconds)
         if self.context.epoch_nanos is None:
             return
         if health.streams:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus import zenoh_config as zenoh_settings
+from groundlink.bus import zenoh_config
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
 from groundlink.bus.session import Bus, BusError
 from groundlink.deploy.certificates import Authority
@@ -52,7 +52,7 @@ def test_who_has_a_certificate_gets_in(
 ) -> None:
     monkeypatch.setenv(VARIABLE, write(tmp_path / "imu", authority, "rover/imu"))
     with Bus(connect=endpoint, name="rover/imu") as own:
-        assert own.is_linked()
+        assert own.is_connected()
 
 
 @pytest.mark.parametrize("wrong", ["expired", "of another authority", "none"])
@@ -73,7 +73,7 @@ def test_who_has_none_that_is_good_stays_out_and_is_told_why(
         monkeypatch.setenv(VARIABLE, folder)
     else:
         monkeypatch.delenv(VARIABLE)
-    monkeypatch.setattr(zenoh_settings, "CONNECT_SECONDS", 2.0)
-    with pytest.raises(BusError, match="does not take the other's certificate") as no:
+    monkeypatch.setattr(zenoh_config, "CONNECT_SECONDS", 2.0)
+    with pytest.raises(BusError, match="rejected the other's certificate") as no:
         Bus(connect=endpoint, name="rover/imu")
     assert len(str(no.value).splitlines()) == 1

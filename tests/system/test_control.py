@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
@@ -61,18 +61,18 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     it, bus, samples = run
     first_life = first_samples(samples)
 
-    paused = ask(bus, it.run, Pause())
+    paused = send_command(bus, it.run, Pause())
     assert paused.paused
-    ask(bus, it.run, Step(5))
-    wait_for(lambda: ask(bus, it.run).paused, 5, "five steps are taken")
-    assert ask(bus, it.run).tick == paused.tick + 5
+    send_command(bus, it.run, Step(5))
+    wait_for(lambda: run_status(bus, it.run).paused, 5, "five steps are taken")
+    assert run_status(bus, it.run).tick == paused.tick + 5
 
     while samples.get(seconds=0.3):
         pass  # what is left of the first life
-    again = ask(bus, it.run, Reset())
+    again = send_command(bus, it.run, Reset())
     assert again.paused
     assert again.tick == 0
-    assert not ask(bus, it.run, Resume()).paused
+    assert not send_command(bus, it.run, Resume()).paused
     assert first_samples(samples) == first_life
 
 

@@ -21,7 +21,7 @@ import pytest
 
 from benchmarks.freshness.two_hosts import HOSTS, NotAllowed
 from benchmarks.freshness.two_hosts import run as run_on_two_hosts
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import send_command
 from groundlink.core.clock import TICK_NANOS
 from groundlink.emulation import Impairment
 from groundlink.messages.control import Pause, Resume
@@ -144,13 +144,13 @@ def test_restored_from_half_time(expected: Heard, tmp_path: Path) -> None:
     with run(tmp_path) as it:
         it.start(*it.names)
         it.witness.wait(UNTIL_NANOS // 2)
-        ask(it.bus, RUN, Pause())
+        send_command(it.bus, RUN, Pause())
         join = ("--connect", it.rig.endpoint, "--run", RUN)
         saving = it.rig.start("-m", "groundlink", "save", str(file), *join, log="save.log")
         assert saving.wait(60) == 0, it.rig.log("save.log")
         saved = journal.loaded(journal.read(file), str(file))
         assert saved.tick * TICK_NANOS < 0.75 * UNTIL_NANOS
-        ask(it.bus, RUN, Resume())
+        send_command(it.bus, RUN, Resume())
         it.witness.wait(saved.tick * TICK_NANOS)
         before = it.witness.so_far()
     with run(elsewhere) as it:

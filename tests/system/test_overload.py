@@ -125,13 +125,13 @@ def test_slow_lets_time_stretch_and_no_reading_out(tmp_path: Path) -> None:
             assert set(np.diff(begun.stamps(name)).tolist()) == {period}, name
         report = begun.end()
     # Of the time it stood still, a window of 400 ticks has passed for the others.
-    stretched = report["held_up"]["stretched_seconds"]
+    stretched = report["stalls"]["stretched_seconds"]
     assert stretched[LIDAR] > 0.8 * (STOPPED_SECONDS - 1.0)
     # On a busy machine others stretch time as well, but not as much as what stood still.
     assert stretched[LIDAR] > 0.5 * sum(stretched.values())
     assert report["real_time_factor"] < 0.97
     assert "time stretched by" in it.log("up.log")
-    assert report["held_up"]["silent_seconds"] == {}
+    assert report["stalls"]["silent_seconds"] == {}
 
 
 def test_slow_names_who_is_silent_and_goes_on_without_it_until_it_is_back(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_slow_names_who_is_silent_and_goes_on_without_it_until_it_is_back(tmp_pa
         wait_for(lambda: f"{LIDAR} is back after" in it.log("up.log"), 20, "it is back")
         begun.goes_on()
         report = begun.end()
-    assert report["held_up"]["silent_seconds"][LIDAR] >= 1.5
+    assert report["stalls"]["silent_seconds"][LIDAR] >= 1.5
 
 
 def test_skip_lets_readings_out_and_marks_each_but_no_time_stretch(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_skip_lets_readings_out_and_marks_each_but_no_time_stretch(tmp_path: Pat
         assert any(begin in it.log("up.log") for begin in begins)
         report = begun.end()
     # What physics is behind by on a busy machine it makes up for.
-    assert report["held_up"]["stretched_seconds"] == {}
+    assert report["stalls"]["stretched_seconds"] == {}
 
 
 @pytest.mark.parametrize("mode", ["realtime", "lockstep"])

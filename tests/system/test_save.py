@@ -11,7 +11,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key, faults_key, journal_key
@@ -68,18 +68,18 @@ def command(it: Run, *words: str) -> str:
 
 def spawn(bus: Bus, what: str, at: At) -> None:
     _, more = addition(what, at=at, name=None, taken=(), ground=None)
-    ask(bus, RUN, Spawn(more))
+    send_command(bus, RUN, Spawn(more))
 
 
 def suffer(bus: Bus, sensor: str, fault: Fault) -> None:
     wish = msgspec.json.encode(fault).decode()
-    (answer,) = bus.ask(faults_key(RUN, sensor), wish, seconds=30).values()
+    (answer,) = bus.query(faults_key(RUN, sensor), wish, seconds=30).values()
     assert not msgspec.json.decode(answer, type=FaultAnswer).error
 
 
 def step_to(bus: Bus, tick: int) -> None:
-    ask(bus, RUN, Step(tick - max(ask(bus, RUN).tick, 0)))
-    wait_for(lambda: ask(bus, RUN).tick == tick, 60, f"tick {tick} is stepped to")
+    send_command(bus, RUN, Step(tick - max(run_status(bus, RUN).tick, 0)))
+    wait_for(lambda: run_status(bus, RUN).tick == tick, 60, f"tick {tick} is stepped to")
 
 
 def quiet(witness: Witness) -> Heard:
@@ -114,8 +114,8 @@ def test_restored_here_and_elsewhere_a_run_goes_on_with_the_same_bytes(tmp_path:
     elsewhere.mkdir()
     with run(tmp_path) as it, Bus(connect=it.rig.endpoint) as bus:
         it.start("physics")
-        wait_for(lambda: bool(bus.ask(control_key(RUN), seconds=1)), 30, "physics is there")
-        ask(bus, RUN, Pause())
+        wait_for(lambda: bool(bus.query(control_key(RUN), seconds=1)), 30, "physics is there")
+        send_command(bus, RUN, Pause())
         states = States(bus)
         it.start(*(name for name in it.names if name != "physics"))
         step_to(bus, 300)
@@ -126,14 +126,14 @@ def test_restored_here_and_elsewhere_a_run_goes_on_with_the_same_bytes(tmp_path:
         suffer(bus, "rover/encoders", Stuck(for_s=5.0))
         suffer(bus, "rover/imu", Delay(delay_s=0.1))
         step_to(bus, 1200)
-        ask(bus, RUN, Remove("box"))
+        send_command(bus, RUN, Remove("box"))
         step_to(bus, SAVED_TICK)
         said = command(it, "save", str(file))
         assert said.startswith(f"run `{RUN}` at tick {SAVED_TICK} (3.0325 s) is in {file}, ")
         first = quiet(it.witness)
-        ask(bus, RUN, Resume())
+        send_command(bus, RUN, Resume())
         whole = until_the_end(it.witness)
-        ask(bus, RUN, Pause())
+        send_command(bus, RUN, Pause())
         quiet(it.witness)
 
         expected, states.digests = states.digests, {}
@@ -141,7 +141,7 @@ def test_restored_here_and_elsewhere_a_run_goes_on_with_the_same_bytes(tmp_path:
         said = command(it, "restore", str(file))
         # On a busy machine a line of progress comes before.
         assert said.endswith(f"run `{RUN}` is paused at tick {SAVED_TICK} (3.0325 s)\n")
-        ask(bus, RUN, Resume())
+        send_command(bus, RUN, Resume())
         assert together(first, until_the_end(again)) == whole
         states.assert_go_on(expected)
 
@@ -170,20 +170,20 @@ def test_a_run_is_saved_and_restored_while_it_runs(tmp_path: Path, mode: str) ->
             sensor = ("-m", "services.sensors.imu", "--name", "rover/imu", "--run", it.run)
             it.start(*sensor, "--connect", it.endpoint, log="imu.log")
             wait_for(lambda: len(samples) > 100, 60, "samples come")
-            content = b"".join(bus.ask(journal_key(it.run), seconds=30).values())
+            content = b"".join(bus.query(journal_key(it.run), seconds=30).values())
             saved = loaded(content, "the bus")
-            assert not ask(bus, it.run).paused
+            assert not run_status(bus, it.run).paused
             end_nanos = (saved.tick + 400) * TICK_NANOS
             before = heard(samples, end_nanos)
-            ask(bus, it.run, Restore(), content=content)
-            wait_for(lambda: ask(bus, it.run).restoring_to < 0, 60, "it is restored")
-            assert ask(bus, it.run).warning == ""
+            send_command(bus, it.run, Restore(), content=content)
+            wait_for(lambda: run_status(bus, it.run).restoring_to < 0, 60, "it is restored")
+            assert run_status(bus, it.run).warning == ""
             again = heard_again(samples, max(before), saved.tick * TICK_NANOS, end_nanos)
             nobody = Commanded(saved.tick, "nobody", Command(0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
             foreign = dumped(replace(saved, entries=(encode_entry(nobody),)))
-            ask(bus, it.run, Restore(), content=foreign)
-            wait_for(lambda: ask(bus, it.run).restoring_to < 0, 60, "it is given up")
-            assert "there is no vehicle 'nobody'" in ask(bus, it.run).failure
+            send_command(bus, it.run, Restore(), content=foreign)
+            wait_for(lambda: run_status(bus, it.run).restoring_to < 0, 60, "it is given up")
+            assert "there is no vehicle 'nobody'" in run_status(bus, it.run).failure
             reached = max(again)
             wait_for(lambda: max(heard(samples, reached + 1)) > end_nanos, 60, "it goes on")
         assert set(again) >= {n for n in before if saved.tick * TICK_NANOS <= n < end_nanos}

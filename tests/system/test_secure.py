@@ -43,7 +43,7 @@ ELSEWHERE = "elsewhere"
 
 TOUR = LAB.with_name("indoor_lab_tour.yaml")
 IN_ROS = ("/points", "/imu", "/wheel_encoders", "/clock")
-QUIET_SECONDS = 1.0
+FIRST_SECONDS = 1.0
 
 
 class Running(NamedTuple):
@@ -173,7 +173,7 @@ def of_another_sensor(running: Running) -> Path:
     [
         (None, "certificate"),
         (of_another_authority, "certificate"),
-        (of_another_sensor, "of `rover/lidar`, and this is `rover/imu`"),
+        (of_another_sensor, "expected `rover/imu`, got `rover/lidar`"),
     ],
 )
 def test_a_sensor_that_is_not_let_in_says_so_in_one_line(
@@ -199,7 +199,7 @@ def test_who_comes_twice_says_who_is_there_and_ends(
 ) -> None:
     done = running.secured.say(*words.split(), own=running.secured.of(process))
     assert done.returncode == 2, done.stderr
-    assert f"`{process}` of run `{RUN}` is there already, on " in done.stderr
+    assert f"run `{RUN}`: another `{process}` runs on " in done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
 
 
@@ -230,10 +230,10 @@ def test_a_certificate_lets_say_its_own_alone(running: Running, operator: Bus, h
         own = OWN[holder]
     with running.secured.session("operator") as ears, running.secured.session(holder) as mouth:
         heard = Heard(ears, f"groundlink/{ELSEWHERE}/**")
-        time.sleep(QUIET_SECONDS)
+        time.sleep(FIRST_SECONDS)
         for key in tried:
             mouth.put(key, b"intruder")
-        came = set(heard.wait(QUIET_SECONDS))
+        came = set(heard.wait(FIRST_SECONDS))
     assert came == {key for key in tried if key.split("/", 2)[2] in own}
 
 
@@ -253,10 +253,10 @@ def test_a_sensor_answers_only_what_is_asked_of_it(running: Running, operator: B
 
         for key in (own, *QUESTIONS.values()):
             intruder.declare_queryable(f"{key}/**", answer)
-        time.sleep(QUIET_SECONDS)
-        assert operator.ask(own, seconds=3)
+        time.sleep(FIRST_SECONDS)
+        assert operator.query(own, seconds=3)
         for key in QUESTIONS.values():
-            assert not operator.ask(key, seconds=0.5), key
+            assert not operator.query(key, seconds=0.5), key
 
 
 def test_a_sensor_wishes_nothing(running: Running) -> None:
@@ -275,7 +275,7 @@ def test_nobody_is_there_in_anothers_name(running: Running, operator: Bus) -> No
             intruder.liveliness().declare_token(HEALTH.key_in(ELSEWHERE, process=process))
             for process in ("physics", "gateway", "rover/lidar", "rover/imu")
         ]
-        time.sleep(QUIET_SECONDS)
+        time.sleep(FIRST_SECONDS)
         there = operator.present(HEALTH.key_in(ELSEWHERE), seconds=1.0)
         assert there == {HEALTH.key_in(ELSEWHERE, process="rover/imu")}
         del tokens

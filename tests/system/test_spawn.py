@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import control_key
 from groundlink.bus.session import Bus
@@ -34,8 +34,8 @@ def command(it: Rig, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def step_to(it: Rig, bus: Bus, tick: int) -> None:
-    ask(bus, it.run, Step(TICKS))
-    wait_for(lambda: ask(bus, it.run).tick == tick, 60, f"tick {tick} is stepped to")
+    send_command(bus, it.run, Step(TICKS))
+    wait_for(lambda: run_status(bus, it.run).tick == tick, 60, f"tick {tick} is stepped to")
 
 
 def clouds(folder: Path) -> Iterator[PointCloud]:
@@ -48,8 +48,10 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
             got: BusInbox[PointCloud] = BusInbox(depth=1000)
             key = SENSOR_TOPICS["lidar"].key_in(it.run, vehicle="rover", sensor="lidar")
             bus.subscribe(key, PointCloud, got)
-            wait_for(lambda: bool(bus.ask(control_key(it.run), seconds=1)), 20, "physics is there")
-            ask(bus, it.run, Pause())
+            wait_for(
+                lambda: bool(bus.query(control_key(it.run), seconds=1)), 20, "physics is there"
+            )
+            send_command(bus, it.run, Pause())
             sensor = ("-m", "services.sensors.lidar", "--name", "rover/lidar", "--run", it.run)
             it.start(*sensor, "--connect", it.endpoint, log="lidar.log")
             step_to(it, bus, 1 * TICKS)

@@ -192,7 +192,7 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
                 if wishes and seconds > wishes[0][0]:
                     wish = wishes.pop(0)[1]
                     said = wish if isinstance(wish, str) else msgspec.json.encode(wish).decode()
-                    assert bus.ask(faults_key(it.run, "rover/imu"), said, seconds=5.0)
+                    assert bus.query(faults_key(it.run, "rover/imu"), said, seconds=5.0)
                 time.sleep(draw.uniform(0.0, 0.2))
         assert (wishes, spawn.returncode) == ([], 0), it.log("spawn.log")
         os.kill(recorder.pid, signal.SIGKILL)

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.core_topics import HEALTH, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
@@ -53,10 +53,10 @@ def control(options: argparse.Namespace) -> int:
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
         waits = Waits(bus, run)
-        answer = ask(bus, run, wish)
+        answer = send_command(bus, run, wish)
         while isinstance(wish, Step) and not answer.paused:
             time.sleep(POLL_SECONDS)
-            answer = ask(bus, run)
+            answer = run_status(bus, run)
             if line := waits.line(answer.tick):
                 print(line, file=sys.stderr)
     print(told(run, answer))

@@ -24,7 +24,7 @@ def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> Ren
     factor = monitor.real_time_factor
     pace = "starting" if factor is None else f"real-time factor {factor:.3f}"
     head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
-    if held_up := str(monitor.hold_ups):
+    if held_up := str(monitor.stalls):
         head.append(f"\n{held_up}", style="yellow")
     return Group(head, streams_table(monitor.streams), _processes(monitor, children))
 

@@ -116,7 +116,7 @@ def _value(text: str) -> float | str:
 
 
 def _show(bus: Bus, run: str, sensors: Sequence[str]) -> None:
-    replies = bus.ask(faults_key(run, "*/*"), seconds=ANSWER_SECONDS)
+    replies = bus.query(faults_key(run, "*/*"), seconds=ANSWER_SECONDS)
     answers = {key.rpartition("/")[0]: payload for key, payload in replies.items()}
     for sensor in sensors:
         payload = answers.get(faults_key(run, sensor))
@@ -124,7 +124,7 @@ def _show(bus: Bus, run: str, sensors: Sequence[str]) -> None:
 
 
 def _ask(bus: Bus, run: str, sensor: str, wish: str) -> str:
-    replies = bus.ask(faults_key(run, sensor), wish, seconds=ANSWER_SECONDS)
+    replies = bus.query(faults_key(run, sensor), wish, seconds=ANSWER_SECONDS)
     if not replies:
         raise UserError(f"`{sensor}` of run `{run}` does not answer; is its process running?")
     return _told(sensor, next(iter(replies.values())))

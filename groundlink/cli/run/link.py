@@ -53,7 +53,7 @@ def link(options: argparse.Namespace) -> int:
         os.execv(sys.executable, [sys.executable, "-m", "services.link", *words])
     with Bus(connect=process.endpoint(options)) as bus:
         wish = ";".join(options.set or ())
-        replies = bus.ask(link_key(options.run), wish, seconds=ANSWER_SECONDS)
+        replies = bus.query(link_key(options.run), wish, seconds=ANSWER_SECONDS)
     if not replies:
         raise UserError(
             f"run `{options.run}` has no emulated link; add `link: {{}}` to the scenario's gateway"

@@ -13,7 +13,7 @@ import threading
 import time
 from pathlib import Path
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.queries import journal_key
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
@@ -49,7 +49,7 @@ def save(options: argparse.Namespace) -> int:
     check_new_file("save", options.file)
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
-        content = b"".join(bus.ask(journal_key(run), seconds=JOURNAL_SECONDS).values())
+        content = b"".join(bus.query(journal_key(run), seconds=JOURNAL_SECONDS).values())
     if not content:
         raise UserError(
             f"physics of run `{run}` gave no journal; has the run begun, and is physics running?"
@@ -67,14 +67,14 @@ def restore(options: argparse.Namespace) -> int:
     journal.loaded(content, str(options.file))
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
-        answer = ask(bus, run, Restore(), content=content)
+        answer = send_command(bus, run, Restore(), content=content)
         shown = time.monotonic()
         while answer.restoring_to >= 0:
             if time.monotonic() - shown >= SHOW_SECONDS:
                 shown = time.monotonic()
                 print(f"restoring: tick {answer.tick} of {answer.restoring_to}", flush=True)
             time.sleep(POLL_SECONDS)
-            answer = ask(bus, run)
+            answer = run_status(bus, run)
     if answer.failure:
         raise UserError(f"run `{run}`: {answer.failure}; the run is as it was")
     if answer.warning:

@@ -10,7 +10,7 @@ import argparse
 import sys
 import threading
 
-from groundlink.bus.control_client import ask
+from groundlink.bus.control_client import send_command
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
@@ -63,7 +63,7 @@ def spawn(options: argparse.Namespace) -> int:
             ground=ground_of(scenario),
             tell=lambda line: print(line, file=sys.stderr),
         )
-        answer = ask(bus, run, Spawn(more))
+        answer = send_command(bus, run, Spawn(more))
     print(f"run `{run}` has `{name}` {_from(answer)}")
     return 0
 
@@ -72,7 +72,7 @@ def remove(options: argparse.Namespace) -> int:
     """Take something out of a run."""
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
-        answer = ask(bus, run, Remove(options.name))
+        answer = send_command(bus, run, Remove(options.name))
     print(f"run `{run}` is without `{options.name}` {_from(answer)}")
     return 0
 

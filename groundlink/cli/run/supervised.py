@@ -120,7 +120,7 @@ class SupervisedRun:
     def _hear(self, inbox: BusInbox[Health]) -> None:
         """Tell the monitor all that waits; wait a moment where nothing does."""
         while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
-            self.monitor.heard(arrived[1], time.monotonic())
+            self.monitor.update(arrived[1], time.monotonic())
             if self._stop.is_set():
                 break
 

@@ -57,7 +57,7 @@ def top(options: argparse.Namespace) -> int:
     """Show a run until Ctrl-C."""
     stop = stop_on_signals()
     shown = console()
-    with Bus(connect=process.endpoint(options), onlooker=True) as bus:
+    with Bus(connect=process.endpoint(options), observer=True) as bus:
         run, scenario = join(bus, options.run, stop)
         overview = Overview(run, declared_rates(scenario))
         prefix = HEALTH.key_in(run, process="")
@@ -74,13 +74,13 @@ def top(options: argparse.Namespace) -> int:
         try:
             while not stop.is_set():
                 while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.1):
-                    overview.heard(arrived[1], time.monotonic())
+                    overview.update(arrived[1], time.monotonic())
                 while moves:
                     key, there = moves.popleft()
-                    overview.came_or_went(key.removeprefix(prefix), there)
+                    overview.presence_changed(key.removeprefix(prefix), there)
                 now = time.monotonic()
                 if options.once:
-                    if overview.everybody_spoke or now - begun > ONCE_SECONDS:
+                    if overview.has_rates or now - begun > ONCE_SECONDS:
                         break
                     continue
                 if live:
@@ -119,7 +119,7 @@ def _ask_for_link(bus: Bus, run: str, scenario: Scenario, overview: Overview) ->
     """Ask the gateway how its emulated link is set, where the scenario has one."""
     if scenario.gateway.link is None:
         return
-    for reply in bus.ask(link_key(run), seconds=PERIOD_SECONDS).values():
+    for reply in bus.query(link_key(run), seconds=PERIOD_SECONDS).values():
         _, overview.link_settings = msgspec.json.decode(
             reply, type=tuple[str, dict[str, dict[str, float | bool]]]
         )
@@ -132,7 +132,7 @@ def picture(overview: Overview, now_seconds: float) -> RenderableType:
     pace = "-" if factor is None else f"{factor:.3f}"
     head = f"run `{now['run']}`   sim time {now['sim_seconds']:.1f} s   real-time factor {pace}"
     parts: list[RenderableType] = [Text(head, style="bold"), _processes(now["processes"])]
-    if held_up := str(overview.monitor.hold_ups):
+    if held_up := str(overview.monitor.stalls):
         parts.insert(1, Text(held_up, style="yellow"))
     if overview.monitor.streams:
         parts.append(streams_table(overview.monitor.streams))

@@ -215,7 +215,7 @@ def _report(
         "started": started,
         "sim_seconds": monitor.sim_seconds,
         "real_time_factor": monitor.real_time_factor,
-        "held_up": dataclasses.asdict(monitor.hold_ups),
+        "stalls": dataclasses.asdict(monitor.stalls),
         "faults": faults,
         "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
         "processes": {

@@ -92,7 +92,7 @@ class Lockstep:
         """What the present Barrier tells of."""
         self._resumed: Resumed | None = None
         self._told: tuple[Word, Sequence[WireMessage]] | None = None
-        self._quiet, self._is_news = Backoff(0.0), True
+        self._backoff, self._is_news = Backoff(0.0), True
         self._due: Clock | None = None
         self._last: Barrier | None = None
         self._asks = True
@@ -137,9 +137,9 @@ class Lockstep:
         if self._since is None:
             self._since = now_seconds
         if self._is_news or self._asks:
-            self._quiet.heard(now_seconds)
+            self._backoff.reset(now_seconds)
             self._is_news = False
-        elif self._quiet.is_too_long(now_seconds):
+        elif self._backoff.is_due(now_seconds):
             self._resumed = self._resume(GATEWAY)
         if self._last is None:
             self._ask(Barrier(0, -1, LIMIT_MS, (), self._answers), 0, now_seconds)

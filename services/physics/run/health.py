@@ -43,7 +43,7 @@ class HealthMonitor:
     def counters(self, episode: Episode, now_seconds: float) -> dict[str, int]:
         """Return the real-time factor since the last call, and who has held up the run."""
         factor = self._factor.since_last(episode.tick, now_seconds)
-        held_up = self._stall_policy.hold_ups(episode.pacer).counters()
+        held_up = self._stall_policy.stalls(episode.pacer).counters()
         return {"real_time_permille": round(1e3 * (factor or 0.0))} | held_up
 
     def look(self, episode: Episode, now_seconds: float) -> list[str]:

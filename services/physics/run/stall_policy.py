@@ -130,7 +130,7 @@ class StallPolicy:
         for name in list(self._named):
             self._end(name)
 
-    def hold_ups(self, pacer: Pacer) -> Stalls:
+    def stalls(self, pacer: Pacer) -> Stalls:
         """Return all that is known of hold-ups up to the last look."""
         silent = {name: self._now - since for name, since in self._named.items()}
         for name, seconds in self._past_seconds.items():

@@ -161,7 +161,7 @@ def follower(
         publish=send,
         acknowledge=publisher(ACK.key_in(run_name, process=name), ACK.delivery),
         account=account,
-        links_made=bus.links_made,
+        reconnects=bus.reconnects,
         # Nobody waits for it: what is a window late, which is as far as physics goes ahead of those
         # that it does wait for, has lost its worth.
         patience_ticks=None if time.waits else time.window_ticks,

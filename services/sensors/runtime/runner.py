@@ -44,7 +44,7 @@ class SensorProcess:
         Makes the model one for the world of another hash; False where there is none.
     account
         Of what is due and what becomes of it.
-    links_made
+    reconnects
         Tells how often the run had to be joined by another link.
     patience_ticks
         States that may wait: with more of them it leaves out readings rather than to be late. None
@@ -61,12 +61,12 @@ class SensorProcess:
         publish: Callable[[Message | Beside], object],
         acknowledge: Callable[[Ack], object],
         account: Account | NoAccount | None = None,
-        links_made: Callable[[], int] = lambda: 0,
+        reconnects: Callable[[], int] = lambda: 0,
         patience_ticks: int | None = None,
     ) -> None:
         self._model = model
         self._account = account or NoAccount()
-        self._links_made, self._told_by = links_made, links_made()
+        self._reconnects, self._told_by = reconnects, reconnects()
         self._patience_ticks = patience_ticks
         self._lets_go = False
         self._gap_cause: Cause = "states lost"
@@ -177,7 +177,7 @@ class SensorProcess:
         assert self._life is not None, "no state was taken"
         settled = self._model.settled_tick()
         instant = self.epoch_nanos + self.tick * TICK_NANOS
-        link = self._links_made()
+        link = self._reconnects()
         again, self._told_by = link != self._told_by, link
         self._account.tell(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
         memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""

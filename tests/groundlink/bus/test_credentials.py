@@ -74,7 +74,7 @@ def test_a_routers_folder_holds_its_rules(folder: Path) -> None:
 def test_another_processs_folder_is_refused(folder: Path) -> None:
     found = credentials.Credentials(folder)
     found.check("rover/imu")
-    with pytest.raises(UserError, match=r"of `rover/imu`, and this is `rover/lidar`"):
+    with pytest.raises(UserError, match=r"expected `rover/lidar`, got `rover/imu`"):
         found.check("rover/lidar")
 
 

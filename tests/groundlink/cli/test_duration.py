@@ -17,8 +17,8 @@ def stream(sent: int, *, arrived: int = 0, reported: bool = False) -> StreamRepo
 def passed(duration: Duration, monitor: RunMonitor, rows: list[StreamReport]) -> int | None:
     """Return after how many seconds of sim time, with a row each, the duration was over."""
     for second, row in enumerate(rows):
-        monitor.heard(Health("physics", 1, second * SECOND_TICKS, {}), second)
-        monitor.heard(Health("gateway", 2, second * SECOND_TICKS, {}, (row,)), second)
+        monitor.update(Health("physics", 1, second * SECOND_TICKS, {}), second)
+        monitor.update(Health("gateway", 2, second * SECOND_TICKS, {}, (row,)), second)
         if duration.is_over():
             return second
     return None
@@ -46,7 +46,7 @@ def test_what_a_duration_waits_for_is_said_once(monkeypatch: pytest.MonkeyPatch)
     said: list[str] = []
     monitor = RunMonitor()
     duration = Duration(monitor, 3.0, say=said.append)
-    monitor.heard(Health("gateway", 2, 0, {}, (stream(9), stream(9, arrived=1))), 0.0)
+    monitor.update(Health("gateway", 2, 0, {}, (stream(9), stream(9, arrived=1))), 0.0)
     for clock[0] in (0.0, 3.0, 5.0, 10.0, 19.0):
         assert not duration.is_over()
     assert said == ["--duration: waiting for /t, 20 s at most"]
@@ -66,6 +66,6 @@ def test_without_a_ros_side_a_duration_waits_for_what_is_not_sent(
     clock[0] = 5.0
     assert not duration.is_over()
     assert said == ["--duration: waiting for the gateway, 20 s at most"]
-    monitor.heard(Health("gateway", 2, 0, {}, (stream(9),)), 0.0)
+    monitor.update(Health("gateway", 2, 0, {}, (stream(9),)), 0.0)
     assert not duration.is_over()
     assert len(said) == 1

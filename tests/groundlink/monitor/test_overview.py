@@ -23,10 +23,10 @@ def health(process: str, tick: int, readings: int = 0, *, pid: int = 1, **more: 
 def run() -> Overview:
     overview = Overview("lab", {"physics": None, "rover/imu": 400.0, "gateway": None})
     for name in ("physics", "rover/imu"):
-        overview.came_or_went(name, True)
+        overview.presence_changed(name, True)
     for second in range(5):
-        overview.heard(health("physics", 200 * second), float(second))
-        overview.heard(health("rover/imu", 200 * second, 190 * second), second + 0.1)
+        overview.update(health("physics", 200 * second), float(second))
+        overview.update(health("rover/imu", 200 * second, 190 * second), second + 0.1)
     return overview
 
 
@@ -46,52 +46,52 @@ def test_a_process_has_its_place_and_its_rate(run: Overview) -> None:
 def test_the_real_time_factor_is_that_of_the_last_words(run: Overview) -> None:
     assert run.snapshot(4.5)["real_time_factor"] == pytest.approx(0.5)
     for second in range(5, 20):
-        run.heard(health("physics", 800 + 400 * (second - 4)), float(second))
+        run.update(health("physics", 800 + 400 * (second - 4)), float(second))
     assert run.snapshot(20.0)["real_time_factor"] == pytest.approx(1.0)
 
 
 def test_who_never_came_is_missing_and_who_left_is_gone(run: Overview) -> None:
     assert row(run, "gateway")["state"] == "missing"
-    run.came_or_went("rover/imu", False)
+    run.presence_changed("rover/imu", False)
     assert row(run, "rover/imu")["state"] == "gone"
-    run.came_or_went("rover/imu", True)
+    run.presence_changed("rover/imu", True)
     assert row(run, "rover/imu")["state"] == "alive"
 
 
 def test_in_a_replay_only_its_own_processes_can_be_missing() -> None:
     overview = Overview("lab", dict.fromkeys(("physics", "rover/imu", "rover/driver", "gateway")))
-    overview.came_or_went("replay", True)
-    overview.came_or_went("rover/imu", True)  # started beside it
-    overview.came_or_went("rover/imu", False)
+    overview.presence_changed("replay", True)
+    overview.presence_changed("rover/imu", True)  # started beside it
+    overview.presence_changed("rover/imu", False)
     states = {row["name"]: row["state"] for row in overview.snapshot(1.0)["processes"]}
     assert states == {"replay": "there", "rover/imu": "gone", "gateway": "missing"}
-    overview.came_or_went("replay", False)
+    overview.presence_changed("replay", False)
     states = {row["name"]: row["state"] for row in overview.snapshot(1.0)["processes"]}
     assert states["physics"] == states["rover/driver"] == "missing"
 
 
 def test_who_is_there_and_says_nothing_is_silent(run: Overview) -> None:
     assert row(run, "physics", 4.0 + 1.1 * SILENT_SECONDS)["state"] == "silent"
-    run.came_or_went("viewer", True)
+    run.presence_changed("viewer", True)
     assert row(run, "viewer")["state"] == "there"
 
 
 def test_a_restart_is_counted_and_its_rate_begins_anew(run: Overview) -> None:
-    run.heard(health("rover/imu", 1000, 10, pid=2), 5.0)
+    run.update(health("rover/imu", 1000, 10, pid=2), 5.0)
     imu = row(run, "rover/imu", 5.0)
     assert (imu["restarts"], imu["measured_hz"]) == (1, None)
-    run.heard(health("rover/imu", 1400, 410, pid=2), 6.0)
+    run.update(health("rover/imu", 1400, 410, pid=2), 6.0)
     assert row(run, "rover/imu", 6.0)["measured_hz"] == pytest.approx(400.0)
 
 
 def test_a_new_life_of_physics_begins_the_rates_anew(run: Overview) -> None:
-    run.heard(health("rover/imu", 0, 0), 5.0)
+    run.update(health("rover/imu", 0, 0), 5.0)
     assert row(run, "rover/imu", 5.0)["measured_hz"] is None
 
 
 def test_streams_and_the_link_are_the_gateways(run: Overview) -> None:
     counters = {"commands": 3, "wire_stalls": 7, "link_to_ros_lost": 2}
-    run.heard(Health("gateway", 1, 5, counters, (STREAM,)), 5.0)
+    run.update(Health("gateway", 1, 5, counters, (STREAM,)), 5.0)
     now = run.snapshot(5.0)
     assert now["link"]["counters"] == {"wire_stalls": 7, "link_to_ros_lost": 2}
     assert row(run, "gateway")["counters"] == {"commands": 3}
@@ -103,17 +103,17 @@ def test_streams_and_the_link_are_the_gateways(run: Overview) -> None:
 
 
 def test_once_is_when_everybody_spoke_twice(run: Overview) -> None:
-    assert run.everybody_spoke
-    run.came_or_went("gateway", True)
-    assert not run.everybody_spoke
-    assert not Overview("lab", {"physics": None}).everybody_spoke
+    assert run.has_rates
+    run.presence_changed("gateway", True)
+    assert not run.has_rates
+    assert not Overview("lab", {"physics": None}).has_rates
 
 
 def test_who_holds_up_the_run_is_told(run: Overview) -> None:
-    assert run.snapshot(0.0)["held_up"]["stretched_seconds"] == {}
+    assert run.snapshot(0.0)["stalls"]["stretched_seconds"] == {}
     told = Stalls(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0}, 0.4)
-    run.heard(Health("physics", 1, 400, told.counters()), 1.0)
-    assert run.snapshot(1.0)["held_up"] == {
+    run.update(Health("physics", 1, 400, told.counters()), 1.0)
+    assert run.snapshot(1.0)["stalls"] == {
         "silent_now": ("rover/imu",),
         "silent_seconds": {"rover/imu": 6.0},
         "stretched_seconds": {"rover/imu": 5.0},

@@ -34,43 +34,43 @@ def test_a_rate_is_kept_within_two_percent(
 def test_real_time_factor_is_sim_over_wall() -> None:
     monitor = RunMonitor()
     assert monitor.real_time_factor is None
-    monitor.heard(Health("physics", 1, 400, {}), 10.0)
+    monitor.update(Health("physics", 1, 400, {}), 10.0)
     assert monitor.real_time_factor is None
-    monitor.heard(Health("physics", 1, 1200, {}), 14.0)
+    monitor.update(Health("physics", 1, 1200, {}), 14.0)
     assert monitor.real_time_factor == pytest.approx(0.5)
     assert monitor.sim_seconds == pytest.approx(3.0)
 
 
 def test_time_that_others_are_waited_for_does_not_count() -> None:
     monitor = RunMonitor()
-    monitor.heard(Health("replay", 1, -1, {}), 10.0)
-    monitor.heard(Health("replay", 1, -1, {}), 15.0)
-    monitor.heard(Health("replay", 1, 8000, {}), 16.0)
-    monitor.heard(Health("replay", 1, 8400, {}), 17.0)
+    monitor.update(Health("replay", 1, -1, {}), 10.0)
+    monitor.update(Health("replay", 1, -1, {}), 15.0)
+    monitor.update(Health("replay", 1, 8000, {}), 16.0)
+    monitor.update(Health("replay", 1, 8400, {}), 17.0)
     assert monitor.real_time_factor == pytest.approx(1.0)
-    monitor.heard(Health("physics", 1, 0, {}), 20.0)
-    monitor.heard(Health("physics", 1, 0, {}), 25.0)
-    monitor.heard(Health("physics", 1, 400, {}), 26.0)
+    monitor.update(Health("physics", 1, 0, {}), 20.0)
+    monitor.update(Health("physics", 1, 0, {}), 25.0)
+    monitor.update(Health("physics", 1, 400, {}), 26.0)
     assert monitor.real_time_factor == pytest.approx(1.0)
 
 
 def test_a_restarted_physics_begins_anew() -> None:
     monitor = RunMonitor()
-    monitor.heard(Health("physics", 1, 4000, {}), 10.0)
-    monitor.heard(Health("physics", 2, 0, {}), 12.0)
-    monitor.heard(Health("physics", 2, 400, {}), 13.0)
+    monitor.update(Health("physics", 1, 4000, {}), 10.0)
+    monitor.update(Health("physics", 2, 0, {}), 12.0)
+    monitor.update(Health("physics", 2, 400, {}), 13.0)
     assert monitor.real_time_factor == pytest.approx(1.0)
 
 
 def test_faults_name_topic_and_rates() -> None:
     monitor = RunMonitor()
     assert monitor.faults() == ["nothing was heard from the ROS side"]
-    monitor.heard(Health("gateway", 1, 0, {}, (stream(100.0, 90.0), stream(5.0, None))), 1.0)
+    monitor.update(Health("gateway", 1, 0, {}, (stream(100.0, 90.0), stream(5.0, None))), 1.0)
     assert monitor.faults() == [
         "/t: declared 100 Hz, measured 90.00 Hz",
         "/t: declared 5 Hz, measured none",
     ]
-    monitor.heard(Health("gateway", 1, 0, {}, (stream(100.0, 100.0),)), 2.0)
+    monitor.update(Health("gateway", 1, 0, {}, (stream(100.0, 100.0),)), 2.0)
     assert monitor.faults() == []
 
 
@@ -78,9 +78,9 @@ def test_everything_arrives_when_each_declared_stream_has() -> None:
     monitor = RunMonitor()
     assert not monitor.everything_arrives()
     waiting = (stream(10.0, None, 0), stream(None, None, 0))
-    monitor.heard(Health("gateway", 1, 0, {}, waiting), 1.0)
+    monitor.update(Health("gateway", 1, 0, {}, waiting), 1.0)
     assert not monitor.everything_arrives()
-    monitor.heard(Health("gateway", 1, 0, {}, (stream(10.0, None, 1), waiting[1])), 2.0)
+    monitor.update(Health("gateway", 1, 0, {}, (stream(10.0, None, 1), waiting[1])), 2.0)
     assert monitor.everything_arrives()
 
 
@@ -90,14 +90,14 @@ BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="fro
 
 def test_what_was_not_reported_is_not_held_against_a_run_that_needs_no_reports() -> None:
     monitor = RunMonitor()
-    monitor.heard(Health("gateway", 1, 0, {}, (UNKNOWN, BACK)), 1.0)
+    monitor.update(Health("gateway", 1, 0, {}, (UNKNOWN, BACK)), 1.0)
     assert not monitor.is_reported
     assert monitor.everything_is_sent()
     assert not monitor.everything_arrives()
     assert monitor.faults(needs_reports=False) == []
     assert monitor.faults() == ["nothing was heard from the ROS side"]
     silent = replace(UNKNOWN, topic="/silent", sent=0, in_flight=0)
-    monitor.heard(Health("gateway", 1, 0, {}, (UNKNOWN, silent)), 2.0)
+    monitor.update(Health("gateway", 1, 0, {}, (UNKNOWN, silent)), 2.0)
     assert not monitor.everything_is_sent()
     lines = ["/silent: declared 10 Hz, measured none"]
     assert monitor.faults(needs_reports=False) == lines
@@ -106,7 +106,7 @@ def test_what_was_not_reported_is_not_held_against_a_run_that_needs_no_reports()
 def test_what_an_earlier_gateway_was_told_stays_reported() -> None:
     monitor = RunMonitor()
     for pid, row in ((1, replace(UNKNOWN, reported=True)), (2, UNKNOWN)):
-        monitor.heard(Health("gateway", pid, 0, {}, (row,)), 1.0)
+        monitor.update(Health("gateway", pid, 0, {}, (row,)), 1.0)
     assert monitor.is_reported
     assert [row.sent for row in monitor.streams] == [14]
 
@@ -114,7 +114,7 @@ def test_what_an_earlier_gateway_was_told_stays_reported() -> None:
 def test_sensors_that_share_a_process_are_told_apart() -> None:
     monitor = RunMonitor()
     for name, pid in (("physics", 1), ("rover/imu", 7), ("rover/lidar", 7)):
-        monitor.heard(Health(name, pid, 400, {"readings": len(name)}), 0.0)
+        monitor.update(Health(name, pid, 400, {"readings": len(name)}), 0.0)
     assert monitor.counters_of("physics", 1) == {"physics": {"readings": 7}}
     shared = {"rover/imu": {"readings": 9}, "rover/lidar": {"readings": 11}}
     assert monitor.counters_of("sensors", 7) == shared

@@ -18,7 +18,7 @@ def heard(*healths: tuple[int, StreamReport]) -> StreamReport:
     """Return the total after gateways of these process ids have reported."""
     monitor = RunMonitor()
     for second, (pid, row) in enumerate(healths):
-        monitor.heard(Health("gateway", pid, 400 * second, {}, (row,)), float(second))
+        monitor.update(Health("gateway", pid, 400 * second, {}, (row,)), float(second))
     [total] = monitor.streams
     return total
 

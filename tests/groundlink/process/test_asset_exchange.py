@@ -101,7 +101,7 @@ def test_only_what_the_scenario_names_is_served(
     secret = assets.keep(b"secret")
     with _Server(endpoint, scenario, stores[0]), Bus(connect=endpoint) as bus:
         for asked in (f"{secret}/0", "../../etc/passwd/0", f"{scenario.world.terrain}/0", "", "x"):
-            assert bus.ask(asset_key(RUN), asked, seconds=2.0) == {}
+            assert bus.query(asset_key(RUN), asked, seconds=2.0) == {}
 
 
 def test_what_has_another_digest_is_refused(
@@ -115,11 +115,11 @@ def test_what_has_another_digest_is_refused(
     (stores[0] / digest).write_bytes(b"other heights")
     with _Server(endpoint, scenario, stores[0]), Bus(connect=endpoint) as bus:
         monkeypatch.setenv(VARIABLE, str(stores[1]))
-        with pytest.raises(UserError, match=f"for the world's data {digest[:12]}"):
+        with pytest.raises(UserError, match=f"asset {digest[:12]}: content has digest"):
             asset_exchange.fetch(bus, RUN, scenario)
         assert not assets.has(digest)
         (stores[0] / digest).unlink()
-        with pytest.raises(UserError, match="which nobody there serves"):
+        with pytest.raises(UserError, match=f"asset {digest[:12]}: not served"):
             asset_exchange.fetch(bus, RUN, scenario)
 
 

@@ -51,7 +51,7 @@ class Physics:
         self.told, self.acknowledged = told, acknowledged
         self.asked = 0
 
-    def ask(self, key: str, name: str, *, seconds: float) -> dict[str, bytes]:
+    def query(self, key: str, name: str, *, seconds: float) -> dict[str, bytes]:
         self.asked += 1
         if self.asked == 1:
             return {}  # at the start there was nothing yet
@@ -71,13 +71,13 @@ class Physics:
 
     def announce(self, key: str) -> None: ...
 
-    def is_linked(self) -> bool:
+    def is_connected(self) -> bool:
         return True
 
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("groundlink.core.backoff.QUIET_SECONDS", 0.05)
+    monkeypatch.setattr("groundlink.core.backoff.FIRST_SECONDS", 0.05)
 
 
 def follow(physics: Physics, taker: Taker, ended: Callable[[], bool], *, waited_for: bool) -> None:

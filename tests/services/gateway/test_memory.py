@@ -19,7 +19,7 @@ class Archive:
     def __init__(self, *replies: bytes) -> None:
         self._replies = replies
 
-    def ask(self, key: str, parameters: str, *, seconds: float) -> dict[str, bytes]:
+    def query(self, key: str, parameters: str, *, seconds: float) -> dict[str, bytes]:
         assert (key, parameters) == (f"groundlink/{RUN}/state/history", "gateway")
         return {str(i): reply for i, reply in enumerate(self._replies)}
 

@@ -20,9 +20,9 @@ def report(topic: str, measured_hz: float | None, **more: Any) -> StreamReport:
 
 def heard(*streams: StreamReport) -> RunMonitor:
     monitor = RunMonitor()
-    monitor.heard(Health("physics", 1, 400, {}), 1.0)
-    monitor.heard(Health("gateway", 2, 400, {}, streams), 1.0)
-    monitor.heard(Health("physics", 1, 1200, {}), 3.0)
+    monitor.update(Health("physics", 1, 400, {}), 1.0)
+    monitor.update(Health("gateway", 2, 400, {}, streams), 1.0)
+    monitor.update(Health("physics", 1, 1200, {}), 3.0)
     return monitor
 
 

@@ -48,7 +48,7 @@ BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="fro
 
 def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
     monitor = RunMonitor()
-    monitor.heard(Health("gateway", 1, 400, {}, streams), 0.0)
+    monitor.update(Health("gateway", 1, 400, {}, streams), 0.0)
     console = Console(width=width, file=io.StringIO())
     with console.capture() as capture:
         console.print(dashboard("lab", monitor, []))
@@ -58,7 +58,7 @@ def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
 def test_who_holds_up_the_run_stands_at_its_head() -> None:
     monitor = RunMonitor()
     told = Stalls(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
-    monitor.heard(Health("physics", 1, 400, {"worlds": 0} | told.counters()), 0.0)
+    monitor.update(Health("physics", 1, 400, {"worlds": 0} | told.counters()), 0.0)
     console = Console(width=PLAIN_WIDTH, file=io.StringIO())
     with console.capture() as capture:
         console.print(dashboard("lab", monitor, []))
@@ -110,7 +110,7 @@ def test_a_narrow_terminal_costs_types_first_and_then_what_does_not_change() -> 
 def test_the_processes_fit_a_narrow_terminal() -> None:
     monitor = RunMonitor()
     counters = {"readings": 123_456, "gap_overloaded": 12, "missed_ticks": 34, "refused": 56}
-    monitor.heard(Health("rover/front_camera", 4321, 400, counters), 0.0)
+    monitor.update(Health("rover/front_camera", 4321, 400, counters), 0.0)
     for width in (80, 60):
         console = Console(width=width, file=io.StringIO())
         with console.capture() as capture:
@@ -153,7 +153,7 @@ def test_a_sensor_that_fails_says_so() -> None:
     monitor = RunMonitor()
     failing = {"readings": 7, "fault_stuck": 1, "fault_bias": 1}
     for name, counters in (("rover/imu", failing), ("rover/lidar", {"readings": 9})):
-        monitor.heard(Health(name, 1, 400, counters), 0.0)
+        monitor.update(Health(name, 1, 400, counters), 0.0)
     console = Console(width=PLAIN_WIDTH, file=io.StringIO())
     children = [Child("rover/imu", []), Child("rover/lidar", [])]
     with console.capture() as capture:
@@ -166,7 +166,7 @@ def test_a_sensor_that_fails_says_so() -> None:
 def test_a_sensor_that_misses_readings_says_why() -> None:
     monitor = RunMonitor()
     counters = {"readings": 7, "gap_overloaded": 12, "gap_not there": 3}
-    monitor.heard(Health("rover/camera", 1, 400, counters), 0.0)
+    monitor.update(Health("rover/camera", 1, 400, counters), 0.0)
     console = Console(width=PLAIN_WIDTH, file=io.StringIO())
     with console.capture() as capture:
         console.print(dashboard("lab", monitor, [Child("rover/camera", [])]))

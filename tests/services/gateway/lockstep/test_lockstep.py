@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.inbox import BusInbox
-from groundlink.core.backoff import QUIET_SECONDS
+from groundlink.core.backoff import FIRST_SECONDS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.loader import load
@@ -284,7 +284,7 @@ def stands_at(rig: Rig, tick: int, acknowledged: int) -> None:
     """Let physics say where it stands once nothing has come for long."""
     state = State(RUN, LIFE, 0, tick, tick * TICK_NANOS, "", {})
     rig.resumed = Resumed(Ack(LIFE, acknowledged, acknowledged), state)
-    rig.turn(QUIET_SECONDS + 0.1)
+    rig.turn(FIRST_SECONDS + 0.1)
     rig.turn()
 
 

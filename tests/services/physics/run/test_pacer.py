@@ -81,14 +81,14 @@ def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_hold_up(
     run.run(at_once + 0.7, pause=at_once + 0.4)  # with time to step what is made up for at once
     behind = run.pacer.behind_seconds(run.tick)
     assert 0.1 < behind < 0.4
-    assert f"{behind:.1f} s still to catch up" in str(run.stall_policy.hold_ups(run.pacer))
+    assert f"{behind:.1f} s still to catch up" in str(run.stall_policy.stalls(run.pacer))
     begin = run.sim_seconds
     run.run(2.0)
     assert (run.sim_seconds - begin) / factor == pytest.approx(2.0 * 1.05, abs=0.01)
     run.run(7.3)
     assert run.sim_seconds == pytest.approx((11.0 + at_once) * factor, abs=0.01)
     assert run.pacer.behind_seconds(run.tick) == 0.0
-    assert "catch up" not in str(run.stall_policy.hold_ups(run.pacer))
+    assert "catch up" not in str(run.stall_policy.stalls(run.pacer))
     assert run.lines == []
 
 

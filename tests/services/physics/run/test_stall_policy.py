@@ -28,8 +28,8 @@ def begun(**time: Any) -> Paced:
     return run
 
 
-def hold_ups(run: Paced) -> Stalls:
-    return run.stall_policy.hold_ups(run.pacer)
+def stalls(run: Paced) -> Stalls:
+    return run.stall_policy.stalls(run.pacer)
 
 
 @pytest.mark.parametrize("time", [{}, {"mode": "lockstep"}, {"mode": "fast"}])
@@ -39,7 +39,7 @@ def test_nobody_is_named_before_the_deadline(time: dict[str, str]) -> None:
     run.run(1.0)
     run.run(0.95 * DEADLINE, times_real=STOPPED)
     assert run.lines == []
-    assert hold_ups(run).silent_now == ()
+    assert stalls(run).silent_now == ()
 
 
 def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
@@ -49,7 +49,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
     assert named.startswith("tick ")
     assert named.endswith(f"has waited 2 s for {LIDAR}")
     assert gone == f"goes on without {LIDAR} until it is heard again"
-    assert hold_ups(run).silent_now == (LIDAR,)
+    assert stalls(run).silent_now == (LIDAR,)
     sim = run.sim_seconds
     run.run(10.0, times_real=STOPPED)
     assert run.sim_seconds == pytest.approx(sim + 10.0 * 1.05, abs=0.03), "it catches up"
@@ -57,7 +57,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
     run.run(1.0)
     assert len(run.lines) == 3
     assert run.lines[-1].startswith(f"{LIDAR} is back after 12.")
-    told = hold_ups(run)
+    told = stalls(run)
     assert told.silent_now == ()
     assert told.silent_seconds[LIDAR] == pytest.approx(12.1, abs=0.2)
     assert told.stretched_seconds[LIDAR] == pytest.approx(DEADLINE, abs=0.25)
@@ -109,7 +109,7 @@ def test_fail_ends_the_run_at_the_deadline(time: dict[str, str]) -> None:
     with pytest.raises(RunFailed, match=f"has waited 2 s for {LIDAR}, and `overload: fail` ends"):
         run.run(30.0, times_real=STOPPED)
     assert DEADLINE <= run.now - begin < DEADLINE + SLACK
-    assert hold_ups(run).silent_now == (LIDAR,), "the last report says who it was"
+    assert stalls(run).silent_now == (LIDAR,), "the last report says who it was"
 
 
 def test_fail_ends_a_run_in_real_time_that_has_stretched_beyond_the_deadline() -> None:
@@ -119,7 +119,7 @@ def test_fail_ends_a_run_in_real_time_that_has_stretched_beyond_the_deadline() -
     said = str(failed.value)
     assert said.startswith("time has stretched by 2.")
     assert LIDAR in said
-    assert hold_ups(run).silent_now == (), "it is slow, not silent"
+    assert stalls(run).silent_now == (), "it is slow, not silent"
 
 
 def test_fail_in_lockstep_bears_time_that_stretches() -> None:
@@ -195,13 +195,13 @@ def test_who_has_left_is_not_back() -> None:
     run.pacer.participants.left(LIDAR)
     run.run(0.01, times_real=STOPPED)
     assert run.lines[-1].startswith(f"waits no longer for {LIDAR}, after 2.")
-    assert hold_ups(run).silent_now == ()
+    assert stalls(run).silent_now == ()
 
 
 def test_a_run_that_begins_again_has_no_silence_yet() -> None:
     run = begun()
     run.run(DEADLINE + SLACK, times_real=STOPPED)
     run.stall_policy.begin_anew()
-    told = hold_ups(run)
+    told = stalls(run)
     assert told.silent_now == ()
     assert told.silent_seconds[LIDAR] >= DEADLINE

@@ -78,7 +78,7 @@ class Bench:
         self.published: list[Message] = []
         self.acks: list[Ack] = []
         self.told: list[Gaps] = []
-        self.links_made = 0
+        self.reconnects = 0
         self.account = Account("rover/it", Events(TICK_RATE_HZ / PERIOD), [""], self.told.append)
         self.sensor = SensorProcess(
             self.model,
@@ -88,7 +88,7 @@ class Bench:
             publish=self.published.append,
             acknowledge=self.acks.append,
             account=self.account,
-            links_made=lambda: self.links_made,
+            reconnects=lambda: self.reconnects,
             patience_ticks=patience_ticks,
         )
 
@@ -217,20 +217,20 @@ def test_what_may_have_gone_by_a_dead_link_is_told_again_by_the_next_one(bench: 
     lost, later = ("states lost", 80, 80, 1), ("states lost", 240, 240, 1)
     bench.take([*range(100), *range(110, 230)])
     assert bench.gaps() == [lost]
-    bench.links_made += 1
+    bench.reconnects += 1
     bench.take([*range(230, 245), *range(246, 330)])
     assert bench.gaps() == [lost, lost, later]
     assert bench.told[1].stamp_nanos > bench.told[0].stamp_nanos, "a recorder takes no older one"
     assert bench.account.missing == {"states lost": 2}
     bench.take(range(330, 13_000))
-    bench.links_made += 1
+    bench.reconnects += 1
     bench.take(range(13_000, 13_200))
     assert bench.gaps() == [lost, lost, later], "it has come by now, or never will"
 
 
 def test_a_new_life_hears_nothing_of_the_one_before(bench: Bench) -> None:
     bench.take([*range(100), *range(110, 200)])
-    bench.links_made += 1
+    bench.reconnects += 1
     bench.take(range(200), epoch=9)
     assert len(bench.told) == 1
 
