@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a replicated world, by OpenGL: colour, depth and labels in one pass."""
+"""Pictures of a replicated world with OpenGL: color, depth and labels."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start with ``python -m services.sensors.rendering --name VEHICLE/SENSOR --at S --out DIR``.
 
-Rule: takes part in a run as the camera itself would, takes one picture, writes it into files, and
-ends. `groundlink snapshot` starts the run around it. What it imports of OpenGL is imported when
-that is known to be here.
+The process joins a run like the camera itself, takes one picture, writes files, and ends.
+`groundlink snapshot` starts the run around it. OpenGL packages are imported after a check that they
+are installed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PROCESS = "sensors.rendering"
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """Write what a camera sees at one instant of a run."""
+    """Write the view of a camera at one instant of a run."""
     parser = process.parser(PROCESS, "Write what a camera sees at one instant of a run.")
     parser.add_argument("--name", required=True, help="vehicle/sensor, as in rover/camera")
     parser.add_argument("--at", type=float, required=True, metavar="S", help="sim time")

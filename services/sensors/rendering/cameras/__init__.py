@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera eyes: a lens and an imager before the renderer, and their messages.
+"""Camera eyes: renderer, lens and image sensor combined, and their messages.
 
 Imported by the kinds of cameras. Knows no bus.
 """

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera: an eye with a lens and an image sensor, or several side by side.
+"""Camera: one eye or several side by side, with lens and image sensor.
 
-Rule: light goes through the lens, onto rows that are exposed when the shutter says, behind the
-colour filter, and is read with noise. What becomes of the picture is the sensor's business. Lenses
-and image sensors that are ideal cost nothing. Eyes of one camera take their pictures at once,
-through lenses and with image sensors of one kind; each has its own noise.
+Light passes the lens and the color filter, hits rows that the shutter exposes, and is read with
+noise. Ideal lenses and image sensors cost nothing. The eyes of one camera expose at the same time
+and have equal lenses and image sensors; each has its own noise.
 """
 
 from __future__ import annotations
@@ -29,34 +28,34 @@ from .messages import ENCODINGS
 
 
 class CameraEye:
-    """What a camera of a scenario reads.
+    """The pictures of a scenario's camera.
 
     Parameters
     ----------
     encoding : str
-        Of `ENCODINGS`; those of one number a pixel have their colour filter before the noise.
+        One of `ENCODINGS`. Those with one number a pixel apply their color filter before noise.
     layers : collection of Layer
-        What is drawn; depth is, too, where the lens needs it.
+        Layers of the pictures. Depth is also drawn where the lens needs it.
     to_the_right_m : sequence of float
-        How far to the right of the mount each eye is.
+        Distance of each eye to the right of the mount.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw (a `UserError`).
+        If OpenGL is missing or does not draw (a `UserError`).
     UserError
-        when the lens cannot be drawn.
+        If the lens can't be drawn.
 
     Attributes
     ----------
     eye : Eye
-        At the mount, through the lens's pinhole.
+        The eye at the mount, with the lens's pinhole.
     pinhole : Pinhole
         Size of the picture, and K.
     slopes : float array, shape (height, width, 2)
-        Where the ray of each pixel passes z of 1; NaN for no ray.
+        Where the ray of each pixel passes the plane z = 1; NaN for no ray.
     span_nanos : int
-        For how long a picture is exposed.
+        Duration of a picture's exposure.
     """
 
     def __init__(
@@ -98,16 +97,16 @@ class CameraEye:
     def read(self, nanos: int, tick: int, *, eye: int = 0) -> NDArray[np.uint8]:
         """Return the picture whose exposure begins at a sim time, with the noise of a tick.
 
-        Shape (height, width, 3), red, green, blue, or (height, width) where the encoding has one
-        number a pixel. The next look may overwrite it.
+        Shape (height, width, 3), red, green, blue, or (height, width) for encodings with one number
+        a pixel. The next picture may overwrite it.
         """
         light = self._shutter.exposed(lambda offset: self._seen(nanos + offset, eye).colour)
         return self._electronics[eye].read(self._filtered(light), tick)
 
     def taken(self, nanos: int, tick: int) -> Frame:
-        """Return that picture of the first eye with the truth in the middle of the exposure.
+        """Return the same picture of the first eye, with the truth at the middle of the exposure.
 
-        Depth and labels are behind the lens, each pixel that of the nearest drawn one.
+        Depth and labels are behind the lens: each pixel has those of the nearest drawn pixel.
         """
         colour = None
         if self._is_colored and not self._shutter.is_still:
@@ -118,6 +117,6 @@ class CameraEye:
         return middle if colour is None else replace(middle, colour=colour)
 
     def _seen(self, nanos: int, eye: int) -> Frame:
-        """Return what is behind the lens of an eye at a sim time, as for `Eye.move`."""
+        """Return the picture behind the lens of an eye at a sim time, as for `Eye.move`."""
         world_from_eye = self.eye.move(nanos) @ self._optical_from_eye[eye]
         return self._lens.seen(self.eye.renderer.draw(world_from_eye))

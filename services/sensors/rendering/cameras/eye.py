@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pinhole camera on a vehicle's mount: states of the world in, pictures of an instant out.
+"""A pinhole camera on a vehicle's mount: states in, pictures of an instant out.
 
-Rule: where the camera is and what it sees are those of the asked instant, between two states. When
-pictures are taken and what becomes of them is the sensor's business.
+Camera and world are those of the requested instant, interpolated between two states. The sensor
+decides when pictures are taken.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from services.sensors.runtime.world_replica import Surroundings
 
 
 class Eye:
-    """What a camera of a scenario sees.
+    """The view of a scenario's camera.
 
     Parameters
     ----------
     pinhole : Pinhole, optional
-        What pictures are drawn through, if not by the specification: wider, for a lens that bends.
+        Pinhole to draw through instead of the specification's: wider for a lens with distortion.
     span_nanos : int
-        How long before the last tick an instant may be that is looked at.
+        How far before the last tick an instant may be.
     layers : collection of Layer
-        What frames have.
+        Layers of the frames.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw (a `UserError`).
+        If OpenGL is missing or does not draw (a `UserError`).
 
     Attributes
     ----------
@@ -66,20 +66,20 @@ class Eye:
         self._around.restart()
 
     def take(self, state: State) -> None:
-        """Remember where everything is at the next tick, and what was up to the span before.
+        """Store the poses of the next tick, and keep those of the span before it.
 
         Raises
         ------
         BadMessage
-            when a vehicle or a link is missing.
+            If a vehicle or a link is missing.
         """
         self._around.take(state)
         self._around.forget(state.tick - 1 - -(-self._span_nanos // TICK_NANOS))
 
     def move(self, nanos: int) -> Floats:
-        """Put the world at a sim time; return world_from_optical there, shape (4, 4).
+        """Set the world to a sim time; return world_from_optical at that time, shape (4, 4).
 
-        The time is not before the oldest state that is kept, and not after the newest.
+        The time is between the oldest stored state and the newest.
         """
         poses = self._around.at(nanos)
         self.renderer.place(poses)
@@ -88,5 +88,5 @@ class Eye:
         return world_from_optical
 
     def look(self, nanos: int) -> Frame:
-        """Return what the camera sees at a sim time, as for `move`."""
+        """Return the view at a sim time, as for `move`."""
         return self.renderer.draw(self.move(nanos))

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures as messages of the bus.
-
-Rule: what a message says of a picture is the truth of how it was made.
-"""
+"""Pictures as messages of the bus."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ def _grey(rgb: Pixels) -> Pixels:
 
 
 def _bayer(rgb: Pixels) -> Pixels:
-    """Return what is behind a colour filter of red green, green blue, shape (height, width)."""
+    """Return the values behind a Bayer filter (red green, green blue), shape (height, width)."""
     if rgb.ndim == 2:
         return rgb
     mosaic = rgb[..., 1].copy()
@@ -41,9 +38,9 @@ ENCODINGS: dict[str, Callable[[Pixels], Pixels]] = {
     "mono8": _grey,
     "bayer_rggb8": _bayer,
 }
-"""From red, green, blue, shape (height, width, 3), to the pixels of an encoding of ROS.
+"""Conversions from red, green, blue, shape (height, width, 3), to the pixels of a ROS encoding.
 
-What has one number a pixel already stays as it is.
+Pixels with one number already stay as they are.
 """
 
 
@@ -57,7 +54,7 @@ def image(stamp_nanos: int, frame: str, encoding: str, pixels: NDArray[np.generi
         width=width,
         encoding=encoding,
         row_bytes=pixels.nbytes // height,
-        data=packed(np.array(pixels, order="C")),  # its own: frames are overwritten
+        data=packed(np.array(pixels, order="C")),  # a copy: frames are overwritten
     )
 
 
@@ -66,7 +63,7 @@ def jpeg(
 ) -> CompressedImage:
     """Return a JPEG of red, green, blue, shape (height, width, 3), or of its brightness.
 
-    The format is as image_transport has it: the pixels' encoding; the file's.
+    The format string is that of image_transport: the encoding of the pixels; that of the file.
     """
     encoding, stored = ("mono8", "mono8") if grey else ("rgb8", "bgr8")
     done, file = cv2.imencode(
@@ -89,14 +86,15 @@ def camera_info(
     *,
     baseline_m: float = 0.0,
 ) -> CameraInfo:
-    """Return how points of the optical frame come to pixels.
+    """Return the projection from the optical frame to pixels.
 
-    Eyes of a pair look the same way, so R is one: to rectify a picture is to undistort it.
+    The eyes of a pair are parallel, so R is the identity: to rectify a picture means to undistort
+    it.
 
     Parameters
     ----------
     baseline_m
-        How far to the right of a stereo pair's left eye the camera is: P has Tx = -fx baseline.
+        Distance to the right of a stereo pair's left eye: P has Tx = -fx baseline.
     """
     matrix = pinhole.matrix()
     projection = np.hstack([matrix, [[-pinhole.fx * baseline_m], [0.0], [0.0]]])

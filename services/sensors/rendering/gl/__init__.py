@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drawing with OpenGL: context, programs, stage, shadows, terrain and render targets.
+"""OpenGL drawing: context, shader programs, scene, shadows, terrain and render targets.
 
-Imported by `rendering` alone. Knows materials only through `look`.
+Imported by cameras and portraits. Reads materials from `look` only.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes in pieces, so that only what a view can show is drawn.
+"""Split meshes into chunks, so that only chunks in view are drawn.
 
-Rule: cutting moves no vertex and splits no triangle.
+Splitting moves no vertex and cuts no triangle.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .culling import Boxes
 
 
 def cut(mesh: Mesh, edge_m: float) -> Iterator[Mesh]:
-    """Yield a mesh in pieces: the faces whose middles are in one cell of space each."""
+    """Yield the chunks of a mesh: the faces whose centers share one cell of space."""
     middles = mesh.vertices["position"][mesh.faces].mean(axis=1)
     cells, of_face = np.unique(np.floor(middles / edge_m), axis=0, return_inverse=True)
     of_face = of_face.reshape(-1)

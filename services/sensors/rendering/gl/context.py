@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An OpenGL context without a window, by EGL: on a GPU where there is one, else by Mesa on the CPU.
+"""OpenGL contexts without a window, by EGL: on a GPU if present, else with Mesa on the CPU.
 
-Rule: what would make all pictures black is noticed here, at the start, as one line that says how to
-mend it. Nothing else in the house opens a context.
+A test triangle detects drivers that would draw black pictures. This is the only module that opens a
+context.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     Picture = TypeVar("Picture", moderngl.Texture, moderngl.TextureArray)
 
 PACKAGES = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
-"""Debian's, for rendering without a GPU; a GPU's driver brings its own."""
+"""Debian packages for rendering without a GPU. A GPU's driver provides its own."""
 
 _ADVICE = f"install Debian's {PACKAGES}, or the GPU's own EGL driver"
 
 ANISOTROPY = 8.0
-"""On a GPU; on a CPU it takes several times as long as all the rest."""
+"""Anisotropy on a GPU. On a CPU it costs several times as much as everything else."""
 
 _VERTEX = """#version 330
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
@@ -38,11 +38,11 @@ void main() { colour = vec4(0.2, 0.4, 0.8, 1.0); depth = 1234.5; }
 
 
 class RenderingUnavailableError(RequirementError):
-    """There is no OpenGL 3.3 here, or none that draws."""
+    """OpenGL 3.3 is missing, or it does not draw."""
 
 
 def require(*packages: str) -> None:
-    """Raise a RenderingUnavailableError that names the first of these packages that is missing."""
+    """Raise RenderingUnavailableError for the first of these packages that is missing."""
     for package in packages:
         if importlib.util.find_spec(package) is None:
             raise RenderingUnavailableError(
@@ -52,21 +52,21 @@ def require(*packages: str) -> None:
 
 
 def open_context() -> moderngl.Context:
-    """Return a new context that has drawn a triangle and given its colour and depth back.
+    """Return a new context that has passed a drawing test.
 
     Raises
     ------
     RenderingUnavailableError
-        when moderngl or EGL is missing, or what was drawn is not what comes back.
+        If moderngl or EGL is missing, or a test triangle is not read back as drawn.
     """
     require("moderngl")
     import moderngl
 
-    # Without a GPU, Mesa would look for a screen.
+    # Without this, Mesa looks for a screen.
     os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     try:
         context = moderngl.create_context(require=330, standalone=True, backend="egl")  # type: ignore[arg-type]
-    except Exception as error:  # moderngl raises bare ones
+    except Exception as error:  # moderngl raises plain Exception
         reason = " ".join(str(error).split())
         raise RenderingUnavailableError(
             f"cameras need OpenGL 3.3 by EGL, which does not open here ({reason}); {_ADVICE}"
@@ -82,12 +82,12 @@ def open_context() -> moderngl.Context:
 
 
 def is_software(context: moderngl.Context) -> bool:
-    """Return whether the CPU does the drawing: Mesa's llvmpipe or softpipe."""
+    """Return whether the CPU draws: Mesa's llvmpipe or softpipe."""
     return "pipe" in context.info["GL_RENDERER"]
 
 
 def filtered(context: moderngl.Context, texture: Picture) -> Picture:
-    """Give a texture what keeps it smooth from near and from far; return it."""
+    """Add mipmaps and filters to a texture, and return it."""
     import moderngl
 
     texture.build_mipmaps()
@@ -100,7 +100,7 @@ def filtered(context: moderngl.Context, texture: Picture) -> Picture:
 
 
 def _draws(context: moderngl.Context) -> bool:
-    """Tell whether a triangle over a whole picture is read back as it was drawn."""
+    """Return whether a triangle that covers the picture is read back as drawn."""
     size = (8, 8)
     colour, depth = context.texture(size, 3), context.texture(size, 1, dtype="f4")
     frame = context.framebuffer([colour, depth])

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a world a view can show: boxes against the planes around it.
+"""View culling: axis-aligned boxes against the planes of a view.
 
-Rule: no answer is too small; a box near a corner of the view may count as seen and be outside.
+The result is conservative: a box near a corner of the view may count as visible although it is
+outside.
 """
 
 from __future__ import annotations
@@ -17,34 +18,34 @@ from groundlink.core.frames import Floats
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes along the world's axes: middles and half lengths, each of shape (N, 3), metres."""
+    """Axis-aligned boxes in the world: centers and half extents, each of shape (N, 3), meters."""
 
     middles: Floats
     halves: Floats
 
     @classmethod
     def around(cls, lows: Floats, highs: Floats) -> Self:
-        """Return the boxes between two corners each, shape (N, 3)."""
+        """Return the boxes between pairs of corners, each of shape (N, 3)."""
         return cls((lows + highs) / 2, (highs - lows) / 2)
 
     def joined(self, others: Boxes) -> Boxes:
-        """Return these boxes and then others."""
+        """Return these boxes followed by others."""
         return Boxes(
             np.vstack([self.middles, others.middles]), np.vstack([self.halves, others.halves])
         )
 
     def picked(self, numbers: NDArray[np.intp]) -> Boxes:
-        """Return some of the boxes."""
+        """Return the boxes with these indices."""
         return Boxes(self.middles[numbers], self.halves[numbers])
 
     def away(self, point: Floats) -> Floats:
-        """Return how far each box is from a point at least, shape (N,); 0 for those around it."""
+        """Return the distance of each box from a point, shape (N,); 0 for boxes that contain it."""
         apart = np.maximum(np.abs(self.middles - point) - self.halves, 0)
         distances: Floats = np.linalg.norm(apart, axis=1)
         return distances
 
     def whole(self) -> Boxes:
-        """Return one box around all; none around none."""
+        """Return one box around all boxes; no box for none."""
         if not len(self.middles):
             return self
         low, high = self.middles - self.halves, self.middles + self.halves
@@ -57,7 +58,7 @@ class Boxes:
 
 
 def seen(boxes: Boxes, clip_from_world: Floats) -> NDArray[np.bool_]:
-    """Return which boxes reach into a view, shape (N,); there is no far plane."""
+    """Return which boxes reach into a view, shape (N,). There is no far plane."""
     x, y, z, w = clip_from_world
     planes = np.stack([w + x, w - x, w + y, w - y, w + z])
     normals, offsets = planes[:, :3], planes[:, 3]
@@ -67,7 +68,7 @@ def seen(boxes: Boxes, clip_from_world: Floats) -> NDArray[np.bool_]:
 
 
 def from_near_to_far(boxes: Boxes, shown: NDArray[np.bool_], eye: Floats) -> list[int]:
-    """Return the numbers of the shown boxes, those near the eye first: they hide the others."""
+    """Return the indices of the visible boxes, nearest first: near boxes hide others."""
     numbers = np.flatnonzero(shown)
     nearest_first = np.argsort(boxes.picked(numbers).away(eye), kind="stable")
     order: list[int] = numbers[nearest_first].tolist()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A terrain on the graphics card.
+"""Terrain on the graphics card.
 
-Rule: its heights are there once, as a texture; a picture takes one call, for the patches that
-`ground_levels` picks.
+Heights are stored once, as a texture. A picture needs one draw call for the patches that
+`ground_levels` selects.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from .programs import CELLS, HEIGHTS, KINDS, PATTERNS
 from .uniforms import put, put_integers
 
 MOST_PATCHES = 1024
-"""That there is room for at first."""
+"""Initial capacity in patches."""
 
 QUARTERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
-"""Signs of x and y, from the eye. In each the triangles of a patch are drawn from near to far, too:
-far off the depth buffer does not tell hills apart that follow each other."""
+"""Signs of x and y as seen from the eye. For each, the triangles of a patch are drawn from near to
+far: at a distance the depth buffer can't separate hills that follow each other."""
 
 
 class DrawnGround:
-    """What a terrain looks like.
+    """A drawn terrain.
 
     Raises
     ------
     UserError
-        when it is larger than what OpenGL takes here.
+        If the terrain is larger than OpenGL supports on this machine.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class DrawnGround:
             put_integers(program, "label", label)
 
     def draw(self, number: int, clip_from_world: Floats, eye: Floats, focal_px: float) -> None:
-        """Draw what of it a view shows, by the program of a pass.
+        """Draw the visible part of the terrain with the program of a pass.
 
-        What the view tells all programs has been told.
+        The uniforms of the view must be set.
         """
         ground, program = self._ground, self._programs[number]
         patches = self._levels.shown(clip_from_world, eye, focal_px)
@@ -117,7 +117,8 @@ class DrawnGround:
         extent = ground.cell_m * (np.array(ground.heights.shape[::-1]) - 1)
         put(program, "cells_at", np.concatenate([(eye[:2] - first) / extent, 1 / extent]))
         put(program, "pixel", 2 * HALF_PIXEL / focal_px)
-        # Where in each pattern the eye is: what is seen of it is near, its place may be far.
+        # Position of the eye in each pattern: pattern coordinates stay small near the eye, wherever
+        # it is.
         within = np.mod(eye[:2] / self._repeats_m[:, None], 1)
         put(program, "patterns_at", np.column_stack([self._layers, 1 / self._repeats_m, within]))
         for unit, picture in self._textures.items():
@@ -133,9 +134,10 @@ class DrawnGround:
 
 
 def _patch() -> tuple[NDArray[np.int32], NDArray[np.uint32]]:
-    """Return a patch's vertices, shape (V, 3): column, row, 1 if lowered; and faces, shape (F, 3).
+    """Return a patch's vertices, shape (V, 3), and faces, shape (F, 3).
 
-    Around the cells hangs a skirt: the vertices along the rim once more, lowered.
+    A vertex is column, row, and 1 if lowered. A skirt surrounds the cells: the vertices of the rim
+    once more, lowered.
     """
     side = SIDE + 1
     row, column = np.indices((side, side))
@@ -143,7 +145,7 @@ def _patch() -> tuple[NDArray[np.int32], NDArray[np.uint32]]:
     number = np.arange(side * side).reshape(side, side)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
     faces = [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (d, c, b))]
-    # Anticlockwise along the rim, as seen from above.
+    # Counterclockwise along the rim, seen from above.
     rim = np.concatenate([number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]])
     hem = len(level) + np.arange(len(rim))
     on_rim, on_hem = np.roll(rim, -1), np.roll(hem, -1)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which triangles of a terrain a view needs: fine ones near it, coarse ones far away.
+"""Levels of detail of a terrain: fine triangles near the eye, coarse triangles far away.
 
-Rule: near the eye they are the triangles that rays meet; farther off their surface is less than
-half a pixel from those. A patch has `SIDE` by `SIDE` cells; on level n each of them is 2 ** n cells
-of the terrain long, and less at the far edges of the map. Errors are upper bounds.
+Near the eye the triangles are those that rays hit; farther away their surface differs by less than
+half a pixel. A patch has `SIDE` by `SIDE` cells. On level n a cell spans 2 ** n cells of the
+terrain, less at the far edges of the map. Errors are upper bounds.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from groundlink.world.terrain import Ground
 from .culling import Boxes, seen
 
 SIDE = 12
-"""Cells along a patch's side."""
+"""Cells along the side of a patch."""
 
 EXACT_M = 12.0
-"""Nearer, all triangles are the terrain's own: coarse ones would look right at a flat angle, but
-their depth would not be."""
+"""Distance up to which all triangles are the terrain's own. At a flat angle coarse triangles would
+look right, but their depth would not be right."""
 
 HALF_PIXEL = 0.5
 
 STEPS = 2
-"""Levels between two that are compared; the errors of such steps are added up."""
+"""Levels between two that are compared; the errors of such steps are summed."""
 
 Heights = NDArray[np.float32]
 
@@ -38,13 +38,13 @@ class Level(NamedTuple):
     """All patches of one size, row by row."""
 
     stride: int
-    """Cells of the terrain along one of the patches'."""
+    """Cells of the terrain along one cell of a patch."""
 
     columns: int
-    """Of patches."""
+    """Bounding boxes of the patches."""
 
     error_m: Heights
-    """How far from the terrain each patch is at most, shape (patches,)."""
+    """Largest distance of each patch from the terrain, shape (patches,)."""
 
     boxes: Boxes
 
@@ -56,12 +56,12 @@ class Levels:
         self._levels = list(_levels(ground))[::-1]
 
     def shown(self, clip_from_world: Floats, eye: Floats, focal_px: float) -> NDArray[np.int32]:
-        """Return the patches that a view needs, those near the eye first.
+        """Return the patches that a view needs, nearest first.
 
         Returns
         -------
         int32 array, shape (patches, 3)
-            Column and row of the first vertex, and cells of the terrain along each of the patch's.
+            Column and row of the first vertex, and terrain cells along each cell of the patch.
         """
         numbers = np.arange(len(self._levels[0].error_m))
         found, distances_m = [], []
@@ -81,7 +81,7 @@ class Levels:
 
 
 def _quarters(row: NDArray[np.intp], column: NDArray[np.intp], finer: Level) -> NDArray[np.intp]:
-    """Return the numbers of the patches on the next level that lie in some of this one."""
+    """Return the indices of the next finer level's patches inside some patches of this level."""
     rows = (2 * row[:, None] + (0, 0, 1, 1)).ravel()
     columns = (2 * column[:, None] + (0, 1, 0, 1)).ravel()
     there = (columns < finer.columns) & (rows * finer.columns < len(finer.error_m))
@@ -89,10 +89,10 @@ def _quarters(row: NDArray[np.intp], column: NDArray[np.intp], finer: Level) -> 
 
 
 def _levels(ground: Ground) -> Iterator[Level]:
-    """Yield the levels of a terrain, the finest first."""
+    """Yield the levels of a terrain, finest first."""
     heights = ground.heights
     low, high = _over_cells(np.minimum, heights), _over_cells(np.maximum, heights)
-    errors_m = [np.zeros_like(low)]  # of each level's cells
+    errors_m = [np.zeros_like(low)]  # of the cells of each level
     while True:
         stride = 1 << (len(errors_m) - 1)
         lowest, highest, worst = (
@@ -110,14 +110,14 @@ def _levels(ground: Ground) -> Iterator[Level]:
 
 
 def _over_cells(combine: np.ufunc, heights: Heights) -> Heights:
-    """Return the least or the most of each cell's corners."""
+    """Return the minimum or maximum over each cell's corners."""
     along: Heights = combine(heights[:, :-1], heights[:, 1:])
     over: Heights = combine(along[:-1], along[1:])
     return over
 
 
 def _blocks(combine: np.ufunc, values: Heights, side: int) -> Heights:
-    """Return the least or the most in each block of `side` by `side`, fewer at the far edges."""
+    """Return the minimum or maximum of each block of `side` by `side`; far edges have fewer."""
     for axis in (0, 1):
         values = combine.reduceat(values, np.arange(0, values.shape[axis], side), axis=axis)
     return values
@@ -137,11 +137,12 @@ def _boxes(ground: Ground, stride: int, low: Heights, high: Heights) -> Boxes:
 
 
 def _apart(heights: Heights, stride: int, steps: int) -> Heights:
-    """Return how far cells of a stride are from those that are halved so many times, at most."""
+    """Return an upper bound of the distance of cells from the same cells halved `steps` times."""
     numbers = [np.append(np.arange(0, n - 1, stride), n - 1) for n in heights.shape]
     mesh = heights[np.ix_(*numbers)]
     for step in range(1, steps + 1):
-        # The last cell may be shorter: what halves the others is then anywhere in it, or its end.
+        # The last cell may be shorter; the vertex that halves it may then be anywhere in it, or its
+        # end.
         halves = [np.arange(2 * len(of) - 1) * (stride >> step) for of in numbers]
         halves = [np.minimum(of, n - 1) for of, n in zip(halves, heights.shape, strict=True)]
         mesh = _halved(mesh, *halves)
@@ -151,9 +152,10 @@ def _apart(heights: Heights, stride: int, steps: int) -> Heights:
 
 
 def _halved(mesh: Heights, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Heights:
-    """Return the same surface with a vertex more on each edge; `rows`, `columns` of all vertices.
+    """Return the same surface with one more vertex on each edge.
 
-    The cut of a cell runs from its south-east corner to its north-west corner, as the terrain's.
+    `rows` and `columns` index all vertices. The diagonal of a cell runs from its south-east corner
+    to its north-west corner, as in the terrain.
     """
     v, u = (
         ((of[1::2] - of[:-2:2]) / np.maximum(of[2::2] - of[:-2:2], 1)).astype(np.float32)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the vertices of a terrain are: GLSL, to `surface_shader.FRAGMENT` with GROUND.
+"""GLSL that places the vertices of a terrain; used with `surface_shader.FRAGMENT` and GROUND.
 
-Rule: heights lie in a texture, and a vertex is a number of row and column in it, so that patches
-that meet have the very same vertices. Positions are worked out relative to the eye: far from the
-world's origin they are as exact as near it. Around each patch hangs a skirt, a pixel deep: as much
-as the edges of a coarse patch and of a fine one may be apart.
+Heights are in a texture, and a vertex is a row and a column of it, so adjacent patches have
+identical vertices. Positions are computed relative to the eye, so they are exact far from the
+world's origin. A skirt of one pixel surrounds each patch: the largest gap between the edges of a
+coarse patch and of a fine patch.
 """
 
 VERTEX = """

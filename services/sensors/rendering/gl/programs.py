@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The programs that pictures are drawn with: how all are made, and those of sky and shadows.
+"""Shader programs: how all of them are built, and the sources of sky and shadows.
 
-Rule: squares and roots stand for sRGB's curve, as 2.0 is near enough to 2.2 and costs nothing.
+Squares and square roots approximate the sRGB curve: 2.0 is close to 2.2 and costs nothing.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from . import ground_shader, surface_shader
 from .uniforms import put, put_integers, put_matrix
 
 BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS = range(7)
-"""Units of textures."""
+"""Texture units."""
 
 LAMP_RADIUS_M = 0.2
 
 SHARPER = -0.7
-"""Levels of detail by which the ground's patterns are finer: one looks along it, and their levels
-are made for looking at it squarely."""
+"""Bias of the mipmap level for patterns of the ground. The camera looks along the ground, while
+mipmap levels assume a perpendicular view."""
 
 DEVELOPED = """
 vec3 developed(vec3 light) {
@@ -92,42 +92,42 @@ void main() {}
 
 
 class Pass(NamedTuple):
-    """The programs that draw everything once: its colors, or the truth about it."""
+    """The programs that draw everything once: its colors, or its depth and labels."""
 
     surface: moderngl.Program
     bumped: moderngl.Program
-    """For skins with normals."""
+    """For meshes with normal maps."""
 
     sky: moderngl.Program
     ground: moderngl.Program | None
-    """For terrain, where there is one."""
+    """For terrain, if there is any."""
 
     def lit(self) -> list[moderngl.Program]:
-        """Return those that draw surfaces."""
+        """Return the programs that draw surfaces."""
         return [self.surface, self.bumped, *([self.ground] if self.ground else [])]
 
 
 class Programs(NamedTuple):
-    """All of one renderer."""
+    """All programs of one renderer."""
 
     passes: tuple[Pass, ...]
     shadow: moderngl.Program
 
 
 class Options(NamedTuple):
-    """What the programs of one renderer are compiled with."""
+    """Compile options of a renderer's programs."""
 
     lights: int
     sun: bool
-    """The lights are the sun; if not, lamps."""
+    """Whether the lights are the sun; otherwise lamps."""
 
     window: bool
-    """There is a map of the shadows around the eye."""
+    """Whether there is a shadow map around the eye."""
 
     fog: bool
 
     def source(self, text: str, *, truth: int = 0, bumps: int = 0, ground: int = 0) -> str:
-        """Return the whole text of a shader; `ground` is the number of a terrain's materials."""
+        """Return the source of a shader; `ground` is the number of a terrain's materials."""
         switches = {"SUN": self.sun, "WINDOW": self.window, "FOG": self.fog}
         switches |= {"TRUTH": bool(truth), "BUMPS": bool(bumps)}
         lines = ["#version 330", f"#define LIGHTS {self.lights}"]
@@ -142,14 +142,14 @@ class Options(NamedTuple):
 def programs(
     context: moderngl.Context, light: Lighting, truths: Sequence[bool], *, ground: int = 0
 ) -> Programs:
-    """Return the programs, told what never changes.
+    """Return the programs with their constant uniforms set.
 
     Parameters
     ----------
     truths
-        For each pass, whether it draws depth and labels; if not, it draws colors.
+        For each pass, whether it draws depth and labels instead of colors.
     ground
-        Materials of the terrain; 0 where there is none.
+        Number of the terrain's materials; 0 without terrain.
     """
     fog = light.extinction_per_m > 0
     wide = light.window_m is not None
@@ -172,7 +172,7 @@ def programs(
         )
         for truth in truths
     )
-    # From -1..1 to 0..1, as textures are addressed.
+    # From -1..1 to the texture coordinates 0..1.
     halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
     maps = [halved @ one.clip_from_world for one in light.lights]
     units = {

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the world around a sensor, through a pinhole.
+"""Renderer: pictures of the world around a sensor, through a pinhole camera.
 
-Rule: the same poses give the same bits, whatever was drawn before, for one driver's version. A
-renderer has one context, current while it draws, and one size of picture; who wants several points
-of view (two eyes, the poses during an exposure) draws several times.
+The same poses give the same bits, whatever was drawn before, for one version of a driver. A
+renderer has one context, which is current while it draws, and one picture size. For several points
+of view (two eyes, the poses during an exposure) draw several times.
 """
 
 from __future__ import annotations
@@ -35,33 +35,33 @@ from .uniforms import put, put_matrix
 
 
 class Renderer:
-    """Draws what a pinhole camera sees.
+    """Draw what a pinhole camera sees.
 
     Parameters
     ----------
     world : World
-        Gives materials, light and fog.
+        Materials, light and fog.
     around : Things
-        What there is to see.
+        The visible objects.
     pinhole : Pinhole
     layers : collection of Layer
-        What frames have. Depth and labels are drawn by one pass, color by another.
+        Layers of a frame. One pass draws color, another one depth and labels.
     samples : int
-        Of the color of each pixel: 1, 4 or 16.
+        Color samples per pixel: 1, 4 or 16.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw (a `UserError`).
+        If OpenGL is missing or does not draw (a `UserError`).
 
     Attributes
     ----------
     labels : Labels
-        What the numbers in frames stand for.
+        Meaning of the label numbers in frames.
     exposure : float
         Factor of all light; 1 suits the world's own light.
     close : callable
-        Gives the context back; done at the latest when nobody holds the renderer any more.
+        Release the context. Called at the latest when the renderer is garbage collected.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Renderer:
     ) -> None:
         context = self._context = open_context()
         self.close = weakref.finalize(self, context.release)
-        context.front_face = "cw"  # pictures have their first row on top
+        context.front_face = "cw"  # pictures have their first row at the top
         light = lighting(world, around.static)
         terrain = world.terrain and ground(world.terrain)
         kinds = len(terrain.materials) if terrain else 0
@@ -109,22 +109,22 @@ class Renderer:
 
     @property
     def mended(self) -> int:
-        """Rectangles of shadow maps that were drawn anew so far, because something had moved."""
+        """Number of shadow map rectangles redrawn so far because something moved."""
         return self._shadows.mended
 
     def add(self, mesh: Mesh) -> None:
-        """Stand a mesh in the world that no solid is made of, in the world's frame."""
+        """Add a mesh that belongs to no solid, in the world's frame."""
         with self._context:
             self._stage.add(mesh)
         self._shadows.forget()
 
     def place(self, world_from_link: Floats) -> None:
-        """Put every link of the surroundings at a pose, shape (links, 7)."""
+        """Set the pose of every link of the surroundings, shape (links, 7)."""
         with self._context:
             self._stage.place(world_from_link)
 
     def draw(self, world_from_optical: Floats) -> Frame:
-        """Return what is seen from a pose, shape (4, 4), with all links where they were placed."""
+        """Return the view from a pose, shape (4, 4), with all links where they were placed."""
         with self._context:
             return self._drawn(world_from_optical)
 
@@ -154,7 +154,8 @@ class Renderer:
         self._shadows.texture.use(SHADOWS)
         for number, target in enumerate(self._targets):
             target.begin()
-            # Far off, depths are coarse: of two that are alike, the first drawn is the nearer one.
+            # Depth is coarse far away: of two equal depths, the first drawn surface is the nearer
+            # one.
             self._context.depth_func = "<"
             self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
             for part in parts:
@@ -165,7 +166,7 @@ class Renderer:
                 focal_px = max(self._pinhole.fx, self._pinhole.fy)
                 self._ground.draw(number, clip_from_world, eye, focal_px)
             self._context.disable(moderngl.CULL_FACE)
-            self._context.depth_func = "<="  # the sky is as far as an empty depth buffer
+            self._context.depth_func = "<="  # the sky has the depth of an empty buffer
             self._skies[number].render(vertices=3)
         frame = self._nothing
         if self._color:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shadow maps: what each light sees, drawn once and mended where something moves.
+"""Shadow maps: the depth that each light sees, drawn once and repaired where something moves.
 
-Rule: a map is a function of where everything is now, whatever came before. Only the rectangle in
-which a vehicle was or is gets drawn anew: what stands there, then all that moves. Maps hold the
-far sides of things, and open surfaces a little farther off, so that none shadows itself. In a wide
-world there is one more map, of what is around the eye. Terrain is in none: `ground_paint` knows its
+A map depends on the current poses only, not on what came before. A move redraws the rectangle in
+which a vehicle was or is: static objects first, then everything that moves. Maps hold back faces,
+and open surfaces slightly farther from the light, so that nothing shadows itself. In a wide world
+one more map covers the area around the eye. Terrain is in no map: `ground_paint` computes its
 shadows.
 """
 
@@ -21,34 +21,34 @@ from .stage import Outline, Part, Stage
 from .uniforms import put_matrix
 
 TEXELS = 1536
-"""Along each side of a light's map; the maps lie side by side. More would not stay in a cache."""
+"""Texels along each side of a light's map; the maps are side by side. A larger map would not fit
+into a cache."""
 
 MARGIN = 2
-"""Texels around a vehicle's outline that are drawn anew, too."""
+"""Margin in texels around a vehicle's outline that is redrawn, too."""
 
 OFFSET = (2.0, 2.0)
-"""By which open surfaces lie farther from the light on its map, so that they do not shadow
-themselves: of their slope over a texel, as a place is looked up among four of them, and of what
-depth can tell apart."""
+"""Offset of open surfaces away from the light, so that they don't shadow themselves: their slope
+over a texel, since a lookup reads four texels, plus the resolution of depth."""
 
 DEPTH_CLAMP = 0x864F
-"""OpenGL's: what is nearer to the sun than its map's view throws its shadow, too."""
+"""OpenGL's depth clamp: what is nearer to the sun than the map's view also casts its shadow."""
 
 Rectangle = tuple[int, int, int, int]
-"""Left, low, right and high in texels of one map."""
+"""Left, bottom, right and top in texels of one map."""
 
 _WHOLE = (0, 0, TEXELS, TEXELS)
 
 
 class ShadowMaps:
-    """The depth that each light sees.
+    """The shadow maps of all lights.
 
     Attributes
     ----------
     texture : moderngl.Texture
-        All maps, from left to right; the window's is the last.
+        All maps, from left to right; the map around the eye is the last one.
     mended : int
-        Rectangles drawn anew so far.
+        Rectangles redrawn so far.
     """
 
     def __init__(
@@ -69,20 +69,20 @@ class ShadowMaps:
         self.mended = 0
 
     def window_from_map(self) -> tuple[Floats, Floats]:
-        """Return by what to shift and before that to scale places on the sun's map, each (3,).
+        """Return offset and scale from the sun's map to the map around the eye, each of shape (3,).
 
-        They become places on the map around the eye, where there is one; all are from 0 to 1.
+        Places on both maps range from 0 to 1. The scale is applied before the offset.
         """
         window_from_map = self._views[-1] @ np.linalg.inv(self._views[0])
         scale, shift = window_from_map.diagonal()[:3], window_from_map[:3, 3]
         return (shift - scale + 1) / 2, scale
 
     def forget(self) -> None:
-        """Draw all anew at the next update: something stands where nothing stood."""
+        """Redraw everything at the next update, because a static object was added."""
         self._drawn: list[list[Outline] | None] = [None] * len(self._views)
 
     def update(self, eye: Floats) -> None:
-        """Draw what is not as the stage is, for a view from a place in the world."""
+        """Redraw what differs from the stage, for a view from a place in the world."""
         if self._light.window_m:
             around = window(self._light.lights[0], self._light.window_m, eye)
             if not np.array_equal(around, self._views[-1]):
@@ -106,7 +106,7 @@ class ShadowMaps:
         self._context.disable_direct(DEPTH_CLAMP)
 
     def _rectangle(self, number: int, corners: Floats) -> Rectangle:
-        """Return where points of the world, shape (..., 3), are on a light's map."""
+        """Return the rectangle that points of the world, shape (..., 3), cover on a light's map."""
         matrix = self._views[number]
         clip = corners.reshape(-1, 3) @ matrix[:, :3].T + matrix[:, 3]
         if np.any(clip[:, 3] <= 0):
@@ -140,7 +140,7 @@ class ShadowMaps:
 
 
 def _cropped(clip_from_world: Floats, rectangle: Rectangle) -> Floats:
-    """Return the view through a rectangle of a map alone."""
+    """Return the projection through a rectangle of a map only."""
     left, low, right, high = (2 * edge / TEXELS - 1 for edge in rectangle)
     cropped = clip_from_world.copy()
     cropped[2] = 0  # nothing is too near to a light

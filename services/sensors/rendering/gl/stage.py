@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The world on the graphics card: what stands in chunks of space, what moves as instances.
+"""The scene on the graphics card: static objects in chunks of space, moving objects as instances.
 
-Rule: knows what is where and how it is drawn, and nothing of cameras, light or pictures. What
-stands is uploaded once; a move uploads matrices alone.
+The stage knows where things are and how they are drawn, and nothing of cameras, light or pictures.
+Static objects are uploaded once; a move uploads matrices only.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from .chunks import boxes_around, cut
 from .programs import Programs
 
 CHUNK_M = 6.0
-"""Least edge of the cells that what stands is cut into."""
+"""Smallest edge of the cells that static objects are split into."""
 
 CHUNKS = 24
-"""Most of them along the world's longest side: each is a call."""
+"""Largest number of cells along the world's longest side: each cell is a draw call."""
 
 _VERTICES = "3f 3f 2f 3f 1i"
 _INSTANCES = "16f 1i /i"
@@ -37,10 +37,10 @@ _INSTANCE = np.dtype([("world_from_link", np.float32, (4, 4)), ("vehicle", np.in
 
 @dataclass(frozen=True)
 class Part:
-    """Something that is drawn with one call, or several times at once as instances."""
+    """Something drawn with one call, once or as several instances."""
 
     surfaces: tuple[moderngl.VertexArray, ...]
-    """One for each pass of `Programs`."""
+    """One vertex array for each pass of `Programs`."""
 
     shadow: moderngl.VertexArray
     skin: Skin
@@ -49,44 +49,44 @@ class Part:
 
 
 class Things(Protocol):
-    """What there is to see; `Surroundings` are such."""
+    """The visible objects around a sensor. The world replica provides them."""
 
     @property
     def static(self) -> Sequence[Solid]:
-        """In the world."""
+        """Static solids, in the world's frame."""
 
     @property
     def links(self) -> Sequence[Sequence[Solid]]:
-        """Those of all that moves, each in its own frame."""
+        """The solids of each moving link, in the frame of the link."""
 
     @property
     def movers(self) -> Sequence[str]:
-        """The vehicle of each link, or the actor that it is."""
+        """The vehicle or actor of each link."""
 
 
 class Outline(NamedTuple):
-    """Where a vehicle or an actor is."""
+    """The place of a vehicle or an actor."""
 
     poses: Floats
     """world_from_link, shape (links, 7)."""
 
     corners: Floats
-    """Of the boxes around its links, in the world, shape (links, 8, 3)."""
+    """Corners of the boxes around its links, in the world, shape (links, 8, 3)."""
 
 
 class Stage:
-    """Everything that can be seen in a scenario, at rest or moving.
+    """All visible objects of a scenario.
 
     Attributes
     ----------
     standing : list of Part
-        In the world.
+        Static objects.
     boxes : Boxes
-        Around each of `standing`.
+        Box around each of `standing`.
     moving : list of Part
         One for each kind of link and texture.
     movers : list of Outline
-        Where each vehicle and actor is now.
+        Current place of each vehicle and actor.
     """
 
     def __init__(
@@ -130,13 +130,13 @@ class Stage:
         self.movers: list[Outline] = []
 
     def add(self, mesh: Mesh) -> None:
-        """Stand a mesh in the world that no solid is made of, in the world's frame."""
+        """Add a mesh that belongs to no solid, in the world's frame."""
         chunks = list(cut(mesh, self._chunk_m))
         self.standing += [self._part(chunk, self._at_rest, 1) for chunk in chunks]
         self.boxes = self.boxes.joined(boxes_around(chunks))
 
     def place(self, world_from_link: Floats) -> None:
-        """Put every link at a pose: position and quaternion, shape (links, 7)."""
+        """Set the pose of every link: position and quaternion, shape (links, 7)."""
         matrices = transform(world_from_link[:, :3], world_from_link[:, 3:])
         for links, buffer in self._groups:
             numbers = [self._mover_labels[link] for link in links]
@@ -158,7 +158,7 @@ class Stage:
                     (instances, _INSTANCES, "world_from_link", "vehicle"),
                 ],
                 faces,
-                skip_errors=True,  # a program leaves out what it does not need
+                skip_errors=True,  # a program omits the attributes that it does not use
             )
             for program in (*drawn, programs.shadow)
         ]
@@ -169,13 +169,13 @@ def _instances(
     matrices: Floats, labels: Sequence[int]
 ) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     rows = np.empty(len(matrices), _INSTANCE)
-    rows["world_from_link"] = np.swapaxes(matrices, 1, 2)  # OpenGL goes by columns
+    rows["world_from_link"] = np.swapaxes(matrices, 1, 2)  # OpenGL stores matrices by columns
     rows["vehicle"] = labels
     return rows
 
 
 def _alike(links: Sequence[Sequence[Solid]]) -> list[list[int]]:
-    """Return the numbers of links that look alike, together."""
+    """Return groups of indices of links that look alike."""
     groups: dict[tuple[Solid, ...], list[int]] = {}
     for number, link in enumerate(links):
         groups.setdefault(tuple(replace(solid, name="") for solid in link), []).append(number)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How surfaces are drawn: GLSL.
+"""GLSL that draws surfaces.
 
-Rule: what costs time is compiled in only where it is needed, see `programs.Options`. With TRUTH,
-depth and labels are written instead of color. Colors are linear until the last line. What is seen
-is interpolated where the triangle covers the pixel (`centroid`), as the center of a pixel may lie
-beyond a horizon. Lighting is diffuse: mirrors and gloss are not modelled.
+Expensive features are compiled in only where needed, see `programs.Options`. With TRUTH the shader
+writes depth and labels instead of color. Colors are linear until the last line. Attributes are
+interpolated where the triangle covers the pixel (`centroid`), because the center of a pixel may lie
+beyond a horizon. Lighting is diffuse: mirrors and gloss are not modeled.
 """
 
 VERTEX = """

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Render targets, and the arrays in which pictures come back.
+"""Render targets, and the arrays into which pictures are read.
 
-Rule: a color is the mean of the light of its samples, taken in linear light, so that edges have
-intermediate pixels. Depth and labels are those at the pixel's center: they are never averaged. The
-top row comes first.
+A pixel's color is the mean of the light of its samples in linear space, so edges have intermediate
+pixels. Depth and labels are those at the pixel's center and are never averaged. The top row comes
+first.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ COLOR_ALONE: tuple[Layer, ...] = ("color",)
 ALL_LAYERS: tuple[Layer, ...] = ("color", "depth", "labels")
 
 FINER = {1: 1, 4: 1, 16: 2}
-"""Pixels drawn along each side of a pixel, by samples a pixel: each drawn one has up to four."""
+"""Rendered pixels along each side of an output pixel, by samples per pixel. A rendered pixel has up
+to four samples."""
 
 MOST_AT_ONCE = 4
-"""Samples of a drawn pixel that OpenGL 3.3 grants everywhere."""
+"""Samples of a rendered pixel that OpenGL 3.3 guarantees."""
 
 _VERTEX = """#version 330
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
@@ -44,33 +45,33 @@ void main() {
     colour = vec4(sqrt(light / float(4 * FINER * FINER)), 1.0);
 }
 """
-"""Colors are roots of light, see `programs`."""
+"""Colors are square roots of light, see `programs`."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture. The arrays are overwritten by the next one of the same renderer.
+    """One picture. The next picture of the same renderer overwrites the arrays.
 
     A layer that the renderer does not draw is empty.
     """
 
     colour: NDArray[np.uint8]
-    """Shape (height, width, 3): red, green, blue, gamma-coded."""
+    """Shape (height, width, 3), uint8: red, green, blue, gamma-encoded."""
 
     depth_m: NDArray[np.float32]
-    """Shape (height, width): along z of the optical frame; infinite in the sky."""
+    """Shape (height, width), meters along z of the optical frame; infinite in the sky."""
 
     labels: NDArray[np.int32] | None
     """Shape (height, width): numbers of `Renderer.labels`, -1 in the sky; None if not drawn."""
 
 
 class ColorTarget:
-    """What colors are drawn into.
+    """Render target of colors.
 
     Parameters
     ----------
     samples : int
-        Of each pixel: a key of `FINER`.
+        Samples per pixel: a key of `FINER`.
     """
 
     truth = False
@@ -93,13 +94,15 @@ class ColorTarget:
             self._resolve = context.vertex_array(resolve, [])
         self._colour = np.empty((height, width, 3), np.uint8)
 
-    def begin(self) -> None:
-        """Forget the last picture. Only of depth: the sky is drawn wherever nothing else is."""
+    def begin(
+        self,
+    ) -> None:  # Clear the depth. The sky covers all that nothing else covers.
+        """Clear the depth. Colors need no clearing: the sky covers what nothing else covers."""
         self._frame.use()
         self._frame.clear()
 
     def read(self) -> NDArray[np.uint8]:
-        """Return what has been drawn."""
+        """Return the picture."""
         if self._resolve:
             self._read.use()
             self._context.disable(moderngl.DEPTH_TEST)
@@ -110,7 +113,7 @@ class ColorTarget:
 
 
 class TruthTarget:
-    """What depth and labels are drawn into: one sample a pixel, at its center."""
+    """Render target of depth and labels: one sample per pixel, at its center."""
 
     truth = True
 
@@ -126,7 +129,7 @@ class TruthTarget:
         self._labels = np.empty((height, width), np.int32) if labels else None
 
     def begin(self) -> None:
-        """Forget the last picture. Only of depth: the sky is drawn wherever nothing else is."""
+        """Clear the depth. The sky covers all that nothing else covers."""
         self._nearest.use()
         self._nearest.clear()
         self._frame.use()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How numbers get into shaders.
+"""Set uniforms of shader programs.
 
-Rule: a uniform that the compiler has left out, as nothing depends on it, is passed over.
+A uniform that the compiler has removed as unused is skipped.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike
 
 
 def put(program: moderngl.Program, name: str, values: ArrayLike) -> None:
-    """Set a uniform of floats: a number, a vector, an array of them."""
+    """Set a uniform of floats: a number, a vector or an array of them."""
     _write(program, name, np.asarray(values, np.float32).tobytes())
 
 
 def put_matrix(program: moderngl.Program, name: str, matrices: ArrayLike) -> None:
-    """Set a uniform of matrices, shape (..., rows, columns); OpenGL goes by columns."""
+    """Set a uniform of matrices, shape (..., rows, columns); OpenGL stores them by columns."""
     put(program, name, np.swapaxes(np.asarray(matrices), -1, -2))
 
 
 def put_integers(program: moderngl.Program, name: str, values: ArrayLike) -> None:
-    """Set a uniform of integers; of a sampler it is the unit at which it finds its texture."""
+    """Set a uniform of integers; for a sampler it is the texture unit."""
     _write(program, name, np.asarray(values).astype(np.int32).tobytes())
 
 

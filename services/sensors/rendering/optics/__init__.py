@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lens, shutter and image sensor: what a camera makes of a rendered frame.
+"""Lens, shutter and image sensor of a camera.
 
-Imported by `rendering`. Arrays in, arrays out.
+Imported by `rendering.cameras`. Arrays in, arrays out.
 """

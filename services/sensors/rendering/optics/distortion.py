@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a lens puts a ray on the picture, and back: sensor_msgs' plumb_bob and equidistant.
+"""Lens distortion in both directions: plumb_bob and equidistant of sensor_msgs.
 
-Rule: points are on the plane at z of 1, shape (N, 2): of rays where they pass it, or of the picture
-before K. The formulas are those of OpenCV's `calib3d` and `fisheye`, so that what calibrates
-with OpenCV or ROS finds the same numbers.
+Points are on the plane z = 1, shape (N, 2): where rays pass it, or picture points before K is
+applied. The formulas are those of OpenCV's `calib3d` and `fisheye`, so calibration with OpenCV or
+ROS finds the same numbers.
 """
 
 from __future__ import annotations
@@ -24,23 +24,24 @@ from groundlink.scenario.sensors import Optics
 from .pinhole import Pinhole
 
 MAX_FIELD_DEG = 150.0
-"""Widest field of view that is drawn: the plane at z of 1 goes to infinity at 180 degrees."""
+"""Widest field of view that is drawn, in degrees: at 180 degrees the plane z = 1 extends to
+infinity."""
 
 EDGE = math.radians(MAX_FIELD_DEG / 2)
 ITERATIONS = 100
 
 
 class Model(NamedTuple):
-    """One kind of lens."""
+    """One lens model."""
 
     radius: Callable[[float], float]
-    """From an angle off the axis to the distance from the middle, with all coefficients at 0."""
+    """Distance from the center for an angle off the axis, with all coefficients at 0."""
 
     bent: Callable[[Floats, Floats], Floats]
-    """From points of rays and coefficients to points of the picture."""
+    """Distort: from ray points and coefficients to picture points."""
 
     straight: Callable[[Floats, Floats], Floats]
-    """Back; what no ray comes to, or one beyond `MAX_FIELD_DEG`, is NaN."""
+    """Undistort. Points that no ray reaches, or a ray beyond `MAX_FIELD_DEG`, are NaN."""
 
 
 def _plumb_bob(points: Floats, coefficients: Floats) -> Floats:
@@ -80,7 +81,7 @@ def _equidistant(points: Floats, coefficients: Floats) -> Floats:
 
 
 def _from_equidistant(points: Floats, coefficients: Floats) -> Floats:
-    # The angle by a table in which it grows with the radius, as far as it does.
+    # A table of the angle over the radius, up to where the radius stops growing.
     theta = np.linspace(0.0, EDGE, 20001)
     radii = _theta_d(theta, coefficients)
     rising = np.flatnonzero(np.diff(radii) <= 0)
@@ -95,26 +96,26 @@ MODELS = {
     "plumb_bob": Model(math.tan, _plumb_bob, _from_plumb_bob),
     "equidistant": Model(float, _equidistant, _from_equidistant),
 }
-"""By their names in sensor_msgs/distortion_models."""
+"""Lens models by their names in sensor_msgs/distortion_models."""
 
 
 def lens_pinhole(spec: Optics) -> Pinhole:
-    """Return the size of the picture of a camera, and K."""
+    """Return the size of a camera's picture, and K."""
     return Pinhole.of(spec, radius=MODELS[spec.lens.model].radius)
 
 
 def slopes(spec: lenses.Lens, pinhole: Pinhole, scale: float = 1.0) -> Floats:
-    """Return where the ray of each pixel passes z of 1, shape (height, width, 2); NaN for no ray.
+    """Return where pixels' rays pass the plane z = 1, shape (height, width, 2); NaN for none.
 
     Parameters
     ----------
     scale
-        By how much the picture of this color is larger.
+        Size of this color's picture relative to green.
 
     Raises
     ------
     UserError
-        when the lens cannot be drawn.
+        If the lens can't be drawn.
     """
     if scale == 1 and spec.is_straight:
         return pinhole.rays()[..., :2]
@@ -122,7 +123,7 @@ def slopes(spec: lenses.Lens, pinhole: Pinhole, scale: float = 1.0) -> Floats:
     points = np.ascontiguousarray(pinhole.rays()[..., :2] / scale).reshape(-1, 2)
     rays = model.straight(points, coefficients).reshape(pinhole.height, pinhole.width, 2)
     row, column = _nearest(pinhole)
-    # A fisheye's circle may end within the picture, but not before the middles of its edges.
+    # The circle of a fisheye may end inside the picture, but not before the middle of its edges.
     must = rays if spec.model == "plumb_bob" else np.concatenate([rays[row], rays[:, column]])
     if np.isnan(must).any():
         raise UserError(

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an image sensor makes of light: shot noise, read noise, black level, full scale.
+"""Image sensor: shot noise, read noise, black level, full scale.
 
-Rule: noise belongs to linear light, as electrons are counted before anything is coded; a coded
-value is squared for it and the root taken again (see `programs.DEVELOPED`; the renderer's tone
-curve counts as the sensor's own). Each pixel has its noise: a colour filter comes before it, and
-of red, green and blue pictures each colour is a pixel, as if there were three sensors.
+Noise acts on linear light, because electrons are counted before coding: a coded value is squared,
+noise is added, and the square root is taken (see `programs.DEVELOPED`; the renderer's tone curve
+counts as the sensor's own). Each pixel has its own noise after the color filter; red, green and
+blue pictures are read as if there were three sensors.
 
-A pixel of light s, a share of full scale, holds s N / g electrons, of a full well N at gain g.
-Their number varies like Poisson's, by its root, and reading adds its own (EMVA 1288, release 4.0,
-section 2): the variance of s is s g / N + (g r / N)^2.
+A pixel of light s, relative to full scale, holds s N / g electrons for a full well N at gain g.
+Their number has Poisson noise, and reading adds its own (EMVA 1288, release 4.0, section 2): the
+variance of s is s g / N + (g r / N)^2.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from services.sensors.noise.random_streams import RandomStreams
 from .shutter import LIGHT
 
 IDEAL_EXPOSURE_S = 0.01
-"""As bright as the world's own light is seen."""
+"""Brightness at which the world's own light is shown."""
 
 STEPS_PER_SIGMA = 32
-"""Normal numbers are kept in 8 bits: up to 4 sigma."""
+"""Scale of 8-bit normal numbers: up to 4 sigma."""
 
 STARTS = 1 << 20
-"""Places in the pool of noise where a picture's may begin."""
+"""Places in the noise pool where a picture's noise may begin."""
 
 
 class Electronics:
@@ -38,7 +38,7 @@ class Electronics:
     ----------
     spec : Imager
     values : int
-        Numbers in a picture, all colours together.
+        Numbers in a picture, all colors together.
     streams : RandomStreams
 
     Attributes
@@ -60,7 +60,7 @@ class Electronics:
             self._pool = (steps + 128).astype(np.uint8)
 
     def read(self, pixels: NDArray[np.uint8], tick: int) -> NDArray[np.uint8]:
-        """Return what is read at a tick where `pixels` would be without noise, in their shape."""
+        """Return noisy values at a tick for the noiseless `pixels`, in the same shape."""
         if self._ideal:
             return pixels
         start = int(self._streams.at("noise", tick).integers(STARTS))
@@ -69,7 +69,7 @@ class Electronics:
 
 
 def coded(spec: Imager) -> NDArray[np.uint8]:
-    """Return what is read by value and noise, shape (65536,): 256 steps of noise for each value."""
+    """Return the coded value by value and noise, shape (65536,): 256 noise steps for each value."""
     light = LIGHT.astype(np.float64)[:, None]
     sigma = np.zeros((256, 1))
     if spec.full_well_electrons:

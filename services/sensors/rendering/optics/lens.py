@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a lens makes of a picture that was drawn through a pinhole.
+"""Lens: the picture behind a lens, from a picture drawn through a pinhole.
 
-Rule: the pinhole is made so wide that every pixel that gets light has some of it: distortion has no
-black corners; only a fisheye's picture is black, beyond its circle of `MAX_FIELD_DEG`. Green obeys
-K and the coefficients exactly; red and blue are larger and smaller. Depth and labels are those of
-the nearest drawn pixel: z stays that along the optical axis. An ideal lens costs nothing.
+The pinhole is wide enough for every pixel that receives light, so distortion leaves no black
+corners. Only a fisheye's picture is black beyond its circle of `MAX_FIELD_DEG`. Green follows K and
+the coefficients exactly; red and blue are scaled. Depth and labels are those of the nearest drawn
+pixel: z stays along the optical axis. An ideal lens costs nothing.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from .focus import Focus
 from .pinhole import Pinhole
 
 MOST_PIXELS = 4.0
-"""How many times those of the picture are drawn at most; beyond, its middle is less sharp."""
+"""Largest ratio of drawn pixels to picture pixels. Beyond it the middle is less sharp."""
 
 MARGIN = 2.0
-"""Pixels drawn around what is needed."""
+"""Margin of drawn pixels."""
 
 NOWHERE = -10.0
-"""Place of what no light comes to: outside."""
+"""Place of pixels that no light reaches: outside."""
 
 
 class Lens:
@@ -46,12 +46,12 @@ class Lens:
     Raises
     ------
     UserError
-        when the lens cannot be drawn.
+        If the lens can't be drawn.
 
     Attributes
     ----------
     drawn : Pinhole
-        Through which pictures have to be drawn.
+        Pinhole through which pictures have to be drawn.
     """
 
     def __init__(self, spec: lenses.Lens, pinhole: Pinhole) -> None:
@@ -73,7 +73,7 @@ class Lens:
             )
 
     def seen(self, frame: Frame) -> Frame:
-        """Return what is seen where `frame` was drawn through `drawn`, in the layers it has."""
+        """Return the picture behind the lens of a `frame` drawn through `drawn`; same layers."""
         if self._bend:
             frame = self._bend.bent(frame)
         if frame.colour.size:
@@ -83,7 +83,7 @@ class Lens:
 
 
 def covering(pinhole: Pinhole, rays: list[Floats]) -> Pinhole:
-    """Return a pinhole that sees all `rays`, as sharp in its middle if that is not too costly."""
+    """Return a pinhole that sees all `rays`, as sharp in its middle if the cost allows it."""
     every = np.concatenate([of.reshape(-1, 2) for of in rays])
     low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
     focal = np.array([pinhole.fx, pinhole.fy])
@@ -96,7 +96,7 @@ def covering(pinhole: Pinhole, rays: list[Floats]) -> Pinhole:
 
 
 def _left(vignetting: float, pinhole: Pinhole) -> NDArray[np.uint8]:
-    """Return the factors of coded values, 255 for 1, shape (H, W, 3): roots of those of light."""
+    """Return factors of coded values, 255 for 1, shape (H, W, 3): roots of those of light."""
     x = np.arange(pinhole.width) - pinhole.cx
     y = (np.arange(pinhole.height) - pinhole.cy)[:, None]
     squared = x**2 + y**2
@@ -105,7 +105,7 @@ def _left(vignetting: float, pinhole: Pinhole) -> NDArray[np.uint8]:
 
 
 class _Bend:
-    """Maps from a drawn picture to that behind the lens."""
+    """Maps from a drawn picture to the picture behind the lens."""
 
     def __init__(self, drawn: Pinhole, rays: list[Floats]) -> None:
         focal, middle = np.array([drawn.fx, drawn.fy]), np.array([drawn.cx, drawn.cy])
@@ -128,7 +128,7 @@ class _Bend:
         if depth_m.size:
             depth_m = self._picked(depth_m, np.inf)
         if labels is not None:
-            # Whole numbers below 2^24 are exact in float32, which OpenCV can remap.
+            # Integers below 2^24 are exact in float32, which OpenCV can remap.
             labels = self._picked(labels.astype(np.float32), -1.0).astype(np.int32)
         return Frame(colour, depth_m, labels)
 

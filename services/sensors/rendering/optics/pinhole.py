@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pinhole camera: which point of the optical frame falls on which pixel.
+"""Pinhole camera: projection of points of the optical frame to pixels.
 
-Rule: pixel centres are at whole numbers, as in ROS and OpenCV: the picture spans from -0.5 to
-width - 0.5. Optical frame x right, y down, z forward (REP 103). No lens is known here.
+Pixel centers are at integers, as in ROS and OpenCV: the picture spans from -0.5 to width - 0.5. The
+optical frame is x right, y down, z forward (REP 103).
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from groundlink.core.frames import Floats
 from groundlink.scenario.sensors import Optics
 
 NEAR_M = 0.02
-"""What is nearer is cut off; a 24-bit depth buffer then holds 3 mm at 30 m."""
+"""Near plane in meters. A 24-bit depth buffer then resolves 3 mm at 30 m."""
 
 VERTICAL_FOV_DEG = 60.0
-"""Where the scenario says nothing."""
+"""Vertical field of view without one in the scenario."""
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """Size and intrinsics, in pixels."""
+    """Size and intrinsics of a camera, in pixels."""
 
     width: int
     height: int
@@ -38,10 +38,10 @@ class Pinhole:
 
     @classmethod
     def of(cls, spec: Optics, *, radius: Callable[[float], float] = math.tan) -> Pinhole:
-        """Return the camera of a scenario: from its K, or from angles about its middle.
+        """Return the pinhole of a scenario's camera: from its K, or from angles about its middle.
 
-        An angle spans from edge to edge: f = size / 2 / radius(angle / 2), where a lens puts the
-        light of an angle off its axis.
+        An angle spans from edge to edge: f = size / 2 / radius(angle / 2). `radius` is the distance
+        from the center at which a lens projects an angle off its axis.
         """
         width, height = spec.width, spec.height
         if spec.intrinsics is not None:
@@ -61,7 +61,7 @@ class Pinhole:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def clip_from_optical(self) -> Floats:
-        """Return OpenGL's projection, shape (4, 4), whose first row of pixels is the top one.
+        """Return OpenGL's projection, shape (4, 4), with the first pixel row at the top.
 
         The far plane is at infinity: z becomes 1 - 2 near / z.
         """
@@ -76,11 +76,11 @@ class Pinhole:
         )
 
     def ray_from_clip(self) -> Floats:
-        """Return what turns a point (x, y, 1) of clip space into its ray, shape (3, 3)."""
+        """Return the matrix from a point (x, y, 1) of clip space to its ray, shape (3, 3)."""
         return np.linalg.inv(self.clip_from_optical()[[0, 1, 3], :3]).astype(np.float64)
 
     def rays(self) -> NDArray[np.float64]:
-        """Return what each pixel's centre looks along, with z of 1, shape (height, width, 3)."""
+        """Return each pixel's ray with z = 1, shape (height, width, 3)."""
         x = (np.arange(self.width) - self.cx) / self.fx
         y = (np.arange(self.height) - self.cy) / self.fy
         rays = np.ones((self.height, self.width, 3))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the rows of a picture are exposed, and one picture of several that were drawn meanwhile.
+"""Shutter: when rows are exposed, and one picture made of several drawn during the exposure.
 
-Rule: a picture drawn at one instant stands for an equal part of the time from the first row's
-beginning to the last one's end. A row is the mean of linear light over the part of that time in
-which it is exposed; one that is exposed for an instant is that of the nearest drawn picture.
+A picture drawn at one instant represents an equal part of the time from the first row's beginning
+to the last row's end. A row is the mean of linear light over its exposure. A row with an exposure
+of zero is that of the nearest drawn picture.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from groundlink.core.clock import NANOS
 from groundlink.scenario.lenses import Imager
 
 LIGHT = (np.arange(256) ** 2 / 255**2).astype(np.float32)
-"""Linear light of a coded value: its square, as the renderer codes by the root."""
+"""Linear light of a coded value: its square, because the renderer codes with the square root."""
 
 INSTANT_S = 1e-9
-"""An exposure of no time, so that shares of it exist."""
+"""Exposure in nanoseconds that stands for zero, so that shares of it exist."""
 
 
 class View(NamedTuple):
-    """What one drawn picture gives to the exposed one."""
+    """Contribution of one drawn picture."""
 
     offset_nanos: int
-    """When it is drawn, after the beginning."""
+    """Instant of the drawing, after the beginning, nanoseconds."""
 
     rows: slice
-    """To which it gives light."""
+    """Rows to which it contributes."""
 
     shares: NDArray[np.float32]
-    """Of the light of each of them, shape (rows, 1, 1)."""
+    """Share of the light of each of these rows, shape (rows, 1, 1)."""
 
 
 class Shutter:
@@ -45,14 +45,14 @@ class Shutter:
     ----------
     spec : Imager
     height : int
-        Rows.
+        Number of rows.
 
     Attributes
     ----------
     span_nanos : int
-        From the beginning of the first row to the end of the last one.
+        Time from the beginning of the first row to the end of the last one.
     middle_nanos : int
-        When half of that has gone by.
+        Half of that.
     """
 
     def __init__(self, spec: Imager, height: int) -> None:
@@ -68,14 +68,14 @@ class Shutter:
 
     @property
     def is_still(self) -> bool:
-        """Whether a picture is that of its middle alone."""
+        """Whether one drawing, in the middle of the exposure, suffices."""
         return len(self._views) == 1
 
     def exposed(self, drawn: Callable[[int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
-        """Return one picture, (height, width, 3), of those that `drawn` returns for offsets.
+        """Return one picture, (height, width, 3), from those that `drawn` returns for offsets.
 
-        Offsets are in nanoseconds after the beginning; what is returned may be overwritten by the
-        next one.
+        Offsets are in nanoseconds after the beginning. The next picture may overwrite what `drawn`
+        returned.
         """
         if len(self._views) == 1:
             return drawn(self._views[0].offset_nanos)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of worlds and vehicles for people: from a good point of view, with their frames."""
+"""Portraits: pictures of worlds and vehicles for people, from a good viewpoint."""

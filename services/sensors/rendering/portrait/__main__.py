@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start with ``python -m services.sensors.rendering.portrait WHAT --out FILE.png``.
 
-Rule: takes part in no run: loads files, draws once, and ends. `groundlink world show` starts it.
+The process joins no run: it loads files, draws once, and ends. `groundlink world show` starts it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from services.sensors.rendering.gl.context import require
 PROCESS = "world show"
 
 FROM_DEG = {Kind.WORLD: (200.0, 38.0), Kind.SCENARIO: (200.0, 38.0), Kind.VEHICLE: (130.0, 27.0)}
-"""Where the eye is if nothing else is asked for: the sun is behind it, a vehicle looks east."""
+"""Default direction of the eye, in degrees: the sun is behind it, and a vehicle faces east."""
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures as files, for people and tests.
+"""Pictures as PNG files.
 
-Rule: PNG loses nothing. What a colour in the picture of labels stands for is in a JSON beside it.
+A JSON file beside the picture of labels maps its colors to objects.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.look.labels import NONE, Labels
 
 FARTHEST_M = 65.535
-"""What 16 bits of millimetres hold."""
+"""Largest depth in meters that 16 bits of millimeters hold."""
 
 
 def write(folder: Path, prefix: str, frame: Frame, labels: Labels) -> list[Path]:
     """Write `<prefix>_colour.png`, `_depth.png`, `_labels.png` and `_labels.json`; return them.
 
-    Colours of one number a pixel make a grey picture. Depth is in millimetres, 16 bits, with 0 for
-    the sky and what is beyond `FARTHEST_M`. Each thing has a colour of its own in the picture of
-    labels; black is the sky.
+    Colors with one number a pixel make a gray picture. Depth is in millimeters, 16 bits; 0 is the
+    sky or beyond `FARTHEST_M`. Each object has its own color in the picture of labels; black is the
+    sky.
 
     Raises
     ------
     UserError
-        when they cannot be written there.
+        If a file can't be written.
     """
     assert frame.labels is not None
     depth_m = np.where(frame.depth_m <= FARTHEST_M, frame.depth_m, 0).astype(np.float64)
-    palette = np.vstack([colours(len(labels.instances)), [[0, 0, 0]]])  # -1 is the last
+    palette = np.vstack([colours(len(labels.instances)), [[0, 0, 0]]])  # -1 is the last one
     pictures: dict[str, NDArray[np.uint8 | np.uint16]] = {
         "colour": frame.colour[..., ::-1] if frame.colour.ndim == 3 else frame.colour,
         "depth": np.rint(1000 * depth_m).astype(np.uint16),
@@ -64,9 +64,9 @@ def write(folder: Path, prefix: str, frame: Frame, labels: Labels) -> list[Path]
 
 
 def colours(count: int) -> NDArray[np.uint8]:
-    """Return different colours, shape (count, 3): neighbours in number are far apart in hue."""
+    """Return different colors, shape (count, 3); adjacent numbers differ strongly in hue."""
     number = np.arange(count)
-    hue = number * 111 % 180  # OpenCV halves degrees; 111 shares no factor but 3 with 180
+    hue = number * 111 % 180  # OpenCV halves degrees; the only common factor of 111 and 180 is 3
     saturation, value = 255 - 45 * (number // 60 % 4), 255 - 70 * (number % 3)
     hsv = np.stack([hue, saturation, value], axis=-1).astype(np.uint8)[None]
     return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0], np.uint8)

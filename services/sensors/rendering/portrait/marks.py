@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames drawn over a picture: x red, y green, z blue, and their names.
+"""Draw frames into a picture: x red, y green, z blue, with their names.
 
-Rule: what is behind a surface is drawn all the same: mounts are often within a vehicle. Names make
-room for each other.
+Frames behind surfaces are drawn too, because mounts are often inside a vehicle. Names avoid each
+other.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ RED, GREEN, BLUE = (225, 30, 30), (30, 170, 40), (40, 70, 235)
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 TEXT = 0.55
-"""Of the font's own size."""
+"""Scale of the font."""
 
 BITS = 4
-"""Of fractions of pixels that OpenCV takes."""
+"""Fractional bits of pixel coordinates in OpenCV."""
 
 Rectangle = tuple[int, int, int, int]
 """Left, top, right, bottom."""
 
 Picture = NDArray[np.uint8]
 Label = tuple[str, tuple[int, int]]
-"""A name, and where its frame's origin is in the picture."""
+"""A name, and where the origin of its frame is in the picture."""
 
 
 def mark(
@@ -42,7 +42,7 @@ def mark(
     pinhole: Pinhole,
     world_from_optical: Floats,
 ) -> None:
-    """Draw frames into a picture, shape (height, width, 3): those farther off first."""
+    """Draw frames into a picture, shape (height, width, 3), farthest first."""
     optical_from_world = np.linalg.inv(world_from_optical)
     labels: list[Label] = []
     seen = []
@@ -53,7 +53,7 @@ def mark(
     for points, name in sorted(seen, key=lambda each: -each[0][0, 2]):
         pixels = points @ pinhole.matrix().T
         origin, *tips = np.rint((pixels[:, :2] / pixels[:, 2:]) * (1 << BITS)).astype(int).tolist()
-        # Of the axes, too, the one that points away is drawn first.
+        # The axis that points away from the eye is drawn first.
         axes = sorted(zip(points[1:, 2], tips, (RED, GREEN, BLUE), strict=True), reverse=True)
         for colour, thickness in ((BLACK, 5), (None, 3)):
             for _, tip, own in axes:
@@ -67,7 +67,7 @@ def _meet(one: Rectangle, other: Rectangle) -> bool:
 
 
 def _write(picture: Picture, labels: Sequence[Label]) -> None:
-    """Write names beside their frames, from the top down, none over another."""
+    """Write names beside their frames, from the top down, without overlap."""
     taken: list[Rectangle] = []
     height, width = picture.shape[:2]
     for name, (x, y) in sorted(labels, key=lambda label: label[1][1]):

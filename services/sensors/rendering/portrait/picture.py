@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The portrait of a world, a vehicle or a scenario.
 
-Rule: the same files and the same direction give the same picture, for one driver's version.
+The same files and direction give the same picture, for one version of a driver.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ INDOORS = 1.5
 """Exposure in rooms, whose corners are dark."""
 
 SAMPLES = 16
-"""Of each pixel: edges come out smooth."""
+"""Samples per pixel, for smooth edges."""
 
 
 def portrait(
@@ -32,14 +32,14 @@ def portrait(
     Parameters
     ----------
     from_deg
-        Where the eye is: clockwise from north, and up.
+        Direction of the eye: clockwise from north, and elevation.
     size
         Width and height, pixels.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw (a `UserError`).
+        If OpenGL is missing or does not draw (a `UserError`).
     """
     towards_eye = direction(*from_deg)
     shown = scene(kind, scenario, towards_eye)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a world, vehicle or scenario a portrait shows, and where its frames are.
+"""The scene of a portrait: what it shows of a world, vehicle or scenario, and its frames.
 
-Rule: everything stands as it does at the start of a run. What would hide the rest is left out: the
-ceiling and the walls towards the eye, as of a doll's house. Weather is, too.
+Everything is as at the start of a run. The ceiling, the walls towards the eye and the weather are
+left out, so that they hide nothing.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from groundlink.world.weather import Weather
 from services.sensors.rendering.gl.culling import Boxes
 
 FLOOR = 17.0
-"""Length of the floor under a vehicle, in those of its longest side."""
+"""Side of the floor under a vehicle, in lengths of the vehicle's longest side."""
 
 CLEAR_M = 1e7
-"""How far one sees."""
+"""Visibility in meters."""
 
 AXES = {Kind.VEHICLE: 0.15, Kind.WORLD: 0.06, Kind.SCENARIO: 0.06}
-"""Length of frames' axes, as a share of the diagonal of what is shown."""
+"""Length of the frames' axes, as a share of the diagonal of the scene."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,17 @@ class NamedFrame:
 
     name: str
     world_from_frame: Floats
-    """Shape (4, 4)."""
+    """world_from_frame, shape (4, 4)."""
 
     def ends(self, axis_m: float) -> Floats:
-        """Return its origin and the ends of its axes in the world, shape (4, 3)."""
+        """Return the frame's origin and the ends of its axes in the world, shape (4, 3)."""
         origin, axes = self.world_from_frame[:3, 3], self.world_from_frame[:3, :3]
         return np.vstack([origin, origin + axis_m * axes.T])
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What there is to see (`stage.Things`)."""
+    """The visible objects of a portrait (`stage.Things`)."""
 
     world: World
     static: tuple[Solid, ...]
@@ -64,11 +64,11 @@ class Scene:
     """world_from_link, shape (links, 7)."""
 
     corners: Floats
-    """Points around all that should be in the picture, shape (N, 3)."""
+    """Points around everything that should be in the picture, shape (N, 3)."""
 
     frames: list[NamedFrame]
     axis_m: float
-    """Length of the frames' axes."""
+    """Length of the frames' axes, meters."""
 
 
 def scene(kind: Kind, scenario: Scenario, towards_eye: Floats) -> Scene:
@@ -119,7 +119,7 @@ def scene(kind: Kind, scenario: Scenario, towards_eye: Floats) -> Scene:
 
 
 def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
-    """Return world_from_link of a vehicle on its springs where it starts, shape (links, 7)."""
+    """Return world_from_link of a vehicle at rest on its springs at its start, shape (links, 7)."""
     position, turn = start(vehicle, terrain)
     base = transform(position, turn)
     joints = vehicle.model.joints
@@ -131,7 +131,7 @@ def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
 
 
 def _frames(vehicle: Vehicle, base: Floats, *, alone: bool) -> list[NamedFrame]:
-    """Return the frames of a vehicle by itself: its base and its mounts; in a world its base's."""
+    """Return the frames of a vehicle: base and mounts if it is alone, otherwise its base only."""
     if not alone:
         return [NamedFrame(vehicle.name, transform(base[:3], base[3:]))]
     mounts = [
@@ -145,7 +145,7 @@ def _frames(vehicle: Vehicle, base: Floats, *, alone: bool) -> list[NamedFrame]:
 
 
 def _open(scenario: Scenario, towards_eye: Floats) -> tuple[Solid, ...]:
-    """Return what stands, without the ceiling and the walls of a room that are towards the eye."""
+    """Return the static solids without the ceiling and the walls towards the eye."""
     hidden = ["room_ceiling"]
     for name, (yaw_deg, _) in WALLS.items():
         yaw = np.radians(yaw_deg)
@@ -162,7 +162,7 @@ def _open(scenario: Scenario, towards_eye: Floats) -> tuple[Solid, ...]:
             if solid.name.startswith(tuple(hidden)):
                 continue
             if solid.name == "room_floor":
-                # It goes on outside, where nothing is to be seen.
+                # The floor continues outside of the room, where nothing is visible.
                 length, width, _ = scenario.world.room.size_m
                 thick = scenario.world.room.wall_thickness_m
                 size = (length + 2 * thick, width + 2 * thick, thick)
@@ -172,7 +172,7 @@ def _open(scenario: Scenario, towards_eye: Floats) -> tuple[Solid, ...]:
 
 
 def _outline(world: World, static: tuple[Solid, ...]) -> list[Floats]:
-    """Return points around what stands, and the terrain."""
+    """Return points around static solids and the terrain."""
     around = [_corners(list(static))]
     if world.terrain:
         low, high = np.array(world.terrain.low_m), np.array(world.terrain.high_m)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A camera that takes one picture: colour, depth and labels.
+"""Snapshot: a camera that takes one picture with color, depth and labels.
 
-Rule: colour is what the camera's process publishes of that instant, before JPEG and without faults.
-Depth and labels are the truth behind the same lens, in the middle of the exposure: a depth camera's
-noise and holes are not in them. Of a stereo pair it is the left eye.
+The color is what the camera's process publishes at that instant, before JPEG and without faults.
+Depth and labels are the truth behind the same lens at the middle of the exposure, without a depth
+camera's noise and holes. A stereo pair's snapshot is that of its left eye.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from services.sensors.rendering.look.labels import Labels
 
 
 class Snapshot:
-    """A sensor that looks once (a `SensorModel`).
+    """A `SensorModel` that takes one picture.
 
     Attributes
     ----------
     frame : Frame or None
-        What it saw, once it has; colours have the shape that `CameraEye.read` says.
+        The picture, once taken; its colors have the shape that `CameraEye.read` returns.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Optics, at_nanos: int) -> None:
@@ -37,7 +37,7 @@ class Snapshot:
 
     @property
     def labels(self) -> Labels:
-        """What the numbers in the frame stand for."""
+        """Meaning of the label numbers in the frame."""
         return self._camera.eye.renderer.labels
 
     def restart(self) -> None:
@@ -49,11 +49,12 @@ class Snapshot:
         return self._tick
 
     def readings(self, state: State) -> Iterable[Message]:
-        """Look when the exposure has ended; yield nothing."""
+        """Take the picture when the exposure has ended; yield nothing."""
         camera, begin = self._camera, self._at_nanos
         camera.eye.take(state)
         self._tick = state.tick
         if self.frame is None and state.tick * TICK_NANOS >= begin + camera.span_nanos:
-            # Noise is that of the first tick at or after the instant, as of a schedule's event.
+            # The noise is that of the first tick at or after the instant, as for an event of a
+            # schedule.
             self.frame = camera.taken(begin, -(-begin // TICK_NANOS))
         return ()

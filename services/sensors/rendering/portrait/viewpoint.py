@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From where a portrait is taken: a direction, and as near as everything is in the picture.
+"""The viewpoint of a portrait: a direction, and the smallest distance that shows everything.
 
-Rule: geometry alone. Directions are as of the sun: azimuth clockwise from north, elevation up.
+Directions are given as for the sun: azimuth clockwise from north, elevation up.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from groundlink.core.frames import Floats
 from services.sensors.rendering.optics.pinhole import Pinhole
 
 FIELD_DEG = 34.0
-"""From the upper edge to the lower one: narrow, so that near things do not look too large."""
+"""Vertical field of view in degrees. It is narrow, so that near objects don't look too large."""
 
 MARGIN = 0.90
-"""Share of the picture's width and height that is filled at most."""
+"""Largest share of the picture's width and height that is filled."""
 
 NEAR = 0.02
-"""Where the view begins, as a share of the distance."""
+"""Near end of the view, as a share of the distance."""
 
 
 def direction(azimuth_deg: float, elevation_deg: float) -> Floats:
-    """Return the unit vector towards a direction, shape (3,): east, north, up."""
+    """Return the unit vector of a direction, shape (3,): east, north, up."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     level = math.cos(elevation)
     return np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
 
 
 def view(points: Floats, towards_eye: Floats, width: int, height: int) -> tuple[Pinhole, Floats]:
-    """Return a camera that sees all points, and world_from_optical of it, shape (4, 4)."""
+    """Return a camera that sees all points, and its world_from_optical, shape (4, 4)."""
     focal = height / 2 / math.tan(math.radians(FIELD_DEG) / 2)
     helper = np.array([0.0, 0.0, 1.0]) if abs(towards_eye[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
     right = np.cross(helper, towards_eye)
