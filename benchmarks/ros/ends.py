@@ -17,7 +17,7 @@ from typing import Any
 
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import POINT, Imu, Message, PointCloud
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 
 TOPICS = {"imu": "/imu", "cloud": "/points"}
 PLAIN_TOPICS = {"imu": "/plain/imu", "cloud": "/plain/points"}

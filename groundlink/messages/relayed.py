@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a vehicle's stack tells by ROS and the bus only passes on, for whoever knows its type.
 
-Rule: the message is the CDR that ROS sent, read once to see that it is one (`ros_incoming`).
+Rule: the message is the CDR that ROS sent, read once to see that it is one (`groundlink.ros.cdr`).
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator
 
 from groundlink.messages.base import M
 from groundlink.messages.missing_readings import Cause, Gaps
-from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.cdr import from_cdr
+from groundlink.ros.codec import Moment
 from groundlink.ros.streams import CLOCK_TOPIC, gaps_topic
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 

@@ -18,7 +18,8 @@ from msgspec.structs import replace
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import BadMessage, Clock, Message, PointCloud, Reading
 from groundlink.messages.relayed import Relayed
-from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.cdr import from_cdr
+from groundlink.ros.codec import Moment
 from groundlink.ros.streams import Outgoing, RosStream
 
 from .reading import Recorded, Recording

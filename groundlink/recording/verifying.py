@@ -19,7 +19,8 @@ from groundlink.messages.base import Command
 from groundlink.messages.faults import Faults
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import made_topics
-from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.cdr import from_cdr
+from groundlink.ros.codec import Moment
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
 from groundlink.run.journal import (

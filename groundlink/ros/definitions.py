@@ -2,7 +2,7 @@
 """The definition of a ROS 2 type as MCAP files and Foxglove's protocol carry it.
 
 Rule: the type's own fields, then those of every type that it is made of, each under a line of its
-own (encoding `ros2msg`); taken from the one store of types in `ros_types`.
+own (encoding `ros2msg`); taken from the one store of types in `groundlink.ros.types`.
 """
 
 from __future__ import annotations

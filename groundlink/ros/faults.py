@@ -14,8 +14,9 @@ import msgspec
 from groundlink.messages.faults import Faults
 from groundlink.scenario.faults import Fault
 
+from .codec import Codec, Moment
 from .statuses import ERROR, OK, status, the_only
-from .types import header
+from .types import header, nanos
 
 FAULT_PREFIX = "fault "
 """Before a fault's number in a pair's key."""
@@ -36,7 +37,7 @@ def faults(message: Faults) -> dict[str, Any]:
     return {"header": header(message.stamp_nanos, ""), "status": [told]}
 
 
-def from_faults(array: Any, stamp_nanos: int) -> Faults:
+def from_faults(array: Any) -> Faults:
     """Return the faults that a DiagnosticArray was filled with.
 
     Raises
@@ -52,4 +53,13 @@ def from_faults(array: Any, stamp_nanos: int) -> Faults:
         for key, value in facts.items()
         if key.startswith(FAULT_PREFIX)
     )
-    return Faults(stamp_nanos, sensor, int(facts["tick"]), active)
+    return Faults(nanos(array.header.stamp), sensor, int(facts["tick"]), active)
+
+
+def _decode(ros: Any, moment: Moment) -> Faults:
+    return from_faults(ros)
+
+
+CODECS = (
+    Codec(Faults, "diagnostic_msgs/msg/DiagnosticArray", faults, _decode, recorded_only=True),
+)

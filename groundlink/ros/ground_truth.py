@@ -14,11 +14,11 @@ import numpy as np
 from groundlink.messages.base import packed
 from groundlink.messages.ground_truth import WORLD_FRAME, Bodies
 
+from .codec import Codec, Moment
 from .types import TYPES, header, nanos, quaternion, vector, xyz, xyzw
 
 
-def bodies(message: Bodies) -> dict[str, Any]:
-    """Return the fields of tf2_msgs/TFMessage."""
+def _bodies(message: Bodies) -> dict[str, Any]:
     stamped = TYPES["geometry_msgs/msg/TransformStamped"]
     transform = TYPES["geometry_msgs/msg/Transform"]
     of_all = header(message.stamp_nanos, WORLD_FRAME)
@@ -34,14 +34,7 @@ def bodies(message: Bodies) -> dict[str, Any]:
     }
 
 
-def from_bodies(ros: Any) -> Bodies:
-    """Return the poses that a tf2_msgs/TFMessage was filled with.
-
-    Raises
-    ------
-    ValueError
-        when there are none.
-    """
+def _bodies_of(ros: Any, moment: Moment) -> Bodies:
     if not ros.transforms:
         raise ValueError("no transform in it, expected one for each body")
     poses = [
@@ -52,3 +45,6 @@ def from_bodies(ros: Any) -> Bodies:
         tuple(one.child_frame_id for one in ros.transforms),
         packed(np.array(poses)),
     )
+
+
+CODECS = (Codec(Bodies, "tf2_msgs/msg/TFMessage", _bodies, _bodies_of),)

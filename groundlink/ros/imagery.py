@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How pictures and distances of the bus fill their ROS messages.
-
-Rule: one function a message, from the message to the fields of its ROS type; `ros_messages` has the
-table that names them.
-"""
+"""Codecs of images, camera calibrations, laser scans and ranges."""
 
 from __future__ import annotations
 
@@ -11,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from groundlink.messages.base import packed
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 
+from .codec import Codec, Moment, stamp_and_frame
 from .types import TYPES, array, float32, header
 
 _RADIATION = {"ultrasound": 0, "infrared": 1}
 """sensor_msgs/Range's constants."""
 
 
-def image(message: Image) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/Image."""
+def _image(message: Image) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "height": message.height,
@@ -32,8 +29,13 @@ def image(message: Image) -> dict[str, Any]:
     }
 
 
-def compressed_image(message: CompressedImage) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/CompressedImage."""
+def _image_of(ros: Any, moment: Moment) -> Image:
+    return Image(
+        *stamp_and_frame(ros), ros.height, ros.width, ros.encoding, ros.step, packed(ros.data)
+    )
+
+
+def _compressed_image(message: CompressedImage) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "format": message.format,
@@ -41,8 +43,12 @@ def compressed_image(message: CompressedImage) -> dict[str, Any]:
     }
 
 
-def camera_info(message: CameraInfo) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/CameraInfo: no binning, no region of interest."""
+def _compressed_image_of(ros: Any, moment: Moment) -> CompressedImage:
+    return CompressedImage(*stamp_and_frame(ros), ros.format, packed(ros.data))
+
+
+def _camera_info(message: CameraInfo) -> dict[str, Any]:
+    # No binning, no region of interest.
     region = TYPES["sensor_msgs/msg/RegionOfInterest"]
     return {
         "header": header(message.stamp_nanos, message.frame),
@@ -59,8 +65,17 @@ def camera_info(message: CameraInfo) -> dict[str, Any]:
     }
 
 
-def laser_scan(message: LaserScan) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/LaserScan; its last angle follows from its other angles."""
+def _camera_info_of(ros: Any, moment: Moment) -> CameraInfo:
+    return CameraInfo(
+        *stamp_and_frame(ros),
+        ros.height,
+        ros.width,
+        ros.distortion_model,
+        *(packed(matrix) for matrix in (ros.d, ros.k, ros.r, ros.p)),
+    )
+
+
+def _laser_scan(message: LaserScan) -> dict[str, Any]:
     first, step = float32(message.angle_min_rad), float32(message.angle_increment_rad)
     return {
         "header": header(message.stamp_nanos, message.frame),
@@ -76,8 +91,21 @@ def laser_scan(message: LaserScan) -> dict[str, Any]:
     }
 
 
-def range_reading(message: Range) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/Range."""
+def _laser_scan_of(ros: Any, moment: Moment) -> LaserScan:
+    return LaserScan(
+        *stamp_and_frame(ros),
+        ros.angle_min,
+        ros.angle_increment,
+        ros.time_increment,
+        ros.scan_time,
+        ros.range_min,
+        ros.range_max,
+        packed(ros.ranges),
+        packed(ros.intensities),
+    )
+
+
+def _range(message: Range) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "radiation_type": _RADIATION[message.radiation],
@@ -87,3 +115,29 @@ def range_reading(message: Range) -> dict[str, Any]:
         "range": message.range_m,
         "variance": message.variance_m2,
     }
+
+
+def _range_of(ros: Any, moment: Moment) -> Range:
+    return Range(
+        *stamp_and_frame(ros),
+        "infrared" if ros.radiation_type else "ultrasound",
+        ros.field_of_view,
+        ros.min_range,
+        ros.max_range,
+        ros.range,
+        ros.variance,
+    )
+
+
+CODECS = (
+    Codec(Image, "sensor_msgs/msg/Image", _image, _image_of),
+    Codec(
+        CompressedImage,
+        "sensor_msgs/msg/CompressedImage",
+        _compressed_image,
+        _compressed_image_of,
+    ),
+    Codec(CameraInfo, "sensor_msgs/msg/CameraInfo", _camera_info, _camera_info_of),
+    Codec(LaserScan, "sensor_msgs/msg/LaserScan", _laser_scan, _laser_scan_of),
+    Codec(Range, "sensor_msgs/msg/Range", _range, _range_of),
+)

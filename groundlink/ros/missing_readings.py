@@ -14,8 +14,9 @@ import msgspec
 
 from groundlink.messages.missing_readings import Gap, Gaps, in_words
 
+from .codec import Codec, Moment
 from .statuses import WARN, status, the_only
-from .types import header
+from .types import header, nanos
 
 
 def gaps(message: Gaps) -> dict[str, Any]:
@@ -33,7 +34,7 @@ def gaps(message: Gaps) -> dict[str, Any]:
     return {"header": header(message.stamp_nanos, ""), "status": [told]}
 
 
-def from_gaps(array: Any, stamp_nanos: int) -> Gaps:
+def from_gaps(array: Any) -> Gaps:
     """Return the gaps that a DiagnosticArray was filled with.
 
     Raises
@@ -43,4 +44,11 @@ def from_gaps(array: Any, stamp_nanos: int) -> Gaps:
     """
     sensor, facts = the_only(array)
     found = tuple(msgspec.json.decode(value, type=Gap) for value in facts.values())
-    return Gaps(stamp_nanos, sensor, found)
+    return Gaps(nanos(array.header.stamp), sensor, found)
+
+
+def _decode(ros: Any, moment: Moment) -> Gaps:
+    return from_gaps(ros)
+
+
+CODECS = (Codec(Gaps, "diagnostic_msgs/msg/DiagnosticArray", gaps, _decode, recorded_only=True),)

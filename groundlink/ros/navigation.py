@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How poses, maps and the like fill their ROS messages.
-
-Rule: one function a message, from the message to the fields of its ROS type; `ros_messages` has the
-table that names them. What comes back from ROS is read in `ros_incoming`.
-"""
+"""Codecs of poses, odometry, maps, transforms, joint states, texts and satellite fixes."""
 
 from __future__ import annotations
 
@@ -11,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from groundlink.messages.base import BadMessage, packed
 from groundlink.messages.navigation import (
     JointState,
     NavSatFix,
@@ -18,22 +15,41 @@ from groundlink.messages.navigation import (
     Odometry,
     PoseStamped,
     Text,
+    Transform,
     Transforms,
 )
 
-from .types import TYPES, array, header, pose, quaternion, time, vector
+from .codec import (
+    Codec,
+    Moment,
+    check_finite,
+    checked_name,
+    checked_nanos,
+    checked_stamp_and_frame,
+    checked_unit,
+    stamp_and_frame,
+)
+from .types import TYPES, array, header, nanos, pose, quaternion, time, vector, xyz, xyzw
 
 
-def pose_stamped(message: PoseStamped) -> dict[str, Any]:
-    """Return the fields of geometry_msgs/PoseStamped."""
+def _pose_stamped(message: PoseStamped) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "pose": pose(message.position_m, message.orientation),
     }
 
 
-def odometry(message: Odometry) -> dict[str, Any]:
-    """Return the fields of nav_msgs/Odometry."""
+def _pose_stamped_of(ros: Any, moment: Moment) -> PoseStamped:
+    return PoseStamped(*stamp_and_frame(ros), xyz(ros.pose.position), xyzw(ros.pose.orientation))
+
+
+def _read_pose_stamped(ros: Any, now_nanos: int) -> PoseStamped:
+    position, orientation = xyz(ros.pose.position), checked_unit(xyzw(ros.pose.orientation))
+    check_finite(*position)
+    return PoseStamped(*checked_stamp_and_frame(ros.header), position, orientation)
+
+
+def _odometry(message: Odometry) -> dict[str, Any]:
     twist = TYPES["geometry_msgs/msg/Twist"](
         linear=vector(message.linear_mps), angular=vector(message.angular_radps)
     )
@@ -50,8 +66,38 @@ def odometry(message: Odometry) -> dict[str, Any]:
     }
 
 
-def occupancy_grid(message: OccupancyGrid) -> dict[str, Any]:
-    """Return the fields of nav_msgs/OccupancyGrid."""
+def _odometry_of(ros: Any, moment: Moment) -> Odometry:
+    pose, twist = ros.pose, ros.twist
+    return Odometry(
+        *stamp_and_frame(ros),
+        ros.child_frame_id,
+        xyz(pose.pose.position),
+        xyzw(pose.pose.orientation),
+        xyz(twist.twist.linear),
+        xyz(twist.twist.angular),
+        packed(pose.covariance),
+        packed(twist.covariance),
+    )
+
+
+def _read_odometry(ros: Any, now_nanos: int) -> Odometry:
+    pose, twist = ros.pose, ros.twist
+    position, orientation = xyz(pose.pose.position), checked_unit(xyzw(pose.pose.orientation))
+    linear, angular = xyz(twist.twist.linear), xyz(twist.twist.angular)
+    check_finite(*position, *linear, *angular, *pose.covariance, *twist.covariance)
+    return Odometry(
+        *checked_stamp_and_frame(ros.header),
+        checked_name(ros.child_frame_id),
+        position,
+        orientation,
+        linear,
+        angular,
+        packed(pose.covariance),
+        packed(twist.covariance),
+    )
+
+
+def _occupancy_grid(message: OccupancyGrid) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "info": TYPES["nav_msgs/msg/MapMetaData"](
@@ -65,8 +111,42 @@ def occupancy_grid(message: OccupancyGrid) -> dict[str, Any]:
     }
 
 
-def transforms(message: Transforms) -> dict[str, Any]:
-    """Return the fields of tf2_msgs/TFMessage."""
+def _occupancy_grid_of(ros: Any, moment: Moment) -> OccupancyGrid:
+    info = ros.info
+    return OccupancyGrid(
+        *stamp_and_frame(ros),
+        nanos(info.map_load_time),
+        info.resolution,
+        info.width,
+        info.height,
+        xyz(info.origin.position),
+        xyzw(info.origin.orientation),
+        packed(np.asarray(ros.data, np.int8)),
+    )
+
+
+def _read_occupancy_grid(ros: Any, now_nanos: int) -> OccupancyGrid:
+    info = ros.info
+    cells = np.asarray(ros.data, np.int8)  # any int8 is allowed
+    if info.width * info.height != cells.size:
+        raise BadMessage(f"{info.width} x {info.height} cells are said, {cells.size} are there")
+    position = xyz(info.origin.position)
+    check_finite(info.resolution, *position)
+    if not info.resolution > 0:
+        raise BadMessage(f"a resolution of {info.resolution} m")
+    return OccupancyGrid(
+        *checked_stamp_and_frame(ros.header),
+        checked_nanos(info.map_load_time),
+        info.resolution,
+        info.width,
+        info.height,
+        position,
+        checked_unit(xyzw(info.origin.orientation)),
+        packed(cells),
+    )
+
+
+def _transforms(message: Transforms) -> dict[str, Any]:
     stamped = TYPES["geometry_msgs/msg/TransformStamped"]
     transform = TYPES["geometry_msgs/msg/Transform"]
     return {
@@ -83,13 +163,29 @@ def transforms(message: Transforms) -> dict[str, Any]:
     }
 
 
-def text(message: Text) -> dict[str, Any]:
-    """Return the fields of std_msgs/String."""
+def _transforms_of(ros: Any, moment: Moment) -> Transforms:
+    return Transforms(
+        tuple(
+            Transform(
+                *stamp_and_frame(one),
+                one.child_frame_id,
+                xyz(one.transform.translation),
+                xyzw(one.transform.rotation),
+            )
+            for one in ros.transforms
+        )
+    )
+
+
+def _text(message: Text) -> dict[str, Any]:
     return {"data": message.text}
 
 
-def joint_state(message: JointState) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/JointState."""
+def _text_of(ros: Any, moment: Moment) -> Text:
+    return Text(moment.nanos, ros.data)
+
+
+def _joint_state(message: JointState) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "name": list(message.names),
@@ -99,8 +195,28 @@ def joint_state(message: JointState) -> dict[str, Any]:
     }
 
 
-def nav_sat_fix(message: NavSatFix) -> dict[str, Any]:
-    """Return the fields of sensor_msgs/NavSatFix."""
+def _joint_state_of(ros: Any, moment: Moment) -> JointState:
+    arrays = (packed(numbers) for numbers in (ros.position, ros.velocity, ros.effort))
+    return JointState(*stamp_and_frame(ros), tuple(ros.name), *arrays)
+
+
+def _read_joint_state(ros: Any, now_nanos: int) -> JointState:
+    """Return the commanded positions of joints, valid from `now_nanos`."""
+    check_finite(*ros.position, *ros.velocity)
+    count = len(ros.name)
+    if len(ros.position) != count or len(ros.velocity) not in {0, count}:
+        raise BadMessage(f"{count} joints with {len(ros.position)} positions")
+    return JointState(
+        stamp_nanos=now_nanos,
+        frame="",
+        names=tuple(map(checked_name, ros.name)),
+        positions=packed(np.asarray(ros.position, np.float64)),
+        velocities=packed(np.asarray(ros.velocity, np.float64)),
+        efforts=memoryview(b""),
+    )
+
+
+def _nav_sat_fix(message: NavSatFix) -> dict[str, Any]:
     return {
         "header": header(message.stamp_nanos, message.frame),
         "status": TYPES["sensor_msgs/msg/NavSatStatus"](
@@ -112,3 +228,45 @@ def nav_sat_fix(message: NavSatFix) -> dict[str, Any]:
         "position_covariance": array(message.position_covariance_m2, np.float64),
         "position_covariance_type": message.covariance_type,
     }
+
+
+def _nav_sat_fix_of(ros: Any, moment: Moment) -> NavSatFix:
+    return NavSatFix(
+        *stamp_and_frame(ros),
+        ros.status.status,
+        ros.status.service,
+        ros.latitude,
+        ros.longitude,
+        ros.altitude,
+        packed(ros.position_covariance),
+        ros.position_covariance_type,
+    )
+
+
+CODECS = (
+    Codec(
+        PoseStamped,
+        "geometry_msgs/msg/PoseStamped",
+        _pose_stamped,
+        _pose_stamped_of,
+        _read_pose_stamped,
+    ),
+    Codec(Odometry, "nav_msgs/msg/Odometry", _odometry, _odometry_of, _read_odometry),
+    Codec(
+        OccupancyGrid,
+        "nav_msgs/msg/OccupancyGrid",
+        _occupancy_grid,
+        _occupancy_grid_of,
+        _read_occupancy_grid,
+    ),
+    Codec(Transforms, "tf2_msgs/msg/TFMessage", _transforms, _transforms_of),
+    Codec(
+        JointState,
+        "sensor_msgs/msg/JointState",
+        _joint_state,
+        _joint_state_of,
+        _read_joint_state,
+    ),
+    Codec(Text, "std_msgs/msg/String", _text, _text_of),
+    Codec(NavSatFix, "sensor_msgs/msg/NavSatFix", _nav_sat_fix, _nav_sat_fix_of),
+)

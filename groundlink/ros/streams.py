@@ -3,7 +3,7 @@
 
 Rule: derived from the scenario and the table of topics alone; gateway, recorder, viewer and replay
 share it, and physics, which knows no ROS types: how a message becomes a ROS message is in
-`ros_messages`, which nothing here imports. Who receives it is nobody's business here.
+`groundlink.ros.cdr`, which nothing here imports. Who receives it is nobody's business here.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class RosStream:
     """None where nobody promised a rate."""
 
     ros_type: str = ""
-    """Where it is not that of `ros_messages`."""
+    """Where it is not that of the message's codec."""
 
     is_command: bool = False
     """Messages are commands of the run; they act at their stamps, which are of the run's time."""

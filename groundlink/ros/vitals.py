@@ -13,8 +13,9 @@ import msgspec
 
 from groundlink.messages.vitals import BatteryState, Contact, Vitals
 
+from .codec import Codec, Moment
 from .statuses import OK, WARN, status, the_only
-from .types import header
+from .types import header, nanos
 
 CONTACT_PREFIX = "contact "
 """Before the touched thing's name in a pair's key."""
@@ -45,7 +46,7 @@ def vitals(message: Vitals) -> dict[str, Any]:
     return {"header": header(message.stamp_nanos, ""), "status": [told]}
 
 
-def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
+def from_vitals(array: Any) -> Vitals:
     """Return the vitals that a DiagnosticArray was filled with.
 
     Raises
@@ -66,4 +67,15 @@ def from_vitals(array: Any, stamp_nanos: int) -> Vitals:
     except KeyError as error:
         raise ValueError(f"no {error} among its values") from None
     battery = msgspec.json.decode(facts[_BATTERY], type=BatteryState) if _BATTERY in facts else None
-    return Vitals(stamp_nanos, vehicle, int(tick), float(work), float(braked), contacts, battery)
+    return Vitals(
+        nanos(array.header.stamp), vehicle, int(tick), float(work), float(braked), contacts, battery
+    )
+
+
+def _decode(ros: Any, moment: Moment) -> Vitals:
+    return from_vitals(ros)
+
+
+CODECS = (
+    Codec(Vitals, "diagnostic_msgs/msg/DiagnosticArray", vitals, _decode, recorded_only=True),
+)

@@ -72,7 +72,7 @@ class NeverFits(ValueError):
 def body_bytes(vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False) -> int:
     """Return the bytes of a sensor's largest message in CDR, or of the truth behind it."""
     with needs("gateway"):
-        from groundlink.ros.encoding import to_cdr
+        from groundlink.ros.cdr import to_cdr
     message = _largest(vehicle, sensor)
     if truth and isinstance(message, PointCloud):
         points = packed(np.empty(len(message.records()), TRUE_POINT))

@@ -21,7 +21,7 @@ from groundlink.messages.base import (
     measured_nanos,
 )
 from groundlink.ros.base import Bases
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from groundlink.messages.base import BadMessage, Message
-from groundlink.ros.incoming import Body, reader
+from groundlink.ros.cdr import Body, reader
 from groundlink.ros.streams import incoming
 from groundlink.scenario import Scenario
 from udp_bridge.wire.control import Subscribe

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Message
 from groundlink.messages.ground_truth import TruePoints
-from groundlink.ros.encoding import ROS_FORMS
+from groundlink.ros.cdr import ROS_CODECS
 from groundlink.ros.streams import Outgoing, answers_mistake
 from groundlink.scenario import Scenario
 from groundlink.scenario.message_sizes import body_bytes
@@ -32,7 +32,7 @@ _NUMBER_OF = {row.ros_type: number for number, row in MSG_TYPES.items() if row.r
 
 def wire_type(message: type[Message], ros_type: str = "") -> int:
     """Return the wire's number of the ROS type that a message of the bus becomes, or is read of."""
-    return _NUMBER_OF[ros_type or ROS_FORMS[message].ros_type]
+    return _NUMBER_OF[ros_type or ROS_CODECS[message].ros_type]
 
 
 def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:

@@ -19,8 +19,8 @@ from groundlink.bus.topics import STREAM_TOPICS, sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
 from groundlink.messages.base import Ack, BadMessage, Clock, Health, Message, measured_nanos
 from groundlink.ros.base import Bases
+from groundlink.ros.cdr import ros_type_of, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros.encoding import ros_type_of, to_cdr
 from groundlink.ros.streams import RosStream, incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 

@@ -21,7 +21,7 @@ from groundlink.messages import imagery, navigation
 from groundlink.messages.base import Command, Imu, Message, PointCloud, WheelEncoders, floats
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.messages.relayed import Relayed
-from groundlink.ros.incoming import READERS
+from groundlink.ros.cdr import READERS
 from groundlink.ros.types import STORE
 from groundlink.scenario.sensors import Encoders, Lidar
 

@@ -19,8 +19,8 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import BadMessage, Clock, Health, Message, State
 from groundlink.messages.navigation import OccupancyGrid, Transforms
 from groundlink.ros.base import Bases
+from groundlink.ros.cdr import ros_type_of, to_cdr
 from groundlink.ros.definitions import ENCODING, MESSAGE_ENCODING, definition
-from groundlink.ros.encoding import ros_type_of, to_cdr
 from groundlink.ros.streams import TRUE_TF_TOPIC, RosStream, actor_transforms
 from groundlink.scenario import Scenario
 

@@ -10,7 +10,7 @@ from groundlink.core.clock import NANOS
 from groundlink.loader import load
 from groundlink.messages.base import Clock
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 
 SCENARIO = """
 name: accounts

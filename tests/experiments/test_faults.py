@@ -15,7 +15,7 @@ from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.base import POINT, Imu, PointCloud
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.types import STORE
 
 TILT = quaternion_from_rpy(0.1, 0.0, 0.0)
@@ -32,7 +32,7 @@ MOUNTS = Transforms(
 
 def _with(name: str, message: Any) -> Any:
     fault = FAULTS[name]
-    assert RECORDED_FORMS[type(message)].ros_type == fault.ros_type
+    assert CODECS[type(message)].ros_type == fault.ros_type
     return STORE.deserialize_cdr(spoiled(bytes(to_cdr(message)), fault), fault.ros_type)
 
 
@@ -79,7 +79,7 @@ def test_the_rest_of_a_bag_goes_over_byte_for_byte(tmp_path: Path) -> None:
     file = RosFile(bag)
     told = (("/points", CLOUD), ("/imu", IMU), ("/tf", MOUNTS), ("/tf_static", MOUNTS))
     for nanos, (topic, message) in enumerate(told):
-        ros_type = RECORDED_FORMS[type(message)].ros_type
+        ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type).write(nanos, to_cdr(message))
     file.commit({})
     file.close()

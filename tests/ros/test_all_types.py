@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from groundlink.messages.navigation import Transforms
-from groundlink.ros.encoding import ROS_FORMS, to_cdr
+from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from tests.vectors.examples import EXAMPLES, STAMP, fields
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.types import MSG_TYPES, type_number
@@ -25,7 +25,7 @@ TO_ROS = [
 
 
 def ros_type(name: str) -> str:
-    return ROS_FORMS[type(EXAMPLES[name].message)].ros_type
+    return ROS_CODECS[type(EXAMPLES[name].message)].ros_type
 
 
 def test_every_type_arrives_in_ros(ros: Ros, bridge: FarEnd) -> None:

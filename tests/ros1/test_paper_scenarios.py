@@ -20,7 +20,7 @@ from groundlink.messages.base import Clock, PointCloud
 from groundlink.messages.navigation import Text, Transforms
 from groundlink.recording.reading import Recording
 from groundlink.ros.base import Base
-from groundlink.ros.encoding import ROS_FORMS
+from groundlink.ros.cdr import ROS_CODECS
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import STORE
 from groundlink.scenario import Scenario
@@ -38,7 +38,7 @@ NANOS = 1_000_000_000
 SIM_SECONDS = 2
 TF_SECONDS = 5
 ASKER = Path(__file__).with_name("tf_asker.py")
-FRAMELESS = {ROS_FORMS[message].ros_type for message in (Clock, Text, Transforms)}
+FRAMELESS = {ROS_CODECS[message].ros_type for message in (Clock, Text, Transforms)}
 MANY_OF_ONE_INSTANT = {"/tf", "/tf_static", "/robot_description"}
 """Topics of several streams, or of what has no stamp."""
 Expected = dict[str, tuple[str, float | None]]
@@ -48,16 +48,16 @@ Expected = dict[str, tuple[str, float | None]]
 def expected(scenario: Scenario) -> Expected:
     """Return all that a node gets unasked."""
     rows: Expected = {
-        stream.topic: (ROS_FORMS[stream.message].ros_type, stream.declared_hz)
+        stream.topic: (ROS_CODECS[stream.message].ros_type, stream.declared_hz)
         for stream in outgoing(scenario, "r")
         if stream.push
     }
-    tf = ROS_FORMS[Transforms].ros_type
+    tf = ROS_CODECS[Transforms].ros_type
     for vehicle in scenario.vehicles:
         base = Base(scenario, vehicle, "r")
         for topic, message, rate_hz in base.places:
-            rows[topic] = (ROS_FORMS[message].ros_type, None if topic == "/tf" else rate_hz)
-        rows[base.description_topic] = (ROS_FORMS[Text].ros_type, None)
+            rows[topic] = (ROS_CODECS[message].ros_type, None if topic == "/tf" else rate_hz)
+        rows[base.description_topic] = (ROS_CODECS[Text].ros_type, None)
     # On /tf are several streams; of the clock a newer message may push out the one before.
     clock = rows["/clock"][0]
     return rows | {"/tf_static": (tf, None), "/tf": (tf, None), "/clock": (clock, None)}
@@ -115,7 +115,7 @@ def of_recording(path: Path) -> dict[int, int]:
     found = {}
     with Recording(path) as recording:
         for row in recording.read(["/points"], from_nanos=0):
-            message = STORE.deserialize_cdr(bytes(row.cdr), ROS_FORMS[PointCloud].ros_type)
+            message = STORE.deserialize_cdr(bytes(row.cdr), ROS_CODECS[PointCloud].ros_type)
             found[row.nanos] = digest.cloud_digest(message)
     return found
 

@@ -17,7 +17,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import FROM_ROS, RELAYED, STREAM_TOPICS
 from groundlink.messages.base import Message, State
 from groundlink.messages.relayed import Relayed
-from groundlink.ros.encoding import ROS_FORMS, to_cdr
+from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES, fields
 from udp_bridge import Link, Reassembler
@@ -168,7 +168,7 @@ def test_a_pose_and_a_map_of_ros_are_typed_messages_on_the_bus(running: Running)
         inbox: BusInbox[Message] = BusInbox(depth=100)
         key = row.key_in(it.run, vehicle="rover")
         running.bus.subscribe(key, row.message, inbox)
-        ros_type = ROS_FORMS[row.message].ros_type
+        ros_type = ROS_CODECS[row.message].ros_type
         body = bytes(to_cdr(example.message)).hex()
         it.start("-m", "tests.ros.replayer", ros_type, f"/{name}", body, log=f"{name}.log")
         arrived = inbox.get(seconds=20)

@@ -14,7 +14,8 @@ import pytest
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage
 from groundlink.recording.reading import Recording
-from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.cdr import from_cdr
+from groundlink.ros.codec import Moment
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 
 from .rig import LAB, Observer, free_port, rig, wait_for

@@ -50,7 +50,7 @@ def told(path: Path, sensor: str) -> Failures:
         for message in recording.read([f"/faults/{sensor}"]):
             array = STORE.deserialize_cdr(message.cdr, message.ros_type)
             seconds = (message.nanos - recording.run.epoch_nanos) / 1e9
-            failures.add(seconds, from_faults(array, message.nanos))
+            failures.add(seconds, from_faults(array))
     return failures
 
 

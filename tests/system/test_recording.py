@@ -30,7 +30,8 @@ from groundlink.loader import load
 from groundlink.messages.base import Clock, PointCloud
 from groundlink.messages.navigation import Odometry, Transforms
 from groundlink.recording.reading import Recording
-from groundlink.ros.decoding import Moment, from_cdr
+from groundlink.ros.cdr import from_cdr
+from groundlink.ros.codec import Moment
 from groundlink.scenario.sensors import Lidar
 from groundlink.world.build import solids, world_hash
 from groundlink.world.solids import Box, Cylinder, Solid

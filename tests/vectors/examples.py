@@ -19,7 +19,7 @@ import numpy as np
 from groundlink.core.clock import NANOS
 from groundlink.messages import imagery, navigation
 from groundlink.messages.base import Message, packed
-from groundlink.ros.encoding import ROS_FORMS, to_cdr
+from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from groundlink.ros.types import STORE, header, pose, vector
 from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
@@ -142,7 +142,7 @@ def plain(value: Any) -> Any:
 
 def fields(body: bytes, message_type: type[Message]) -> Any:
     """Return what rosbags reads in a body."""
-    return plain(STORE.deserialize_cdr(body, ROS_FORMS[message_type].ros_type))
+    return plain(STORE.deserialize_cdr(body, ROS_CODECS[message_type].ros_type))
 
 
 def _write(name: str, message: WireMessage, meaning: Any) -> None:

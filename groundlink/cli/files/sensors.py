@@ -88,9 +88,9 @@ def show(options: argparse.Namespace) -> int:
 def _kind(kind: SensorKind) -> str:
     """Return what a kind of sensor is and what it sends to ROS."""
     with needs("gateway"):
-        from groundlink.ros.encoding import ROS_FORMS
+        from groundlink.ros.cdr import ROS_CODECS
     about = " ".join((kind.spec.__doc__ or "").partition("\n\n")[0].split())
-    return f"{kind.name}, {ROS_FORMS[kind.streams['']].ros_type.rpartition('/')[2]}: {about}"
+    return f"{kind.name}, {ROS_CODECS[kind.streams['']].ros_type.rpartition('/')[2]}: {about}"
 
 
 def _left_out(spec: type[SensorSpec], sheet: Datasheet) -> dict[str, Any]:

@@ -188,19 +188,19 @@ class _Taking:
 
     def _on_vitals(self, topic: str, energy: Energy) -> None:
         def use(seconds: float, array: Any) -> None:
-            energy.add(seconds, from_vitals(array, 0))
+            energy.add(seconds, from_vitals(array))
 
         self._decode(topic, use, 1)
 
     def _on_faults(self, topic: str, failures: Failures) -> None:
         def use(seconds: float, array: Any) -> None:
-            failures.add(seconds, from_faults(array, 0))
+            failures.add(seconds, from_faults(array))
 
         self._decode(topic, use, 1)
 
     def _on_gaps(self, sensor: str) -> None:
         def use(seconds: float, array: Any) -> None:
-            told = from_gaps(array, 0)
+            told = from_gaps(array)
             for account in self.gathered.accounts:
                 if account.sensor == sensor:
                     account.add_told(told, self.gathered.run.epoch_nanos)

@@ -13,7 +13,7 @@ from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.messages.base import POINT, PointCloud
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 
 from .scripts import script
 
@@ -39,7 +39,7 @@ def reading() -> Any:
 def bag(tmp_path: Path) -> Path:
     file = RosFile(tmp_path / "run.mcap")
     for topic, message in (("/tf_static", MOUNTS), ("/points", CLOUD)):
-        file.topic(topic, RECORDED_FORMS[type(message)].ros_type).write(0, to_cdr(message))
+        file.topic(topic, CODECS[type(message)].ros_type).write(0, to_cdr(message))
     file.commit({})
     file.close()
     return tmp_path / "run.mcap"

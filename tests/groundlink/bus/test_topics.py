@@ -15,7 +15,7 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages import ground_truth, navigation
-from groundlink.ros.encoding import ROS_FORMS
+from groundlink.ros.cdr import ROS_CODECS
 from groundlink.scenario.ros_side import FromRos, Stream
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES
 
@@ -39,7 +39,7 @@ def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
         *(messages.Clock, messages.Command),
         *(ground_truth.Bodies, ground_truth.TruePoints, navigation.Text),
     }
-    assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_FORMS) - others
+    assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_CODECS) - others
 
 
 def test_every_field_of_from_ros_has_a_row() -> None:
@@ -57,7 +57,7 @@ def test_every_kind_of_sensor_is_a_process_and_a_ros_message() -> None:
     folders = Path(groundlink.__file__).parents[1] / "services" / "sensors"
     for topic in SENSOR_TOPICS.values():
         assert (folders / topic.name / "__main__.py").is_file()
-        assert topic.message in ROS_FORMS
+        assert topic.message in ROS_CODECS
 
 
 def test_processes_of_the_shipped_scenario() -> None:

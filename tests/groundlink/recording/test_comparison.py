@@ -13,7 +13,7 @@ from groundlink.messages.base import Imu
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.comparison import WAIT_NANOS, Comparison, Extent, Verdict
 from groundlink.recording.reading import Recorded
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 
 TYPE = "sensor_msgs/msg/Imu"
 TF_TYPE = "tf2_msgs/msg/TFMessage"

@@ -18,9 +18,9 @@ from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages.imagery import CompressedImage, Image, LaserScan
 from groundlink.messages.navigation import JointState, Odometry
 from groundlink.recording.fields import first_difference, message_difference
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.types import STORE
-from tests.groundlink.ros.test_decoding import ANY
+from tests.groundlink.ros.test_recorded_cdr import ANY
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STILL = (0.0, 0.0, 0.0)
@@ -184,7 +184,7 @@ CASES: dict[str, tuple[Message, Message, str]] = {
 
 @pytest.mark.parametrize(("recorded", "again", "words"), CASES.values(), ids=CASES)
 def test_the_field_is_named_with_both_values(recorded: Message, again: Message, words: str) -> None:
-    ros_type = RECORDED_FORMS[type(recorded)].ros_type
+    ros_type = CODECS[type(recorded)].ros_type
     found = message_difference(ros_type, bytes(to_cdr(recorded)), bytes(to_cdr(again)))
     assert str(found) == words
 
@@ -208,7 +208,7 @@ def leaves(message: Any, path: str = "") -> Iterator[tuple[str, Any, str]]:
 def test_whatever_single_field_is_changed_is_found(data: Any) -> None:
     """In every kind of message that a recording holds."""
     message = data.draw(st.sampled_from(list(ANY)).flatmap(lambda kind: ANY[kind]))
-    ros_type = RECORDED_FORMS[type(message)].ros_type
+    ros_type = CODECS[type(message)].ros_type
     recorded = bytes(to_cdr(message))
     decoded = STORE.deserialize_cdr(recorded, ros_type)
     path, owner, name = data.draw(st.sampled_from([*leaves(decoded)]))

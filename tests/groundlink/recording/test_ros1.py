@@ -12,7 +12,7 @@ from rosbags.rosbag1 import Reader
 
 from groundlink.recording.reading import Recorded
 from groundlink.recording.ros1 import NOETIC, body, write_bag
-from groundlink.ros.encoding import RECORDED_FORMS, ROS_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, ROS_CODECS, to_cdr
 from groundlink.ros.types import STORE
 from tests.vectors.examples import EXAMPLES
 
@@ -47,7 +47,7 @@ def same(ros1: Any, ros2: Any) -> bool:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_fields_are_the_same(name: str) -> None:
     message = EXAMPLES[name].message
-    ros_type = ROS_FORMS[type(message)].ros_type
+    ros_type = ROS_CODECS[type(message)].ros_type
     cdr = to_cdr(message)
     ros1 = NOETIC.deserialize_ros1(body(ros_type, cdr), ros_type)
     assert same(ros1, STORE.deserialize_cdr(cdr, ros_type))
@@ -59,7 +59,7 @@ def test_definitions_are_those_of_noetic(ros_type: str) -> None:
 
 
 def test_noetic_knows_every_type() -> None:
-    assert {form.ros_type for form in RECORDED_FORMS.values()} <= NOETIC.types.keys()
+    assert {form.ros_type for form in CODECS.values()} <= NOETIC.types.keys()
 
 
 def test_a_bag_has_topics_times_and_what_is_latched(tmp_path: Path) -> None:

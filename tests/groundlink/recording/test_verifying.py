@@ -25,7 +25,7 @@ from groundlink.recording.comparison import Extent
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import faults_topic, gaps_topic
 from groundlink.run.journal import (
     Commanded,
@@ -72,7 +72,7 @@ def record(
     file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
     clocks = [("/clock", clock(begin_s + i / 10)) for i in range(100)]
     for topic, message in sorted([*clocks, *rows], key=lambda row: stamp(row[1])):
-        form = RECORDED_FORMS[type(message)]
+        form = CODECS[type(message)]
         file.topic(topic, form.ros_type).write(stamp(message), to_cdr(message))
     file.lacks({"/imu": 2, "/ground_truth/odom": 1})
     if known is not None:

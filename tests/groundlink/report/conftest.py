@@ -30,8 +30,8 @@ from groundlink.recording.metadata import (
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.report.analysis.gather import Gathered, gather
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.scenario.ros_side import Stream
 
 EPOCH = 1_700_000_000 * NANOS
@@ -115,7 +115,7 @@ def write(path: Path) -> Path:
     file = RosFile(path)
     file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "made_up", EPOCH)))
     for stamp, topic, message in sorted(records, key=lambda record: record[0]):
-        ros_type = RECORDED_FORMS[type(message)].ros_type
+        ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type).write(stamp, to_cdr(message))
     for second, stamp in enumerate(stamps(1)):
         gateway = Health(

@@ -15,7 +15,7 @@ from groundlink.loader import load
 from groundlink.loader.load import SHIPPED
 from groundlink.messages.navigation import Text
 from groundlink.ros.base import Base
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import mounts
 from groundlink.scenario.schema import Vehicle
 

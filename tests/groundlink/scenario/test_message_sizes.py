@@ -17,7 +17,7 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages.imagery import Image
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
 from groundlink.scenario.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway

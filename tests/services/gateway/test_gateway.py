@@ -26,7 +26,7 @@ from groundlink.messages.base import (
     packed,
 )
 from groundlink.messages.relayed import Relayed
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header
 from groundlink.scenario import Scenario

@@ -12,8 +12,7 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import BadMessage, State, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import Bases
-from groundlink.ros.encoding import to_cdr
-from groundlink.ros.incoming import joint_state
+from groundlink.ros.cdr import READERS, to_cdr
 from groundlink.ros.streams import incoming
 from groundlink.run.journal import JointsCommanded
 from services.physics.run.episode import Episode
@@ -35,7 +34,7 @@ def test_a_joint_state_of_ros_is_a_command_of_the_run() -> None:
     (stream,) = (s for s in incoming(OUTDOORS, "run") if s.message is JointState)
     assert stream.topic == "/joint_commands"
     assert stream.key == JOINT_COMMAND.key_in("run", vehicle="tank")
-    found = joint_state(to_cdr(command(7, turret=0.5, gun=0.1)), 11)
+    found = READERS["sensor_msgs/msg/JointState"](to_cdr(command(7, turret=0.5, gun=0.1)), 11)
     assert found == command(11, turret=0.5, gun=0.1)
 
 
@@ -50,7 +49,7 @@ def test_a_joint_state_of_ros_is_a_command_of_the_run() -> None:
 )
 def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
     with pytest.raises(BadMessage):
-        joint_state(body, 0)
+        READERS["sensor_msgs/msg/JointState"](body, 0)
 
 
 def test_an_episode_that_is_done_again_moves_its_joints_again() -> None:

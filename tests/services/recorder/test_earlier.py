@@ -24,8 +24,8 @@ from groundlink.recording.ros_channels import RosFile
 from groundlink.recording.verifying import compared, extent
 from groundlink.report.analysis.gather import gather
 from groundlink.report.page.page import page
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
 from groundlink.ros.streams import outgoing, static_transforms
 from services.recorder.recorder import Recorder
 from services.recorder.verifier import ReferenceComparison
@@ -63,7 +63,7 @@ def earlier(tmp_path: Path) -> Iterator[Recording]:
     file.mcap.add_metadata(RUN_RECORD, run_entries(facts(LAB, RUN, EPOCH)))
 
     def write(topic: str, nanos: int, message: Message) -> None:
-        ros_type = RECORDED_FORMS[type(message)].ros_type
+        ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type, latched=topic == "/tf_static").write(nanos, to_cdr(message))
 
     mounts = static_transforms(LAB, EPOCH)

@@ -27,7 +27,7 @@ from groundlink.messages.navigation import JointState, PoseStamped
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.reading import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.encoding import ROS_FORMS, to_cdr
+from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from services.replay.player import Player
 
 EPOCH = 1_700_000_000 * NANOS
@@ -78,7 +78,7 @@ def recorded(tmp_path: Path) -> Recorded:
         file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
         for message in messages:
             kind = type(message)
-            topic = file.topic(TOPICS[kind], ROS_FORMS[kind].ros_type)
+            topic = file.topic(TOPICS[kind], ROS_CODECS[kind].ros_type)
             topic.write(measured_nanos(message), to_cdr(message))
             file.mcap.commit("topics", {})  # a chunk for each
         file.mcap.close()

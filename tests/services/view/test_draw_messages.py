@@ -37,7 +37,7 @@ from groundlink.messages.base import (
 )
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages.relayed import Relayed
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import RosStream
 from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario

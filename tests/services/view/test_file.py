@@ -18,7 +18,7 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import POINT, Clock, Imu, Message, PointCloud, measured_nanos, packed
 from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 from services.view.__main__ import main
 from services.view.layout import layout
 from services.view.rerun_destinations import program
@@ -51,7 +51,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = RosFile(path)
     file.mcap.add_metadata(RUN_RECORD, run_entries(facts(SCENARIO, "run", EPOCH)))
     for topic, message in rows():
-        ros_type = RECORDED_FORMS[type(message)].ros_type
+        ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type).write(measured_nanos(message), to_cdr(message))
     file.commit({"/imu": 50.0})
     file.close()

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError
 from groundlink.messages.base import POINT, Clock, PointCloud, packed
 from groundlink.messages.navigation import OccupancyGrid, Odometry
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import actor_transforms
 from groundlink.world.actors import Actor, Crate, Free
 from services.view.foxglove_scene import scene

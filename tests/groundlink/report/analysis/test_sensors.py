@@ -16,7 +16,7 @@ from groundlink.loader.load import SHIPPED
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.messages.imagery import LaserScan
 from groundlink.report.analysis.sensors import Cloud, Trajectory, east_north, reach_m, readings_of
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.types import STORE
 from groundlink.scenario.schema import Datum
 from services.sensors.gnss.geodesy import Geodetic, TangentPlane, geodetic_from_ecef
@@ -30,7 +30,7 @@ def track(*rows: tuple[float, ...]) -> Any:
 
 
 def ros(message: Any) -> Any:
-    return STORE.deserialize_cdr(to_cdr(message), RECORDED_FORMS[type(message)].ros_type)
+    return STORE.deserialize_cdr(to_cdr(message), CODECS[type(message)].ros_type)
 
 
 def odometry(x: float, y: float, yaw: float) -> Any:

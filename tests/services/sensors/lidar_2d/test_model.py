@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from scipy import stats
 
 from groundlink.messages.base import BadMessage, encode
-from groundlink.ros.encoding import to_cdr
+from groundlink.ros.cdr import to_cdr
 from groundlink.ros.types import STORE
 from groundlink.scenario.message_sizes import body_bytes, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway

@@ -25,8 +25,8 @@ from groundlink.messages.faults import Faults
 from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages.missing_readings import CAUSES, Gap, Gaps
 from groundlink.messages.vitals import Contact, Vitals
-from groundlink.ros.decoding import Moment, from_cdr
-from groundlink.ros.encoding import RECORDED_FORMS, to_cdr
+from groundlink.ros.cdr import CODECS, from_cdr, to_cdr
+from groundlink.ros.codec import Moment
 from groundlink.scenario.faults import Bias, Stuck
 
 STAMP = st.integers(0, (2**31 - 1) * 10**9)
@@ -171,7 +171,7 @@ ANY: dict[type[Message], st.SearchStrategy[Any]] = {
 
 
 def test_every_message_that_is_recorded_is_here() -> None:
-    assert ANY.keys() == RECORDED_FORMS.keys()
+    assert ANY.keys() == CODECS.keys()
 
 
 @pytest.mark.parametrize("message_type", ANY, ids=lambda kind: kind.__name__)

@@ -19,8 +19,7 @@ from groundlink.messages.base import BadMessage, Clock, Command, Message, packed
 from groundlink.messages.imagery import Range
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.messages.relayed import Relayed
-from groundlink.ros.encoding import ROS_FORMS, to_cdr
-from groundlink.ros.incoming import READERS, reader
+from groundlink.ros.cdr import READERS, ROS_CODECS, reader, to_cdr
 from groundlink.scenario.ros_side import RosType
 from tests.udp_bridge.vectors import FOLDER, load
 from tests.vectors.examples import EXAMPLES, SUBSCRIBE, fields
@@ -57,7 +56,7 @@ def test_fields_are_those_of_the_vector(name: str) -> None:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_ros_itself_reads_and_writes_the_same(name: str) -> None:
     serialization = pytest.importorskip("rclpy.serialization", reason="no ROS 2 here")
-    package, kind, type_name = ROS_FORMS[type(EXAMPLES[name].message)].ros_type.split("/")
+    package, kind, type_name = ROS_CODECS[type(EXAMPLES[name].message)].ros_type.split("/")
     message_class = getattr(import_module(f"{package}.{kind}"), type_name)
     message = serialization.deserialize_message(body(name), message_class)
     # Behind an empty sequence of float64 rclpy leaves the gap before numbers that are not there.
@@ -72,7 +71,7 @@ def test_the_subscribe_vector_is_what_it_says() -> None:
 
 def test_every_type_of_the_wire_is_on_the_bus() -> None:
     of_ros = {row.ros_type for row in MSG_TYPES.values() if row.ros_type}
-    assert of_ros == {form.ros_type for form in ROS_FORMS.values()} | {TWIST, TWIST_STAMPED, PATH}
+    assert of_ros == {form.ros_type for form in ROS_CODECS.values()} | {TWIST, TWIST_STAMPED, PATH}
     from_ros = {r.ros_type for r in MSG_TYPES.values() if r.ros_type and r.direction != "to ROS"}
     assert from_ros == {*READERS, PATH}
     may_be_wished = {name.replace("/", "/msg/") for name in get_args(RosType)}
@@ -91,7 +90,7 @@ def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:
 @pytest.mark.parametrize("name", INCOMING)
 def test_what_went_out_comes_back(name: str) -> None:
     message = EXAMPLES[name].message
-    assert READERS[ROS_FORMS[type(message)].ros_type](body(name), 1) == message
+    assert READERS[ROS_CODECS[type(message)].ros_type](body(name), 1) == message
 
 
 @pytest.mark.parametrize(
@@ -132,7 +131,7 @@ REFUSED = [
 @pytest.mark.parametrize(("message", "bad", "why"), REFUSED, ids=lambda x: str(x)[:20])
 def test_what_makes_no_sense_is_refused(message: Message, bad: bytes, why: str) -> None:
     with pytest.raises(BadMessage, match=why):
-        READERS[ROS_FORMS[type(message)].ros_type](bad, 0)
+        READERS[ROS_CODECS[type(message)].ros_type](bad, 0)
 
 
 def test_a_map_whose_sizes_disagree_is_refused() -> None:

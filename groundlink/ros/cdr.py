@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Table of all codecs, and messages of the bus to and from CDR bytes.
+
+The gateway, recorder, replay and viewer share this table. Messages that sensor kinds bring along
+are in it as soon as their kinds are installed.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from functools import partial
+from itertools import chain
+from typing import Any
+
+from rosbags.serde import SerdeError
+from rosbags.typesys import get_types_from_msg
+
+from groundlink.messages.base import BadMessage, M, Message
+from groundlink.messages.relayed import Relayed
+from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
+
+from . import (
+    faults,
+    ground_truth,
+    imagery,
+    missing_readings,
+    motion,
+    navigation,
+    points,
+    vitals,
+)
+from .codec import Codec, Moment
+from .types import STORE, TYPES
+
+Body = bytes | bytearray | memoryview
+
+Reader = Callable[[Body, int], Message]
+"""From a body and the run's time to a message of the bus. Raises BadMessage."""
+
+_FAMILIES = (motion, points, imagery, navigation, ground_truth, vitals, faults, missing_readings)
+
+
+def _of_kinds() -> list[Codec[Any]]:
+    """Return the codecs of messages that sensor kinds bring along."""
+    support = chain.from_iterable(kind.messages.values() for kind in sensor_kinds().values())
+    return [load_reference(own.codec) for own in support]
+
+
+CODECS: dict[type[Message], Codec[Any]] = {
+    codec.message: codec
+    for codec in (*chain.from_iterable(family.CODECS for family in _FAMILIES), *_of_kinds())
+}
+"""All codecs by message type."""
+
+for _codec in CODECS.values():
+    if _codec.ros_type not in TYPES:
+        STORE.register(get_types_from_msg(_codec.definition, _codec.ros_type))
+
+ROS_CODECS = {message: codec for message, codec in CODECS.items() if not codec.recorded_only}
+"""Codecs of the messages that go to ROS."""
+
+
+def ros_type_of(message: type[Message], told: str = "") -> str:
+    """Return the ROS type of a stream's messages; `told` is the type of relayed ones."""
+    return told if message is Relayed else CODECS[message].ros_type
+
+
+def to_cdr(message: Message) -> memoryview:
+    """Return a message as its ROS type's CDR, encapsulation header included.
+
+    Raises
+    ------
+    BadMessage
+        when a number is beyond what the ROS type holds: a stamp after 2038, a large float32.
+    """
+    if isinstance(message, Relayed):
+        return message.cdr
+    codec = CODECS[type(message)]
+    try:
+        return STORE.serialize_cdr(TYPES[codec.ros_type](**codec.encode(message)), codec.ros_type)
+    except (struct.error, SerdeError, OverflowError) as error:
+        raise BadMessage(
+            f"no {codec.ros_type} holds this {type(message).__name__}: {error}"
+        ) from None
+
+
+def from_cdr(cdr: bytes | memoryview, message_type: type[M], moment: Moment) -> M:
+    """Return the message that was encoded to this CDR. Bytes of strangers go to `READERS`.
+
+    Raises
+    ------
+    BadMessage
+        when it is no message of this type.
+    """
+    codec = CODECS[message_type]
+    try:
+        found: M = codec.decode(STORE.deserialize_cdr(cdr, codec.ros_type), moment)
+    except (SerdeError, ValueError, KeyError) as error:
+        raise BadMessage(f"no {message_type.__name__} in this {codec.ros_type}: {error}") from None
+    return found
+
+
+def _decoded(body: Body, ros_type: str) -> Any:
+    try:
+        return STORE.deserialize_cdr(bytes(body), ros_type)
+    except SerdeError as error:
+        raise BadMessage(f"not a {ros_type}: {error}") from None
+
+
+def _read(body: Body, now_nanos: int, *, ros_type: str, checked: Callable[[Any, int], M]) -> M:
+    return checked(_decoded(body, ros_type), now_nanos)
+
+
+READERS: dict[str, Reader] = {
+    ros_type: partial(_read, ros_type=ros_type, checked=checked)
+    for ros_type, checked in (
+        *((codec.ros_type, codec.read) for codec in CODECS.values() if codec.read is not None),
+        ("geometry_msgs/msg/TwistStamped", motion.read_twist_stamped),
+    )
+}
+"""By ROS type: reads a stranger's body. Stamps are kept; numbers, sizes and names are checked."""
+
+
+def reader(message: type[Message], ros_type: str) -> Reader:
+    """Return what reads bodies of a ROS type as messages of the bus of one type."""
+    return partial(relayed, ros_type=ros_type) if message is Relayed else READERS[ros_type]
+
+
+def relayed(body: Body, now_nanos: int, *, ros_type: str) -> Relayed:
+    """Return a body unchanged, if it is a message of its type."""
+    _decoded(body, ros_type)
+    return Relayed(now_nanos, ros_type, memoryview(bytes(body)))
