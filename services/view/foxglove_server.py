@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run as Foxglove sees a robot: ROS 2 topics over its WebSocket protocol.
 
-Rule: topics, types and bytes are those that ROS gets (`groundlink.ros.encoding`), and on
+Rule: topics, types and bytes are those that ROS gets (`groundlink.ros.cdr`), and on
 `/ground_truth/tf` is where the tree is in the world, as in a recording. A message is only filled
 while a client has subscribed. What seldom changes, the map too, is sent again to each new
 subscriber.
