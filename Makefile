@@ -1,63 +1,65 @@
-# `make run` and `make test` are all one needs; both make the environment first.
+# `make` lists the targets. `make run` and `make test` create the environment first.
+.DEFAULT_GOAL := help
+
 SCENARIO ?= scenarios/indoor_lab.yaml
 DURATION ?=
 REPORT ?=
 
 BIN := .venv/bin
 READY := .venv/.ready
-SOURCES_OF_SETUP := pyproject.toml udp-bridge/pyproject.toml setup.sh \
+SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 
 .PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments clean
 
-help: ## show this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  %-14s %s\n", $$1, $$2 }'
 
-setup: $(READY) ## make the environment in .venv and nothing else
+setup: $(READY) ## create the environment in .venv
 
-$(READY): $(SOURCES_OF_SETUP)
+$(READY): $(SETUP_INPUTS)
 	@./setup.sh
 
-run: setup ## start SCENARIO and show what arrives in ROS (DURATION=20 ends by itself)
+run: setup ## run SCENARIO and show what arrives in ROS; DURATION=20 stops after 20 s, REPORT=FILE.json writes a report
 	@$(BIN)/groundlink up $(SCENARIO) \
 		$(if $(DURATION),--duration $(DURATION)) $(if $(REPORT),--report $(REPORT))
 
-test: setup ## run every test that needs no Docker engine; a failed stage does not keep the next from running
+test: setup ## run all tests that need no Docker engine, in three stages; a failed stage does not stop the next
 	@$(MAKE) --no-print-directory --keep-going test-units test-system test-alone
 
-test-units: setup ## run what starts no whole run: units, architecture, style, types
+test-units: setup ## run unit tests, import contracts, style and type checks
 	@$(BIN)/python -m pytest -m "not system and not stack" --numprocesses=auto --dist=loadfile
 
-environments: setup ## install the programs of others that a test of the experiments uses
+environments: setup ## install third-party programs that tests of the experiments need
 	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install evo
 
-test-system: environments ## run the tests of the real system that may go on beside each other
+test-system: environments ## run tests of the running system, two at a time
 	@$(BIN)/python -m pytest -m "system and not alone and not stack" --durations=20 \
 		--numprocesses=2 --dist=loadfile
 
-test-alone: setup ## run the tests that look at rates in real time, one by one
+test-alone: setup ## run tests that measure real-time rates, one at a time
 	@$(BIN)/python -m pytest -m "alone" --durations=20
 
-test-stack: setup ## bring the containers up on a Docker engine, break them, look
+test-stack: setup ## test the containers on a Docker engine
 	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy
 
-benchmarks: setup ## measure what the documents promise; fail where a promise does not hold
+benchmarks: setup ## run the benchmarks with claims; fail if a claim does not hold
 	@$(BIN)/python -m benchmarks
 
-mutants: setup ## plant faults in the sources; fail where the tests find fewer than 97 % of them
+mutants: setup ## mutation tests; fail if fewer than 97 % of the mutants are found
 	@$(BIN)/python -m tests.mutants
 
-nightly: setup ## what takes too long for every change: mutants, fuzzers, benchmarks
+nightly: setup ## run what takes too long for each change: mutants, fuzzers, benchmarks
 	@$(MAKE) --no-print-directory --keep-going mutants fuzz benchmarks
 
-fuzz: setup ## a minute of each fuzzer
+fuzz: setup ## run each fuzzer for a minute
 	@$(BIN)/python -m fuzz.guided --seconds 60
 	@$(BIN)/python -m fuzz.runs --seconds 60
 	@$(BIN)/python -m fuzz.sequences --seconds 60
 
-experiments: setup ## the paper's experiments, with SLAM programs of others (NAMES=..., SHORT=1)
+experiments: setup ## run the experiments of the paper with third-party SLAM programs (NAMES=..., SHORT=1)
 	@$(BIN)/python -m experiments $(if $(SHORT),--short) $(NAMES)
 
-clean: ## remove the environment and every cache
+clean: ## remove the environment and all caches
 	@rm -rf .venv build *.egg-info udp-bridge/src/*.egg-info \
 		.mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
