@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The look of a terrain's cells: colours that flow into each other, and how the sun shines on them.
+"""Colors and sunlight of a terrain's cells.
 
-Rule: numbers for textures, from the terrain, its materials and the sun alone; worked out once, as
-none of them moves. Hills throw their shadows here, in steps of a cell; on what stands in these
-shadows the sun still shines.
+Both depend on the terrain, its materials and the sun only, and are computed once. Shadows of hills
+are computed here, in steps of a cell. They don't darken objects that stand in them.
 """
 
 from __future__ import annotations
@@ -22,16 +21,16 @@ from groundlink.world.terrain import Ground
 from .patterns import TEXELS, noise
 
 MOTTLED = 0.14
-"""Cells of one material differ in brightness by so much (1 sigma): no meadow is quite even."""
+"""Standard deviation of the brightness of cells of one material: no meadow is uniform."""
 
 PENUMBRA = 0.06
-"""Width of a shadow's edge, as a share of the way that the light has come along the ground."""
+"""Width of a shadow's edge, as a share of the light's path along the ground."""
 
 Heights = NDArray[np.float32]
 
 
 def colours(ground: Ground, materials: Mapping[str, Material]) -> NDArray[np.uint8]:
-    """Return the roots of each cell's linear colour, shape (rows - 1, columns - 1, 3)."""
+    """Return the square roots of each cell's linear color, shape (rows - 1, columns - 1, 3)."""
     palette = np.array([materials[name].color for name in ground.materials], np.float32)
     rows, columns = ground.surface.shape
     mottle = 1 + MOTTLED * noise(np.random.default_rng(0), 0.7)
@@ -45,7 +44,7 @@ def colours(ground: Ground, materials: Mapping[str, Material]) -> NDArray[np.uin
 
 
 def sunlit(ground: Ground, towards_sun: Floats) -> NDArray[np.uint8]:
-    """Return the share of the sun's light that each cell gets, 255 for all of it."""
+    """Return the share of sunlight that each cell receives, 255 for all of it."""
     heights, cell_m = ground.heights, ground.cell_m
     x, y, z = towards_sun.tolist()
     across = (heights[:-1, 1:] + heights[1:, 1:]) - (heights[:-1, :-1] + heights[1:, :-1])
@@ -61,10 +60,10 @@ def sunlit(ground: Ground, towards_sun: Floats) -> NDArray[np.uint8]:
 
 
 def _lit(heights: Heights, cell_m: float, towards_sun: Floats) -> Heights | None:
-    """Return how far each vertex is out of the shadow of hills, 0..1; None where none throws any.
+    """Return how far each vertex is outside the shadows of hills, 0..1; None without any.
 
-    The highest line of sight over 2 n cells is that over the first n or that over the next n, from
-    where they begin: so few steps reach far.
+    The highest line of sight over 2 n cells is the higher one of that over the first n cells and
+    that over the next n cells. So few steps cover a long distance.
     """
     x, y, z = towards_sun.tolist()
     level = math.hypot(x, y)
@@ -76,7 +75,7 @@ def _lit(heights: Heights, cell_m: float, towards_sun: Floats) -> Heights | None
         return None
 
     def seen_from(reach: float, above: Heights) -> Heights:
-        """Return what is so many cells towards the sun, and so much lower as the sun is higher."""
+        """Return the values that many cells towards the sun, lowered by the sun's elevation."""
         moved = np.array([[1, 0, reach * x / level], [0, 1, reach * y / level]])
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         shifted = cv2.warpAffine(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which thing a solid belongs to, and what kind of thing it is.
+"""Labels: the object that a solid belongs to, and its class.
 
-Rule: a thing is what a person would point at: a table with its legs, a vehicle with its wheels, one
-piece of clutter. Its class is its name without a number.
+An object is what a person would point at: a table with its legs, a vehicle with its wheels, one
+piece of clutter. Its class is its name without the number.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 
 NONE = -1
-"""The label of pixels that show no thing: the sky."""
+"""Label of pixels without an object: the sky."""
 
 
 class Labels:
-    """Numbers of things, from 0 in the order of their first solids.
+    """Numbers of objects, from 0 in the order of their first solids.
 
     Parameters
     ----------
     own
-        solids that stand for themselves.
+        Solids that are objects of their own.
     actors
-        what each actor is, by its name.
+        Class of each actor, by its name.
 
     Attributes
     ----------
     instances : list of str
-        The thing that each number stands for: `table_3`.
+        Object of each number: `table_3`.
     classes : list of str
-        What it is: `table`.
+        Class of each number: `table`.
     """
 
     def __init__(self, own: Collection[str], actors: Mapping[str, str]) -> None:
@@ -57,9 +57,10 @@ class Labels:
 
 
 def _thing(solid: str, own: Collection[str]) -> str:
-    """Return what a solid belongs to; `own` are solids that stand for themselves.
+    """Return the object that a solid belongs to; `own` are solids that are objects of their own.
 
-    Others are named by `groundlink.world.objects.indoor_objects`: `table_3_leg_0`, `room_floor`.
+    Other solids are named by `groundlink.world.objects.indoor_objects`: `table_3_leg_0`,
+    `room_floor`.
     """
     if solid in own:
         return solid

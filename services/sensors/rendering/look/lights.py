@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lights the pictures: the sun, or lamps under a ceiling, each with the view of its shadows.
+"""Lights: the sun, or lamps under a ceiling, each with the view of its shadow map.
 
-Rule: numbers for shaders, from the scenario and the world's extent alone. One is the light on a
-white surface that comes out white; true luminances are not modelled: a camera sets its exposure by
-them anyway.
+The values depend on the scenario and the world's extent only. 1 is the light that makes a white
+surface white in the picture. True luminances are not modeled, because a camera's exposure cancels
+them.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ Colour = tuple[float, float, float]
 
 BELOW_CEILING_M = 0.04
 CLEAR_M = 40e3
-"""How far one sees on a clear day: far hills are paler than near ones."""
+"""Visibility in meters on a clear day: far hills are paler than near ones."""
 
 HORIZON, ZENITH = (0.66, 0.72, 0.80), (0.16, 0.32, 0.66)
-"""A clear sky."""
+"""Color of a clear sky."""
 
 WIDE_M = 150.0
-"""In a wider world one map of all shadows would be too coarse for those near the eye."""
+"""Size of a world, in meters, beyond which one map of all shadows would be too coarse near the eye.
+"""
 
 WINDOW_M = 80.0
 
 DEEP_M = 400.0
-"""How high and low what throws shadows there may be; what is higher is as if it were as high."""
+"""Height range of objects that cast shadows there. A higher object counts as one of this height."""
 
 REACH = 6.0
 """Tangent of the half angle in which a lamp casts shadows: 80 degrees."""
@@ -46,11 +47,11 @@ class Light:
     """One source that casts shadows."""
 
     at: tuple[float, float, float, float]
-    """A lamp's place and 1, or the unit vector towards the sun and 0; in the world."""
+    """A lamp's position and 1, or the unit vector towards the sun and 0; in the world."""
 
     power: Colour
     clip_from_world: Floats
-    """The view of its shadow map, shape (4, 4)."""
+    """The view of its shadow map, clip_from_world, shape (4, 4)."""
 
 
 @dataclass(frozen=True)
@@ -60,24 +61,24 @@ class Lighting:
     lights: tuple[Light, ...]
     is_sun: bool
     ambient_above: Colour
-    """On surfaces that face up."""
+    """Ambient light on surfaces that face up."""
 
     ambient_below: Colour
     horizon: Colour
     zenith: Colour
     extinction_per_m: float
-    """Of fog; 0 for none."""
+    """Extinction of fog; 0 without fog."""
 
     window_m: float | None = None
-    """Side of what has sharper shadows around the eye; None where the world is small enough."""
+    """Side of the square around the eye with sharper shadows; None if the world is small enough."""
 
 
 def lighting(world: World, static: Sequence[Solid]) -> Lighting:
-    """Return the light of a world with everything that stands in it, and with its origin."""
+    """Return the light of a world with all static solids."""
     corners = np.array([np.zeros(3), *(corner for solid in static for corner in bounds(solid))])
     low, high = corners.min(axis=0), corners.max(axis=0)
     light = world.light or _default(world)
-    # Koschmieder 1924 with the 5 % of the meteorological optical range.
+    # Koschmieder 1924 with the 5 % contrast of the meteorological optical range.
     fog_m = world.weather.fog_visibility_m or (world.terrain and CLEAR_M)
     extinction = math.log(20) / fog_m if fog_m else 0.0
     if isinstance(light, Sun):
@@ -94,7 +95,7 @@ def lighting(world: World, static: Sequence[Solid]) -> Lighting:
     return Lighting(
         lights=tuple(_lamp(at, low) for at in light.at_m),
         is_sun=False,
-        # A bright room: floor and ceiling send most of the light on.
+        # A bright room: floor and ceiling reflect most of the light.
         ambient_above=(0.30, 0.30, 0.29),
         ambient_below=(0.34, 0.33, 0.31),
         extinction_per_m=extinction,
@@ -128,7 +129,7 @@ def _sun(sun: Sun, low: Floats, high: Floats) -> Light:
 def window(light: Light, side_m: float, eye: Floats) -> Floats:
     """Return clip_from_world of the sun's shadows in a square around an eye, shape (4, 4).
 
-    It moves in steps, so that it is the same for many pictures.
+    The square moves in steps, so that it is the same for many pictures.
     """
     light_from_world = _looking(-np.array(light.at[:3]))
     step_m = side_m / 4
@@ -143,7 +144,7 @@ def window(light: Light, side_m: float, eye: Floats) -> Floats:
 def _lamp(at: tuple[float, float, float], low: Floats) -> Light:
     """Return a lamp, with shadows down to the lowest solid.
 
-    Its map is parallel to the floor, so that its grid is as fine below the lamp as far from it.
+    Its map is parallel to the floor, so that its grid is equally fine at every distance.
     """
     fall = max(at[2] - low[2], 0.1)
     near, far = 0.02, fall + 0.1
@@ -158,7 +159,8 @@ def _lamp(at: tuple[float, float, float], low: Floats) -> Light:
     view = np.eye(4)
     view[:3, :3] = _looking(np.array([0.0, 0.0, -1.0]))
     view[:3, 3] = -view[:3, :3] @ np.array(at)
-    # A floor at z = 0 right below gets three quarters of what makes white of white, see the shader.
+    # A floor at z = 0 directly below receives three quarters of the light that makes white, see the
+    # shader.
     power = 0.75 * max(at[2], 0.1)
     return Light((*at, 1.0), (power, 0.98 * power, 0.93 * power), projection @ view)
 

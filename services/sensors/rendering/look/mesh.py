@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Triangles with what makes them look like something: normals, colours, textures, labels.
+"""Triangles with normals, colors, textures and labels.
 
-Rule: a mesh is what a renderer draws and nothing more; where it comes from is its maker's business:
-`shapes` makes them of solids, `painted` of meshes that bring their own colours.
+A mesh is what a renderer draws. `shapes` makes meshes of solids, `painted` of meshes with colors of
+their own.
 """
 
 from __future__ import annotations
@@ -21,30 +21,32 @@ VERTEX = np.dtype(
         ("label", np.int32),
     ]
 )
-"""Metres, unit vector, texture repetitions, linear colour, number of the thing."""
+"""Meters, unit vector, texture repetitions, linear color, label."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The pictures on a surface; they repeat with each unit of uv. Skins are told by identity."""
+    """The pictures on a surface; they repeat with each unit of uv. Compared by identity."""
 
     base: NDArray[np.uint8]
-    """Shape (H, W, 3), or (H, W) for grey: roots of factors of the tint, see `textures.texture`."""
+    """Shape (H, W, 3), or (H, W) for gray: square roots of factors of the tint, see
+    `textures.texture`."""
 
     normal: NDArray[np.uint8] | None = None
     """Shape (H, W, 3): normals as 255 (n + 1) / 2 along u, along v, and outwards."""
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh:  # Triangles of one skin.
     """Triangles of one skin."""
 
     vertices: NDArray[np.void]
     """Shape (V,), of `VERTEX`."""
 
     faces: NDArray[np.uint32]
-    """Shape (F, 3), anticlockwise seen from outside."""
+    """Shape (F, 3), counterclockwise seen from outside."""
 
     skin: Skin
     is_open: bool = False
-    """It lies in one place with another that faces the other way, as the surface is open."""
+    """Whether the surface is open, with a second mesh in the same place that faces the other way.
+    """

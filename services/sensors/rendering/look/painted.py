@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What meshes look like that bring colours and pictures of their own.
+"""Meshes with colors and pictures of their own.
 
-Rule: the triangles are those that rays meet, from both sides where the surface is open. Where a
-part has no picture it has its material's texture, where it has no colour the material's. What a
-file says of normals at vertices is not known here: they are smooth but across `CREASE` and more.
+The triangles are those that rays hit, on both sides where the surface is open. A part without a
+picture has its material's texture, a part without a color its material's color. Normals of files
+are ignored: normals are smooth except across edges of `CREASE` and more.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from .mesh import VERTEX, Mesh, Skin
 from .textures import BRIGHTEST, period_m, texture
 
 CREASE = math.cos(math.radians(40.0))
-"""Faces that meet at a sharper angle have an edge between them."""
+"""Angle between faces from which an edge separates them."""
 
 MOST_TEXELS = 4096
-"""Along a side; larger pictures are made smaller."""
+"""Largest side of a picture in pixels; larger pictures are scaled down."""
 
 WHITE = np.full((1, 1, 3), 255, np.uint8)
 
 
 def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]) -> Iterator[Mesh]:
-    """Yield a solid that is a mesh in the frame of its pose, a mesh for each part.
+    """Yield a solid that is a mesh, in the frame of its pose: one mesh for each part.
 
     Parameters
     ----------
     label
-        Of the solid.
+        Label of the solid.
     material
-        Where the mesh says nothing.
+        Material of parts without their own.
     skins
-        By texture or picture; new ones are added.
+        Skins by texture or picture; new ones are added.
     """
     assert isinstance(solid.shape, solids.Mesh)
     mesh = surface(solid.shape.asset)
@@ -60,7 +60,7 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
         corners["label"] = label
         numbers = faces.astype(np.int64)
         if mesh.uv is not None and (part.picture or part.normals):
-            # Pictures have their first row on top.
+            # Pictures have their first row at the top.
             corners["uv"] = mesh.uv[faces] * (1, -1) + (0, 1)
             corners["tint"] = np.array(part.color or (1.0, 1.0, 1.0)) / BRIGHTEST
             name = f"{solid.shape.asset}/{number}"
@@ -70,7 +70,7 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
             kept = _across(mesh.vertices[faces])
             corners["uv"] = np.take_along_axis(mesh.vertices[faces], kept[:, None], axis=2)
             corners["uv"] /= period_m(material)
-            numbers = 4 * numbers + kept[:, :1] + kept[:, 1:]  # no vertex has two places in it
+            numbers = 4 * numbers + kept[:, :1] + kept[:, 1:]  # no vertex has two texture places
             corners["tint"] = part.color or material.color
             name = material.texture
             if name not in skins:
@@ -87,9 +87,8 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
 def _normals(mesh: Surface) -> tuple[Floats, bool]:
     """Return normals of the faces' corners, shape (F, 3, 3), and whether the surface is closed.
 
-    A corner's is the mean, by their angles there, of those faces around it that meet its own
-    smoothly.
-    Vertices at one place count as one.
+    A corner's normal is the mean, weighted by angle, of the surrounding faces that meet its own
+    face smoothly. Vertices at one place count as one.
     """
     rows = np.ascontiguousarray(mesh.vertices + np.float32(0)).view("V12").ravel()
     vertex = np.unique(rows, return_inverse=True)[1].ravel()[mesh.faces]
@@ -103,7 +102,8 @@ def _normals(mesh: Surface) -> tuple[Floats, bool]:
     total = weighted.copy()
     first, apart = np.arange(len(at)), 0
     while len(first):
-        # Corners of one vertex follow each other: compare each with the next, with the next but one
+        # Corners of one vertex are adjacent: compare each with the next one, then with the one
+        # after it
         apart += 1
         first = first[first + apart < len(at)]
         first = first[at[first] == at[first + apart]]
@@ -119,7 +119,7 @@ def _normals(mesh: Surface) -> tuple[Floats, bool]:
 
 
 def _unit(vectors: Floats) -> Floats:
-    """Return vectors of length 1, those of length 0 as they are."""
+    """Return vectors scaled to length 1; vectors of length 0 stay."""
     unit: Floats = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
     return unit
 
@@ -129,7 +129,7 @@ def _shared(
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
     """Return each vertex once, and faces, shape (F, 3).
 
-    Corners with the same of `numbers` are alike but for their normals.
+    Corners with equal `numbers` differ in their normals only.
     """
     normal = np.rint(511 * corners["normal"]).astype(np.int64) + 512
     key = numbers << 30 | normal[:, 0] << 20 | normal[:, 1] << 10 | normal[:, 2]
@@ -138,18 +138,18 @@ def _shared(
 
 
 def _across(points: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Return the two axes that each face, shape (F, 3, 3), lies along the most, shape (F, 2)."""
+    """Return the two axes that each face, shape (F, 3, 3), is most parallel to, shape (F, 2)."""
     across = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     kept: NDArray[np.intp] = np.array([[1, 2], [0, 2], [0, 1]])[np.abs(across).argmax(axis=1)]
     return kept
 
 
 def _skin(part: Part) -> Skin:
-    """Return a part's pictures; one that has only normals is white."""
+    """Return a part's pictures; a part with normals only is white."""
     bumps = None
     if part.normals:
         bumps = _decoded(part.normals)
-        bumps[..., 1] = 255 - bumps[..., 1]  # v goes down here
+        bumps[..., 1] = 255 - bumps[..., 1]  # v points down here
     return Skin(_decoded(part.picture) if part.picture else WHITE, bumps)
 
 
@@ -159,7 +159,7 @@ def _decoded(picture: bytes) -> NDArray[np.uint8]:
     Raises
     ------
     UserError
-        when it is neither.
+        If it is neither.
     """
     pixels = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     if pixels is None:

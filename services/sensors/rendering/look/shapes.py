@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What solids look like: normals, places on the surface, colours and textures of their materials.
+"""Meshes of solids: normals, texture coordinates, colors and textures of their materials.
 
-Rule: the triangles are those that rays meet: `groundlink.world.triangles`.
+The triangles are those that rays hit: `groundlink.world.triangles`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from .painted import painted
 from .textures import period_m, texture
 
 TINT = 0.12
-"""Things of one material differ in brightness by up to so much: no two boxes are quite alike."""
+"""Largest difference in brightness between objects of one material."""
 
 STRETCH = 0.15
-"""They have its texture longer or shorter by up to so much each way, and some have it mirrored: two
-things that show the same part of it can't be taken for each other by programs that know a place
-again, as no way of looking at the one makes it the other."""
+"""Largest scaling of the texture in each direction; some objects also have it mirrored. So two
+objects that show the same part of a texture differ from every viewpoint, and place recognition
+can't confuse them."""
 
 
 def meshes(
@@ -38,14 +38,14 @@ def meshes(
 ) -> list[Mesh]:
     """Return solids in the frame of their poses, one mesh for each texture.
 
-    Those that are meshes themselves give one for each of their parts.
+    A solid that is a mesh gives one mesh for each of its parts.
 
     Parameters
     ----------
     labels
-        Of each solid.
+        Label of each solid.
     skins
-        By texture; new ones are added.
+        Skins by texture; new ones are added.
     """
     corners: dict[str, list[NDArray[np.void]]] = {}
     made: list[Mesh] = []
@@ -67,8 +67,8 @@ def meshes(
 def _corners(solid: Solid, label: int, material: Material, began: float) -> NDArray[np.void]:
     """Return a solid's triangles as three vertices each, shape (3 F,).
 
-    What they show of the texture begins at v = `began`, where that of the solid before them ends:
-    no two walls show the same until it is used up.
+    Their texture begins at v = `began`, where that of the previous solid ends: no two walls show
+    the same part until the texture is used up.
     """
     triangles = merged([Solid("", solid.shape, "")])
     local = triangles.vertices[triangles.faces].astype(np.float64)
@@ -91,9 +91,9 @@ def _corners(solid: Solid, label: int, material: Material, began: float) -> NDAr
 
 
 def _around(shape: Shape, corners: Floats) -> tuple[Floats, Floats]:
-    """Return normals, shape (F, 3, 3), and places on the surface in metres, shape (F, 3, 2).
+    """Return normals, shape (F, 3, 3), and places on the surface in meters, shape (F, 3, 2).
 
-    All in the shape's frame, of the corners (F, 3, 3) of its triangles.
+    Both are in the shape's frame, for the corners (F, 3, 3) of its triangles.
     """
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
@@ -114,7 +114,7 @@ def _around(shape: Shape, corners: Floats) -> tuple[Floats, Floats]:
 def _unfolded(corners: Floats, flat: Floats, size_m: Sequence[float]) -> Floats:
     """Return the two coordinates in a box's faces, the one along its longer edge first.
 
-    Faces lie side by side; opposite ones, of which nobody sees both, lie upon each other.
+    Faces lie side by side. Opposite faces overlap, because nobody sees both.
     """
     uv = np.empty((*corners.shape[:2], 2))
     facing = np.abs(flat[:, 0]).argmax(axis=1)

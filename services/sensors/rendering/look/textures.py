@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The textures of materials, so that cameras have something to track.
+"""Textures of materials, so that cameras have something to track.
 
-Rule: a texture is made, not stored; the same numpy gives the same bytes. It shows a pattern
-`REPEATS` times to a side, and over it another one, or the same, at another scale: no two places of
-it look alike, as on real surfaces, so that programs which know a place again know the right one.
-What each pattern looks like is in `patterns` and `patterns_outdoors`.
+Textures are computed; the same numpy gives the same bytes. A texture shows a pattern `REPEATS`
+times per side, overlaid by another pattern, or the same one, at another scale. So no two places of
+it look alike, and programs that recognize places recognize the right one. `patterns` and
+`patterns_outdoors` define the patterns.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from . import patterns, patterns_outdoors
 from .patterns import Factors
 
 BRIGHTEST = 2.0
-"""The factor that a texel of 255 stands for."""
+"""Factor that a texel of 255 represents."""
 
 REPEATS, REPEATS_OVER = 4, 3
-"""Of the pattern and of what lies over it, to a side: they meet again as they are at the edges."""
+"""Repetitions of the pattern and of its overlay, per side. Both end with a whole pattern."""
 
 Pattern = Callable[[np.random.Generator], Factors]
 
 
 class Look(NamedTuple):
-    """What a texture is made of."""
+    """Ingredients of a texture."""
 
     pattern: Pattern
     over: Pattern | None = None
-    """What lies over it, where that is not the pattern itself: wear on what has edges."""
+    """Overlay, if it is not the pattern itself: wear on patterns with edges."""
 
 
 _LOOKS: dict[Texture, Look] = {
@@ -62,7 +62,7 @@ _LOOKS: dict[Texture, Look] = {
 
 
 def period_m(material: Material) -> float:
-    """Return the length after which a material's texture repeats."""
+    """Return the length after which a material's texture repeats, meters."""
     return REPEATS * material.texture_size_m
 
 
@@ -70,12 +70,12 @@ def period_m(material: Material) -> float:
 def texture(name: Texture) -> NDArray[np.uint8]:
     """Return a texture, shape (REPEATS * TEXELS,) * 2: 255 sqrt(factor / BRIGHTEST).
 
-    The root, as eyes and 8 bits like it; the shader squares it.
+    The square root suits eyes and 8 bits; the shader squares it.
     """
     look = _LOOKS[name]
     generator = np.random.default_rng(crc32(name.encode()))
     pattern = look.pattern(generator)
-    # Mirrored, as else the two would be alike where they meet.
+    # Mirrored; otherwise the two would coincide where they meet.
     over = (look.over(generator) if look.over else pattern)[:, ::-1]
     factors = np.tile(pattern.astype(np.float32), (REPEATS, REPEATS))
     factors *= cv2.resize(
