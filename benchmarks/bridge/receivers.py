@@ -53,9 +53,10 @@ class Publisher:
 
 def own_publisher(way: str) -> Publisher:
     """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
-    from udp_bridge.node import deliveries
+    from udp_bridge.node import topic_qos as deliveries
     from udp_bridge.node.message_class import message_class
-    from udp_bridge_ros2 import environment, topics
+    from udp_bridge_ros2 import environment
+    from udp_bridge_ros2 import qos as topics
 
     environment.apply_defaults(os.environ)
     import rclpy

@@ -16,11 +16,13 @@ from contextlib import contextmanager
 import pytest
 
 from tests.ros.waiting import wait_until
-from tests.udp_bridge.node.test_end import Ros
+from tests.udp_bridge.node.test_bridge_node import Ros
 from udp_bridge import Header, Link
 from udp_bridge.io import address_guard
-from udp_bridge.node import inlet, lockstep, outlet
-from udp_bridge.node.end import End, Settings
+from udp_bridge.node import lockstep
+from udp_bridge.node import publish_queue as outlet
+from udp_bridge.node import subscriptions as inlet
+from udp_bridge.node.bridge_node import End, Settings
 from udp_bridge.wire import address_validation
 from udp_bridge.wire.control import AddressChallenge, CreditRequest, Subscribe, parse
 from udp_bridge.wire.header import parse as parse_header

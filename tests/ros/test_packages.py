@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from udp_bridge.node.end import Settings
+from udp_bridge.node.bridge_node import Settings
 
 ROS = Path(__file__).resolve().parents[2] / "ros"
 ROS2 = ROS / "ros2/udp_bridge_ros2"

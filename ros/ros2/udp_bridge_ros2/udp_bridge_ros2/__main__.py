@@ -14,7 +14,7 @@ import sys
 import time
 
 from .environment import apply_defaults
-from .leftovers import SHARED_MEMORY, remove_leftovers
+from .stale_shared_memory import SHARED_MEMORY, remove_leftovers
 
 PROGRAM = "udp_bridge_ros2"
 SWITCH_SECONDS = 5e-4

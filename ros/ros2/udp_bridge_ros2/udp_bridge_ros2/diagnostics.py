@@ -2,7 +2,7 @@
 """The node's counters on /diagnostics, once a second, as diagnostic_msgs/DiagnosticArray.
 
 Rule: one status for each topic and peer and one for the link; what they say is in
-`udp_bridge.node.verdicts`.
+`udp_bridge.node.diagnostics`.
 Where the message package is not installed nothing is published, and one line says so.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from udp_bridge.node.verdicts import Verdict, Verdicts
+from udp_bridge.node.diagnostics import Verdict, Verdicts
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes and who listens, as ROS 2 tells it (a `Graph` of `udp_bridge.node.answers`)."""
+"""Who publishes and who listens, as ROS 2 tells it (a `Graph` of `udp_bridge.node.responses`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from udp_bridge.node.message_class import message_class
 
-from . import topics
+from . import qos as topics
 
 if TYPE_CHECKING:
     from rclpy.node import Node

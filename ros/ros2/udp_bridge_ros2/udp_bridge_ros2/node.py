@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node: an end of a bridge with ROS 2's publishers and subscriptions, and what it tells.
 
-Rule: it only reads parameters and wires; what the end does is in `udp_bridge.node.end`. The
+Rule: it only reads parameters and wires; what the end does is in `udp_bridge.node.bridge_node`. The
 thread that calls `turn` owns the subscriptions.
 """
 
@@ -15,14 +15,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from udp_bridge.node.end import End, Settings
+from udp_bridge.node.bridge_node import End, Settings
 
 from . import environment
 from .diagnostics import Diagnostics
 from .graph import Graph
-from .inlet import Subscriptions
-from .outlet import Publishers
+from .publishers import Publishers
 from .services import Services
+from .subscriptions import Subscriptions
 
 MAY_BE_OTHERS = ("datagram", "allow_any_peer")
 """Parameters that are a word, a number or a truth value."""

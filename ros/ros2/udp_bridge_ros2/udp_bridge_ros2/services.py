@@ -19,8 +19,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from udp_bridge.node.asking import Asking
-from udp_bridge.node.run import Run
+from udp_bridge.node.command_client import Asking
+from udp_bridge.node.run_control import Run
 from udp_bridge.node.triggers import triggers
 
 THREADS = 8

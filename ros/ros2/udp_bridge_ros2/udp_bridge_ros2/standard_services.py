@@ -20,8 +20,8 @@ from simulation_interfaces.srv import (
     StepSimulation,
 )
 
-from udp_bridge.node.asking import Unable
-from udp_bridge.node.run import Run, is_paused
+from udp_bridge.node.command_client import Unable
+from udp_bridge.node.run_control import Run, is_paused
 from udp_bridge.wire.run_commands import WishAnswer
 
 FEATURES = (

@@ -28,16 +28,16 @@ from udp_bridge.wire.lockstep import ANEW, DONE, INCOMPLETE, WAITING, Barrier, S
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL
 
-from .answers import Answers
-from .deliveries import published
+from .responses import Answers
 from .slots import Slot, given_back
+from .topic_qos import published
 
 if TYPE_CHECKING:
     from udp_bridge import Link, Message
 
-    from .answers import Graph
-    from .inlet import Inlet
-    from .outlet import Outlet
+    from .publish_queue import Outlet
+    from .responses import Graph
+    from .subscriptions import Inlet
 
 SETTLE_S = 1.0
 """How long a publisher and its readers are given to find each other."""

@@ -12,8 +12,8 @@ from typing import Any, Callable, Dict
 
 from udp_bridge.wire.run_commands import WishAnswer
 
-from .asking import Unable
-from .run import Run, describe
+from .command_client import Unable
+from .run_control import Run, describe
 
 
 def triggers(run: Run, step_ticks: Callable[[], int]) -> Dict[str, Callable[[Any], Any]]:

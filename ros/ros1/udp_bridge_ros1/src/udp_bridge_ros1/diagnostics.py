@@ -2,7 +2,7 @@
 """The node's counters on /diagnostics, once a second, as diagnostic_msgs/DiagnosticArray.
 
 Rule: one status for each topic and peer and one for the link; what they say is decided in
-`udp_bridge.node.verdicts`.
+`udp_bridge.node.diagnostics`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from udp_bridge.node.verdicts import Verdict, Verdicts
+from udp_bridge.node.diagnostics import Verdict, Verdicts
 
 if TYPE_CHECKING:
     from udp_bridge import Link

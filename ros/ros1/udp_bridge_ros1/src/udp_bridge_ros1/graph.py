@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes and who listens, as ROS 1 tells it (a `Graph` of `udp_bridge.node.answers`).
+"""Who publishes and who listens, as ROS 1 tells it (a `Graph` of `udp_bridge.node.responses`).
 
 Rule: whoever is connected to this node is there, and nobody else: what is published before a
 connection stands is lost to him, and the master knows of nodes that died without a word.

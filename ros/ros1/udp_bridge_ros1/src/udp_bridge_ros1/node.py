@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node: an end of a bridge with ROS 1's publishers and subscriptions, and what it tells.
 
-Rule: it only reads parameters and wires; what the end does is in `udp_bridge.node.end`.
+Rule: it only reads parameters and wires; what the end does is in `udp_bridge.node.bridge_node`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Optional
 
 import rospy
 
-from udp_bridge.node.end import End, Settings
+from udp_bridge.node.bridge_node import End, Settings
 
 from .diagnostics import Diagnostics
 from .graph import Graph

@@ -18,12 +18,12 @@ import rospy
 
 from udp_bridge.node.message_class import message_class
 from udp_bridge.node.options import prefix_frames
-from udp_bridge.node.outlet import Publication
+from udp_bridge.node.publish_queue import Publication
 
 from .messages import kind
 
 if TYPE_CHECKING:
-    from udp_bridge.node.deliveries import Delivery
+    from udp_bridge.node.topic_qos import Delivery
     from udp_bridge.wire.header import Buffer
     from udp_bridge.wire.types import MessageType
 

@@ -10,8 +10,8 @@ import logging
 
 import rospy
 
-from udp_bridge.node.asking import Asking
-from udp_bridge.node.run import Run
+from udp_bridge.node.command_client import Asking
+from udp_bridge.node.run_control import Run
 from udp_bridge.node.triggers import triggers
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Callable, Deque, Tuple
 import rosgraph
 import rospy
 
-from udp_bridge.node.inlet import Subscription
+from udp_bridge.node.subscriptions import Subscription
 
 from .cdr import Malformed, Plan
 from .messages import kind

@@ -11,7 +11,7 @@ from udp_bridge.sender.accounts import Account
 from udp_bridge.wire.control import NO_AGE, TopicReport
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge.node.verdicts import (
+from udp_bridge.node.diagnostics import (
     BUFFER_HINT,
     ERROR,
     GOOD_BUFFER_BYTES,

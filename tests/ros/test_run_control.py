@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.node.asking import Unable
-from udp_bridge.node.run import Run
+from udp_bridge.node.command_client import Unable
+from udp_bridge.node.run_control import Run
 from udp_bridge.wire.run_commands import (
     ASK,
     PAUSE,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from udp_bridge_ros2.leftovers import MIN_AGE_S, SHARED_MEMORY, remove_leftovers
+from udp_bridge_ros2.stale_shared_memory import MIN_AGE_S, SHARED_MEMORY, remove_leftovers
 
 from .conftest import Ros
 

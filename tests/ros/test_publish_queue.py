@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from udp_bridge import Message
-from udp_bridge.node import outlet as module
-from udp_bridge.node.outlet import MAX_TOPICS, QUICK_SECONDS, Outlet
+from udp_bridge.node import publish_queue as module
+from udp_bridge.node.publish_queue import MAX_TOPICS, QUICK_SECONDS, Outlet
 
 from .waiting import wait_until
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge_ros2.outlet import Publishers
+from udp_bridge_ros2.publishers import Publishers
 
 SENDER = ("127.0.0.1", 1)
 

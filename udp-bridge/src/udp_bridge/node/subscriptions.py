@@ -21,9 +21,9 @@ from udp_bridge.wire.message import Address
 from udp_bridge.wire.typed import typed_prefix
 from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 
+from .leases import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 from .log import Log
 from .slots import Slot, given_back
-from .wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 
 Key = Tuple[int, str]
 """A msg_type and a topic."""

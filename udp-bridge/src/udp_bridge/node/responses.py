@@ -26,7 +26,7 @@ from typing import (
 if TYPE_CHECKING:
     from udp_bridge.wire.lockstep import Answer
 
-    from .inlet import Key
+    from .subscriptions import Key
 
 LOOK_S = 0.5
 """How often it is looked whether somebody who owes an answer is still there."""

@@ -12,7 +12,7 @@ from typing import Callable
 
 from udp_bridge.wire.run_commands import ASK, PAUSE, PAUSED, RESET, RESUME, STEP, WishAnswer
 
-from .asking import Asking, Unable
+from .command_client import Asking, Unable
 
 MAX_TICKS = 10**9
 POLL_S = 0.02

@@ -34,10 +34,10 @@ from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.typed import parse_typed
 from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 
-from .deliveries import Delivery, published
 from .log import Log
 from .message_class import NotInstalled
 from .slots import UNKNOWN, Slot, given_back
+from .topic_qos import Delivery, published
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph; see `slots`."""

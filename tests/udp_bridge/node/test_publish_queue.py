@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.node.outlet import QUICK_SECONDS, _Channel
+from udp_bridge.node.publish_queue import QUICK_SECONDS, _Channel
 from udp_bridge.wire.message import Message
 from udp_bridge.wire.types import MSG_TYPES
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.node.wishes import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+from udp_bridge.node.leases import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
 from udp_bridge.wire.control import Subscribe
 
 

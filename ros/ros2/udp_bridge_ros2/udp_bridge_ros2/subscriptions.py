@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from udp_bridge.node.inlet import Subscription
 from udp_bridge.node.message_class import message_class
+from udp_bridge.node.subscriptions import Subscription
 
-from . import topics
+from . import qos as topics
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -24,14 +24,15 @@ from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 
-from . import inlet, outlet
+from . import publish_queue as outlet
+from . import subscriptions as inlet
 from .addresses import DEFAULT_BIND, parse_address
-from .alive import Alive
-from .answers import Graph
-from .asking import Asking
+from .command_client import Asking
+from .liveness_file import Alive
 from .lockstep import Lockstep
 from .log import Log
 from .options import parse_datagram, parse_flag, parse_repair
+from .responses import Graph
 
 
 class Settings(NamedTuple):

@@ -11,10 +11,10 @@ import pytest
 
 from tests.ros.waiting import wait_until
 from udp_bridge import Link
-from udp_bridge.node import end as module
-from udp_bridge.node.end import End, Settings
-from udp_bridge.node.inlet import Subscription
-from udp_bridge.node.outlet import Publication
+from udp_bridge.node import bridge_node as module
+from udp_bridge.node.bridge_node import End, Settings
+from udp_bridge.node.publish_queue import Publication
+from udp_bridge.node.subscriptions import Subscription
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.types import SUBSCRIBE, type_number
 

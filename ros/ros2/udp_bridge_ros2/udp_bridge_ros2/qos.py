@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What DDS is told of each topic, beside what `udp_bridge.node.deliveries` says of it.
+"""What DDS is told of each topic, beside what `udp_bridge.node.topic_qos` says of it.
 
 Rule: nobody is left out. A DDS writer that offers `reliable` serves reliable and best-effort
 readers alike, one that offers best effort serves only the latter; a reader is the other way round.
@@ -19,7 +19,7 @@ from rclpy.qos import (
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from udp_bridge.node.deliveries import Delivery
+from udp_bridge.node.topic_qos import Delivery
 
 OVERRIDES = QoSOverridingOptions(
     [

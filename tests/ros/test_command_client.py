@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from udp_bridge.node.asking import HEARD_NANOS, Asking, Unable
+from udp_bridge.node.command_client import HEARD_NANOS, Asking, Unable
 from udp_bridge.wire.run_commands import PAUSE, PAUSED, RESET, RUNNING, Wish, WishAnswer
 
 GATEWAY = ("127.0.0.1", 7510)
