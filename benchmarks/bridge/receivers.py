@@ -75,7 +75,7 @@ def node(_: argparse.Namespace) -> None:
     from udp_bridge_ros2 import __main__ as start
     from udp_bridge_ros2 import node as module
 
-    class Telling(module.BridgeNode):
+    class Telling(module.Ros2Node):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
             print(self._end.link.address[1], flush=True)
@@ -84,7 +84,7 @@ def node(_: argparse.Namespace) -> None:
             publisher = super().create_publisher(*given, **more)
             return Publisher(publisher) if given[1] == TOPIC else publisher
 
-    setattr(module, "BridgeNode", Telling)  # noqa: B010
+    setattr(module, "Ros2Node", Telling)  # noqa: B010
     sys.exit(start.main(["--bind", "127.0.0.1:0"]))
 
 

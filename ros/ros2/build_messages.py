@@ -53,7 +53,7 @@ GENERATORS = (
 )
 
 
-class Unable(Exception):
+class BuildFailed(Exception):
     """The packages can't be built here; the text says what is missing."""
 
 
@@ -81,7 +81,7 @@ class InterfacePackage:
             return ElementTree.parse(path).getroot()
         except (OSError, ElementTree.ParseError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
-            raise Unable(f"{path} is no description of a package: {reason}") from None
+            raise BuildFailed(f"{path} is no description of a package: {reason}") from None
 
     @property
     def name(self) -> str:
@@ -151,13 +151,13 @@ PACKAGES = tuple(ROS_FOLDER / name for name in ("tf2_msgs", "groundlink_msgs"))
 
 
 def check_wheels(packages: Sequence[InterfacePackage]) -> None:
-    """Raise Unable, naming all that is missing, unless the ROS wheels are there."""
+    """Raise BuildFailed, naming all that is missing, unless the ROS wheels are there."""
     wheels = [*GENERATORS, *sorted({name for row in packages for name in row.dependencies})]
     missing = ["ros-" + name.replace("_", "-") for name in wheels if not _is_found(name)]
     if not _is_found("numpy"):
         missing.append("numpy")
     if missing:
-        raise Unable(f"these wheels are missing in {PREFIX}: {', '.join(missing)}")
+        raise BuildFailed(f"these wheels are missing in {PREFIX}: {', '.join(missing)}")
 
 
 def _is_found(module: str) -> bool:
@@ -165,7 +165,7 @@ def _is_found(module: str) -> bool:
 
 
 def check_tools() -> None:
-    """Raise Unable, naming all that is missing, unless C and C++ can be compiled here."""
+    """Raise BuildFailed, naming all that is missing, unless C and C++ can be compiled here."""
     missing = [
         f"{what} ({os.environ.get(variable, default)})"
         for variable, default, what in (
@@ -178,7 +178,7 @@ def check_tools() -> None:
     if not (Path(sysconfig.get_paths()["include"]) / "Python.h").is_file():
         missing.append("the headers of Python (Python.h)")
     if missing:
-        raise Unable("missing on this machine: " + ", ".join(missing))
+        raise BuildFailed("missing on this machine: " + ", ".join(missing))
 
 
 def generate(package: InterfacePackage, build: Path) -> None:
@@ -272,7 +272,7 @@ def compile_sources(package: InterfacePackage, build: Path) -> Path:
         )
         if done.returncode != 0:
             sys.stderr.write(done.stdout)
-            raise Unable(f"{package.name} does not compile: the output of CMake stands above")
+            raise BuildFailed(f"{package.name} does not compile: the output of CMake stands above")
     return libraries
 
 
@@ -325,7 +325,7 @@ def main(folders: Sequence[str]) -> int:
                 generate(package, build)
                 install(package, build, compile_sources(package, build))
             print(f"{package.name}: built and installed into {SITE_PACKAGES}")
-    except Unable as reason:
+    except BuildFailed as reason:
         print(f"build_messages: {reason}", file=sys.stderr)
         return 2
     return 0

@@ -31,7 +31,7 @@ with process_needs("gateway", "gateway"):
     from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
     from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket, buffer_hint
     from udp_bridge.wire.header import BadMessage
-    from udp_bridge.wire.keys import BadKey, Misfits, read_key
+    from udp_bridge.wire.keys import BadKey, RefusalHints, read_key
     from udp_bridge.wire.printable import printable
     from udp_bridge.wire.seal import TO_ROS
     from udp_bridge.wire.types import CONTROL
@@ -132,7 +132,7 @@ def _carry(
             kept.subscribe(gateway)
         else:
             kept.subscribe_in_order(gateway, scenario)
-        heartbeat, misfits = kept.heartbeat, Misfits()
+        heartbeat, misfits = kept.heartbeat, RefusalHints()
         following = _following(kept, gateway, link, words, scenario, emulated)
         while not stop.is_set():
             if arrived := following.listen(inbox):

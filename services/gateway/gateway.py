@@ -27,7 +27,7 @@ from groundlink.scenario import Scenario
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox
 from udp_bridge.io.link import Link
 from udp_bridge.wire import control
-from udp_bridge.wire.control import LinkReport, Subscribe, Wish, Word
+from udp_bridge.wire.control import BarrierReply, LinkReport, RunCommand, Subscribe
 from udp_bridge.wire.fragments import TooLarge
 from udp_bridge.wire.header import BadMessage as BadHeader
 from udp_bridge.wire.header import Refused
@@ -69,7 +69,7 @@ class Gateway:
         *,
         peer: Address,
         publish: Callable[[str, Message], object],
-        on_wish: Callable[[Wish], object] = lambda wish: None,
+        on_wish: Callable[[RunCommand], object] = lambda wish: None,
         words: ReplyMailbox | None = None,
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
@@ -274,10 +274,10 @@ class Gateway:
         said = control.parse(message.body)
         if sender != self.peer:
             # Whoever subscribes may report, but time is the peer's alone.
-            self.counts["refused"] += isinstance(said, Wish | Word)
-        elif isinstance(said, Word) and self._words is not None:
+            self.counts["refused"] += isinstance(said, RunCommand | BarrierReply)
+        elif isinstance(said, BarrierReply) and self._words is not None:
             self._words.say(said, message.topic)
-        elif isinstance(said, Wish):
+        elif isinstance(said, RunCommand):
             self._on_wish(said)
         elif isinstance(said, LinkReport):
             self._reports.link = said

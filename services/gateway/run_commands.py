@@ -23,8 +23,8 @@ from udp_bridge.wire.run_commands import (
     RUNNING,
     STEP,
     STOPPED,
-    Wish,
-    WishAnswer,
+    RunCommand,
+    RunCommandReply,
 )
 
 ANSWERS_KEPT = 256
@@ -56,20 +56,20 @@ class RunCommandQueue:
         self, ask: Callable[[AnyRunCommand | None], ControlAnswer], *, backlog: Callable[[], int]
     ) -> None:
         self._ask, self._backlog = ask, backlog
-        self._tell: Callable[[WishAnswer], object] | None = None
+        self._tell: Callable[[RunCommandReply], object] | None = None
         self._is_over = threading.Event()
-        self._waiting: queue.SimpleQueue[Wish | None] = queue.SimpleQueue()
-        self._answers: dict[int, WishAnswer | None] = {}
+        self._waiting: queue.SimpleQueue[RunCommand | None] = queue.SimpleQueue()
+        self._answers: dict[int, RunCommandReply | None] = {}
         """By number, from the moment on that a wish is taken."""
 
         self._thread = threading.Thread(target=self._run, name="wishes", daemon=True)
         self._thread.start()
 
-    def tell_by(self, tell: Callable[[WishAnswer], object]) -> None:
+    def tell_by(self, tell: Callable[[RunCommandReply], object]) -> None:
         """Say how the peer is told, from now on."""
         self._tell = tell
 
-    def take(self, wish: Wish) -> None:
+    def take(self, wish: RunCommand) -> None:
         """Take a wish of the peer; from the link's receiving thread, never blocks."""
         if wish.number in self._answers:
             answer = self._answers[wish.number]
@@ -93,15 +93,15 @@ class RunCommandQueue:
             if self._tell is not None:
                 self._tell(answer)
 
-    def _answer(self, wish: Wish) -> WishAnswer:
+    def _answer(self, wish: RunCommand) -> RunCommandReply:
         try:
             said = self._ask(
                 Step(wish.ticks) if wish.action == STEP else ON_THE_BUS.get(wish.action)
             )
         except UserError as problem:
             error = str(problem).encode()[:ERROR_BYTES].decode(errors="ignore")
-            return WishAnswer(wish.number, STOPPED, -1, error)
+            return RunCommandReply(wish.number, STOPPED, -1, error)
         looks = 0
         while self._backlog() and looks < BACKLOG_LOOKS and not self._is_over.wait(0.001):
             looks += 1
-        return WishAnswer(wish.number, PAUSED if said.paused else RUNNING, said.tick)
+        return RunCommandReply(wish.number, PAUSED if said.paused else RUNNING, said.tick)

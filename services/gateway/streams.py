@@ -19,20 +19,18 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.sensors import RepairBy
 from udp_bridge.sender.repair import Mode, parse_mode
-from udp_bridge.wire.lockstep import Answer
-from udp_bridge.wire.types import MSG_TYPES, type_number
+from udp_bridge.wire.lockstep import ExpectedResponse
+from udp_bridge.wire.types import NUMBER_OF_ROS_TYPE, type_number
 
 if TYPE_CHECKING:
     from .gateway import Gateway
 
 TF_MESSAGE = type_number("TFMessage")
 
-_NUMBER_OF = {row.ros_type: number for number, row in MSG_TYPES.items() if row.ros_type}
-
 
 def wire_type(message: type[Message], ros_type: str = "") -> int:
     """Return the wire's number of the ROS type that a message of the bus becomes, or is read of."""
-    return _NUMBER_OF[ros_type or ROS_CODECS[message].ros_type]
+    return NUMBER_OF_ROS_TYPE[ros_type or ROS_CODECS[message].ros_type]
 
 
 def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
@@ -65,7 +63,7 @@ def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:
     return table
 
 
-def answers(scenario: Scenario, gateway: Gateway) -> tuple[Answer, ...]:
+def answers(scenario: Scenario, gateway: Gateway) -> tuple[ExpectedResponse, ...]:
     """Return which topics ROS has to answer in lockstep.
 
     Raises
@@ -77,5 +75,6 @@ def answers(scenario: Scenario, gateway: Gateway) -> tuple[Answer, ...]:
         raise UserError(mistake)
     types = {wish.topic: wish.msg_type for wish in gateway.incoming}
     return tuple(
-        Answer(topic, of, types.get(topic, 0)) for topic, of in scenario.time.answers.items()
+        ExpectedResponse(topic, of, types.get(topic, 0))
+        for topic, of in scenario.time.answers.items()
     )

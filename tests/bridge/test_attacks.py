@@ -22,11 +22,11 @@ from udp_bridge.io import address_guard
 from udp_bridge.node import lockstep
 from udp_bridge.node import publish_queue as outlet
 from udp_bridge.node import subscriptions as inlet
-from udp_bridge.node.bridge_node import End, Settings
+from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.wire import address_validation
 from udp_bridge.wire.control import AddressChallenge, CreditRequest, Subscribe, parse
 from udp_bridge.wire.header import parse as parse_header
-from udp_bridge.wire.lockstep import Barrier, Sent
+from udp_bridge.wire.lockstep import Barrier, SentMessages
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
@@ -83,8 +83,10 @@ def ros() -> Ros:
 
 
 @contextmanager
-def ended(ros: Ros, **settings: str) -> Iterator[End]:
-    end = End(Settings(**({"bind": "127.0.0.1:0"} | settings)), ros, ros, ros, wake=lambda: None)
+def ended(ros: Ros, **settings: str) -> Iterator[BridgeNode]:
+    end = BridgeNode(
+        Settings(**({"bind": "127.0.0.1:0"} | settings)), ros, ros, ros, wake=lambda: None
+    )
     try:
         yield end
     finally:
@@ -92,7 +94,7 @@ def ended(ros: Ros, **settings: str) -> Iterator[End]:
 
 
 @contextmanager
-def attackers(end: End, count: int = 1) -> Iterator[list[Attacker]]:
+def attackers(end: BridgeNode, count: int = 1) -> Iterator[list[Attacker]]:
     made = [Attacker(("127.0.0.1", end.link.address[1])) for _ in range(count)]
     try:
         yield made
@@ -287,11 +289,11 @@ def test_barriers_of_strangers_do_not_shut_a_gateway_out(
             live.listen(0.05)
             return bool(live.drawn)
 
-        wait_until(is_served, "a Word")
+        wait_until(is_served, "a BarrierReply")
 
 
 def test_a_barrier_of_three_kilobytes_freezes_nothing(ros: Ros) -> None:
-    sent = tuple(Sent(TWIST, f"/{number}", 0, 0xFFFF) for number in range(255))
+    sent = tuple(SentMessages(TWIST, f"/{number}", 0, 0xFFFF) for number in range(255))
     with ended(ros) as end, attackers(end) as (one,):
         for tick in range(100):
             one.send(datagram(CONTROL, "", Barrier(1, tick, 100, sent).pack()))

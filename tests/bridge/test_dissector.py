@@ -21,10 +21,10 @@ from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.wire.fec import RAPTORQ
 from udp_bridge.wire.header import Buffer
-from udp_bridge.wire.lockstep import WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.lockstep import WAITING, Barrier, BarrierReply, ExpectedResponse, SentMessages
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.repair import Offer, Request, Symbol, parse_resend, parse_symbol
-from udp_bridge.wire.run_commands import PAUSED, STEP, Wish, WishAnswer
+from udp_bridge.wire.run_commands import PAUSED, STEP, RunCommand, RunCommandReply
 from udp_bridge.wire.seal import Seal
 from udp_bridge.wire.typed import pack_typed, parse_typed
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE, TYPED
@@ -197,27 +197,27 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
             2**64 - 1,
             -1,
             500,
-            (Sent(36, "/odóm", 2**32 - 1, 2),),
-            (Answer("/cmd_vel", "/clock", 9),),
+            (SentMessages(36, "/odóm", 2**32 - 1, 2),),
+            (ExpectedResponse("/cmd_vel", "/clock", 9),),
         ).pack(),
         "barrier",
         {"topics": 1, "answers": 1, "limit": 500, "life": 2**64 - 1, "tick": -1},
     ),
     (
         CONTROL,
-        Word(7, 2**53 + 1, WAITING, 3, (Sent(9, "/cmd_vel", 5, 1),)).pack(),
+        BarrierReply(7, 2**53 + 1, WAITING, 3, (SentMessages(9, "/cmd_vel", 5, 1),)).pack(),
         "word",
         {"topics": 1, "state": 1, "lost": 3, "life": 7, "tick": 2**53 + 1},
     ),
     (
         CONTROL,
-        Wish(2**63, STEP, 400).pack(),
+        RunCommand(2**63, STEP, 400).pack(),
         "wish",
         {"action": 3, "ticks": 400, "number": 2**63},
     ),
     (
         CONTROL,
-        WishAnswer(2**63, PAUSED, 400, "no próblem").pack(),
+        RunCommandReply(2**63, PAUSED, 400, "no próblem").pack(),
         "wish_answer",
         {"state": 2, "number": 2**63, "tick": 400, "error": "no próblem"},
     ),

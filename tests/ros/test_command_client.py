@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 import pytest
 
-from udp_bridge.node.command_client import HEARD_NANOS, Asking, Unable
-from udp_bridge.wire.run_commands import PAUSE, PAUSED, RESET, RUNNING, Wish, WishAnswer
+from udp_bridge.node.command_client import HEARD_NANOS, CommandFailed, RunCommandClient
+from udp_bridge.wire.run_commands import PAUSE, PAUSED, RESET, RUNNING, RunCommand, RunCommandReply
 
 GATEWAY = ("127.0.0.1", 7510)
 OTHER = ("127.0.0.1", 7520)
 
-Reply = Callable[[Wish, int], WishAnswer | None]
+Reply = Callable[[RunCommand, int], RunCommandReply | None]
 """Given a wish and how often it came before, what the gateway answers."""
 
 
@@ -22,20 +22,20 @@ class Gateway:
     """Stands for the link and the gateway behind it."""
 
     def __init__(self, reply: Reply) -> None:
-        self.wishes: list[tuple[Wish, tuple[str, int]]] = []
+        self.wishes: list[tuple[RunCommand, tuple[str, int]]] = []
         self.now_nanos = 0
         self._reply = reply
-        self.asking = Asking(self.send, patience_s=0.5, now_nanos=lambda: self.now_nanos)
+        self.asking = RunCommandClient(self.send, patience_s=0.5, now_nanos=lambda: self.now_nanos)
 
-    def send(self, wish: Wish, to: tuple[str, int]) -> None:
+    def send(self, wish: RunCommand, to: tuple[str, int]) -> None:
         before = sum(earlier.number == wish.number for earlier, _ in self.wishes)
         self.wishes.append((wish, to))
         if answer := self._reply(wish, before):
             self.asking.answered(answer, to)
 
 
-def paused(wish: Wish, before: int) -> WishAnswer:
-    return WishAnswer(wish.number, PAUSED, 7)
+def paused(wish: RunCommand, before: int) -> RunCommandReply:
+    return RunCommandReply(wish.number, PAUSED, 7)
 
 
 def test_a_wish_is_answered() -> None:
@@ -64,20 +64,22 @@ def test_each_wish_has_a_number_of_its_own_that_grows() -> None:
 
 
 def test_answers_to_others_and_of_others_count_for_nothing() -> None:
-    def reply(wish: Wish, before: int) -> None:
-        gateway.asking.answered(WishAnswer(wish.number + 1, RUNNING, 1), GATEWAY)
-        gateway.asking.answered(WishAnswer(wish.number, RUNNING, 1), OTHER)
+    def reply(wish: RunCommand, before: int) -> None:
+        gateway.asking.answered(RunCommandReply(wish.number + 1, RUNNING, 1), GATEWAY)
+        gateway.asking.answered(RunCommandReply(wish.number, RUNNING, 1), OTHER)
 
     gateway = Gateway(reply)
     gateway.asking.heard(GATEWAY)
-    with pytest.raises(Unable, match=r"the gateway at 127\.0\.0\.1:7510 was silent for 0\.5 s"):
+    with pytest.raises(
+        CommandFailed, match=r"the gateway at 127\.0\.0\.1:7510 was silent for 0\.5 s"
+    ):
         gateway.asking.ask(PAUSE)
 
 
 def test_why_it_could_not_be_done() -> None:
-    gateway = Gateway(lambda wish, _: WishAnswer(wish.number, RUNNING, 1, "physics is busy"))
+    gateway = Gateway(lambda wish, _: RunCommandReply(wish.number, RUNNING, 1, "physics is busy"))
     gateway.asking.heard(GATEWAY)
-    with pytest.raises(Unable, match=r"^physics is busy$"):
+    with pytest.raises(CommandFailed, match=r"^physics is busy$"):
         gateway.asking.ask(PAUSE)
 
 
@@ -94,7 +96,7 @@ def test_a_gateway_that_fell_silent_is_asked_where_no_other_is_there() -> None:
 
 def test_where_there_was_never_a_gateway() -> None:
     gateway = Gateway(paused)
-    with pytest.raises(Unable, match="no gateway was heard yet"):
+    with pytest.raises(CommandFailed, match="no gateway was heard yet"):
         gateway.asking.ask(PAUSE)
     assert gateway.wishes == []
 
@@ -111,7 +113,7 @@ def test_which_of_two_gateways_is_not_guessed() -> None:
     gateway = Gateway(paused)
     gateway.asking.heard(OTHER)
     gateway.asking.heard(GATEWAY)
-    with pytest.raises(Unable, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520; name one"):
+    with pytest.raises(CommandFailed, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520; name one"):
         gateway.asking.ask(PAUSE)
     assert gateway.wishes == []
 
@@ -119,6 +121,6 @@ def test_which_of_two_gateways_is_not_guessed() -> None:
 def test_nobody_waits_when_it_is_over() -> None:
     gateway = Gateway(lambda wish, before: gateway.asking.close())
     gateway.asking.heard(GATEWAY)
-    with pytest.raises(Unable, match="the bridge is ending"):
+    with pytest.raises(CommandFailed, match="the bridge is ending"):
         gateway.asking.ask(PAUSE)
     assert len(gateway.wishes) == 1

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.node.leases import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+from udp_bridge.node.leases import MAX_WAIT_NANOS, NANOS, Lease, Outgoing
 from udp_bridge.wire.control import Subscribe
 
 
@@ -11,8 +11,8 @@ def outgoing(number: int) -> Outgoing:
     return Outgoing("", None, bytes([number]))
 
 
-def wish(*, lease_s: int = 0, max_rate_hz: float = 0.0) -> Wish:
-    made = Wish()
+def wish(*, lease_s: int = 0, max_rate_hz: float = 0.0) -> Lease:
+    made = Lease()
     made.renew(Subscribe(9, lease_s=lease_s, max_rate_hz=max_rate_hz), 0)
     return made
 

@@ -19,8 +19,8 @@ from udp_bridge.node.diagnostics import (
     STALE,
     STALE_NANOS,
     WARN,
-    Verdict,
-    Verdicts,
+    NodeDiagnostics,
+    StatusRow,
 )
 
 COUNTS: dict[str, Any] = {
@@ -34,14 +34,14 @@ COUNTS: dict[str, Any] = {
 }
 
 
-def arriving(verdicts: Verdicts, now_nanos: int = 0, **changes: int) -> Verdict:
+def arriving(verdicts: NodeDiagnostics, now_nanos: int = 0, **changes: int) -> StatusRow:
     counts = dict.fromkeys(TopicReport._fields, 0) | {"msg_type": 2, "age_p50_nanos": 1_500_000}
     verdicts.begin()
     return verdicts.arriving("/imu", TopicReport(**(counts | changes)), "a:1", now_nanos)
 
 
 def test_a_loss_is_warned_of_once_and_named() -> None:
-    verdicts = Verdicts()
+    verdicts = NodeDiagnostics()
     assert arriving(verdicts, numbers=5, published=5).level == OK
     lost = arriving(verdicts, numbers=10, published=6, incomplete=1, late=1, dropped=1)
     assert (lost.level, lost.message) == (
@@ -52,10 +52,10 @@ def test_a_loss_is_warned_of_once_and_named() -> None:
 
 
 def test_a_subscriber_that_does_not_take_its_messages_is_named() -> None:
-    verdicts = Verdicts()
+    verdicts = NodeDiagnostics()
     report = TopicReport(**(dict.fromkeys(TopicReport._fields, 0) | {"msg_type": 2, "numbers": 9}))
 
-    def said(lost: dict[str, int]) -> Verdict:
+    def said(lost: dict[str, int]) -> StatusRow:
         verdicts.begin()
         return verdicts.arriving("/imu", report._replace(published=9), "a:1", 0, lost)
 
@@ -68,7 +68,7 @@ def test_a_subscriber_that_does_not_take_its_messages_is_named() -> None:
 
 
 def test_a_silent_topic_is_stale() -> None:
-    verdicts = Verdicts()
+    verdicts = NodeDiagnostics()
     arriving(verdicts, 7, numbers=5, published=5)
     assert arriving(verdicts, 6 + STALE_NANOS, numbers=5, published=5).level == OK
     assert arriving(verdicts, 7 + STALE_NANOS, numbers=5, published=5).level == STALE
@@ -77,7 +77,7 @@ def test_a_silent_topic_is_stale() -> None:
 
 def test_the_values_of_a_topic_add_up() -> None:
     values = arriving(
-        Verdicts(), numbers=30, published=9, dropped=2, incomplete=3, late=4, pending=5
+        NodeDiagnostics(), numbers=30, published=9, dropped=2, incomplete=3, late=4, pending=5
     ).values
     parts = ("delivered", "missing", "incomplete", "late", "dropped", "waiting")
     assert int(values["sent"]) == sum(int(values[part]) for part in parts) == 30
@@ -87,7 +87,7 @@ def test_the_values_of_a_topic_add_up() -> None:
 
 def test_a_topic_that_leaves() -> None:
     account = Account(9, "/cmd_vel", 10, 480, 2, 5, 1, 1, 1, 1, 1, 0, 240, None)
-    verdict = Verdicts().leaving(account, "a:1", 0)
+    verdict = NodeDiagnostics().leaving(account, "a:1", 0)
     parts = ("delivered", "missing", "incomplete", "late", "dropped", "in flight")
     assert int(verdict.values["sent"]) == sum(int(verdict.values[part]) for part in parts)
     assert (verdict.level, verdict.values["age p99 (ms)"]) == (WARN, "")
@@ -123,7 +123,7 @@ def report_of(kind: int) -> TopicReport:
 
 
 def leaving(*reported: str) -> dict[str, tuple[int, str, str, str]]:
-    judged = Verdicts().all_of(SilentPeer(*reported), 0)  # type: ignore[arg-type]
+    judged = NodeDiagnostics().all_of(SilentPeer(*reported), 0)  # type: ignore[arg-type]
     return {
         row.name: (row.level, row.message, row.values["missing"], row.values["in flight"])
         for row in judged
@@ -139,9 +139,9 @@ def test_what_a_peer_never_reports_is_not_lost() -> None:
 
 
 def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:
-    verdicts = Verdicts()
+    verdicts = NodeDiagnostics()
 
-    def link(**changes: Any) -> Verdict:
+    def link(**changes: Any) -> StatusRow:
         verdicts.begin()
         return verdicts.link(COUNTS | changes, GOOD_BUFFER_BYTES)
 
@@ -158,7 +158,7 @@ def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:
 
 
 def test_a_small_receive_buffer_is_warned_of_with_how_to_raise_it() -> None:
-    verdict = Verdicts().link(COUNTS, GOOD_BUFFER_BYTES - 1)
+    verdict = NodeDiagnostics().link(COUNTS, GOOD_BUFFER_BYTES - 1)
     assert verdict.level == WARN
     assert verdict.values["hint"] == BUFFER_HINT
     assert BUFFER_HINT in verdict.message

@@ -11,12 +11,12 @@ import pytest
 
 from udp_bridge import Message
 from udp_bridge.node import publish_queue as module
-from udp_bridge.node.publish_queue import MAX_TOPICS, QUICK_SECONDS, Outlet
+from udp_bridge.node.publish_queue import MAX_TOPICS, QUICK_SECONDS, PublishQueue
 
 from .waiting import wait_until
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge_ros2.publishers import Publishers
+from udp_bridge_ros2.publishers import Ros2Publishers
 
 SENDER = ("127.0.0.1", 1)
 
@@ -45,7 +45,7 @@ def body(number: int, size: int = 1) -> bytes:
     return b"\x00\x01\x00\x00" + bytes([number]) * size
 
 
-def put(outlet: Outlet, msg_type: int, topic: str, number: int, size: int = 1) -> None:
+def put(outlet: PublishQueue, msg_type: int, topic: str, number: int, size: int = 1) -> None:
     message = Message(msg_type, topic, "", 0, 0, body(number, size))
     outlet.put(message, SENDER)
 
@@ -62,7 +62,7 @@ def put(outlet: Outlet, msg_type: int, topic: str, number: int, size: int = 1) -
 )
 def test_while_publishing_stalls(msg_type: int, size: int, published: list[int]) -> None:
     node = Node()
-    outlet = Outlet(Publishers(node))  # type: ignore[arg-type]
+    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     put(outlet, msg_type, "/topic", 0, size)
     assert node.is_publishing.wait(10.0)
     for number in range(1, 10):
@@ -78,7 +78,7 @@ def test_while_publishing_stalls(msg_type: int, size: int, published: list[int])
 def test_topics_are_bounded() -> None:
     node = Node()
     node.may_publish.set()
-    outlet = Outlet(Publishers(node))  # type: ignore[arg-type]
+    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     for number in range(MAX_TOPICS + 5):
         put(outlet, 2, f"/topic{number}", 0)
     wait_until(lambda: outlet.published == MAX_TOPICS, "all that has a topic")
@@ -114,7 +114,7 @@ def node(monkeypatch: pytest.MonkeyPatch) -> QuickNode:
 
 
 def test_messages_of_a_quick_topic_are_published_where_they_come(node: QuickNode) -> None:
-    outlet = Outlet(Publishers(node))  # type: ignore[arg-type]
+    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     here = threading.current_thread().name
 
     def publish(number: int, size: int = 1, msg_type: int = 2, topic: str = "/topic") -> str:
@@ -140,7 +140,7 @@ def test_messages_of_a_quick_topic_are_published_where_they_come(node: QuickNode
 
 
 def test_nothing_overtakes_what_waits_or_is_being_published(node: QuickNode) -> None:
-    outlet = Outlet(Publishers(node))  # type: ignore[arg-type]
+    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     put(outlet, 2, "/topic", 0)
     wait_until(lambda: outlet.published == 1, "the first, which creates the publisher")
     wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
@@ -159,7 +159,7 @@ def test_nothing_overtakes_what_waits_or_is_being_published(node: QuickNode) -> 
 
 
 def test_nothing_overtakes_what_is_about_to_be_taken(node: QuickNode) -> None:
-    outlet = Outlet(Publishers(node))  # type: ignore[arg-type]
+    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     put(outlet, 2, "/topic", 0)
     wait_until(lambda: outlet.published == 1, "the first, which creates the publisher")
     (channel,) = outlet._channels.values()
@@ -174,7 +174,7 @@ def test_nothing_overtakes_what_is_about_to_be_taken(node: QuickNode) -> None:
 
 def test_what_ros_refuses_is_counted_where_it_comes(node: QuickNode) -> None:
     fates: list[bool] = []
-    outlet = Outlet(Publishers(node), lambda *fate: fates.append(fate[2]))  # type: ignore[arg-type]
+    outlet = PublishQueue(Ros2Publishers(node), lambda *fate: fates.append(fate[2]))  # type: ignore[arg-type]
     put(outlet, 2, "/topic", 0)
     wait_until(lambda: fates == [True], "the first, which creates the publisher")
     wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")

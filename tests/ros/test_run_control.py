@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.node.command_client import Unable
-from udp_bridge.node.run_control import Run
+from udp_bridge.node.command_client import CommandFailed
+from udp_bridge.node.run_control import RunControl
 from udp_bridge.wire.run_commands import (
     ASK,
     PAUSE,
@@ -15,12 +15,12 @@ from udp_bridge.wire.run_commands import (
     RESUME,
     RUNNING,
     STEP,
-    WishAnswer,
+    RunCommandReply,
 )
 
 
 class Simulator:
-    """Stands for `Asking` and all behind it: each question finds it some ticks further."""
+    """A stand-in for `RunCommandClient`: the run advances some ticks between two queries."""
 
     def __init__(self, *, ticks_a_question: int = 3) -> None:
         self.tick, self.left = 100, 0
@@ -28,7 +28,7 @@ class Simulator:
         self.asked: list[int] = []
         self._pace = ticks_a_question
 
-    def ask(self, action: int, ticks: int = 0) -> WishAnswer:
+    def ask(self, action: int, ticks: int = 0) -> RunCommandReply:
         self.asked.append(action)
         if action == STEP:
             self.left = ticks
@@ -39,11 +39,11 @@ class Simulator:
         elif action == ASK:
             self.tick += self._pace if self.is_running else min(self._pace, self.left)
             self.left = max(0, self.left - self._pace)
-        return WishAnswer(0, RUNNING if self.is_running or self.left else PAUSED, self.tick)
+        return RunCommandReply(0, RUNNING if self.is_running or self.left else PAUSED, self.tick)
 
 
-def run_of(simulator: Simulator) -> Run:
-    return Run(simulator, standstill_s=0.1)  # type: ignore[arg-type]
+def run_of(simulator: Simulator) -> RunControl:
+    return RunControl(simulator, standstill_s=0.1)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("ticks", [1, 3, 10])
@@ -64,7 +64,7 @@ def test_a_stopped_run_is_paused_before_it_is_reset() -> None:
 @pytest.mark.parametrize("ticks", [-1, 0, 10**9 + 1])
 def test_steps_that_are_none(ticks: int) -> None:
     simulator = Simulator()
-    with pytest.raises(Unable, match=f"{ticks} steps: expected 1 to 1000000000"):
+    with pytest.raises(CommandFailed, match=f"{ticks} steps: expected 1 to 1000000000"):
         run_of(simulator).step(ticks)
     assert STEP not in simulator.asked
 
@@ -72,7 +72,7 @@ def test_steps_that_are_none(ticks: int) -> None:
 def test_a_run_that_is_not_paused_is_not_stepped() -> None:
     simulator = Simulator()
     simulator.is_running = True
-    with pytest.raises(Unable, match="running at tick 103; pause it first"):
+    with pytest.raises(CommandFailed, match="running at tick 103; pause it first"):
         run_of(simulator).step(1)
     assert STEP not in simulator.asked
 
@@ -80,11 +80,11 @@ def test_a_run_that_is_not_paused_is_not_stepped() -> None:
 @pytest.mark.parametrize("action", [PAUSE, RESUME, RESET])
 def test_somebody_else_meddles(action: int) -> None:
     simulator = Simulator()
-    with pytest.raises(Unable, match="somebody else meddled with the steps: the run is"):
+    with pytest.raises(CommandFailed, match="somebody else meddled with the steps: the run is"):
         run_of(simulator).step(30, told=lambda done: done > 9 and simulator.ask(action))
 
 
 def test_physics_is_held_up() -> None:
     simulator = Simulator(ticks_a_question=0)
-    with pytest.raises(Unable, match=r"stood at tick 100 for 0\.1 s, with 30 steps to go"):
+    with pytest.raises(CommandFailed, match=r"stood at tick 100 for 0\.1 s, with 30 steps to go"):
         run_of(simulator).step(30)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from udp_bridge import Link, Message
 from udp_bridge.wire import control
-from udp_bridge.wire.control import Subscribe, Wish, WishAnswer
+from udp_bridge.wire.control import RunCommand, RunCommandReply, Subscribe
 from udp_bridge.wire.run_commands import PAUSED, STEP
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
@@ -27,7 +27,7 @@ class Simulator:
 
     def __init__(self, node: Address, *, is_silent: bool = False) -> None:
         self.node = node
-        self.wishes: list[Wish] = []
+        self.wishes: list[RunCommand] = []
         self._is_silent = is_silent
         self._is_over = threading.Event()
         self.link = Link(("127.0.0.1", 0), on_message=self._on_message)
@@ -40,11 +40,13 @@ class Simulator:
             self.link.send(SUBSCRIBE, "/cmd_vel", "", time.time_ns(), subscribe, self.node)
 
     def _on_message(self, message: Message, sender: Address) -> None:
-        if message.msg_type == CONTROL and isinstance(wish := control.parse(message.body), Wish):
+        if message.msg_type == CONTROL and isinstance(
+            wish := control.parse(message.body), RunCommand
+        ):
             self.wishes.append(wish)
             if not self._is_silent:
                 ticks = sum({wish.number: wish.ticks for wish in self.wishes}.values())
-                answer = WishAnswer(wish.number, PAUSED, ticks)
+                answer = RunCommandReply(wish.number, PAUSED, ticks)
                 self.link.send(CONTROL, "", "", time.time_ns(), answer.pack(), sender)
 
     def close(self) -> None:

@@ -13,11 +13,11 @@ from rosbags.interfaces import Nodetype
 
 from groundlink.recording.ros1 import NOETIC, body
 from groundlink.ros.types import STORE
-from udp_bridge import MSG_TYPES
-from udp_bridge_ros1.cdr import Malformed, Plan
+from udp_bridge.wire.types import NUMBER_OF_ROS_TYPE
+from udp_bridge_ros1.cdr import ConversionPlan, MalformedMessage
 
-TYPES = sorted(row.ros_type for row in MSG_TYPES.values() if row.ros_type is not None)
-PLANS = {name: Plan(NOETIC.generate_msgdef(name, ros_version=1)[0]) for name in TYPES}
+TYPES = sorted(NUMBER_OF_ROS_TYPE)
+PLANS = {name: ConversionPlan(NOETIC.generate_msgdef(name, ros_version=1)[0]) for name in TYPES}
 ADDED_BYTES = {"sensor_msgs/msg/Range": 4}
 """What ROS 2 has at a type's end and ROS 1 has not."""
 INTEGERS = {f"{u}int{bits}": (u, bits) for u in ("", "u") for bits in (8, 16, 32, 64)}
@@ -85,8 +85,8 @@ def test_both_ways_are_rosbags_to_the_byte(name: str, data: st.DataObject) -> No
     assert cdr.startswith(back)
     assert len(cdr) - len(back) == ADDED_BYTES.get(name, 0)
     for cut in (len(back) - 1, len(back) // 2, 5):
-        with pytest.raises(Malformed):
+        with pytest.raises(MalformedMessage):
             plan.to_ros1(cdr[:cut])
     for wrong in (ros1[:-1], ros1 + b"\0"):
-        with pytest.raises(Malformed):
+        with pytest.raises(MalformedMessage):
             plan.to_cdr(wrong)

@@ -97,7 +97,7 @@ def reasons_in(path: Path) -> set[str]:
         ("Each answer is told in", 4),
         ("**Kind 5, Word**", 24),
         ("**Kind 6, Wish**", 16),
-        ("**Kind 7, WishAnswer**", 24),
+        ("**Kind 7, RunCommandReply**", 24),
         ("**Kind 8, AddressChallenge**", 16),
         ("**Kind 9, AddressResponse**", 16),
         ("**The cookie**", 12),

@@ -198,7 +198,7 @@ local SEAL = layout("sealed", {
 })
 field("control.kind", u8, "Kind of control", base.DEC,
     {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest",
-     [4] = "Barrier", [5] = "Word", [6] = "Wish", [7] = "WishAnswer",
+     [4] = "Barrier", [5] = "Word", [6] = "Wish", [7] = "RunCommandReply",
      [8] = "AddressChallenge", [9] = "AddressResponse"})
 field("sent.topic", ProtoField.string, "Topic", base.UNICODE)
 field("answer.msg_type", u8, "Type of the answers (0: any)", base.DEC, TYPE_NAMES)

@@ -6,9 +6,9 @@ every run. At such a tick physics stands still until it is acknowledged here. Al
 all sensors have acknowledged that tick and nothing waits for the link: a sensor's readings and its
 acknowledgement take one way over the bus and wait in one inbox, so none overtakes the other; what
 physics publishes at a tick goes before the state that sensors answer to. Then a Barrier tells ROS
-what was sent, and is repeated until its Word has come with all commands that this tells of. They
-are stamped with the tick, and the acknowledgement says so, so that all of them act in the next one.
-Who says there that he has begun since then gets all of it again, and is asked again.
+what was sent, and is repeated until its BarrierReply has come with all commands that this tells of.
+They are stamped with the tick, and the acknowledgement says so, so that all of them act in the next
+one. Who says there that he has begun since then gets all of it again, and is asked again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from groundlink.scenario import Scenario
 from services.gateway.streams import answers
 from udp_bridge.receiver.gathering import Tally
 from udp_bridge.sender.repair import Resend
-from udp_bridge.wire.lockstep import ANEW, DONE, Barrier, Sent, Word
+from udp_bridge.wire.lockstep import DONE, RESTARTED, Barrier, BarrierReply, SentMessages
 from udp_bridge.wire.types import CONTROL
 
 from .reply_mailbox import ReplyMailbox
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from udp_bridge.wire.message import Message as WireMessage
 
 REPEAT_SECONDS = 0.02
-"""How long a Word may take before its Barrier is sent again."""
+"""How long a BarrierReply may take before its Barrier is sent again."""
 
 REMIND_SECONDS = 1.0
 """How often a Barrier that was answered is sent again: so the ROS side knows that time stands."""
@@ -91,7 +91,7 @@ class Lockstep:
         self._told_of: list[ToRos] = []
         """What the present Barrier tells of."""
         self._resumed: Resumed | None = None
-        self._told: tuple[Word, Sequence[WireMessage]] | None = None
+        self._told: tuple[BarrierReply, Sequence[WireMessage]] | None = None
         self._backoff, self._is_news = Backoff(0.0), True
         self._due: Clock | None = None
         self._last: Barrier | None = None
@@ -177,7 +177,7 @@ class Lockstep:
             self._forwarded += self._gateway.forward(key, message, self._link)
             self._link.flush(FLUSH_SECONDS)
 
-    def _sent(self) -> tuple[Sent, ...]:
+    def _sent(self) -> tuple[SentMessages, ...]:
         """Return what was sent to ROS since this was asked last."""
         left = self._link.left(self._gateway.peer)
         sent = self._tally.since({k: n for k, n in left.items() if k in self._gateway.places})
@@ -218,7 +218,7 @@ class Lockstep:
     def _look_for_word(self, now_seconds: float) -> None:
         assert self._last is not None
         said = self._words.of(self._last.life, self._last.tick)
-        if said is not None and said[0].state == ANEW:
+        if said is not None and said[0].state == RESTARTED:
             self._send_again(now_seconds)
         if said is None or said[0].state != DONE:
             return
@@ -257,7 +257,7 @@ class Lockstep:
         self._last = self._last._replace(sent=self._sent())
         self._send(now_seconds)
 
-    def _tell_physics(self, word: Word, messages: Sequence[WireMessage]) -> None:
+    def _tell_physics(self, word: BarrierReply, messages: Sequence[WireMessage]) -> None:
         for message in messages:
             taken = self._gateway.take(message)
             if taken is not None and isinstance(taken[1], Command):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ROS has said in lockstep: its newest Word, and what waits until a Word tells of it.
+"""Replies of ROS in lockstep: the newest BarrierReply, and messages that wait for one.
 
 Rule: the link's receiving thread puts in, the main one takes out; nothing is decided here.
 """
@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from udp_bridge.receiver.gathering import Gathering
-from udp_bridge.wire.lockstep import ANEW, WAITING, Sent, Word
+from udp_bridge.wire.lockstep import RESTARTED, WAITING, BarrierReply, SentMessages
 from udp_bridge.wire.message import Message
 
 
@@ -21,18 +21,18 @@ class ReplyMailbox:
         self._came = threading.Condition()
         self._is_news = False
         self._gathering = Gathering()
-        self._word: tuple[Word, str] | None = None
+        self._word: tuple[BarrierReply, str] | None = None
 
     def put(self, message: Message) -> None:
-        """Take a message that a Word will tell of."""
+        """Take a message that a BarrierReply will tell of."""
         with self._came:
             self._gathering.put(message)
             self._notify()
 
-    def say(self, word: Word, topic: str) -> None:
-        """Take a Word and the topic in its header."""
+    def say(self, word: BarrierReply, topic: str) -> None:
+        """Take a BarrierReply and the topic in its header."""
         with self._came:
-            if word.state == ANEW:
+            if word.state == RESTARTED:
                 self._gathering.take_all()  # of a predecessor, whose numbers come again
             self._word = word, topic
             self._notify()
@@ -44,8 +44,8 @@ class ReplyMailbox:
                 self._came.wait(seconds)
             self._is_news = False
 
-    def of(self, life: int, tick: int) -> tuple[Word, str] | None:
-        """Return the newest Word and its topic if it is of this tick."""
+    def of(self, life: int, tick: int) -> tuple[BarrierReply, str] | None:
+        """Return the newest BarrierReply and its topic if it is of this tick."""
         with self._came:
             word = self._word
         return word if word is not None and (word[0].life, word[0].tick) == (life, tick) else None
@@ -59,16 +59,16 @@ class ReplyMailbox:
         word, topic = said
         if word.state == WAITING:
             return f"{node} waits for {topic} since the barrier of tick {tick}"
-        if word.state == ANEW:
+        if word.state == RESTARTED:
             return f"{node} was started anew and has not got again what was sent to tick {tick}"
         return f"{node} and the gateway lack messages of each other since tick {tick}"
 
-    def missing(self, sent: Sequence[Sent]) -> int:
+    def missing(self, sent: Sequence[SentMessages]) -> int:
         """Return how many of these messages are still on their way."""
         with self._came:
             return self._gathering.missing(sent)
 
-    def take(self, sent: Sequence[Sent]) -> list[Message]:
+    def take(self, sent: Sequence[SentMessages]) -> list[Message]:
         """Return those of these messages that are here, in their order."""
         with self._came:
             return self._gathering.take(sent)

@@ -39,7 +39,7 @@ from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
 from udp_bridge.sender.accounts import Account
 from udp_bridge.wire import run_commands as wishing
-from udp_bridge.wire.control import LinkReport, Subscribe, TopicReport, Wish
+from udp_bridge.wire.control import LinkReport, RunCommand, Subscribe, TopicReport
 from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
@@ -85,7 +85,7 @@ class Bench:
 
     def __init__(self, scenario: Scenario | None = None) -> None:
         self.commands: list[tuple[str, Message]] = []
-        self.wishes: list[Wish] = []
+        self.wishes: list[RunCommand] = []
         self.link = RecordingLink()
         self.gateway = Gateway(
             scenario or load(SHIPPED / "indoor_lab.yaml"),
@@ -419,11 +419,11 @@ def test_a_clock_that_is_off_repeats_nothing_and_stands_on_the_wire() -> None:
 
 
 def test_only_the_peer_may_wish_something_of_the_run(bench: Bench) -> None:
-    bench.hear(CONTROL, "", Wish(5, wishing.RESET).pack(), STRANGER)
+    bench.hear(CONTROL, "", RunCommand(5, wishing.RESET).pack(), STRANGER)
     assert bench.wishes == []
     assert bench.gateway.counts["refused"] == 1
-    bench.hear(CONTROL, "", Wish(6, wishing.RESET).pack())
-    assert bench.wishes == [Wish(6, wishing.RESET)]
+    bench.hear(CONTROL, "", RunCommand(6, wishing.RESET).pack())
+    assert bench.wishes == [RunCommand(6, wishing.RESET)]
     assert bench.gateway.counts["refused"] == 1
 
 

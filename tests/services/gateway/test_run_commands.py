@@ -18,7 +18,7 @@ from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, RunComma
 from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.wire import run_commands as wishing
-from udp_bridge.wire.run_commands import PAUSED, RUNNING, STOPPED, Wish, WishAnswer
+from udp_bridge.wire.run_commands import PAUSED, RUNNING, STOPPED, RunCommand, RunCommandReply
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL
 
@@ -28,7 +28,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.asked: list[AnyRunCommand | None] = []
-        self.told: list[WishAnswer] = []
+        self.told: list[RunCommandReply] = []
         self.error = ""
         self.answers = threading.Event()
         self.answers.set()
@@ -44,7 +44,7 @@ class Bench:
             raise UserError(self.error)
         return ControlAnswer("", 40 + len(self.asked), paused=isinstance(wish, Pause))
 
-    def _tell(self, answer: WishAnswer) -> None:
+    def _tell(self, answer: RunCommandReply) -> None:
         with self._told:
             self.told.append(answer)
             self._told.notify_all()
@@ -65,27 +65,27 @@ def bench() -> Iterator[Bench]:
 @pytest.mark.parametrize(
     ("wish", "on_the_bus", "state"),
     [
-        (Wish(5, wishing.ASK), None, RUNNING),
-        (Wish(5, wishing.PAUSE), Pause(), PAUSED),
-        (Wish(5, wishing.RESUME), Resume(), RUNNING),
-        (Wish(5, wishing.STEP, 7), Step(7), RUNNING),
-        (Wish(5, wishing.RESET), Reset(), RUNNING),
+        (RunCommand(5, wishing.ASK), None, RUNNING),
+        (RunCommand(5, wishing.PAUSE), Pause(), PAUSED),
+        (RunCommand(5, wishing.RESUME), Resume(), RUNNING),
+        (RunCommand(5, wishing.STEP, 7), Step(7), RUNNING),
+        (RunCommand(5, wishing.RESET), Reset(), RUNNING),
     ],
 )
 def test_what_is_wished_and_answered(
-    bench: Bench, wish: Wish, on_the_bus: AnyRunCommand | None, state: int
+    bench: Bench, wish: RunCommand, on_the_bus: AnyRunCommand | None, state: int
 ) -> None:
     bench.wishes.take(wish)
     bench.wait(lambda: len(bench.told) == 1)
     assert bench.asked == [on_the_bus]
-    assert bench.told == [WishAnswer(5, state, 41)]
+    assert bench.told == [RunCommandReply(5, state, 41)]
 
 
 def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
     for _ in range(3):
-        bench.wishes.take(Wish(5, wishing.RESET))
+        bench.wishes.take(RunCommand(5, wishing.RESET))
     bench.wait(lambda: len(bench.told) == 1)
-    bench.wishes.take(Wish(5, wishing.RESET))
+    bench.wishes.take(RunCommand(5, wishing.RESET))
     bench.wait(lambda: len(bench.told) == 2)
     assert bench.asked == [Reset()]
     assert bench.told[0] == bench.told[1]
@@ -94,7 +94,7 @@ def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
 def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Bench) -> None:
     bench.answers.clear()
     for number in (5, 5, 6, 5):
-        bench.wishes.take(Wish(number, wishing.RESET))  # returns while physics is silent
+        bench.wishes.take(RunCommand(number, wishing.RESET))  # returns while physics is silent
     assert bench.told == []
     bench.answers.set()
     bench.wait(lambda: len(bench.told) == 2)
@@ -104,9 +104,9 @@ def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Benc
 
 def test_why_it_could_not_be_done(bench: Bench) -> None:
     bench.error = "physics of run `lab` does not answer " + 2000 * "ä"
-    bench.wishes.take(Wish(5, wishing.PAUSE))
+    bench.wishes.take(RunCommand(5, wishing.PAUSE))
     bench.wait(lambda: len(bench.told) == 1)
-    answer = WishAnswer.parse(bench.told[0].pack())
+    answer = RunCommandReply.parse(bench.told[0].pack())
     assert (answer.state, answer.tick) == (STOPPED, -1)
     assert answer.error.startswith("physics of run `lab` does not answer ä")
 
@@ -115,7 +115,7 @@ def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
     bench.backlog = 3
     began = threading.Timer(0.1, lambda: setattr(bench, "backlog", 0))
     began.start()
-    bench.wishes.take(Wish(5, wishing.PAUSE))
+    bench.wishes.take(RunCommand(5, wishing.PAUSE))
     bench.wait(lambda: len(bench.told) == 1)
     assert bench.backlog == 0
     began.join()
@@ -123,14 +123,14 @@ def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
 
 def test_so_many_wait_and_no_more(bench: Bench) -> None:
     bench.answers.clear()
-    bench.wishes.take(Wish(0, wishing.PAUSE))
+    bench.wishes.take(RunCommand(0, wishing.PAUSE))
     while not bench.asked:  # until it is with physics and waits no longer
         time.sleep(0.001)
     for number in range(1, WISHES_WAITING + 10):
-        bench.wishes.take(Wish(number, wishing.PAUSE))
+        bench.wishes.take(RunCommand(number, wishing.PAUSE))
     bench.answers.set()
     bench.wait(lambda: len(bench.told) == WISHES_WAITING + 1)
-    bench.wishes.take(Wish(5000, wishing.PAUSE))
+    bench.wishes.take(RunCommand(5000, wishing.PAUSE))
     bench.wait(lambda: bench.told[-1].number == 5000)
     assert [answer.number for answer in bench.told[:-1]] == list(range(WISHES_WAITING + 1))
 
@@ -138,17 +138,17 @@ def test_so_many_wait_and_no_more(bench: Bench) -> None:
 def test_what_is_kept_is_bounded(bench: Bench) -> None:
     bench.answers.clear()
     for number in range(1000):
-        bench.wishes.take(Wish(number, wishing.PAUSE))
+        bench.wishes.take(RunCommand(number, wishing.PAUSE))
     bench.answers.set()
     bench.wait(lambda: len(bench.told) >= WISHES_WAITING)
     assert len(bench.told) <= WISHES_WAITING + 1  # one is with physics
     first = bench.told[0].number
     for number in range(2000, 2000 + ANSWERS_KEPT):
         sent = len(bench.told)
-        bench.wishes.take(Wish(number, wishing.PAUSE))
+        bench.wishes.take(RunCommand(number, wishing.PAUSE))
         bench.wait(lambda sent=sent: len(bench.told) > sent)  # type: ignore[misc]
     asked = len(bench.asked)
-    bench.wishes.take(Wish(first, wishing.PAUSE))
+    bench.wishes.take(RunCommand(first, wishing.PAUSE))
     bench.wait(lambda: bench.told[-1].number == first)
     assert len(bench.asked) == asked + 1, "it was forgotten"
 
@@ -162,7 +162,7 @@ def test_a_wish_without_the_key_or_from_elsewhere_does_not_get_in(tmp_path: Path
     all_came = threading.Event()
 
     def on_message(message: Message, sender: object) -> None:
-        came.append(Wish.parse(message.body).number)
+        came.append(RunCommand.parse(message.body).number)
         if came[-1] == 3:
             all_came.set()
 
@@ -173,7 +173,7 @@ def test_a_wish_without_the_key_or_from_elsewhere_does_not_get_in(tmp_path: Path
         friend = open_socket(anywhere, secret=secret, sends=FROM_ROS)
         for number, socket in ((1, None), (2, elsewhere), (3, friend)):
             with Link(anywhere, socket=socket) as link:
-                body = Wish(number, wishing.RESET).pack()
+                body = RunCommand(number, wishing.RESET).pack()
                 link.send(CONTROL, "", "", time.time_ns(), body, gateway.address)
                 assert link.flush(5)
         assert all_came.wait(10)

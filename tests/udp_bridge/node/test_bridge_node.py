@@ -12,7 +12,7 @@ import pytest
 from tests.ros.waiting import wait_until
 from udp_bridge import Link
 from udp_bridge.node import bridge_node as module
-from udp_bridge.node.bridge_node import End, Settings
+from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.node.publish_queue import Publication
 from udp_bridge.node.subscriptions import Subscription
 from udp_bridge.wire.control import Subscribe
@@ -69,8 +69,10 @@ def ros() -> Ros:
     return Ros()
 
 
-def made(ros: Any, **settings: str) -> End:
-    return End(Settings(**{"bind": "127.0.0.1:0"} | settings), ros, ros, ros, wake=lambda: None)
+def made(ros: Any, **settings: str) -> BridgeNode:
+    return BridgeNode(
+        Settings(**{"bind": "127.0.0.1:0"} | settings), ros, ros, ros, wake=lambda: None
+    )
 
 
 def test_what_comes_before_all_is_there_waits_for_it(

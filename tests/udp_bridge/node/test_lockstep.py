@@ -11,15 +11,23 @@ import pytest
 
 from udp_bridge import Message
 from udp_bridge.node import lockstep
-from udp_bridge.node.lockstep import GIVE_UP_S, SETTLE_S, Lockstep
+from udp_bridge.node.lockstep import GIVE_UP_S, SETTLE_S, BarrierResponder
 from udp_bridge.wire import control
-from udp_bridge.wire.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.lockstep import (
+    DONE,
+    RESTARTED,
+    WAITING,
+    Barrier,
+    BarrierReply,
+    ExpectedResponse,
+    SentMessages,
+)
 from udp_bridge.wire.types import CONTROL, type_number
 
 GATEWAY = ("127.0.0.1", 7510)
 LIFE = 77
 ODOM, CLOCK, TWIST = map(type_number, ("Odometry", "Clock", "Twist"))
-ANSWERS = (Answer("/cmd_vel", "/odom", TWIST),)
+ANSWERS = (ExpectedResponse("/cmd_vel", "/odom", TWIST),)
 
 
 class StandIn:
@@ -27,7 +35,7 @@ class StandIn:
 
     def __init__(self) -> None:
         self.published: list[Message] = []
-        self.words: list[Word] = []
+        self.words: list[BarrierReply] = []
         self.warnings: list[str] = []
         self.topics = [(TWIST, "/cmd_vel")]
         self._known: set[str] = set()
@@ -73,7 +81,7 @@ class StandIn:
     def send(self, kind: int, topic: str, _: str, stamp: int, body: bytes, to: Any) -> None:
         assert (kind, to) == (CONTROL, GATEWAY)
         said = control.parse(body)
-        assert isinstance(said, Word)
+        assert isinstance(said, BarrierReply)
         self.words.append(said)
 
 
@@ -83,7 +91,9 @@ class Rig:
     def __init__(self, ros: Any) -> None:
         self.now_s = 100.0
         self.ros = ros
-        self.half = Lockstep(ros, ros, ros, log=ros, wake=lambda: None, drop=lambda *_: None)
+        self.half = BarrierResponder(
+            ros, ros, ros, log=ros, wake=lambda: None, drop=lambda *_: None
+        )
 
     def told(self, tick: int, first: int, *, come: bool = True) -> None:
         """Hear a Barrier that tells of an odometry and a clock with this number."""
@@ -92,7 +102,7 @@ class Rig:
             for kind, topic in rows:
                 message = Message(kind, topic, "", tick, first, b"\0\1\0\0")
                 self.half.holds(message, GATEWAY)
-        sent = tuple(Sent(kind, topic, first, 1) for kind, topic in rows)
+        sent = tuple(SentMessages(kind, topic, first, 1) for kind, topic in rows)
         self._barrier = Barrier(LIFE, tick, 4000, sent, ANSWERS)
         self.half.take(self._barrier, GATEWAY, self.ros)
 
@@ -134,14 +144,14 @@ def test_who_is_there_from_the_begin_gives_its_word_when_all_is_answered(rig: Ri
     assert rig.ros.words[-1].state == WAITING
     rig.half.heard("/cmd_vel")
     rig.turn()
-    assert rig.ros.words[-1] == Word(LIFE, 0, DONE)
+    assert rig.ros.words[-1] == BarrierReply(LIFE, 0, DONE)
     assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
 
 
 def test_a_successor_asks_for_what_was_sent_before_it_was_there(rig: Rig) -> None:
     rig.told(8, first=5, come=False)
     rig.turn(SETTLE_S)
-    assert [word.state for word in rig.ros.words] == [ANEW, ANEW]
+    assert [word.state for word in rig.ros.words] == [RESTARTED, RESTARTED]
     assert rig.ros.published == []
 
 
@@ -157,7 +167,7 @@ def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answer
     assert rig.ros.words[-1].state == WAITING
     rig.half.heard("/cmd_vel")
     rig.turn()
-    assert rig.ros.words[-1] == Word(LIFE, 8, DONE)
+    assert rig.ros.words[-1] == BarrierReply(LIFE, 8, DONE)
 
 
 def test_an_answer_that_a_predecessor_may_have_got_is_given_up(rig: Rig) -> None:
@@ -167,7 +177,7 @@ def test_an_answer_that_a_predecessor_may_have_got_is_given_up(rig: Rig) -> None
     assert rig.ros.words[-1].state == WAITING
     rig.turn(GIVE_UP_S / 2)
     rig.turn(1.0)
-    assert rig.ros.words[-1] == Word(LIFE, 8, DONE)
+    assert rig.ros.words[-1] == BarrierReply(LIFE, 8, DONE)
     assert any("tick 8 goes on without a message on /cmd_vel" in one for one in rig.ros.warnings)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from udp_bridge import Header, Message, Reassembler
 from udp_bridge.receiver.gathering import HELD_MESSAGES, Gathering, Tally, in_order
-from udp_bridge.wire.lockstep import Sent
+from udp_bridge.wire.lockstep import SentMessages
 
 ODOM, CLOCK, IMU = 36, 8, 2
 
@@ -27,7 +27,7 @@ def test_any_order_and_any_copies_give_the_same(first: int, count: int, rng: ran
     gathering = Gathering(dropped.append)
     for one in come:
         gathering.put(one)
-    told = (Sent(ODOM, "/odom", first, count),)
+    told = (SentMessages(ODOM, "/odom", first, count),)
     assert gathering.missing(told) == 0
     assert gathering.take(told) == sent
     assert len(dropped) == len(come) - count
@@ -40,7 +40,7 @@ def test_what_is_told_later_is_held_and_what_nobody_tells_of_any_more_goes() -> 
     for number in (3, 4, 5, 7):
         gathering.put(message(ODOM, "/odom", number))
     gathering.put(message(IMU, "/imu", 0))
-    told = (Sent(ODOM, "/odom", 5, 2),)
+    told = (SentMessages(ODOM, "/odom", 5, 2),)
     assert gathering.missing(told) == 1
     assert [one.seq_number for one in gathering.take(told)] == [5]
     assert [one.seq_number for one in dropped] == [3, 4]
@@ -67,7 +67,7 @@ class _Counted(dict[int, Message]):
 
 def test_ranges_are_counted_without_counting_to_their_end() -> None:
     gathering = Gathering()
-    told = tuple(Sent(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
+    told = tuple(SentMessages(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
     for sent in told:
         gathering._held[sent.msg_type, sent.topic] = _Counted()
         for number in (2**32 - 1, 0, 0xFFFE, 2**31):
@@ -119,10 +119,12 @@ def test_the_order_of_publishing_is_that_of_stamps_and_clock_comes_last() -> Non
 
 def test_a_tally_tells_what_left_since_the_last_time() -> None:
     tally = Tally()
-    assert tally.since({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (Sent(ODOM, "/odom", 0, 2),)
+    assert tally.since({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (
+        SentMessages(ODOM, "/odom", 0, 2),
+    )
     tally.tell({(ODOM, "/odom"): 2})
     assert tally.since({(ODOM, "/odom"): 2}) == ()
     left = {(ODOM, "/odom"): 5, (IMU, "/imu"): 2**32 + 1}
-    assert tally.since(left)[1] == Sent(ODOM, "/odom", 2, 3)
+    assert tally.since(left)[1] == SentMessages(ODOM, "/odom", 2, 3)
     tally.tell({(IMU, "/imu"): 2**32 - 1})
-    assert tally.since({(IMU, "/imu"): 2**32 + 1}) == (Sent(IMU, "/imu", 2**32 - 1, 2),)
+    assert tally.since({(IMU, "/imu"): 2**32 + 1}) == (SentMessages(IMU, "/imu", 2**32 - 1, 2),)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from udp_bridge.wire.keys import MISFITS, TOLERATED, BadKey, Misfits, read_key
+from udp_bridge.wire.keys import REFUSAL_HINTS, TOLERATED, BadKey, RefusalHints, read_key
 
 HEX = "00112233445566778899aabbccddeeff"
 
@@ -73,9 +73,9 @@ def test_where_no_key_is(tmp_path: Path) -> None:
     assert "secret" not in str(refused.value)
 
 
-@pytest.mark.parametrize("why", MISFITS)
+@pytest.mark.parametrize("why", REFUSAL_HINTS)
 def test_a_key_that_does_not_fit_is_told_once(why: str) -> None:
-    misfits = Misfits()
+    misfits = RefusalHints()
     few = TOLERATED.get(why, 0)
     assert misfits.new({"too_short": 3, why: few}) == []
     (line,) = misfits.new({"too_short": 3, why: few + 1})

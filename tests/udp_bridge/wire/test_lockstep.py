@@ -7,14 +7,23 @@ from hypothesis import strategies as st
 
 from udp_bridge import MSG_TYPES, BadMessage, Refused
 from udp_bridge.wire import control
-from udp_bridge.wire.lockstep import ANEW, DONE, INCOMPLETE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.lockstep import (
+    DONE,
+    INCOMPLETE,
+    RESTARTED,
+    WAITING,
+    Barrier,
+    BarrierReply,
+    ExpectedResponse,
+    SentMessages,
+)
 
 BARRIER = Barrier(
     life=0x0102030405060708,
     tick=800,
     limit_ms=2000,
-    sent=(Sent(36, "/odom", 7, 2), Sent(8, "/clock", 0xFFFFFFFF, 1)),
-    answers=(Answer("/cmd_vel", "/odom", 9), Answer("/ready", "/clock")),
+    sent=(SentMessages(36, "/odom", 7, 2), SentMessages(8, "/clock", 0xFFFFFFFF, 1)),
+    answers=(ExpectedResponse("/cmd_vel", "/odom", 9), ExpectedResponse("/ready", "/clock")),
 )
 BARRIER_BYTES = bytes.fromhex(
     "04 02 02 00  d0 07 00 00  08 07 06 05 04 03 02 01  20 03 00 00 00 00 00 00"
@@ -23,7 +32,9 @@ BARRIER_BYTES = bytes.fromhex(
     "09 08 05 00  2f 63 6d 64 5f 76 65 6c  2f 6f 64 6f 6d"
     "00 06 06 00  2f 72 65 61 64 79  2f 63 6c 6f 63 6b"
 )
-WORD = Word(life=1, tick=-1, state=WAITING, lost=3, sent=(Sent(9, "/cmd_vel", 5, 0xFFFF),))
+WORD = BarrierReply(
+    life=1, tick=-1, state=WAITING, lost=3, sent=(SentMessages(9, "/cmd_vel", 5, 0xFFFF),)
+)
 WORD_BYTES = bytes.fromhex(
     "05 01 01 00  03 00 00 00  01 00 00 00 00 00 00 00  ff ff ff ff ff ff ff ff"
     "09 08 ff ff  05 00 00 00  2f 63 6d 64 5f 76 65 6c"
@@ -31,9 +42,11 @@ WORD_BYTES = bytes.fromhex(
 
 
 @pytest.mark.parametrize(
-    ("value", "body"), [(BARRIER, BARRIER_BYTES), (WORD, WORD_BYTES)], ids=["Barrier", "Word"]
+    ("value", "body"),
+    [(BARRIER, BARRIER_BYTES), (WORD, WORD_BYTES)],
+    ids=["Barrier", "BarrierReply"],
 )
-def test_bodies_to_the_byte(value: Barrier | Word, body: bytes) -> None:
+def test_bodies_to_the_byte(value: Barrier | BarrierReply, body: bytes) -> None:
     assert value.pack() == body
     assert control.parse(memoryview(body)) == value
     for cut in range(1, len(body)):
@@ -48,10 +61,10 @@ NAMES = st.text(
     st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), min_size=1, max_size=60
 )
 SENT = st.builds(
-    Sent, st.sampled_from(DATA), NAMES, st.integers(0, 2**32 - 1), st.integers(1, 65535)
+    SentMessages, st.sampled_from(DATA), NAMES, st.integers(0, 2**32 - 1), st.integers(1, 65535)
 )
 LIVES, TICKS = st.integers(0, 2**64 - 1), st.integers(-1, 2**63 - 1)
-ANSWERS = st.builds(Answer, NAMES, NAMES, st.sampled_from([0, *DATA]))
+ANSWERS = st.builds(ExpectedResponse, NAMES, NAMES, st.sampled_from([0, *DATA]))
 BARRIERS = st.builds(
     Barrier,
     LIVES,
@@ -61,17 +74,17 @@ BARRIERS = st.builds(
     st.lists(ANSWERS, max_size=5).map(tuple),
 )
 WORDS = st.builds(
-    Word,
+    BarrierReply,
     LIVES,
     TICKS,
-    st.sampled_from([DONE, WAITING, INCOMPLETE, ANEW]),
+    st.sampled_from([DONE, WAITING, INCOMPLETE, RESTARTED]),
     st.integers(0, 2**32 - 1),
     st.lists(SENT, max_size=5, unique_by=lambda sent: sent[:2]).map(tuple),
 )
 
 
 @given(BARRIERS | WORDS)
-def test_what_is_packed_is_parsed(value: Barrier | Word) -> None:
+def test_what_is_packed_is_parsed(value: Barrier | BarrierReply) -> None:
     assert control.parse(value.pack()) == value
 
 
@@ -118,17 +131,17 @@ def test_an_empty_name_is_refused() -> None:
     "value",
     [
         BARRIER._replace(tick=-2),
-        BARRIER._replace(answers=(Answer("/a", "/b"),) * 256),
-        BARRIER._replace(answers=(Answer("", "/b"),)),
-        BARRIER._replace(sent=(Sent(8, "/clock", 0, 1),) * 256),
-        BARRIER._replace(sent=(Sent(8, "/clock", 0, 1), Sent(8, "/clock", 1, 1))),
-        BARRIER._replace(sent=(Sent(8, "/clock", 0, 0),)),
-        WORD._replace(sent=(Sent(9, "/" * 256, 0, 1),)),
-        WORD._replace(sent=(Sent(9, "/cmd_vel", 0, 65536),)),
+        BARRIER._replace(answers=(ExpectedResponse("/a", "/b"),) * 256),
+        BARRIER._replace(answers=(ExpectedResponse("", "/b"),)),
+        BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 1),) * 256),
+        BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 1), SentMessages(8, "/clock", 1, 1))),
+        BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 0),)),
+        WORD._replace(sent=(SentMessages(9, "/" * 256, 0, 1),)),
+        WORD._replace(sent=(SentMessages(9, "/cmd_vel", 0, 65536),)),
         WORD._replace(state=4),
         WORD._replace(tick=-2),
     ],
 )
-def test_what_no_peer_takes_is_not_packed(value: Barrier | Word) -> None:
+def test_what_no_peer_takes_is_not_packed(value: Barrier | BarrierReply) -> None:
     with pytest.raises(BadMessage):
         value.pack()

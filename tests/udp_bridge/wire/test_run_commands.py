@@ -16,22 +16,22 @@ from udp_bridge.wire.run_commands import (
     RUNNING,
     STEP,
     STOPPED,
-    Wish,
-    WishAnswer,
+    RunCommand,
+    RunCommandReply,
 )
 
 BODIES = [
     (
-        Wish(0x0102030405060708, STEP, 400),
+        RunCommand(0x0102030405060708, STEP, 400),
         "06 03 00 00  90 01 00 00  08 07 06 05 04 03 02 01",
     ),
-    (Wish(1, RESET), "06 04 00 00  00 00 00 00  01 00 00 00 00 00 00 00"),
+    (RunCommand(1, RESET), "06 04 00 00  00 00 00 00  01 00 00 00 00 00 00 00"),
     (
-        WishAnswer(7, PAUSED, 800),
+        RunCommandReply(7, PAUSED, 800),
         "07 02 00 00 00 00 00 00  07 00 00 00 00 00 00 00  20 03 00 00 00 00 00 00",
     ),
     (
-        WishAnswer(7, STOPPED, -1, "no run"),
+        RunCommandReply(7, STOPPED, -1, "no run"),
         "07 00 00 00 00 00 00 00  07 00 00 00 00 00 00 00  ff ff ff ff ff ff ff ff"
         "6e 6f 20 72 75 6e",
     ),
@@ -39,7 +39,7 @@ BODIES = [
 
 
 @pytest.mark.parametrize(("value", "text"), BODIES, ids=["step", "reset", "done", "failed"])
-def test_bodies_to_the_byte(value: Wish | WishAnswer, text: str) -> None:
+def test_bodies_to_the_byte(value: RunCommand | RunCommandReply, text: str) -> None:
     body = bytes.fromhex(text)
     assert value.pack() == body
     assert control.parse(memoryview(body)) == value
@@ -48,12 +48,12 @@ def test_bodies_to_the_byte(value: Wish | WishAnswer, text: str) -> None:
 
 
 NUMBERS = st.integers(0, 2**64 - 1)
-WISHES = st.builds(Wish, NUMBERS, st.sampled_from([ASK, PAUSE, RESET]), st.just(0)) | st.builds(
-    Wish, NUMBERS, st.just(STEP), st.integers(1, 2**32 - 1)
-)
+WISHES = st.builds(
+    RunCommand, NUMBERS, st.sampled_from([ASK, PAUSE, RESET]), st.just(0)
+) | st.builds(RunCommand, NUMBERS, st.just(STEP), st.integers(1, 2**32 - 1))
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), max_size=200)
 ANSWERS = st.builds(
-    WishAnswer,
+    RunCommandReply,
     NUMBERS,
     st.sampled_from([STOPPED, RUNNING, PAUSED]),
     st.integers(-1, 2**63 - 1),
@@ -62,7 +62,7 @@ ANSWERS = st.builds(
 
 
 @given(WISHES | ANSWERS)
-def test_what_is_packed_is_parsed(value: Wish | WishAnswer) -> None:
+def test_what_is_packed_is_parsed(value: RunCommand | RunCommandReply) -> None:
     assert control.parse(value.pack()) == value
 
 
@@ -98,14 +98,14 @@ def test_bad_bodies_are_refused(body: str, reason: str) -> None:
 @pytest.mark.parametrize(
     "value",
     [
-        Wish(1, 5),
-        Wish(1, STEP),
-        Wish(1, PAUSE, 1),
-        WishAnswer(1, 3, 0),
-        WishAnswer(1, RUNNING, -2),
-        WishAnswer(1, RUNNING, 0, "x" * (ERROR_BYTES + 1)),
+        RunCommand(1, 5),
+        RunCommand(1, STEP),
+        RunCommand(1, PAUSE, 1),
+        RunCommandReply(1, 3, 0),
+        RunCommandReply(1, RUNNING, -2),
+        RunCommandReply(1, RUNNING, 0, "x" * (ERROR_BYTES + 1)),
     ],
 )
-def test_what_no_peer_takes_is_not_packed(value: Wish | WishAnswer) -> None:
+def test_what_no_peer_takes_is_not_packed(value: RunCommand | RunCommandReply) -> None:
     with pytest.raises(BadMessage):
         value.pack()

@@ -39,7 +39,7 @@ def main(argv: list[str] | None = None) -> int:
         from udp_bridge.io.memory import keep_memory
         from udp_bridge.node.options import add_options
 
-        from .node import BridgeNode
+        from .node import Ros2Node
     except ImportError as error:
         return _fail(f"{error}; it needs a ROS 2 environment and the Python package udp-bridge")
 
@@ -52,7 +52,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         arguments = parser.parse_args(remove_ros_args([PROGRAM, *argv])[1:])
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = BridgeNode(**vars(arguments))
+        node = Ros2Node(**vars(arguments))
     except OSError as error:
         return _fail(error.strerror or str(error))
     except (ValueError, RuntimeError, InvalidParameterTypeException) as error:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from udp_bridge.node.diagnostics import Verdict, Verdicts
+from udp_bridge.node.diagnostics import NodeDiagnostics, StatusRow
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -22,13 +22,13 @@ TOPIC = "/diagnostics"
 PERIOD_NANOS = 1_000_000_000
 
 
-class Diagnostics:
+class Ros2Diagnostics:
     """Publishes what a link counts; `turn` is to be called several times a second."""
 
     def __init__(self, node: Node, link: Link) -> None:
         self._node = node
         self._link = link
-        self._verdicts = Verdicts()
+        self._verdicts = NodeDiagnostics()
         self._due_nanos: int | None = None
         self._publisher: Any = None
 
@@ -57,7 +57,7 @@ class Diagnostics:
         self._publisher.publish(message)
 
 
-def _status(verdict: Verdict, address: str) -> Any:
+def _status(verdict: StatusRow, address: str) -> Any:
     from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
     return DiagnosticStatus(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes and who listens, as ROS 2 tells it (a `Graph` of `udp_bridge.node.responses`)."""
+"""The ROS 2 graph: who publishes and who subscribes (`udp_bridge.node.responses.RosGraph`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 
-class Graph:
+class Ros2Graph:
     """The graph that a node sees; from the thread that spins it."""
 
     def __init__(self, node: Node) -> None:

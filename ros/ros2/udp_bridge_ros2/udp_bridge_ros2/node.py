@@ -15,20 +15,20 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from udp_bridge.node.bridge_node import End, Settings
+from udp_bridge.node.bridge_node import BridgeNode, Settings
 
 from . import environment
-from .diagnostics import Diagnostics
-from .graph import Graph
-from .publishers import Publishers
-from .services import Services
-from .subscriptions import Subscriptions
+from .diagnostics import Ros2Diagnostics
+from .graph import Ros2Graph
+from .publishers import Ros2Publishers
+from .services import Ros2Services
+from .subscriptions import Ros2Subscriptions
 
 MAY_BE_OTHERS = ("datagram", "allow_any_peer")
 """Parameters that are a word, a number or a truth value."""
 
 
-class BridgeNode(Node):
+class Ros2Node(Node):
     """The ROS 2 end of UDP Bridge.
 
     Its parameters are those of `Settings`, and `frame_prefix`, which is put before frames of what
@@ -64,17 +64,17 @@ class BridgeNode(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         try:
-            self._end = End(
-                *(Settings(**told), Publishers(self, frame_prefix), Subscriptions(self)),
-                Graph(self),
+            self._end = BridgeNode(
+                *(Settings(**told), Ros2Publishers(self, frame_prefix), Ros2Subscriptions(self)),
+                Ros2Graph(self),
                 wake=self.create_guard_condition(lambda: None).trigger,
             )
         except (OSError, ValueError):
             self._leave()
             raise
-        self._diagnostics = Diagnostics(self, self._end.link)
+        self._diagnostics = Ros2Diagnostics(self, self._end.link)
         self._end.tell_begin(f"; {environment.describe(os.environ)}")
-        self._run_services = Services(self, self._end.asking)
+        self._run_services = Ros2Services(self, self._end.asking)
 
     def turn(self) -> None:
         """Serve ROS and the wishes of peers for a moment, 0.1 s at most."""

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-    from udp_bridge.node.topic_qos import Delivery
+    from udp_bridge.node.topic_qos import TopicQos
     from udp_bridge.wire.header import Buffer
     from udp_bridge.wire.types import MessageType
 
 
-class Publishers:
+class Ros2Publishers:
     """Publishers of a node; its logger tells of them."""
 
     def __init__(self, node: Node, frame_prefix: str = "") -> None:
@@ -34,14 +34,14 @@ class Publishers:
         """Return the node's."""
         return self._node.get_logger()
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
+    def publisher(self, row: MessageType, topic: str, qos: TopicQos) -> Publication:
         """Return a publisher of a topic."""
         assert row.ros_type is not None
         ros_class = message_class(row.ros_type)
         publisher = self._node.create_publisher(
             ros_class,
             topic,
-            topics.published(delivery),
+            topics.published(qos),
             qos_overriding_options=topics.OVERRIDES,
         )
 

@@ -19,7 +19,7 @@ from rclpy.qos import (
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from udp_bridge.node.topic_qos import Delivery
+from udp_bridge.node.topic_qos import TopicQos
 
 OVERRIDES = QoSOverridingOptions(
     [
@@ -34,13 +34,13 @@ OVERRIDES = QoSOverridingOptions(
 
 _SUBSCRIBED = {
     # Maps are published once and latched; this only matches publishers that do so.
-    "OccupancyGrid": Delivery(depth=1, is_latched=True),
+    "OccupancyGrid": TopicQos(depth=1, is_latched=True),
 }
 
 
-def published(delivery: Delivery) -> QoSProfile:
+def published(qos: TopicQos) -> QoSProfile:
     """Return how a topic is published; latched is transient local."""
-    return _qos(delivery, ReliabilityPolicy.RELIABLE)
+    return _qos(qos, ReliabilityPolicy.RELIABLE)
 
 
 def subscribed(type_name: str) -> QoSProfile:
@@ -48,15 +48,15 @@ def subscribed(type_name: str) -> QoSProfile:
     if type_name in _SUBSCRIBED:
         return _qos(_SUBSCRIBED[type_name], ReliabilityPolicy.RELIABLE)
     # Matches every publisher; on one host shared memory loses nothing of this size.
-    return _qos(Delivery(depth=10), ReliabilityPolicy.BEST_EFFORT)
+    return _qos(TopicQos(depth=10), ReliabilityPolicy.BEST_EFFORT)
 
 
-def _qos(delivery: Delivery, reliability: ReliabilityPolicy) -> QoSProfile:
+def _qos(qos: TopicQos, reliability: ReliabilityPolicy) -> QoSProfile:
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=delivery.depth,
+        depth=qos.depth,
         reliability=reliability,
         durability=DurabilityPolicy.TRANSIENT_LOCAL
-        if delivery.is_latched
+        if qos.is_latched
         else DurabilityPolicy.VOLATILE,
     )

@@ -19,8 +19,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from udp_bridge.node.command_client import Asking
-from udp_bridge.node.run_control import Run
+from udp_bridge.node.command_client import RunCommandClient
+from udp_bridge.node.run_control import RunControl
 from udp_bridge.node.triggers import triggers
 
 THREADS = 8
@@ -35,7 +35,7 @@ class _Offer(NamedTuple):
     actions: list[tuple[str, Any, Callable[[Any], Any]]]
 
 
-class Services:
+class Ros2Services:
     """Serves until it is closed.
 
     Parameters
@@ -44,7 +44,7 @@ class Services:
         The bridge's; what is served is called after it.
     """
 
-    def __init__(self, node: Node, asking: Asking) -> None:
+    def __init__(self, node: Node, asking: RunCommandClient) -> None:
         self._asking = asking
         self._node = Node(
             f"{node.get_name()}_services",
@@ -55,7 +55,7 @@ class Services:
             enable_rosout=False,
         )
         together = ReentrantCallbackGroup()
-        offer = _offered(node, Run(asking))
+        offer = _offered(node, RunControl(asking))
         for name, kind, callback in offer.services:
             full_name = node.resolve_service_name(f"~/{name}")
             self._node.create_service(kind, full_name, callback, callback_group=together)
@@ -94,7 +94,7 @@ class Services:
         self._node.destroy_node()
 
 
-def _offered(node: Node, run: Run) -> _Offer:
+def _offered(node: Node, run: RunControl) -> _Offer:
     """Return what can be served here."""
     if find_spec("simulation_interfaces"):
         from .standard_services import StandardServices

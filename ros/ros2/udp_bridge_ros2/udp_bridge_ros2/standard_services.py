@@ -20,9 +20,9 @@ from simulation_interfaces.srv import (
     StepSimulation,
 )
 
-from udp_bridge.node.command_client import Unable
-from udp_bridge.node.run_control import Run, is_paused
-from udp_bridge.wire.run_commands import WishAnswer
+from udp_bridge.node.command_client import CommandFailed
+from udp_bridge.node.run_control import RunControl, is_paused
+from udp_bridge.wire.run_commands import RunCommandReply
 
 FEATURES = (
     SimulatorFeatures.SIMULATION_RESET,
@@ -54,7 +54,7 @@ class _Cancelled(Exception):
 class StandardServices:
     """Answers requests; each method fills and returns a response, from any thread."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: RunControl) -> None:
         self._run = run
         self._is_stopped = False
         """Whether the last that was asked here was to stop: a stopped run is a paused one that was
@@ -163,7 +163,7 @@ class StandardServices:
         response.result = _done(do)
         return response
 
-    def _state(self, run: WishAnswer) -> int:
+    def _state(self, run: RunCommandReply) -> int:
         if not is_paused(run):
             self._is_stopped = False
             return int(SimulationState.STATE_PLAYING)
@@ -176,5 +176,5 @@ def _done(do: Callable[[], Any]) -> Any:
     """Return what it returns, or why it could not be done."""
     try:
         return do()
-    except Unable as reason:
+    except CommandFailed as reason:
         return _result(Result.RESULT_OPERATION_FAILED, str(reason))

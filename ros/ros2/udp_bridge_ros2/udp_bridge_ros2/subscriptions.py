@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from udp_bridge.wire.types import MessageType
 
 
-class Subscriptions:
+class Ros2Subscriptions:
     """Subscriptions of a node, which are heard in the thread that spins it."""
 
     def __init__(self, node: Node) -> None:

@@ -23,7 +23,15 @@ from services.gateway.gateway import Gateway
 from services.gateway.lockstep.lockstep import LIMIT_MS, Lockstep
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox
 from udp_bridge.wire import control
-from udp_bridge.wire.lockstep import ANEW, DONE, WAITING, Answer, Barrier, Sent, Word
+from udp_bridge.wire.lockstep import (
+    DONE,
+    RESTARTED,
+    WAITING,
+    Barrier,
+    BarrierReply,
+    ExpectedResponse,
+    SentMessages,
+)
 from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL, type_number
 
@@ -123,11 +131,11 @@ class Rig:
 
     def says(self, tick: int, *, state: int = DONE, topic: str = "", **more: Any) -> None:
         life = 0 if tick < 0 else more.pop("life", LIFE)
-        self.gateway.on_message(self.of_ros(Word(life, tick, state, **more), topic), PEER)
+        self.gateway.on_message(self.of_ros(BarrierReply(life, tick, state, **more), topic), PEER)
         self.turn()
 
     @staticmethod
-    def of_ros(word: Word, topic: str = "") -> WireMessage:
+    def of_ros(word: BarrierReply, topic: str = "") -> WireMessage:
         return WireMessage(CONTROL, topic, "", 0, 0, word.pack())
 
     def commands(self, number: int) -> None:
@@ -147,7 +155,7 @@ def test_ros_is_asked_whether_it_is_there_before_anything_goes_out() -> None:
     it = Rig()
     it.clock(0)
     assert it.link.barriers == [
-        Barrier(0, -1, LIMIT_MS, answers=(Answer("/cmd_vel", "/clock", TWIST),))
+        Barrier(0, -1, LIMIT_MS, answers=(ExpectedResponse("/cmd_vel", "/clock", TWIST),))
     ]
     assert {kind for kind, *_ in it.link.sent} == {CONTROL}
     it.turn(0.1)
@@ -170,9 +178,9 @@ def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> Non
     barrier = rig.link.barriers[-1]
     assert (barrier.life, barrier.tick) == (LIFE, 0)
     assert set(barrier.sent) == {
-        Sent(CLOCK, "/clock", 0, 1),
-        Sent(ENCODERS, "/wheel_encoders", 0, 1),
-        Sent(JOINTS, "/joint_states", 0, 1),
+        SentMessages(CLOCK, "/clock", 0, 1),
+        SentMessages(ENCODERS, "/wheel_encoders", 0, 1),
+        SentMessages(JOINTS, "/joint_states", 0, 1),
     }
 
 
@@ -185,7 +193,7 @@ def test_acknowledgements_of_another_life_count_for_nothing(rig: Rig) -> None:
 def test_physics_is_told_when_the_word_and_its_commands_are_here(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
-    rig.says(0, sent=(Sent(TWIST, "/cmd_vel", 0, 2),))
+    rig.says(0, sent=(SentMessages(TWIST, "/cmd_vel", 0, 2),))
     rig.commands(1)
     rig.turn()
     assert rig.acks == []
@@ -197,9 +205,9 @@ def test_physics_is_told_when_the_word_and_its_commands_are_here(rig: Rig) -> No
     assert rig.acks == [Ack(LIFE, 0, 0, commanded={"rover": 0})]
     rig.clock(4)
     rig.followed(4)
-    assert rig.link.barriers[-1].sent == (Sent(CLOCK, "/clock", 1, 1),)
+    assert rig.link.barriers[-1].sent == (SentMessages(CLOCK, "/clock", 1, 1),)
     rig.commands(2)
-    rig.says(4, sent=(Sent(TWIST, "/cmd_vel", 2, 1),))
+    rig.says(4, sent=(SentMessages(TWIST, "/cmd_vel", 2, 1),))
     assert rig.published[-1][1].stamp_nanos == 4 * TICK_NANOS  # type: ignore[attr-defined]
     assert rig.acks[-1] == Ack(LIFE, 4, 4, commanded={"rover": 4})
 
@@ -210,7 +218,7 @@ def test_words_of_others_and_of_other_ticks_change_nothing(rig: Rig) -> None:
     rig.says(4)
     rig.says(0, state=WAITING, topic="/cmd_vel")
     rig.says(0, life=LIFE + 1)
-    rig.gateway.on_message(rig.of_ros(Word(LIFE, 0)), ("127.0.0.1", 9))
+    rig.gateway.on_message(rig.of_ros(BarrierReply(LIFE, 0)), ("127.0.0.1", 9))
     rig.turn()
     assert rig.acks == []
     rig.says(0)
@@ -221,7 +229,7 @@ def test_words_of_others_and_of_other_ticks_change_nothing(rig: Rig) -> None:
 def test_commands_that_are_lost_for_good_are_counted_and_said(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
-    rig.says(0, lost=3, sent=(Sent(TWIST, "/cmd_vel", 0, 2),))
+    rig.says(0, lost=3, sent=(SentMessages(TWIST, "/cmd_vel", 0, 2),))
     rig.turn(LIMIT_MS / 1e3 + 0.1)
     assert [ack.tick for ack in rig.acks] == [0]
     assert (rig.lockstep.counts["lost_for_ros"], rig.lockstep.counts["lost_from_ros"]) == (3, 2)
@@ -238,17 +246,17 @@ def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig:
     rig.followed(4)
     before = rig.link.barriers[-1]
     for _ in range(3):
-        rig.says(4, state=ANEW)
+        rig.says(4, state=RESTARTED)
     again = rig.link.barriers[-1]
     assert (again.life, again.tick) == (LIFE, 4)
     told = {(ENCODERS, "/wheel_encoders"): 0, (JOINTS, "/joint_states"): 0, (CLOCK, "/clock"): 1}
-    assert {*before.sent} == {Sent(*place, first, 1) for place, first in told.items()}
-    assert {*again.sent} == {Sent(*place, first + 1, 1) for place, first in told.items()}
+    assert {*before.sent} == {SentMessages(*place, first, 1) for place, first in told.items()}
+    assert {*again.sent} == {SentMessages(*place, first + 1, 1) for place, first in told.items()}
     data = [row for row in rig.link.sent if row[0] != CONTROL]
     assert sorted(data[-3:]) == sorted(data[-6:-3])
     assert [ack.tick for ack in rig.acks] == [0]
     rig.commands(0)
-    rig.says(4, sent=(Sent(TWIST, "/cmd_vel", 0, 1),))
+    rig.says(4, sent=(SentMessages(TWIST, "/cmd_vel", 0, 1),))
     assert len(rig.published) == 1
     assert [ack.tick for ack in rig.acks] == [0, 4]
 
@@ -264,7 +272,7 @@ def test_a_reset_begins_anew(rig: Rig) -> None:
     rig.followed(0, life=LIFE + 1)
     barrier = rig.link.barriers[-1]
     assert (barrier.life, barrier.tick) == (LIFE + 1, 0)
-    assert barrier.sent == (Sent(CLOCK, "/clock", 2, 1),)
+    assert barrier.sent == (SentMessages(CLOCK, "/clock", 2, 1),)
     assert rig.lockstep.counts["other_lives"] == 1
 
 
@@ -300,7 +308,7 @@ def test_a_command_and_an_acknowledgement_that_the_bus_has_lost(rig: Rig) -> Non
     rig.clock(0)
     rig.followed(0)
     rig.commands(1)
-    rig.says(0, sent=(Sent(TWIST, "/cmd_vel", 1, 1),))
+    rig.says(0, sent=(SentMessages(TWIST, "/cmd_vel", 1, 1),))
     assert len(rig.published) == 1
     stands_at(rig, 0, acknowledged=-1)
     assert [ack.tick for ack in rig.acks] == [0, 0]
@@ -329,10 +337,15 @@ def test_what_was_heard_of_is_not_asked_twice() -> None:
     ("word", "line"),
     [
         (None, "127.0.0.1:7511 has not answered the barrier of tick 0"),
-        (Word(LIFE, 0, WAITING), "127.0.0.1:7511 waits for /cmd_vel since the barrier of tick 0"),
+        (
+            BarrierReply(LIFE, 0, WAITING),
+            "127.0.0.1:7511 waits for /cmd_vel since the barrier of tick 0",
+        ),
     ],
 )
-def test_who_is_waited_for_too_long_is_named_once(rig: Rig, word: Word | None, line: str) -> None:
+def test_who_is_waited_for_too_long_is_named_once(
+    rig: Rig, word: BarrierReply | None, line: str
+) -> None:
     rig.clock(0)
     rig.followed(0)
     if word is not None:
@@ -389,7 +402,7 @@ def test_a_topic_that_ros_does_not_get_cannot_be_answered() -> None:
 
 def test_a_name_of_the_peer_forges_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     words = ReplyMailbox()
-    words.say(Word(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
+    words.say(BarrierReply(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
     _say(words.lacking("the node", 1, 0))
     (line,) = capsys.readouterr().err.splitlines()
     assert line.isprintable()

@@ -17,9 +17,9 @@ from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.io.udp_socket import buffer_hint
 from udp_bridge.wire import control
-from udp_bridge.wire.control import Barrier, Subscribe, Wish, WishAnswer
+from udp_bridge.wire.control import Barrier, RunCommand, RunCommandReply, Subscribe
 from udp_bridge.wire.header import BadMessage
-from udp_bridge.wire.keys import Misfits, read_key
+from udp_bridge.wire.keys import RefusalHints, read_key
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
@@ -27,12 +27,12 @@ from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 from . import publish_queue as outlet
 from . import subscriptions as inlet
 from .addresses import DEFAULT_BIND, parse_address
-from .command_client import Asking
-from .liveness_file import Alive
-from .lockstep import Lockstep
+from .command_client import RunCommandClient
+from .liveness_file import NodeLiveness
+from .lockstep import BarrierResponder
 from .log import Log
 from .options import parse_datagram, parse_flag, parse_repair
-from .responses import Graph
+from .responses import RosGraph
 
 
 class Settings(NamedTuple):
@@ -52,7 +52,7 @@ class Settings(NamedTuple):
     """Both of what it sends."""
 
 
-class End:
+class BridgeNode:
     """One end of a bridge, from the constructor until `close`.
 
     Parameters
@@ -75,7 +75,7 @@ class End:
         settings: Settings,
         publishers: outlet.Ros,
         subscriptions: inlet.Ros,
-        graph: Graph,
+        graph: RosGraph,
         *,
         wake: Callable[[], object],
     ) -> None:
@@ -93,8 +93,8 @@ class End:
         is_known = getattr(socket, "is_known", _everybody)
         self._is_whole = threading.Event()
         self._log = Log(publishers.get_logger())
-        self.asking = Asking(self._send_wish)
-        self._outlet = outlet.Outlet(publishers, self._fated, is_known)
+        self.asking = RunCommandClient(self._send_wish)
+        self._outlet = outlet.PublishQueue(publishers, self._fated, is_known)
         try:
             self.link = Link(
                 bind,
@@ -108,17 +108,17 @@ class End:
             socket.close()
             self._outlet.close()
             raise
-        self._inlet = inlet.Inlet(
+        self._inlet = inlet.LeasedSubscriptions(
             subscriptions,
             is_published=self._outlet.publishes,
             is_known=is_known,
             repair=repair,
             heard=lambda topic: self._lockstep.heard(topic),
         )
-        self._lockstep = Lockstep(
+        self._lockstep = BarrierResponder(
             *(graph, self._outlet, self._inlet), log=self._log, wake=wake, drop=self.link.dropped
         )
-        self._alive, self._misfits = Alive(os.environ), Misfits()
+        self._alive, self._misfits = NodeLiveness(os.environ), RefusalHints()
         self._is_whole.set()
 
     def tell_begin(self, more: str = "") -> None:
@@ -168,12 +168,12 @@ class End:
             self.asking.heard(sender)
             return
         said = control.parse(message.body)
-        if isinstance(said, WishAnswer):
+        if isinstance(said, RunCommandReply):
             self.asking.answered(said, sender)
         elif isinstance(said, Barrier):
             self._lockstep.take(said, sender, self.link)
 
-    def _send_wish(self, wish: Wish, to: Address) -> None:
+    def _send_wish(self, wish: RunCommand, to: Address) -> None:
         self.link.send(CONTROL, "", "", time.time_ns(), wish.pack(), to)
 
     def _fated(self, message: Message, sender: Address, is_published: bool) -> None:

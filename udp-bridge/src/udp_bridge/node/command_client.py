@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wishes about a run's time, each sent again until the gateway answers it, or given up.
 
-Rule: whoever asks gets an answer or an `Unable` that says who is silent, within `PATIENCE_S`. A
-wish keeps its number when it is sent again, so the gateway does it once. It knows no ROS.
+Rule: whoever asks gets an answer or an `CommandFailed` that says who is silent, within
+`PATIENCE_S`. A wish keeps its number when it is sent again, so the gateway does it once. It knows
+no ROS.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from queue import Empty, SimpleQueue
 from typing import Callable, Dict, List, Tuple
 
 from udp_bridge.wire.message import Address
-from udp_bridge.wire.run_commands import Wish, WishAnswer
+from udp_bridge.wire.run_commands import RunCommand, RunCommandReply
 
 REPEAT_S = 0.1
 """How long an answer may take before the wish is sent again: one of the two may be lost."""
@@ -28,11 +29,11 @@ MEETING_S = 2.0
 """How long a node that has just begun listens for a gateway."""
 
 
-class Unable(Exception):
+class CommandFailed(Exception):
     """A wish was not done; the text says why."""
 
 
-class Asking:
+class RunCommandClient:
     """Asks the gateway whose wishes for topics arrive; from any thread, several at a time.
 
     Parameters
@@ -47,7 +48,7 @@ class Asking:
 
     def __init__(
         self,
-        send: Callable[[Wish, Address], object],
+        send: Callable[[RunCommand, Address], object],
         *,
         patience_s: float = PATIENCE_S,
         now_nanos: Callable[[], int] = time.monotonic_ns,
@@ -58,7 +59,7 @@ class Asking:
         self._heard: Dict[Address, int] = {}
         self._number = 0
         self._numbering = threading.Lock()
-        self._waiting: Dict[Tuple[int, Address], SimpleQueue[WishAnswer]] = {}
+        self._waiting: Dict[Tuple[int, Address], SimpleQueue[RunCommandReply]] = {}
         self._is_closed = False
 
     def heard(self, gateway: Address) -> None:
@@ -68,47 +69,51 @@ class Asking:
             self._heard = dict(self._present(now_nanos)[: MAX_GATEWAYS - 1])
         self._heard[gateway] = now_nanos
 
-    def answered(self, answer: WishAnswer, sender: Address) -> None:
+    def answered(self, answer: RunCommandReply, sender: Address) -> None:
         """Hand an answer to who waits for it; from any thread, never blocks."""
         if waiting := self._waiting.get((answer.number, sender)):
             waiting.put(answer)
 
-    def ask(self, action: int, ticks: int = 0) -> WishAnswer:
+    def ask(self, action: int, ticks: int = 0) -> RunCommandReply:
         """Return what the gateway answers to a wish.
 
         Raises
         ------
-        Unable
+        CommandFailed
             When there is no gateway, or it is silent, or the wish could not be done.
         """
         gateway = self._gateway()
         with self._numbering:
             # So it differs from those of a node that was there before.
             self._number = max(self._number + 1, time.time_ns())
-            wish = Wish(self._number, action, ticks)
+            wish = RunCommand(self._number, action, ticks)
         waiting = self._waiting[wish.number, gateway] = SimpleQueue()
         try:
             answer = self._answer(wish, gateway, waiting)
         finally:
             del self._waiting[wish.number, gateway]
         if answer.error:
-            raise Unable(answer.error)
+            raise CommandFailed(answer.error)
         return answer
 
     def close(self) -> None:
         """Let nobody wait any longer."""
         self._is_closed = True
 
-    def _answer(self, wish: Wish, gateway: Address, waiting: SimpleQueue[WishAnswer]) -> WishAnswer:
+    def _answer(
+        self, wish: RunCommand, gateway: Address, waiting: SimpleQueue[RunCommandReply]
+    ) -> RunCommandReply:
         for _ in range(round(self._patience_s / REPEAT_S)):
             if self._is_closed:
-                raise Unable("the bridge is ending")
+                raise CommandFailed("the bridge is ending")
             self._send(wish, gateway)
             try:
                 return waiting.get(timeout=REPEAT_S)
             except Empty:
                 pass
-        raise Unable(f"the gateway at {_text(gateway)} was silent for {self._patience_s:g} s")
+        raise CommandFailed(
+            f"the gateway at {_text(gateway)} was silent for {self._patience_s:g} s"
+        )
 
     def _gateway(self) -> Address:
         for _ in range(round(MEETING_S / REPEAT_S)):
@@ -116,17 +121,19 @@ class Asking:
                 break
             time.sleep(REPEAT_S)
         else:
-            raise Unable("no gateway was heard yet; is its run under way, and does it send here?")
+            raise CommandFailed(
+                "no gateway was heard yet; is its run under way, and does it send here?"
+            )
         present = [who for who, _ in self._present(self._now_nanos())]
         if len(present) > 1:
-            raise Unable(
+            raise CommandFailed(
                 f"gateways are heard at {', '.join(map(_text, sorted(present)))}; "
                 "name one by the parameter `peer`"
             )
         if present:
             return present[0]
         if not self._heard:
-            raise Unable("the bridge is ending")
+            raise CommandFailed("the bridge is ending")
         return max(list(self._heard.items()), key=lambda row: row[1])[0]
 
     def _present(self, now_nanos: int) -> List[Tuple[Address, int]]:

@@ -31,7 +31,7 @@ BUFFER_HINT = "sudo sysctl -w net.core.rmem_max=8388608, then start the node aga
 
 
 @dataclass(frozen=True)
-class Verdict:
+class StatusRow:
     """One DiagnosticStatus, less its hardware_id."""
 
     level: int
@@ -49,7 +49,7 @@ class _Before:
     since_nanos: int = 0
 
 
-class Verdicts:
+class NodeDiagnostics:
     """Remembers what was said last, so that a level is about what happened since."""
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class Verdicts:
         now_nanos: int,
         *,
         lost: Callable[[str], Mapping[str, int]] = lambda _: {},
-    ) -> List[Verdict]:
+    ) -> List[StatusRow]:
         """Return what is so of a link and of all its topics, since this was asked last.
 
         `lost` returns by subscriber how many messages of a topic it did not take in time.
@@ -95,7 +95,7 @@ class Verdicts:
         sender: str,
         now_nanos: int,
         lost: Mapping[str, int] = MappingProxyType({}),
-    ) -> Verdict:
+    ) -> StatusRow:
         """Return what is so of a topic that comes from a peer; `lost` is by its subscribers."""
         causes = {name: getattr(report, name) for name in _CAUSES}
         causes.update((f"not taken by {name}", count) for name, count in sorted(lost.items()))
@@ -118,7 +118,7 @@ class Verdicts:
 
     def leaving(
         self, account: Account, peer: str, now_nanos: int, *, reported: bool = True
-    ) -> Verdict:
+    ) -> StatusRow:
         """Return what is so of a topic that goes to a peer, which may have reported nothing yet."""
         if not reported:
             account = account._replace(missing=0, in_flight=account.sent)
@@ -139,11 +139,11 @@ class Verdicts:
             "age p99 (ms)": _milliseconds(report.age_p99_nanos if report else NO_AGE),
         }
         if not reported:
-            return Verdict(OK, account.topic, "not reported", values)
+            return StatusRow(OK, account.topic, "not reported", values)
         key = ("from ROS", account.topic, values["type"], peer)
         return self._judge(key, account.topic, causes, account.delivered, values, now_nanos)
 
-    def link(self, counts: Mapping[str, Any], receive_buffer: int) -> Verdict:
+    def link(self, counts: Mapping[str, Any], receive_buffer: int) -> StatusRow:
         """Return what is so of the node's socket; `counts` are those of `Link.counters`."""
         refused: Dict[str, int] = counts["refused"]
         trouble = {
@@ -176,7 +176,7 @@ class Verdicts:
         if counts["deaf"]:
             level = ERROR
             said.append("the receiving thread does not respond; restart the node")
-        return Verdict(level, "link", "; ".join(said) or "well", values)
+        return StatusRow(level, "link", "; ".join(said) or "well", values)
 
     def _judge(
         self,
@@ -186,18 +186,18 @@ class Verdicts:
         done: int,
         values: Mapping[str, str],
         now_nanos: int,
-    ) -> Verdict:
+    ) -> StatusRow:
         before = self._last(key)
         lost = sum(causes.values())
         since = now_nanos if done != before.done else before.since_nanos
         self._before[key] = _Before(lost=lost, done=done, since_nanos=since)
         if now_nanos - since >= STALE_NANOS:
             seconds = (now_nanos - since) / 1e9
-            return Verdict(STALE, topic, f"nothing for {seconds:.0f} s", values)
+            return StatusRow(STALE, topic, f"nothing for {seconds:.0f} s", values)
         if lost > before.lost:
             named = ", ".join(f"{count} {name}" for name, count in causes.items() if count)
-            return Verdict(WARN, topic, f"{lost - before.lost} lost; in all {named}", values)
-        return Verdict(OK, topic, "all arrives", values)
+            return StatusRow(WARN, topic, f"{lost - before.lost} lost; in all {named}", values)
+        return StatusRow(OK, topic, "all arrives", values)
 
     def _last(self, key: Tuple[str, ...]) -> _Before:
         return self._older.get(key, _Before())

@@ -26,7 +26,7 @@ class Outgoing(NamedTuple):
     body: bytes
 
 
-class Wish:
+class Lease:
     """One peer's wish for one topic: until when, how often, and what waits for its time."""
 
     def __init__(self) -> None:

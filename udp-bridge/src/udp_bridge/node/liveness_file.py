@@ -17,7 +17,7 @@ VARIABLE = "ALIVE_FILE"
 PERIOD_NANOS = 1_000_000_000
 
 
-class Alive:
+class NodeLiveness:
     """Whether the node is well, shown to the machine it runs on."""
 
     def __init__(self, environment: Mapping[str, str]) -> None:

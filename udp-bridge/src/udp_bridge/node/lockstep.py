@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lockstep: a run whose time stands still until ROS has had its data and has answered.
+"""BarrierResponder: a run whose time stands still until ROS has had its data and has answered.
 
 Rule: what a gateway sends is held from its first Barrier on, and published when a Barrier says what
 there is: all of it, in an order that does not depend on the way it took. Then the answers that the
-Barrier asks for are counted, and when none is due any more a Word says so. The link's thread hands
-over, the outlet's publishes, and the thread that calls `turn` looks at ROS and gives the word.
+Barrier asks for are counted, and when none is due any more a BarrierReply says so. The link's
+thread hands over, the outlet's publishes, and the thread that calls `turn` looks at ROS and gives
+the word.
 
 Nothing is published before it can be heard: a publisher or a reader that is new is given
 `SETTLE_S`, for DDS says of nobody that he is listening.
@@ -24,20 +25,28 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
 from udp_bridge import MSG_TYPES
 from udp_bridge.receiver.gathering import Gathering, Tally, in_order
 from udp_bridge.sender.repair import Resend
-from udp_bridge.wire.lockstep import ANEW, DONE, INCOMPLETE, WAITING, Barrier, Sent, Word
+from udp_bridge.wire.lockstep import (
+    DONE,
+    INCOMPLETE,
+    RESTARTED,
+    WAITING,
+    Barrier,
+    BarrierReply,
+    SentMessages,
+)
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL
 
-from .responses import Answers
+from .responses import ResponseTracker
 from .slots import Slot, given_back
 from .topic_qos import published
 
 if TYPE_CHECKING:
     from udp_bridge import Link, Message
 
-    from .publish_queue import Outlet
-    from .responses import Graph
-    from .subscriptions import Inlet
+    from .publish_queue import PublishQueue
+    from .responses import RosGraph
+    from .subscriptions import LeasedSubscriptions
 
 SETTLE_S = 1.0
 """How long a publisher and its readers are given to find each other."""
@@ -64,7 +73,7 @@ class _Run:
         self.barrier: Barrier | None = None
         self.begun_s = now_s
         self.heard_s = now_s
-        self.predecessors: tuple[Sent, ...] = ()
+        self.predecessors: tuple[SentMessages, ...] = ()
         """What the first Barrier tells of, which was sent before this node was here."""
         self.is_unsure = False
         """Whether a predecessor, of either end, may have got answers that are due to this node."""
@@ -75,7 +84,7 @@ class _Run:
         self._life: int | None = None
         self.published_s: float | None = None
         self.is_handed = False
-        self.word: Word | None = None
+        self.word: BarrierReply | None = None
         self.lost = 0
         self.has_complained = False
 
@@ -97,7 +106,7 @@ class _Run:
         return self.barrier is None and bool(barrier.sent) and barrier.sent == self.predecessors
 
 
-class Lockstep:
+class BarrierResponder:
     """The Barriers of all gateways.
 
     Parameters
@@ -112,9 +121,9 @@ class Lockstep:
 
     def __init__(
         self,
-        graph: Graph,
-        outlet: Outlet,
-        inlet: Inlet,
+        graph: RosGraph,
+        outlet: PublishQueue,
+        inlet: LeasedSubscriptions,
         *,
         log: Any,
         wake: Callable[[], object],
@@ -122,7 +131,7 @@ class Lockstep:
     ) -> None:
         self._outlet, self._inlet, self._log = outlet, inlet, log
         self._wake, self._drop = wake, drop
-        self._answers = Answers(graph)
+        self._answers = ResponseTracker(graph)
         self._lock = RLock()  # guards runs
         self._runs: Dict[Address, _Run] = {}
         self._mended: Set[Tuple[int, str]] = set()
@@ -164,7 +173,7 @@ class Lockstep:
                 )
             run.heard_s = now_s
             if run.is_predecessors(barrier):
-                word = Word(barrier.life, barrier.tick, ANEW)
+                word = BarrierReply(barrier.life, barrier.tick, RESTARTED)
                 link.send(CONTROL, "", "", time.time_ns(), word.pack(), sender)
                 return
             known = run.barrier
@@ -253,7 +262,7 @@ class Lockstep:
             for key, count in link.left(sender).items()
             if MSG_TYPES[key[0]].ros_type is not None
         }
-        run.word = Word(barrier.life, barrier.tick, DONE, run.lost, run.tally.since(left))
+        run.word = BarrierReply(barrier.life, barrier.tick, DONE, run.lost, run.tally.since(left))
         run.tally.tell(left)
         run.is_unsure = run.is_unsure and not run.has_due
         self._tell(sender, run, link)
@@ -277,7 +286,7 @@ class Lockstep:
         if word is None:
             topic = self._waits_for(run, run.barrier)
             state = WAITING if topic else INCOMPLETE
-            word = Word(run.barrier.life, run.barrier.tick, state, run.lost)
+            word = BarrierReply(run.barrier.life, run.barrier.tick, state, run.lost)
         link.send(CONTROL, topic, "", time.time_ns(), word.pack(), sender)
 
     def _waits_for(self, run: _Run, barrier: Barrier) -> str:

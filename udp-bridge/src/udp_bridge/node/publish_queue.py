@@ -37,7 +37,7 @@ from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 from .log import Log
 from .message_class import NotInstalled
 from .slots import UNKNOWN, Slot, given_back
-from .topic_qos import Delivery, published
+from .topic_qos import TopicQos, published
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph; see `slots`."""
@@ -66,7 +66,7 @@ class Publication(NamedTuple):
 class Ros(Protocol):
     """What an outlet needs of ROS."""
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
+    def publisher(self, row: MessageType, topic: str, delivery: TopicQos) -> Publication:
         """Return a publisher of a topic, or raise whatever ROS says against it."""
 
     def get_logger(self) -> Any:
@@ -131,7 +131,7 @@ class _Channel:
         return sum(len(message.body) for message, _ in self.waiting) > self.delivery.waiting_bytes
 
 
-class Outlet:
+class PublishQueue:
     """Publishes messages on a thread of its own.
 
     Parameters

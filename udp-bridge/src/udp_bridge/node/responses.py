@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers that ROS owes to messages which were published: counted, topic by topic.
+"""ResponseTracker that ROS owes to messages which were published: counted, topic by topic.
 
 Rule: for each message of a topic that is to be answered one is due on another topic; which message
 answers which is not asked, and one that comes unasked counts for nothing. Who has gone owes
@@ -24,7 +24,7 @@ from typing import (
 )
 
 if TYPE_CHECKING:
-    from udp_bridge.wire.lockstep import Answer
+    from udp_bridge.wire.lockstep import ExpectedResponse
 
     from .subscriptions import Key
 
@@ -32,7 +32,7 @@ LOOK_S = 0.5
 """How often it is looked whether somebody who owes an answer is still there."""
 
 
-class Graph(Protocol):
+class RosGraph(Protocol):
     """Who is there in ROS, as far as answers are concerned."""
 
     def publishers(self, topic: str) -> FrozenSet[Hashable]:
@@ -52,7 +52,7 @@ class Graph(Protocol):
         """
 
 
-class Answers:
+class ResponseTracker:
     """What is due to the present Barriers, and who is there to answer.
 
     Parameters
@@ -61,17 +61,17 @@ class Answers:
         Knows who publishes and who listens.
     """
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: RosGraph) -> None:
         self._graph = graph
         self._lock = Lock()  # guards what is owed
-        self._expected: Tuple[Answer, ...] = ()
-        self._owed: Dict[Answer, int] = {}
+        self._expected: Tuple[ExpectedResponse, ...] = ()
+        self._owed: Dict[ExpectedResponse, int] = {}
         self._subscriptions: Dict[str, object] = {}  # to answers of any type
         self._present: Set[str] = set()
         self._who: Dict[str, FrozenSet[Hashable]] = {}
         self._looked_s = 0.0
 
-    def expect(self, expected: Tuple[Answer, ...]) -> None:
+    def expect(self, expected: Tuple[ExpectedResponse, ...]) -> None:
         """Say which answers count from now on; what is owed to others is forgotten."""
         if expected != self._expected:
             with self._lock:
@@ -102,7 +102,7 @@ class Answers:
             return next((answer.topic for answer, owed in self._owed.items() if owed), "")
 
     def forgive(self, now_s: float) -> None:
-        """Expect no answer of those who have gone; from the thread of `Lockstep.turn`."""
+        """Expect no answer of those who have gone; from the thread of `BarrierResponder.turn`."""
         if now_s - self._looked_s < LOOK_S:
             return
         self._looked_s = now_s
@@ -157,7 +157,7 @@ class Answers:
         self._present = present
         return is_news
 
-    def _endpoints(self, answer: Answer) -> Iterable[Tuple[str, bool]]:
+    def _endpoints(self, answer: ExpectedResponse) -> Iterable[Tuple[str, bool]]:
         is_heard = answer.topic in self._subscriptions
         yield answer.topic, is_heard and self._graph.is_published(answer.topic)
         yield answer.of, self._graph.is_heard(answer.of)

@@ -21,7 +21,7 @@ from udp_bridge.wire.message import Address
 from udp_bridge.wire.typed import typed_prefix
 from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 
-from .leases import MAX_WAIT_NANOS, NANOS, Outgoing, Wish
+from .leases import MAX_WAIT_NANOS, NANOS, Lease, Outgoing
 from .log import Log
 from .slots import Slot, given_back
 
@@ -67,7 +67,7 @@ class Ros(Protocol):
         """Return what has `info`, `warning` and `error`."""
 
 
-class Inlet:
+class LeasedSubscriptions:
     """Subscribes to what peers want and sends it to them.
 
     Parameters
@@ -103,7 +103,7 @@ class Inlet:
         self._asked: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
         self._subscriptions: Dict[Key, Subscription] = {}
         self._prefixes: Dict[Key, bytes] = {}  # before the CDR of Typed messages
-        self._wishes: Dict[Key, Dict[Address, Wish]] = {}
+        self._wishes: Dict[Key, Dict[Address, Lease]] = {}
         self._complaints: Dict[Key, str] = {}
 
     def put(self, subscribe: Subscribe, topic: str, sender: Address) -> None:
@@ -141,7 +141,7 @@ class Inlet:
             wait_nanos = min(wait_nanos, wish.wait_nanos(now_nanos))
         return wait_nanos / NANOS
 
-    def _all_wishes(self) -> List[Tuple[Key, Address, Wish]]:
+    def _all_wishes(self) -> List[Tuple[Key, Address, Lease]]:
         return [
             (key, sender, wish)
             for key, wishes in self._wishes.items()
@@ -173,7 +173,7 @@ class Inlet:
             if slot is None:
                 return
             del wishes[slot.key]
-        wishes.setdefault(sender, Wish()).renew(subscribe, now_nanos)
+        wishes.setdefault(sender, Lease()).renew(subscribe, now_nanos)
 
     def _has_given_back(self, sender: Address, now_nanos: int) -> bool:
         """End the subscription that gives its place to one of a sender, if there is any."""
@@ -244,7 +244,7 @@ class Inlet:
                 self._log.error(f"{key[1]}: can't be sent: {error}")
 
 
-def _slot(key: _Key, wishes: Dict[Address, Wish]) -> Slot[_Key]:
+def _slot(key: _Key, wishes: Dict[Address, Lease]) -> Slot[_Key]:
     """Return the slot that wishes of peers hold together: that of whoever wished last."""
     peer, wish = max(wishes.items(), key=lambda row: row[1].renewed_nanos)
     return Slot(key, peer[0], wish.renewed_nanos / NANOS)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Delivery(NamedTuple):
+class TopicQos(NamedTuple):
     """How messages of one kind are published or subscribed to."""
 
     depth: int
@@ -20,29 +20,29 @@ class Delivery(NamedTuple):
 
 
 # Half a second of an IMU at 400 Hz in ROS, and a second of it while the publishing thread is busy.
-_SMALL = Delivery(depth=200, waiting=400)
+_SMALL = TopicQos(depth=200, waiting=400)
 # Megabytes each, and only the newest is worth its time.
-_LARGE = Delivery(depth=5, waiting=3, waiting_bytes=1 << 20)
+_LARGE = TopicQos(depth=5, waiting=3, waiting_bytes=1 << 20)
 
 _PUBLISHED = {
     "PointCloud2": _LARGE,
     "Image": _LARGE,
     "CompressedImage": _LARGE,
     # Readers of use_sim_time keep one; a jump of a late reader through old times helps nobody.
-    "Clock": Delivery(depth=1, waiting=10),
+    "Clock": TopicQos(depth=1, waiting=10),
     # Each message moves other frames, so none may be dropped for a newer one lightly.
     "TFMessage": _SMALL,
     # Messages of any size: half a second at 100 Hz, and no more than a few large ones.
-    "Typed": Delivery(depth=50, waiting=3, waiting_bytes=1 << 20),
+    "Typed": TopicQos(depth=50, waiting=3, waiting_bytes=1 << 20),
 }
 
-_STATIC_TRANSFORMS = Delivery(depth=16, waiting=16, is_latched=True)
+_STATIC_TRANSFORMS = TopicQos(depth=16, waiting=16, is_latched=True)
 STATIC_TRANSFORMS_TOPIC = "tf_static"
 # A text is a robot's description; robot_state_publisher has it the same way.
-_DESCRIPTION = Delivery(depth=1, waiting=16, is_latched=True)
+_DESCRIPTION = TopicQos(depth=1, waiting=16, is_latched=True)
 
 
-def published(type_name: str, topic: str) -> Delivery:
+def published(type_name: str, topic: str) -> TopicQos:
     """Return how a message type of the wire is published on a topic."""
     if type_name == "TFMessage" and topic.rsplit("/", 1)[-1] == STATIC_TRANSFORMS_TOPIC:
         return _STATIC_TRANSFORMS

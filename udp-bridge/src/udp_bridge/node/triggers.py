@@ -10,13 +10,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, Callable, Dict
 
-from udp_bridge.wire.run_commands import WishAnswer
+from udp_bridge.wire.run_commands import RunCommandReply
 
-from .command_client import Unable
-from .run_control import Run, describe
+from .command_client import CommandFailed
+from .run_control import RunControl, describe
 
 
-def triggers(run: Run, step_ticks: Callable[[], int]) -> Dict[str, Callable[[Any], Any]]:
+def triggers(run: RunControl, step_ticks: Callable[[], int]) -> Dict[str, Callable[[Any], Any]]:
     """Return by name what fills a response, from any thread, and returns it.
 
     Parameters
@@ -24,7 +24,7 @@ def triggers(run: Run, step_ticks: Callable[[], int]) -> Dict[str, Callable[[Any
     step_ticks
         Returns how many ticks `step` does: a Trigger has no room for a number.
     """
-    ways: Dict[str, Callable[[], WishAnswer]] = {
+    ways: Dict[str, Callable[[], RunCommandReply]] = {
         "state": run.state,
         "pause": run.pause,
         "resume": run.resume,
@@ -34,10 +34,10 @@ def triggers(run: Run, step_ticks: Callable[[], int]) -> Dict[str, Callable[[Any
     return {name: partial(_answer, way) for name, way in ways.items()}
 
 
-def _answer(way: Callable[[], WishAnswer], response: Any) -> Any:
+def _answer(way: Callable[[], RunCommandReply], response: Any) -> Any:
     try:
         response.message = describe(way())
         response.success = True
-    except Unable as reason:
+    except CommandFailed as reason:
         response.message = str(reason)
     return response

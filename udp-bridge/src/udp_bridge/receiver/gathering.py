@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages that are held until the other end says that all of them were sent: lockstep.
 
-What came is compared with what a Barrier or a Word tells of, by numbers, so that loss, copies and
-the order on the way change nothing. Of one sender; no socket, no clock.
+What came is compared with what a Barrier or a BarrierReply tells of, by numbers, so that loss,
+copies and the order on the way change nothing. Of one sender; no socket, no clock.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from udp_bridge.wire.header import SEQ_NUMBERS
-from udp_bridge.wire.lockstep import Sent
+from udp_bridge.wire.lockstep import SentMessages
 from udp_bridge.wire.message import Message, TopicKey
 from udp_bridge.wire.types import type_number
 
@@ -39,8 +39,8 @@ class Gathering:
         self._drop = drop
         self._held: Dict[TopicKey, Dict[int, Message]] = {}
         self._messages = self._bytes = 0
-        self._told: Optional[Sequence[Sent]] = None  # what `missing` was asked about last
-        self._ranges: Dict[TopicKey, Sent] = {}  # the same by topic
+        self._told: Optional[Sequence[SentMessages]] = None  # what `missing` was asked about last
+        self._ranges: Dict[TopicKey, SentMessages] = {}  # the same by topic
         self._missing = 0
 
     def put(self, message: Message) -> None:
@@ -57,7 +57,7 @@ class Gathering:
         sent = self._ranges.get((message.msg_type, message.topic))
         self._missing -= sent is not None and _offset(sent, message.seq_number) < sent.messages
 
-    def missing(self, told: Sequence[Sent]) -> int:
+    def missing(self, told: Sequence[SentMessages]) -> int:
         """Return how many of the messages that are told of have not come.
 
         The count is kept: to ask again about the same object costs nothing.
@@ -68,12 +68,12 @@ class Gathering:
             self._missing = sum(sent.messages - len(self._of(sent)) for sent in told)
         return self._missing
 
-    def samples(self, told: Iterable[Sent]) -> Iterable[Message]:
+    def samples(self, told: Iterable[SentMessages]) -> Iterable[Message]:
         """Return a message that is held of each topic that is told of, where there is one."""
         for sent in told:
             yield from list(self._held.get((sent.msg_type, sent.topic), {}).values())[:1]
 
-    def take(self, told: Iterable[Sent]) -> List[Message]:
+    def take(self, told: Iterable[SentMessages]) -> List[Message]:
         """Return the messages that are told of and came, by topic and number; hold the later ones.
 
         Those of the same topics with numbers before them are let go.
@@ -95,7 +95,7 @@ class Gathering:
         self._told = None
         return held
 
-    def _of(self, sent: Sent) -> List[int]:
+    def _of(self, sent: SentMessages) -> List[int]:
         """Return the numbers that are held of those in a range, in its order.
 
         A range may name far more numbers than are held, or the other way round.
@@ -125,7 +125,7 @@ def _place(message: Message) -> Tuple[int, bool, int, str, int]:
     return message.stamp_nanos, is_clock, message.msg_type, message.topic, message.seq_number
 
 
-def _offset(sent: Sent, number: int) -> int:
+def _offset(sent: SentMessages, number: int) -> int:
     return (number - sent.first) % SEQ_NUMBERS
 
 
@@ -143,10 +143,10 @@ class Tally:
     def __init__(self) -> None:
         self._told: Dict[TopicKey, int] = {}
 
-    def since(self, left: Dict[TopicKey, int]) -> Tuple[Sent, ...]:
+    def since(self, left: Dict[TopicKey, int]) -> Tuple[SentMessages, ...]:
         """Return what left and was not told yet; `left` counts from the sender's begin."""
         return tuple(
-            Sent(*key, self._told.get(key, 0) % SEQ_NUMBERS, count - self._told.get(key, 0))
+            SentMessages(*key, self._told.get(key, 0) % SEQ_NUMBERS, count - self._told.get(key, 0))
             for key, count in sorted(left.items())
             if count > self._told.get(key, 0)
         )

@@ -14,9 +14,9 @@ from typing import Dict, NamedTuple, Type, Union
 
 from .address_validation import AddressChallenge, AddressResponse
 from .header import BadMessage, Buffer, Refused
-from .lockstep import Barrier, Word
+from .lockstep import Barrier, BarrierReply
 from .reports import NO_AGE, LinkReport, TopicReport
-from .run_commands import Wish, WishAnswer
+from .run_commands import RunCommand, RunCommandReply
 from .types import MSG_TYPES, ROS_TYPES
 
 __all__ = [
@@ -24,15 +24,15 @@ __all__ = [
     "AddressChallenge",
     "AddressResponse",
     "Barrier",
+    "BarrierReply",
     "Control",
     "Credit",
     "CreditRequest",
     "LinkReport",
+    "RunCommand",
+    "RunCommandReply",
     "Subscribe",
     "TopicReport",
-    "Wish",
-    "WishAnswer",
-    "Word",
     "parse",
 ]
 
@@ -119,9 +119,9 @@ Control = Union[
     LinkReport,
     CreditRequest,
     Barrier,
-    Word,
-    Wish,
-    WishAnswer,
+    BarrierReply,
+    RunCommand,
+    RunCommandReply,
     AddressChallenge,
     AddressResponse,
 ]
@@ -131,9 +131,9 @@ _KINDS: Dict[int, Type[Control]] = {
     2: LinkReport,
     3: CreditRequest,
     4: Barrier,
-    5: Word,
-    6: Wish,
-    7: WishAnswer,
+    5: BarrierReply,
+    6: RunCommand,
+    7: RunCommandReply,
     8: AddressChallenge,
     9: AddressResponse,
 }

@@ -84,7 +84,7 @@ def parse_key(text: bytes, where: str) -> bytes:
     return key
 
 
-MISFITS: Dict[str, str] = {
+REFUSAL_HINTS: Dict[str, str] = {
     "bad_tag": "the other end has another key, or bits were flipped on the way",
     "unsealed": "this end has a key and the other one has none",
     "sealed": "the other end has a key and this one has none",
@@ -97,7 +97,7 @@ TOLERATED: Dict[str, int] = {"unvalidated": 100}
 """How many may be refused before that is told: a sender asks some times before it is validated."""
 
 
-class Misfits:
+class RefusalHints:
     """What is to be told people of datagrams that no key fits: each reason once."""
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class Misfits:
         """Return lines for reasons that are new among those counted so far."""
         found = {
             why: text
-            for why, text in MISFITS.items()
+            for why, text in REFUSAL_HINTS.items()
             if refused.get(why, 0) > TOLERATED.get(why, 0)
         }
         lines = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies of lockstep in Control (type 64), to the byte: Barrier and its answer, Word.
+"""Bodies of lockstep in Control (type 64), to the byte: Barrier and its answer, BarrierReply.
 
 A run stands still between the two: the simulator's side has said what it sent up to a tick, and
 waits until ROS has been given all of that and has sent what it says to it. Each packs itself and
@@ -19,16 +19,16 @@ _WORD = Struct("<BBBxIQq")
 _SENT = Struct("<BBHI")
 _ANSWER = Struct("<BBBx")
 TOPICS_TOLD = 255
-"""Topics in one Barrier or Word, and answers in a Barrier."""
+"""Topics in one Barrier or BarrierReply, and answers in a Barrier."""
 
-DONE, WAITING, INCOMPLETE, ANEW = range(4)
-"""What a Word says: all was published and answered; an answer is awaited; messages are missing;
-ROS's side has begun since they were sent and wants them again."""
-_STATES = (DONE, WAITING, INCOMPLETE, ANEW)
+DONE, WAITING, INCOMPLETE, RESTARTED = range(4)
+"""States of a BarrierReply: all was published and answered; an answer is awaited; messages are
+missing; the ROS side was restarted since they were sent and needs them again."""
+_STATES = (DONE, WAITING, INCOMPLETE, RESTARTED)
 
 
-class Sent(NamedTuple):
-    """What was sent of one topic since the last Barrier or Word."""
+class SentMessages(NamedTuple):
+    """What was sent of one topic since the last Barrier or BarrierReply."""
 
     msg_type: int
     topic: str
@@ -38,7 +38,7 @@ class Sent(NamedTuple):
     """How many from that one on, 1..65 535."""
 
 
-class Answer(NamedTuple):
+class ExpectedResponse(NamedTuple):
     """A topic of ROS on which a message is due for each message of another topic."""
 
     topic: str
@@ -49,7 +49,7 @@ class Answer(NamedTuple):
 
 
 class Barrier(NamedTuple):
-    """Kind 4: all was sent up to this tick, and nothing more is until a Word says `DONE`.
+    """Kind 4: all was sent up to this tick, and nothing more is until a BarrierReply says `DONE`.
 
     The header carries the run's time at the tick; topic and link are empty.
     """
@@ -60,9 +60,9 @@ class Barrier(NamedTuple):
     """-1 for before the first: nothing was sent, and the question is whether ROS is there."""
     limit_ms: int
     """For so long after the Barrier came are messages awaited that are missing."""
-    sent: Tuple[Sent, ...] = ()
+    sent: Tuple[SentMessages, ...] = ()
     """Of each topic with messages since the last Barrier."""
-    answers: Tuple[Answer, ...] = ()
+    answers: Tuple[ExpectedResponse, ...] = ()
     """What ROS has to say before it is done."""
 
     def pack(self) -> bytes:
@@ -91,10 +91,10 @@ class Barrier(NamedTuple):
         rest = _Rest(body)
         _, topics, answers, limit_ms, life, tick = rest.take(_BARRIER)
         sent = _parse_sent(rest, topics)
-        told: List[Answer] = []
+        told: List[ExpectedResponse] = []
         for _ in range(answers):
             msg_type, topic_size, of_size = rest.take(_ANSWER)
-            told.append(Answer(rest.name(topic_size), rest.name(of_size), msg_type))
+            told.append(ExpectedResponse(rest.name(topic_size), rest.name(of_size), msg_type))
             if msg_type and msg_type not in ROS_TYPES:
                 raise Refused("body_value")
         rest.end()
@@ -103,10 +103,10 @@ class Barrier(NamedTuple):
         return cls(life, tick, limit_ms, sent, tuple(told))
 
 
-class Word(NamedTuple):
+class BarrierReply(NamedTuple):
     """Kind 5: how far ROS is with a Barrier. It is the answer to each copy of that Barrier.
 
-    The header carries, of a Word that says `WAITING`, the topic that is waited for.
+    The header carries, of a BarrierReply that says `WAITING`, the topic that is waited for.
     """
 
     life: int
@@ -115,8 +115,8 @@ class Word(NamedTuple):
     state: int = DONE
     lost: int = 0
     """Messages that the Barrier spoke of and that did not come within its limit."""
-    sent: Tuple[Sent, ...] = ()
-    """Of each topic with messages to the simulator since the last Word that said `DONE`."""
+    sent: Tuple[SentMessages, ...] = ()
+    """Of each topic with messages to the simulator since the last BarrierReply that said `DONE`."""
 
     def pack(self) -> bytes:
         """Return the body: 24 bytes, and those of topics.
@@ -132,7 +132,7 @@ class Word(NamedTuple):
         return fixed + _packed(self.sent)
 
     @classmethod
-    def parse(cls, body: Buffer) -> Word:
+    def parse(cls, body: Buffer) -> BarrierReply:
         """Return what the body says, or raise `Refused`."""
         rest = _Rest(body)
         _, topics, state, lost, life, tick = rest.take(_WORD)
@@ -174,11 +174,11 @@ class _Rest:
         return taken
 
 
-def _parse_sent(rest: _Rest, topics: int) -> Tuple[Sent, ...]:
-    told: List[Sent] = []
+def _parse_sent(rest: _Rest, topics: int) -> Tuple[SentMessages, ...]:
+    told: List[SentMessages] = []
     for _ in range(topics):
         msg_type, size, messages, first = rest.take(_SENT)
-        told.append(Sent(msg_type, rest.name(size), first, messages))
+        told.append(SentMessages(msg_type, rest.name(size), first, messages))
         if not messages or msg_type not in ROS_TYPES:
             raise Refused("body_value")
     if _repeats(told):
@@ -186,14 +186,14 @@ def _parse_sent(rest: _Rest, topics: int) -> Tuple[Sent, ...]:
     return tuple(told)
 
 
-def _packed(sent: Iterable[Sent]) -> bytes:
+def _packed(sent: Iterable[SentMessages]) -> bytes:
     return b"".join(
         _SENT.pack(row.msg_type, _size(row.topic), row.messages, row.first) + row.topic.encode()
         for row in sent
     )
 
 
-def _counted(sent: Tuple[Sent, ...]) -> int:
+def _counted(sent: Tuple[SentMessages, ...]) -> int:
     if (
         len(sent) > TOPICS_TOLD
         or _repeats(sent)
@@ -203,7 +203,7 @@ def _counted(sent: Tuple[Sent, ...]) -> int:
     return len(sent)
 
 
-def _repeats(sent: Sequence[Sent]) -> bool:
+def _repeats(sent: Sequence[SentMessages]) -> bool:
     """Return whether a topic is told of twice."""
     return len({(row.msg_type, row.topic) for row in sent}) != len(sent)
 

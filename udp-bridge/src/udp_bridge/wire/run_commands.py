@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies by which ROS steers a run, in Control (type 64), to the byte: Wish and WishAnswer.
+"""Bodies of RunCommand and RunCommandReply in Control (type 64), to the byte.
 
-Each packs itself and parses itself. Nothing here repeats a wish or does one.
+ROS controls a run by them. Each class packs and parses itself; commands are executed elsewhere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ERROR_BYTES = 1024
 """Of the text of an answer, at most."""
 
 
-class Wish(NamedTuple):
+class RunCommand(NamedTuple):
     """Kind 6: ROS wishes something of the run, until it is answered; topic and link are empty."""
 
     number: int
@@ -45,7 +45,7 @@ class Wish(NamedTuple):
         return _WISH.pack(6, self.action, self.ticks, self.number)
 
     @classmethod
-    def parse(cls, body: Buffer) -> Wish:
+    def parse(cls, body: Buffer) -> RunCommand:
         """Return what the body says, or raise `Refused`."""
         if len(body) != _WISH.size:
             raise Refused("body_size")
@@ -56,7 +56,7 @@ class Wish(NamedTuple):
         return wish
 
 
-class WishAnswer(NamedTuple):
+class RunCommandReply(NamedTuple):
     """Kind 7: what became of a wish; topic and link are empty."""
 
     number: int
@@ -81,7 +81,7 @@ class WishAnswer(NamedTuple):
         return _ANSWER.pack(7, self.state, self.number, self.tick) + error
 
     @classmethod
-    def parse(cls, body: Buffer) -> WishAnswer:
+    def parse(cls, body: Buffer) -> RunCommandReply:
         """Return what the body says, or raise `Refused`."""
         if not _ANSWER.size <= len(body) <= _ANSWER.size + ERROR_BYTES:
             raise Refused("body_size")
@@ -95,13 +95,13 @@ class WishAnswer(NamedTuple):
         return answer
 
 
-def _is_wish(wish: Wish) -> bool:
+def _is_wish(wish: RunCommand) -> bool:
     if wish.action == STEP:
         return 1 <= wish.ticks <= 0xFFFFFFFF
     return wish.action in (ASK, PAUSE, RESUME, RESET) and wish.ticks == 0
 
 
-def _is_answer(answer: WishAnswer) -> bool:
+def _is_answer(answer: RunCommandReply) -> bool:
     return (
         answer.state in range(STOPPED, PAUSED + 1)
         and answer.tick >= -1

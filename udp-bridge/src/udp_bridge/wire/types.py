@@ -63,6 +63,11 @@ MSG_TYPES: Dict[int, MessageType] = {row.number: row for row in _ROWS}
 ROS_TYPES = frozenset(row.number for row in _ROWS if row.ros_type is not None)
 """Numbers of the types whose body is CDR; the others are the bridge's own."""
 
+NUMBER_OF_ROS_TYPE: Dict[str, int] = {
+    row.ros_type: row.number for row in _ROWS if row.ros_type not in (None, ANY_ROS_TYPE)
+}
+"""Number of each ROS type that has its own; messages of all others are `Typed`."""
+
 _BY_NAME = {row.name: row.number for row in _ROWS}
 
 

@@ -30,8 +30,8 @@ def main(argv: Optional[List[str]] = None) -> int:
         from udp_bridge.io.memory import keep_memory
         from udp_bridge.node.options import add_options
 
-        from .master import Watch, wait_for_master
-        from .node import BridgeNode
+        from .master import MasterWatch, wait_for_master
+        from .node import Ros1Node
     except ImportError as error:
         return _fail(f"{error}; it needs ROS 1 (Noetic) and the Python package udp-bridge")
 
@@ -46,12 +46,12 @@ def main(argv: Optional[List[str]] = None) -> int:
         return 0
     try:
         rospy.init_node("udp_bridge", argv=[PROGRAM, *argv], disable_signals=True)
-        node = BridgeNode(**vars(arguments))
+        node = Ros1Node(**vars(arguments))
     except OSError as error:
         return _fail(error.strerror or str(error))
     except (ValueError, rospy.ROSException) as error:
         return _fail(str(error))
-    watch = Watch(rospy.get_name())
+    watch = MasterWatch(rospy.get_name())
     while not (signals or watch.is_another or rospy.is_shutdown()):
         node.turn()
     watch.close()

@@ -34,7 +34,7 @@ _LENGTH = Struct("<I")
 _NO_SEQ = bytes(4)
 
 
-class Malformed(ValueError):
+class MalformedMessage(ValueError):
     """The bytes are no message of their type."""
 
 
@@ -95,7 +95,7 @@ class _Text:
         length, at = _length(cdr, at + (-at & 3))
         end = _end(cdr, at + length)
         if length and cdr[end - 1]:
-            raise Malformed("a string does not end with NUL")
+            raise MalformedMessage("a string does not end with NUL")
         size = max(0, length - 1)  # some writers leave the NUL of an empty string out
         out += _LENGTH.pack(size), cdr[at : at + size]
         return end
@@ -164,7 +164,7 @@ class _Each:
 _Step = Union[_Fixed, _Seq, _Text, _Numbers, _Each]
 
 
-class Plan:
+class ConversionPlan:
     """How messages of one type are turned.
 
     Parameters
@@ -184,11 +184,11 @@ class Plan:
 
         Raises
         ------
-        Malformed
+        MalformedMessage
             When `cdr` is no message of the type.
         """
         if bytes(cdr[:2]) != ENCAPSULATION[:2]:
-            raise Malformed("this is no little-endian CDR")
+            raise MalformedMessage("this is no little-endian CDR")
         body = memoryview(cdr)[len(ENCAPSULATION) :]
         chunks: List[Buffer] = []
         at = 0
@@ -201,7 +201,7 @@ class Plan:
 
         Raises
         ------
-        Malformed
+        MalformedMessage
             When `ros1` is no message of the type.
         """
         body = memoryview(ros1)
@@ -210,7 +210,7 @@ class Plan:
         for step in self._steps:
             at = step.to_cdr(body, at, written)
         if at != len(body):
-            raise Malformed(f"{len(body) - at} bytes too many")
+            raise MalformedMessage(f"{len(body) - at} bytes too many")
         return b"".join(written.chunks)
 
 
@@ -277,5 +277,5 @@ def _length(data: memoryview, at: int) -> Tuple[int, int]:
 
 def _end(data: memoryview, end: int) -> int:
     if end > len(data):
-        raise Malformed(f"it ends after {len(data)} bytes, within a field")
+        raise MalformedMessage(f"it ends after {len(data)} bytes, within a field")
     return end

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from udp_bridge.node.diagnostics import Verdict, Verdicts
+from udp_bridge.node.diagnostics import NodeDiagnostics, StatusRow
 
 if TYPE_CHECKING:
     from udp_bridge import Link
@@ -21,7 +21,7 @@ TOPIC = "/diagnostics"
 PERIOD_NANOS = 1_000_000_000
 
 
-class Diagnostics:
+class Ros1Diagnostics:
     """Publishes what a link counts; `turn` is to be called several times a second.
 
     Parameters
@@ -34,7 +34,7 @@ class Diagnostics:
         self, link: Link, lost: Callable[[str], Mapping[str, int]], now_nanos: int
     ) -> None:
         self._link, self._lost = link, lost
-        self._verdicts = Verdicts()
+        self._verdicts = NodeDiagnostics()
         self._due_nanos = now_nanos + PERIOD_NANOS
         self._publisher = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
 
@@ -53,7 +53,7 @@ class Diagnostics:
         self._publisher.publish(message)
 
 
-def _status(verdict: Verdict, address: str) -> Any:
+def _status(verdict: StatusRow, address: str) -> Any:
     return DiagnosticStatus(
         level=verdict.level,
         name=f"udp_bridge: {verdict.name}",

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes and who listens, as ROS 1 tells it (a `Graph` of `udp_bridge.node.responses`).
+"""The ROS 1 graph: who publishes and who subscribes (`udp_bridge.node.responses.RosGraph`).
 
-Rule: whoever is connected to this node is there, and nobody else: what is published before a
-connection stands is lost to him, and the master knows of nodes that died without a word.
+Only connections of this node count: a message that is published before the connection exists is
+lost to the subscriber, and the master also lists nodes that have died.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 
 
-class Graph:
+class Ros1Graph:
     """The connections of this node."""
 
     def publishers(self, topic: str) -> FrozenSet[Hashable]:

@@ -30,7 +30,7 @@ def wait_for_master(is_over: Callable[[], bool], say: Callable[[str], object]) -
     return False
 
 
-class Watch:
+class MasterWatch:
     """Looks after roscore, once a second."""
 
     def __init__(self, name: str) -> None:

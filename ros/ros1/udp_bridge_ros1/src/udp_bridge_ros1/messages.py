@@ -14,11 +14,11 @@ import genpy
 
 from udp_bridge.node.message_class import message_class
 
-from .cdr import Buffer, Plan
+from .cdr import Buffer, ConversionPlan
 
 
-class Raw(genpy.Message):  # type: ignore[misc]
-    """A message as the bytes that it is; `Kind.raw` has it for one type."""
+class RawMessage(genpy.Message):  # type: ignore[misc]
+    """A message as the bytes that it is; `RawType.raw` has it for one type."""
 
     __slots__ = ("chunks",)
     _slot_types = ()
@@ -31,22 +31,22 @@ class Raw(genpy.Message):  # type: ignore[misc]
         """Write it, as rospy asks."""
         buff.writelines(self.chunks)
 
-    def deserialize(self, data: bytes) -> Raw:
+    def deserialize(self, data: bytes) -> RawMessage:
         """Take what came, as rospy asks."""
         self.chunks = (data,)
         return self
 
 
-class Kind(NamedTuple):
+class RawType(NamedTuple):
     """A message type, ready to be sent and heard."""
 
     raw: Any
-    """A class derived from `Raw`."""
-    plan: Plan
+    """A class derived from `RawMessage`."""
+    plan: ConversionPlan
 
 
 @lru_cache(maxsize=None)
-def kind(ros_type: str) -> Kind:
+def kind(ros_type: str) -> RawType:
     """Return what a type such as ``sensor_msgs/msg/Imu`` is in ROS 1.
 
     Raises
@@ -56,4 +56,7 @@ def kind(ros_type: str) -> Kind:
     """
     known = message_class(ros_type)
     told = {part: getattr(known, part) for part in ("_type", "_md5sum", "_full_text")}
-    return Kind(type(known.__name__, (Raw,), {"__slots__": (), **told}), Plan(known._full_text))
+    return RawType(
+        type(known.__name__, (RawMessage,), {"__slots__": (), **told}),
+        ConversionPlan(known._full_text),
+    )

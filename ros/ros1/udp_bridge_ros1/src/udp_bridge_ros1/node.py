@@ -11,16 +11,16 @@ from typing import Optional
 
 import rospy
 
-from udp_bridge.node.bridge_node import End, Settings
+from udp_bridge.node.bridge_node import BridgeNode, Settings
 
-from .diagnostics import Diagnostics
-from .graph import Graph
-from .publishers import Publishers
-from .services import Services
-from .subscriptions import Subscriptions
+from .diagnostics import Ros1Diagnostics
+from .graph import Ros1Graph
+from .publishers import Ros1Publishers
+from .services import Ros1Services
+from .subscriptions import Ros1Subscriptions
 
 
-class BridgeNode:
+class Ros1Node:
     """The ROS 1 end of UDP Bridge, within a node that rospy has begun.
 
     Its private parameters are those of `Settings`, and `~frame_prefix`, which is put before frames
@@ -44,15 +44,15 @@ class BridgeNode:
             name: given.get(name) or str(rospy.get_param(f"~{name}", default))
             for name, default in Settings()._asdict().items()
         }
-        publishers = Publishers(str(rospy.get_param("~frame_prefix", "")))
-        self._subscriptions = Subscriptions()
-        self._end = End(
-            *(Settings(**told), publishers, self._subscriptions, Graph()),
+        publishers = Ros1Publishers(str(rospy.get_param("~frame_prefix", "")))
+        self._subscriptions = Ros1Subscriptions()
+        self._end = BridgeNode(
+            *(Settings(**told), publishers, self._subscriptions, Ros1Graph()),
             wake=self._subscriptions.wake,
         )
-        self._diagnostics = Diagnostics(self._end.link, publishers.lost, time.monotonic_ns())
+        self._diagnostics = Ros1Diagnostics(self._end.link, publishers.lost, time.monotonic_ns())
         self._end.tell_begin()
-        self._services = Services(self._end.asking, publishers.get_logger())
+        self._services = Ros1Services(self._end.asking, publishers.get_logger())
 
     def turn(self) -> None:
         """Serve the wishes of peers for a moment, 0.1 s at most."""

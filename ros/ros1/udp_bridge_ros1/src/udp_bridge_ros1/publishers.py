@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers for the outlet: CDR goes in, ROS 1's bytes go out.
+"""Publishers of ROS 1: CDR goes in, ROS 1's bytes go out.
 
 Rule: every subscriber has a queue and a thread of its own in rospy, so one that stalls loses its
 own messages, which are counted, and holds up nobody. `seq` counts what was published on a topic, as
@@ -23,14 +23,14 @@ from udp_bridge.node.publish_queue import Publication
 from .messages import kind
 
 if TYPE_CHECKING:
-    from udp_bridge.node.topic_qos import Delivery
+    from udp_bridge.node.topic_qos import TopicQos
     from udp_bridge.wire.header import Buffer
     from udp_bridge.wire.types import MessageType
 
 _SEQ = Struct("<I")
 
 
-class Queues:
+class SubscriberQueues:
     """What waits in rospy for the subscribers of a topic; each publishes by one thread at a time.
 
     rospy drops the oldest of a queue that is full and tells nobody, so it is looked at before and
@@ -66,12 +66,12 @@ class Queues:
         return list(impl.connections) if impl is not None else []  # None at its end
 
 
-class Publishers:
+class Ros1Publishers:
     """What an outlet needs of ROS; with a prefix for frames, messages are taken apart for it."""
 
     def __init__(self, frame_prefix: str = "") -> None:
         self._frame_prefix = frame_prefix
-        self._queues: Dict[str, Queues] = {}
+        self._queues: Dict[str, SubscriberQueues] = {}
 
     def lost(self, topic: str) -> Mapping[str, int]:
         """Return how many messages of a topic gave way to newer ones, by subscriber."""
@@ -82,13 +82,11 @@ class Publishers:
         """Return rospy's, which the terminal and /rosout hear."""
         return logging.getLogger("rosout")
 
-    def publisher(self, row: MessageType, topic: str, delivery: Delivery) -> Publication:
+    def publisher(self, row: MessageType, topic: str, qos: TopicQos) -> Publication:
         """Return a publisher of a topic."""
         raw, plan = kind(str(row.ros_type))
-        publisher = rospy.Publisher(
-            topic, raw, queue_size=delivery.depth, latch=delivery.is_latched
-        )
-        queues = self._queues[topic] = Queues(publisher, delivery.depth)
+        publisher = rospy.Publisher(topic, raw, queue_size=qos.depth, latch=qos.is_latched)
+        queues = self._queues[topic] = SubscriberQueues(publisher, qos.depth)
         counter = itertools.count(1)
         is_description = row.name == "String"
 

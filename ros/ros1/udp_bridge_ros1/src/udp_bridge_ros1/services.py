@@ -10,15 +10,15 @@ import logging
 
 import rospy
 
-from udp_bridge.node.command_client import Asking
-from udp_bridge.node.run_control import Run
+from udp_bridge.node.command_client import RunCommandClient
+from udp_bridge.node.run_control import RunControl
 from udp_bridge.node.triggers import triggers
 
 
-class Services:
+class Ros1Services:
     """Serves until it is closed; where std_srvs is not installed, a line says so."""
 
-    def __init__(self, asking: Asking, log: logging.Logger) -> None:
+    def __init__(self, asking: RunCommandClient, log: logging.Logger) -> None:
         self._asking = asking
         self._services = []
         try:
@@ -26,7 +26,7 @@ class Services:
         except ImportError:
             log.warning("std_srvs is not installed: no services")
             return
-        filled = triggers(Run(asking), lambda: int(rospy.get_param("~step_ticks", 1)))
+        filled = triggers(RunControl(asking), lambda: int(rospy.get_param("~step_ticks", 1)))
         for name, fill in filled.items():
             serve = lambda _, fill=fill: fill(TriggerResponse())  # noqa: E731
             self._services.append(rospy.Service(f"~{name}", Trigger, serve))

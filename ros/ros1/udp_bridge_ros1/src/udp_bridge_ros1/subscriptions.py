@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions for the inlet: ROS 1's bytes come in, CDR goes out.
+"""Subscriptions of ROS 1: ROS 1's bytes come in, CDR goes out.
 
 Rule: rospy's threads only hand over, to a queue that keeps the newest; messages are turned and
 told of in the thread that calls `turn`.
@@ -17,7 +17,7 @@ import rospy
 
 from udp_bridge.node.subscriptions import Subscription
 
-from .cdr import Malformed, Plan
+from .cdr import ConversionPlan, MalformedMessage
 from .messages import kind
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ WAITING = 256
 """Messages of all topics that may wait for `turn`."""
 
 
-class Subscriptions:
+class Ros1Subscriptions:
     """What an inlet needs of ROS."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Subscriptions:
     def type_of(self, topic: str) -> str:
         """Return the full ROS 2 type name of a topic; empty where nobody publishes it."""
         types = dict(rosgraph.Master(rospy.get_name()).getTopicTypes())
-        return types.get(rospy.resolve_name(topic), "").replace("/", "/msg/")
+        return str(types.get(rospy.resolve_name(topic), "")).replace("/", "/msg/")
 
     def subscribe(self, row: MessageType, topic: str, take: Take) -> Subscription:
         """Have `take` called with the CDR of each message, in the thread of `turn`."""
@@ -80,14 +80,14 @@ class Subscriptions:
             try:
                 if ear.is_open:
                     ear.take(ear.plan.to_cdr(body))
-            except Malformed:
+            except MalformedMessage:
                 self.refused += 1
 
 
 class _Ear:
     """Who hears a topic."""
 
-    def __init__(self, plan: Plan, take: Take) -> None:
+    def __init__(self, plan: ConversionPlan, take: Take) -> None:
         self.plan = plan
         self.take = take
         self.is_open = True
