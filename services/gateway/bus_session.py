@@ -32,14 +32,14 @@ MESSAGES_KEPT = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
 
 
-class Resumed(NamedTuple):
-    """Where a run is that this gateway joins."""
+class RunStatus(NamedTuple):
+    """Where a run stands."""
 
     ack: Ack
-    """The last one of the process that it was told to."""
+    """The newest acknowledgement of a process."""
 
     state: State
-    """The last one of physics."""
+    """The newest state of physics."""
 
 
 class BusSession:
@@ -93,10 +93,10 @@ class BusSession:
         is_ack = key.startswith(ACK.key_in(self.run, process=""))
         return Ack if is_ack else self._types.get(key)
 
-    def resumed(self, process: str = NAME) -> Resumed | None:
+    def resumed(self, process: str = NAME) -> RunStatus | None:
         """Return where the run is, as told to a process; None before its first state."""
         told = list(self.bus.query(history_key(self.run), process, seconds=2.0).values())
-        return Resumed(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
+        return RunStatus(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
 
     def emulates(self, emulated: EmulatedSocket) -> None:
         """Let the emulated link be changed and told by queries."""

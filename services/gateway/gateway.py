@@ -276,7 +276,7 @@ class Gateway:
             # Whoever subscribes may report, but time is the peer's alone.
             self.counts["refused"] += isinstance(said, RunCommand | BarrierReply)
         elif isinstance(said, BarrierReply) and self._words is not None:
-            self._words.say(said, message.topic)
+            self._words.put_reply(said, message.topic)
         elif isinstance(said, RunCommand):
             self._on_wish(said)
         elif isinstance(said, LinkReport):

@@ -168,7 +168,7 @@ def test_time_waits_for_a_controller_and_says_so(tmp_path: Path) -> None:
         wait_for(lambda: seen.has_come_to(200), 60, f"tick 200: {it.log('up.log')}")
         it.started[0].send_signal(signal.SIGINT)
         it.started[0].wait(10)
-        wait_for(lambda: "waits for /cmd_vel since" in it.log("up.log"), 30, "a line")
+        wait_for(lambda: "has been waiting for /cmd_vel since" in it.log("up.log"), 30, "a line")
         wait_for(lambda: "lockstep: tick" in it.log("up.log"), 10, "the node's line")
         seen.has_come_to(10**6)
         stands_at = seen.tick

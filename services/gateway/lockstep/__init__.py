@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lockstep of a run with ROS: barriers, replies, and the progress of sensors.
+"""Lockstep of a run with ROS: the table of its states, the barriers, and the node's replies.
 
-Imported by the gateway's process alone.
+Imported by the gateway alone. Nothing here opens a socket, reads a clock or joins the bus.
 """

@@ -1,73 +1,145 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gateway between a run and ROS in lockstep: time goes on with ROS's word, and not before.
+"""Gateway in lockstep with ROS: simulation time advances only after the ROS node has replied.
 
-Rule: ROS is asked at each message of the clock, and gets the same data before the same question in
-every run. At such a tick physics stands still until it is acknowledged here. All has been sent when
-all sensors have acknowledged that tick and nothing waits for the link: a sensor's readings and its
-acknowledgement take one way over the bus and wait in one inbox, so none overtakes the other; what
-physics publishes at a tick goes before the state that sensors answer to. Then a Barrier tells ROS
-what was sent, and is repeated until its BarrierReply has come with all commands that this tells of.
-They are stamped with the tick, and the acknowledgement says so, so that all of them act in the next
-one. Who says there that he has begun since then gets all of it again, and is asked again.
+Physics waits at every `ack_ticks`-th tick until the gateway acknowledges it. The gateway forwards
+the readings of the tick, sends a barrier that lists them, and repeats it until the ROS node replies
+and all commands that the reply lists have arrived. These are stamped with the tick and published;
+then the tick is acknowledged. So ROS gets the same data before the same barrier in every run.
+
+The readings of a tick are complete when all sensors have acknowledged it: a sensor's readings and
+acknowledgements arrive in order in one inbox, and physics publishes its own streams before the
+state that sensors acknowledge. `states` has the table of states and events.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS
+from groundlink.bus.inbox import BusInbox
 from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
 from groundlink.scenario import Scenario
+from services.gateway.bus_session import RunStatus
+from services.gateway.gateway import Gateway, ToRos
 from services.gateway.streams import answers
+from udp_bridge.io.link import Link
 from udp_bridge.receiver.gathering import Tally
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.lockstep import DONE, RESTARTED, Barrier, BarrierReply, SentMessages
+from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL
 
 from .reply_mailbox import ReplyMailbox
-from .sensor_progress import SensorProgress
-
-if TYPE_CHECKING:
-    from groundlink.bus.inbox import BusInbox
-    from services.gateway.bus_session import Resumed
-    from services.gateway.gateway import Gateway, ToRos
-    from udp_bridge.io.link import Link
-    from udp_bridge.wire.message import Message as WireMessage
+from .states import AWAITING_REPLY, STEPPING, WITHOUT_ROS, Action, Event, LockstepState, Machine
 
 REPEAT_SECONDS = 0.02
-"""How long a BarrierReply may take before its Barrier is sent again."""
+"""Interval at which a barrier is sent while its reply is awaited."""
 
 REMIND_SECONDS = 1.0
-"""How often a Barrier that was answered is sent again: so the ROS side knows that time stands."""
+"""Interval at which it is sent otherwise: the ROS node then knows that the gateway is there."""
 
 LIMIT_MS = 4000
-"""For so long what is lost on the link is sent again; people wait longer before they look."""
+"""How long lost messages are sent again; a user waits longer before looking for the cause."""
 
 REPAIR = Resend(LIMIT_MS * 1_000_000)
-"""Of all that goes to ROS and comes back: a message that is missing would change the run."""
+"""Repair of all topics, both ways: a missing message would change the run."""
 
 FLUSH_SECONDS = 0.5
 
 
+class SensorProgress:
+    """Ticks that the sensors of a run have acknowledged; of physics in a run without sensors."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        self._reached: dict[str, tuple[int, int]] = {}
+        self._left_out: set[str] = set()
+
+    def reached(self, name: str, life: int, tick: int) -> None:
+        """Record how far a sensor has come."""
+        self._reached[name] = life, tick
+        self._left_out.discard(name)
+
+    def all_reached(self, life: int, tick: int) -> None:
+        """Record the same tick for all sensors."""
+        self._reached = dict.fromkeys(self._names, (life, tick))
+
+    def leave_out(self, names: Iterable[str]) -> None:
+        """Stop waiting for sensors until they are heard again."""
+        self._left_out |= set(names)
+
+    def behind(self, life: int, tick: int) -> list[str]:
+        """Return the sensors that have not reached a tick."""
+        reached = self._reached.items()
+        there = {name for name, known in reached if known[0] == life and known[1] >= tick}
+        return [name for name in self._names if name not in there | self._left_out]
+
+
+@dataclass
+class _SentBarrier:
+    """The newest barrier, with what was sent before it."""
+
+    barrier: Barrier
+    stamp_nanos: int
+    messages: list[ToRos]
+    began_seconds: float = 0.0
+    """When its messages were sent last."""
+
+    sent_seconds: float = 0.0
+    resent_seconds: float = 0.0
+    """When messages were sent again last, of this barrier or an earlier one."""
+
+
+@dataclass
+class _Wait:
+    """How long the run has been waiting, and whether the user knows."""
+
+    since: float | None = None
+    is_reported: bool = False
+
+
+@dataclass
+class _Replied:
+    """A reply of the ROS node with its commands."""
+
+    reply: BarrierReply
+    missing: int
+    messages: Sequence[WireMessage] = ()
+
+
+@dataclass
+class _Clock:
+    """What is known of the run's time."""
+
+    life: int = 0
+    tick: int = -1
+    due: Clock | None = None
+    """The tick at which physics waits and whose barrier was not sent yet."""
+
+    commanded: dict[str, int] = field(default_factory=dict)
+    """By vehicle: the tick of its newest command."""
+
+
 class Lockstep:
-    """Asks ROS at each message of the clock and tells physics when it has answered.
+    """Sends a barrier at each tick at which physics waits, and acknowledges the reply to physics.
 
     Parameters
     ----------
     acknowledge
-        tells physics how far ROS is.
+        publishes an acknowledgement to physics.
     resume
-        returns where the run is, as told to a process; None before its first state.
+        returns where the run stands, as last acknowledged by a process; None before its first
+        state.
     say
         prints a line for the user.
 
     Raises
     ------
     UserError
-        when a topic is to be answered that ROS does not get.
+        when the scenario expects answers to a topic that ROS does not get.
     """
 
     def __init__(
@@ -75,253 +147,279 @@ class Lockstep:
         scenario: Scenario,
         gateway: Gateway,
         link: Link,
-        words: ReplyMailbox,
+        replies: ReplyMailbox,
         *,
         acknowledge: Callable[[Ack], object],
-        resume: Callable[[str], Resumed | None],
+        resume: Callable[[str], RunStatus | None],
         say: Callable[[str], object],
     ) -> None:
-        self._time, self._gateway, self._link, self._words = scenario.time, gateway, link, words
+        self._time, self._gateway, self._link, self._replies = scenario.time, gateway, link, replies
         self._acknowledge, self._resume, self._say = acknowledge, resume, say
-        self._answers = answers(scenario, gateway)
         self._clock_key = next(s.key for s in gateway.streams.values() if s.message is Clock)
-        self._others = SensorProgress(scenario.sensor_names() or [PHYSICS])
-        self._tally = Tally()
+        self._sensors = SensorProgress(scenario.sensor_names() or [PHYSICS])
+        self._machine, self._tally = Machine(), Tally()
         self._forwarded: list[ToRos] = []
-        self._told_of: list[ToRos] = []
-        """What the present Barrier tells of."""
-        self._resumed: Resumed | None = None
-        self._told: tuple[BarrierReply, Sequence[WireMessage]] | None = None
+        """What was sent to ROS since the last barrier."""
+
+        self._now = 0.0
+        self._clock, self._wait = _Clock(), _Wait()
+        self._sent = _SentBarrier(Barrier(0, -1, LIMIT_MS, (), answers(scenario, gateway)), 0, [])
+        self._replied: _Replied | None = None
+        self._status: RunStatus | None = None
         self._backoff, self._is_news = Backoff(0.0), True
-        self._due: Clock | None = None
-        self._last: Barrier | None = None
-        self._asks = True
-        self._barrier_nanos = 0
-        self._life, self.tick = 0, -1
-        self._since: float | None = None
-        self._asked_since = self._sent_since = self._again_since = 0.0
-        self._has_complained = self._is_absent = False
-        self._commanded: dict[str, int] = {}
+        self._actions: dict[Action, Callable[[], object]] = {
+            Action.SEND_FIRST_BARRIER: self._send_first_barrier,
+            Action.SEND_BARRIER: self._send_next_barrier,
+            Action.SEND_BARRIER_AND_SKIP: self._send_next_barrier_and_skip,
+            Action.RESEND_READINGS: self._resend_readings,
+            Action.ACKNOWLEDGE: self._acknowledge_reply,
+            Action.ACKNOWLEDGE_AGAIN: self._acknowledge_again,
+            Action.SKIP: self._skip,
+            Action.ASK_PHYSICS: self._ask_physics,
+            Action.ASK_FOR_SENSORS: self._ask_for_sensors,
+            Action.REPORT_RETURN: lambda: self._say("the ROS node is responding again"),
+            Action.WAIT: lambda: None,
+        }
         self.counts = dict.fromkeys(
-            ("barriers", "barriers_skipped", "lost_for_ros", "lost_from_ros", "other_lives"), 0
+            ("barriers", "barriers_skipped", "lost_for_ros", "lost_from_ros", "other_episodes"), 0
         )
 
+    @property
+    def state(self) -> LockstepState:
+        """The current state."""
+        return self._machine.state
+
+    @property
+    def tick(self) -> int:
+        """The newest tick of the clock."""
+        return self._clock.tick
+
     def listen(self, inbox: BusInbox[Message]) -> tuple[str, Message] | None:
-        """Return what has arrived from the bus; wait for it, or for ROS."""
-        if not self._asks:
-            arrived = inbox.get(seconds=REPEAT_SECONDS)
-            if arrived is None and self._resumed is not None:
-                self._take_up(*self._resumed)
-            return arrived
-        self._words.wait(REPEAT_SECONDS)
-        # Before ROS is there nobody is given anything.
-        return inbox.get(seconds=0) if self._last is not None and self._last.tick >= 0 else None
+        """Return the next message of the bus; wait for it, or for the ROS node."""
+        if self.state in AWAITING_REPLY:
+            self._replies.wait(REPEAT_SECONDS)
+            # Messages are not taken before the ROS node is there to get them.
+            return inbox.get(seconds=0) if self._sent.barrier.tick >= 0 else None
+        arrived = inbox.get(seconds=REPEAT_SECONDS)
+        if arrived is None and self._status is not None:
+            self._catch_up(*self._status)
+        return arrived
 
     def hear(self, key: str, message: Message) -> None:
-        """Take a message of the bus."""
+        """Handle a message of the bus."""
         self._is_news = True
         match message:
             case Ack():
-                self._others.told(key.partition("/ack/")[2], message.life, message.tick)
+                self._sensors.reached(key.partition("/ack/")[2], message.life, message.tick)
             case State():
-                self._others.told(PHYSICS, message.life, message.tick)
+                self._sensors.reached(PHYSICS, message.life, message.tick)
             case Clock():
                 self._hear_clock(key, message)
-            case _ if self._is_of_now(message):
+            case _ if self._is_current(message):
                 self._forward(key, message)
             case _:
-                self.counts["other_lives"] += 1
+                self.counts["other_episodes"] += 1
 
     def turn(self, now_seconds: float) -> None:
-        """Ask ROS what is to be asked, and tell physics what it says."""
-        if self._since is None:
-            self._since = now_seconds
-        if self._is_news or self._asks:
+        """Look for events other than messages of the bus."""
+        self._now = now_seconds
+        if self._wait.since is None:
+            self._wait.since = now_seconds
+        if self._is_news or not self._machine.expects(Event.SILENCE):
             self._backoff.reset(now_seconds)
             self._is_news = False
         elif self._backoff.is_due(now_seconds):
-            self._resumed = self._resume(GATEWAY)
-        if self._last is None:
-            self._ask(Barrier(0, -1, LIMIT_MS, (), self._answers), 0, now_seconds)
-        if self._due is not None and not self._asks and self._is_all_sent():
-            due, self._due = self._due, None
-            self._told_of, self._forwarded = self._forwarded, []
-            barrier = Barrier(due.life, due.tick, LIMIT_MS, self._sent(), self._answers)
-            self._ask(barrier, due.stamp_nanos, now_seconds)
-        if self._asks or self._is_absent:
-            self._look_for_word(now_seconds)
-        if now_seconds - self._sent_since >= (REPEAT_SECONDS if self._asks else REMIND_SECONDS):
-            self._send(now_seconds)
-        self._be_patient(now_seconds)
+            self._handle(Event.SILENCE)
+        if self._machine.expects(Event.OPENED):
+            self._handle(Event.OPENED)
+        if self._machine.expects(Event.ALL_SENT) and self._is_all_sent():
+            self._handle(Event.ALL_SENT)
+        if self._machine.expects(Event.REPLY):
+            self._look_for_reply()
+        is_awaited = self.state in AWAITING_REPLY
+        interval = REPEAT_SECONDS if is_awaited else REMIND_SECONDS
+        if now_seconds - self._sent.sent_seconds >= interval:
+            self._send_barrier()
+        self._report_wait()
+
+    def _handle(self, event: Event) -> None:
+        self._actions[self._machine.take(event)]()
 
     def _hear_clock(self, key: str, clock: Clock) -> None:
-        if clock.life == self._life and clock.tick <= self.tick:
+        known = self._clock
+        if clock.life == known.life and clock.tick <= known.tick:
             return
-        if clock.life != self._life:
-            # What was sent of a life that is over and not told of is never told of.
+        if clock.life != known.life:
+            # Messages of the episode before that no barrier has listed are never listed.
             self._tally.tell(self._link.left(self._gateway.peer))
             self._forwarded.clear()
-            self._life, self._commanded = clock.life, {}
-        self.tick = clock.tick
+            known.life, known.commanded = clock.life, {}
+        known.tick = clock.tick
         self._forward(key, clock)
         if behind := clock.tick % self._time.ack_ticks:
-            # Where a run was restored: ROS is asked when all is there that it got then.
+            # A restored run begins between two barriers: ROS got all of this before it was saved.
             self._acknowledge(Ack(clock.life, clock.tick - behind, clock.tick - behind))
             return
-        self._due, self._since = clock, None
-        if self._last is not None and self._last.tick >= 0:
-            self._asks = False  # physics has gone on, or begins again
+        known.due, self._wait.since = clock, None
+        self._handle(Event.CLOCK)
 
     def _forward(self, key: str, message: Message) -> None:
         if key in self._gateway.streams:
             self._forwarded += self._gateway.forward(key, message, self._link)
             self._link.flush(FLUSH_SECONDS)
 
-    def _sent(self) -> tuple[SentMessages, ...]:
-        """Return what was sent to ROS since this was asked last."""
-        left = self._link.left(self._gateway.peer)
-        sent = self._tally.since({k: n for k, n in left.items() if k in self._gateway.places})
-        self._tally.tell(left)
-        return sent
-
-    def _is_of_now(self, message: Message) -> bool:
-        """Return whether a reading is of this life: none is from before it, or after now."""
+    def _is_current(self, message: Message) -> bool:
+        """Return whether a reading is of this episode: neither before its start nor after now."""
         now = self._gateway.clock_nanos
         if not isinstance(message, Reading) or now is None:
             return True
-        stands = self._due is not None or self._asks
-        until = now + (0 if stands else self._time.ack_ticks * TICK_NANOS)
+        is_stepping = self.state in STEPPING
+        until = now + (self._time.ack_ticks * TICK_NANOS if is_stepping else 0)
         return self._gateway.epoch_nanos <= measured_nanos(message) <= until
 
     def _is_all_sent(self) -> bool:
         return not self._behind() and self._link.flush(FLUSH_SECONDS)
 
     def _behind(self) -> list[str]:
-        """Return who has not acknowledged the tick that is due."""
-        assert self._due is not None
-        return self._others.behind(self._due.life, self._due.tick)
+        """Return the sensors that have not acknowledged the tick that is due."""
+        due = self._clock.due
+        return self._sensors.behind(due.life, due.tick) if due is not None else []
 
-    def _ask(self, barrier: Barrier, stamp_nanos: int, now_seconds: float) -> None:
-        self._last, self._barrier_nanos, self._asks = barrier, stamp_nanos, True
-        self._asked_since = now_seconds
-        self._send(now_seconds)
-        if self._is_absent:
-            self._skip()
+    def _look_for_reply(self) -> None:
+        sent = self._sent
+        found = self._replies.of(sent.barrier.life, sent.barrier.tick)
+        if found is None:
+            return
+        reply, _ = found
+        if reply.state == RESTARTED and self._now - self._sent.resent_seconds >= REMIND_SECONDS:
+            self._handle(Event.NODE_RESTARTED)  # later copies answer copies of the barrier
+        if reply.state == DONE:
+            missing = self._replies.missing(reply.sent)
+            if not missing or self._now - sent.began_seconds > LIMIT_MS / 1e3:
+                if sent.barrier.tick >= 0 and self.state in AWAITING_REPLY:
+                    self._replied = _Replied(reply, missing)
+                self._handle(Event.REPLY)
 
-    def _send(self, now_seconds: float) -> None:
-        assert self._last is not None
-        self._sent_since = now_seconds
-        self._link.send(
-            CONTROL, "", "", self._barrier_nanos, self._last.pack(), to=self._gateway.peer
+    def _send_first_barrier(self) -> None:
+        self._sent.began_seconds = self._now
+        self._send_barrier()
+
+    def _send_next_barrier(self) -> None:
+        due, self._clock.due = self._clock.due, None
+        assert due is not None
+        messages, self._forwarded = self._forwarded, []
+        sent, before = self._newly_sent(), self._sent
+        barrier = Barrier(due.life, due.tick, LIMIT_MS, sent, before.barrier.answers)
+        self._sent = _SentBarrier(
+            *(barrier, due.stamp_nanos, messages, self._now), resent_seconds=before.resent_seconds
         )
+        self._send_barrier()
 
-    def _look_for_word(self, now_seconds: float) -> None:
-        assert self._last is not None
-        said = self._words.of(self._last.life, self._last.tick)
-        if said is not None and said[0].state == RESTARTED:
-            self._send_again(now_seconds)
-        if said is None or said[0].state != DONE:
-            return
-        word, _ = said
-        is_late = now_seconds - self._asked_since > LIMIT_MS / 1e3
-        missing = self._words.missing(word.sent)
-        if missing and not is_late:
-            return
-        if self._is_absent:
-            self._say("ROS's word is back")
-        asked, self._asks, self._is_absent = self._asks, False, False
-        if not asked:
-            return  # too late: physics has gone on without it
-        if word.tick < 0:
-            self._resumed = self._resume(GATEWAY)
-            return
-        self.counts["barriers"] += 1
-        self.counts["lost_for_ros"] += word.lost
-        self.counts["lost_from_ros"] += missing
-        if word.lost or missing:
-            self._say(
-                f"the link has lost {word.lost} messages to ROS and {missing} back for good, at "
-                f"tick {word.tick}; this run is not like others"
-            )
-        self._told = word, self._words.take(word.sent)
-        self._tell_physics(*self._told)
+    def _send_next_barrier_and_skip(self) -> None:
+        self._send_next_barrier()
+        self._skip()
 
-    def _send_again(self, now_seconds: float) -> None:
-        """Ask anew, with all that was sent, a ROS side that has begun since then."""
-        assert self._last is not None
-        if now_seconds - self._again_since < REMIND_SECONDS:
-            return  # it says so in answer to each copy
-        self._again_since = self._asked_since = now_seconds
-        self._gateway.forward_again(self._told_of, self._link)
+    def _send_barrier(self) -> None:
+        sent = self._sent
+        sent.sent_seconds = self._now
+        body, peer = sent.barrier.pack(), self._gateway.peer
+        self._link.send(CONTROL, "", "", sent.stamp_nanos, body, to=peer)
+
+    def _newly_sent(self) -> tuple[SentMessages, ...]:
+        """Return the ranges of messages that were sent to ROS since the last call."""
+        left = self._link.left(self._gateway.peer)
+        sent = self._tally.since({k: n for k, n in left.items() if k in self._gateway.places})
+        self._tally.tell(left)
+        return sent
+
+    def _resend_readings(self) -> None:
+        self._sent.resent_seconds = self._sent.began_seconds = self._now
+        self._gateway.forward_again(self._sent.messages, self._link)
         self._link.flush(LIMIT_MS / 1e3)
-        self._last = self._last._replace(sent=self._sent())
-        self._send(now_seconds)
+        self._sent.barrier = self._sent.barrier._replace(sent=self._newly_sent())
+        self._send_barrier()
 
-    def _tell_physics(self, word: BarrierReply, messages: Sequence[WireMessage]) -> None:
-        for message in messages:
+    def _acknowledge_reply(self) -> None:
+        assert self._replied is not None
+        reply, missing = self._replied.reply, self._replied.missing
+        self.counts["barriers"] += 1
+        self.counts["lost_for_ros"] += reply.lost
+        self.counts["lost_from_ros"] += missing
+        if reply.lost or missing:
+            self._say(
+                f"the link lost {reply.lost} messages to ROS and {missing} from ROS at tick "
+                f"{reply.tick}; results are not reproducible"
+            )
+        self._replied.messages = self._replies.take(reply.sent)
+        self._acknowledge_again()
+
+    def _acknowledge_again(self) -> None:
+        if self._replied is None:
+            return
+        reply, commanded = self._replied.reply, self._clock.commanded
+        for message in self._replied.messages:
             taken = self._gateway.take(message)
             if taken is not None and isinstance(taken[1], Command):
-                self._commanded[taken[0].split("/")[2]] = word.tick
+                commanded[taken[0].split("/")[2]] = reply.tick
             elif taken is not None and taken[0].endswith("/command/joints"):
-                self._commanded[taken[0].split("/")[2] + "/joints"] = word.tick
-        self._acknowledge(Ack(word.life, word.tick, word.tick, commanded=dict(self._commanded)))
-
-    def _take_up(self, ack: Ack, state: State) -> None:
-        """Take up a run where it stands: the bus loses what comes while this is cut off.
-
-        All that was heard has been taken by now.
-        """
-        self._resumed = None
-        if state.tick % self._time.ack_ticks or ack.tick >= state.tick:
-            return
-        if state.life != self._life or state.tick > self.tick:
-            # What was acknowledged to a predecessor, or while this was cut off, is not said again.
-            self._others.all_told(state.life, state.tick)
-            clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.life)
-            self._hear_clock(self._clock_key, clock)
-        elif self._due is not None:
-            for name in self._behind():
-                if told := self._resume(name):
-                    self._others.told(name, told.ack.life, told.ack.tick)
-        elif self._told is not None:
-            self._tell_physics(*self._told)
-
-    def _be_patient(self, now_seconds: float) -> None:
-        """Say who is waited for too long, and do without him where the scenario says so."""
-        waits_for = self._waits_for()
-        if not waits_for or self._since is None:
-            if self._has_complained and not self._is_absent:
-                self._say("time goes on")
-            self._since, self._has_complained = None, False
-            return
-        waited, deadline = now_seconds - self._since, self._time.deadline_s
-        skips = self._time.overload == "skip"
-        if skips and self._due is not None and waited >= deadline / 2:
-            # Physics does without these; it must not do without ROS because of them.
-            self._others.do_without(self._behind())
-        if waited < deadline:
-            return
-        if not self._has_complained:
-            self._has_complained = True
-            self._say(waits_for)
-        if skips and self._asks and self._last is not None and self._last.tick >= 0:
-            self._is_absent = True
-            self._say("time goes on without ROS's word until it comes")
-            self._skip()
+                commanded[taken[0].split("/")[2] + "/joints"] = reply.tick
+        self._acknowledge(Ack(reply.life, reply.tick, reply.tick, commanded=dict(commanded)))
 
     def _skip(self) -> None:
-        """Let physics go on without a word of ROS, which is asked on."""
-        assert self._last is not None
-        self._asks = False
+        barrier = self._sent.barrier
         self.counts["barriers_skipped"] += 1
-        self._acknowledge(Ack(self._last.life, self._last.tick, self._last.tick))
+        self._acknowledge(Ack(barrier.life, barrier.tick, barrier.tick))
+
+    def _ask_physics(self) -> None:
+        self._status = self._resume(GATEWAY)
+
+    def _ask_for_sensors(self) -> None:
+        for name in self._behind():
+            if status := self._resume(name):
+                self._sensors.reached(name, status.ack.life, status.ack.tick)
+
+    def _catch_up(self, ack: Ack, state: State) -> None:
+        """Continue where physics says that the run stands, after all received messages.
+
+        The bus loses messages while this process is disconnected.
+        """
+        self._status = None
+        if state.tick % self._time.ack_ticks or ack.tick >= state.tick:
+            return
+        if state.life == self._clock.life and state.tick <= self._clock.tick:
+            self._handle(Event.STILL_WAITING)
+            return
+        # Sensors do not repeat acknowledgements that a predecessor of this process got.
+        self._sensors.all_reached(state.life, state.tick)
+        clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.life)
+        self._hear_clock(self._clock_key, clock)
+
+    def _report_wait(self) -> None:
+        """Tell the user what the run has been waiting for; skip it where the scenario says so."""
+        reason, wait, deadline = self._waits_for(), self._wait, self._time.deadline_s
+        if not reason or wait.since is None:
+            if wait.is_reported and self.state not in WITHOUT_ROS:
+                self._say("simulation time advances again")
+            wait.since, wait.is_reported = None, False
+            return
+        waited, skips = self._now - wait.since, self._time.overload == "skip"
+        if skips and waited >= deadline / 2:
+            # Physics skips these sensors; it must not skip the ROS node because of them.
+            self._sensors.leave_out(self._behind())
+        if waited < deadline:
+            return
+        if not wait.is_reported:
+            wait.is_reported = True
+            self._say(reason)
+        if skips and self._machine.expects(Event.OVERDUE):
+            self._say("continuing without the ROS node until it responds")
+            self._handle(Event.OVERDUE)
 
     def _waits_for(self) -> str:
-        """Return in a line what time stands still for; empty when it does not."""
-        if not self._asks:
-            behind = self._behind() if self._due is not None else []
-            names = ", ".join(behind)
-            return f"tick {self.tick} waits for {names}, before ROS is asked" if behind else ""
-        assert self._last is not None
-        node = "the ROS node at {}:{}".format(*self._gateway.peer)
-        return self._words.lacking(node, self._last.life, self._last.tick)
+        """Return in a line what physics is waiting for; empty while it is stepping."""
+        barrier = self._sent.barrier
+        if self.state in AWAITING_REPLY:
+            node = "the ROS node at {}:{}".format(*self._gateway.peer)
+            return self._replies.lacking(node, barrier.life, barrier.tick)
+        names = ", ".join(self._behind())
+        return f"tick {self.tick}: waiting for {names} before the barrier is sent" if names else ""

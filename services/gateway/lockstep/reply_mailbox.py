@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replies of ROS in lockstep: the newest BarrierReply, and messages that wait for one.
+"""Mailbox of the ROS node's messages in lockstep: its newest reply and the messages it lists.
 
-Rule: the link's receiving thread puts in, the main one takes out; nothing is decided here.
+The receive thread of the link puts messages in, the main thread takes them out.
 """
 
 from __future__ import annotations
@@ -15,64 +15,64 @@ from udp_bridge.wire.message import Message
 
 
 class ReplyMailbox:
-    """A letter box between two threads."""
+    """Newest reply to a barrier, and messages from ROS that a reply will list."""
 
     def __init__(self) -> None:
-        self._came = threading.Condition()
-        self._is_news = False
+        self._changed = threading.Condition()
+        self._has_news = False
         self._gathering = Gathering()
-        self._word: tuple[BarrierReply, str] | None = None
+        self._reply: tuple[BarrierReply, str] | None = None
 
     def put(self, message: Message) -> None:
-        """Take a message that a BarrierReply will tell of."""
-        with self._came:
+        """Store a message that a reply will list."""
+        with self._changed:
             self._gathering.put(message)
             self._notify()
 
-    def say(self, word: BarrierReply, topic: str) -> None:
-        """Take a BarrierReply and the topic in its header."""
-        with self._came:
-            if word.state == RESTARTED:
-                self._gathering.take_all()  # of a predecessor, whose numbers come again
-            self._word = word, topic
+    def put_reply(self, reply: BarrierReply, topic: str) -> None:
+        """Store a reply and the topic in its header."""
+        with self._changed:
+            if reply.state == RESTARTED:
+                self._gathering.take_all()  # sequence numbers of a restarted node begin again
+            self._reply = reply, topic
             self._notify()
 
     def wait(self, seconds: float) -> None:
-        """Wait until something new is here, or the time is over."""
-        with self._came:
-            if not self._is_news:
-                self._came.wait(seconds)
-            self._is_news = False
+        """Wait until something was put in, or for a time."""
+        with self._changed:
+            if not self._has_news:
+                self._changed.wait(seconds)
+            self._has_news = False
 
     def of(self, life: int, tick: int) -> tuple[BarrierReply, str] | None:
-        """Return the newest BarrierReply and its topic if it is of this tick."""
-        with self._came:
-            word = self._word
-        return word if word is not None and (word[0].life, word[0].tick) == (life, tick) else None
+        """Return the newest reply and its topic if it answers the barrier of this tick."""
+        with self._changed:
+            found = self._reply
+        return found if found and (found[0].life, found[0].tick) == (life, tick) else None
 
     def lacking(self, node: str, life: int, tick: int) -> str:
-        """Return in a line what a node has not said or done at the barrier of a tick."""
+        """Return in a line what a node has not done at the barrier of a tick."""
         if tick < 0:
-            return f"{node} does not answer; start udp_bridge_ros2 there"
-        if (said := self.of(life, tick)) is None:
-            return f"{node} has not answered the barrier of tick {tick}"
-        word, topic = said
-        if word.state == WAITING:
-            return f"{node} waits for {topic} since the barrier of tick {tick}"
-        if word.state == RESTARTED:
-            return f"{node} was started anew and has not got again what was sent to tick {tick}"
-        return f"{node} and the gateway lack messages of each other since tick {tick}"
+            return f"{node} does not reply. Fix: start udp_bridge_ros2 there"
+        if (found := self.of(life, tick)) is None:
+            return f"{node} has not replied to the barrier of tick {tick}"
+        reply, topic = found
+        if reply.state == WAITING:
+            return f"{node} has been waiting for {topic} since the barrier of tick {tick}"
+        if reply.state == RESTARTED:
+            return f"{node} was restarted and lacks messages sent up to tick {tick}"
+        return f"messages between {node} and the gateway have been missing since tick {tick}"
 
     def missing(self, sent: Sequence[SentMessages]) -> int:
-        """Return how many of these messages are still on their way."""
-        with self._came:
+        """Return how many of these messages have not arrived."""
+        with self._changed:
             return self._gathering.missing(sent)
 
     def take(self, sent: Sequence[SentMessages]) -> list[Message]:
-        """Return those of these messages that are here, in their order."""
-        with self._came:
+        """Remove and return those of these messages that have arrived, in order."""
+        with self._changed:
             return self._gathering.take(sent)
 
     def _notify(self) -> None:
-        self._is_news = True
-        self._came.notify()
+        self._has_news = True
+        self._changed.notify()

@@ -3,28 +3,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
-
 import pytest
-from msgspec.structs import replace
 
-from groundlink.bus.inbox import BusInbox
 from groundlink.core.backoff import FIRST_SECONDS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
-from groundlink.messages.base import Ack, Clock, Command, Message, State, WheelEncoders, encode
+from groundlink.messages.base import Ack, Command, State
 from groundlink.scenario.schema import Time
 from services.gateway.__main__ import _say
-from services.gateway.bus_session import Resumed
-from services.gateway.gateway import Gateway
-from services.gateway.lockstep.lockstep import LIMIT_MS, Lockstep
+from services.gateway.bus_session import RunStatus
+from services.gateway.lockstep.lockstep import LIMIT_MS
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox
-from udp_bridge.wire import control
 from udp_bridge.wire.lockstep import (
-    DONE,
     RESTARTED,
     WAITING,
     Barrier,
@@ -32,115 +22,20 @@ from udp_bridge.wire.lockstep import (
     ExpectedResponse,
     SentMessages,
 )
-from udp_bridge.wire.message import Message as WireMessage
-from udp_bridge.wire.types import CONTROL, type_number
+from udp_bridge.wire.types import CONTROL
 
-PEER = ("127.0.0.1", 7511)
-RUN = "lab"
-TWIST, CLOCK, ENCODERS, JOINTS = map(type_number, ("Twist", "Clock", "WheelEncoders", "JointState"))
-COMMAND_KEY = "groundlink/lab/rover/command"
-LAB = load(SHIPPED / "indoor_lab.yaml")
-SENSORS = ("rover/lidar", "rover/imu", "rover/encoders", "rover/camera")
-LIFE = 77
-
-
-class StandIn:
-    """A link that keeps what it is given."""
-
-    def __init__(self) -> None:
-        self.sent: list[tuple[int, str, int, bytes]] = []
-        self.counts: dict[tuple[int, str], int] = {}
-        self.is_busy = False
-
-    def send(self, msg_type: int, topic: str, _: str, stamp: int, body: Any, to: Any) -> None:
-        assert to == PEER
-        self.sent.append((msg_type, topic, stamp, bytes(body)))
-        self.counts[msg_type, topic] = self.counts.get((msg_type, topic), 0) + 1
-
-    def left(self, to: Any) -> dict[tuple[int, str], int]:
-        return dict(self.counts)
-
-    def flush(self, seconds: float) -> bool:
-        assert 0 < seconds <= LIMIT_MS / 1e3, "the run stands still meanwhile"
-        return not self.is_busy
-
-    @property
-    def barriers(self) -> list[Barrier]:
-        found = [control.parse(body) for kind, _, _, body in self.sent if kind == CONTROL]
-        return [said for said in found if isinstance(said, Barrier)]
-
-
-@dataclass
-class Rig:
-    """A gateway in lockstep, between a bus and ROS that the test plays."""
-
-    time: Time = field(default_factory=lambda: Time(mode="fast", lockstep="ros", epoch="zero"))
-    resumed: Resumed | None = None
-    heard_of_sensors: Ack = field(default_factory=lambda: Ack(LIFE, -1, -1))
-
-    def __post_init__(self) -> None:
-        scenario = replace(LAB, time=self.time)
-        self.link: Any = StandIn()
-        self.words = ReplyMailbox()
-        self.published: list[tuple[str, Message]] = []
-        self.acks: list[Ack] = []
-        self.said: list[str] = []
-        self.now = 100.0
-        self.gateway = Gateway(
-            scenario,
-            RUN,
-            peer=PEER,
-            publish=lambda key, message: self.published.append((key, message)),
-            words=self.words,
-        )
-        self.lockstep = Lockstep(
-            *(scenario, self.gateway, self.link, self.words),
-            acknowledge=self.acks.append,
-            resume=self.resume,
-            say=self.said.append,
-        )
-        self.inbox: BusInbox[Message] = BusInbox(depth=64)
-
-    def resume(self, process: str) -> Resumed | None:
-        if process == "gateway" or self.resumed is None:
-            return self.resumed
-        return Resumed(self.heard_of_sensors, self.resumed.state)
-
-    def turn(self, seconds: float = 0.0) -> None:
-        self.now += seconds
-        if arrived := self.lockstep.listen(self.inbox):
-            self.lockstep.hear(*arrived)
-        self.lockstep.turn(self.now)
-
-    def hear(self, key: str, message: Message) -> None:
-        self.inbox.put(f"groundlink/{RUN}/{key}", encode(message), type(message))
-        self.turn()
-
-    def clock(self, tick: int, life: int = LIFE) -> None:
-        self.hear("clock", Clock(tick * TICK_NANOS, 0, tick, life))
-
-    def followed(self, tick: int, *names: str, life: int = LIFE) -> None:
-        for name in names or SENSORS:
-            self.hear(f"ack/{name}", Ack(life, tick, tick))
-
-    def measured(self, tick: int) -> None:
-        reading = WheelEncoders(
-            stamp_nanos=tick * TICK_NANOS, frame="base", names=("a",) * 4, ticks=(1,) * 4
-        )
-        self.hear("rover/encoders", reading)
-
-    def says(self, tick: int, *, state: int = DONE, topic: str = "", **more: Any) -> None:
-        life = 0 if tick < 0 else more.pop("life", LIFE)
-        self.gateway.on_message(self.of_ros(BarrierReply(life, tick, state, **more), topic), PEER)
-        self.turn()
-
-    @staticmethod
-    def of_ros(word: BarrierReply, topic: str = "") -> WireMessage:
-        return WireMessage(CONTROL, topic, "", 0, 0, word.pack())
-
-    def commands(self, number: int) -> None:
-        twist = b"\0\1\0\0" + bytes(48)
-        self.gateway.on_message(WireMessage(TWIST, "/cmd_vel", "", 5, number, twist), PEER)
+from .rig import (
+    CLOCK,
+    COMMAND_KEY,
+    ENCODERS,
+    JOINTS,
+    LIFE,
+    PEER,
+    RUN,
+    SENSORS,
+    TWIST,
+    Rig,
+)
 
 
 @pytest.fixture
@@ -233,7 +128,7 @@ def test_commands_that_are_lost_for_good_are_counted_and_said(rig: Rig) -> None:
     rig.turn(LIMIT_MS / 1e3 + 0.1)
     assert [ack.tick for ack in rig.acks] == [0]
     assert (rig.lockstep.counts["lost_for_ros"], rig.lockstep.counts["lost_from_ros"]) == (3, 2)
-    assert any("lost 3 messages to ROS and 2 back" in line for line in rig.said)
+    assert any("lost 3 messages to ROS and 2 from ROS" in line for line in rig.said)
 
 
 def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig: Rig) -> None:
@@ -273,12 +168,12 @@ def test_a_reset_begins_anew(rig: Rig) -> None:
     barrier = rig.link.barriers[-1]
     assert (barrier.life, barrier.tick) == (LIFE + 1, 0)
     assert barrier.sent == (SentMessages(CLOCK, "/clock", 2, 1),)
-    assert rig.lockstep.counts["other_lives"] == 1
+    assert rig.lockstep.counts["other_episodes"] == 1
 
 
 def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
     state = State(RUN, LIFE, 0, 8, 8 * TICK_NANOS, "", {})
-    it = Rig(resumed=Resumed(Ack(LIFE, 4, 4), state))
+    it = Rig(resumed=RunStatus(Ack(LIFE, 4, 4), state))
     it.turn()
     it.says(-1)
     it.turn()
@@ -291,7 +186,7 @@ def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
 def stands_at(rig: Rig, tick: int, acknowledged: int) -> None:
     """Let physics say where it stands once nothing has come for long."""
     state = State(RUN, LIFE, 0, tick, tick * TICK_NANOS, "", {})
-    rig.resumed = Resumed(Ack(LIFE, acknowledged, acknowledged), state)
+    rig.resumed = RunStatus(Ack(LIFE, acknowledged, acknowledged), state)
     rig.turn(FIRST_SECONDS + 0.1)
     rig.turn()
 
@@ -325,7 +220,7 @@ def test_sensors_words_that_the_bus_has_lost(rig: Rig, they_have_said: int, aske
 
 def test_what_was_heard_of_is_not_asked_twice() -> None:
     state = State(RUN, LIFE, 0, 0, 0, "", {})
-    it = Rig(resumed=Resumed(Ack(LIFE, -1, -1), state))
+    it = Rig(resumed=RunStatus(Ack(LIFE, -1, -1), state))
     it.clock(0)
     it.says(-1)
     it.turn()
@@ -336,10 +231,10 @@ def test_what_was_heard_of_is_not_asked_twice() -> None:
 @pytest.mark.parametrize(
     ("word", "line"),
     [
-        (None, "127.0.0.1:7511 has not answered the barrier of tick 0"),
+        (None, "127.0.0.1:7511 has not replied to the barrier of tick 0"),
         (
             BarrierReply(LIFE, 0, WAITING),
-            "127.0.0.1:7511 waits for /cmd_vel since the barrier of tick 0",
+            "127.0.0.1:7511 has been waiting for /cmd_vel since the barrier of tick 0",
         ),
     ],
 )
@@ -354,14 +249,14 @@ def test_who_is_waited_for_too_long_is_named_once(
         rig.turn(0.5)
     assert rig.said == [f"the ROS node at {line}"]
     rig.says(0)
-    assert rig.said[1:] == ["time goes on"]
+    assert rig.said[1:] == ["simulation time advances again"]
 
 
 def test_a_silent_sensor_is_named(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0, *SENSORS[1:])
     rig.turn(6.0)
-    assert rig.said == ["tick 0 waits for rover/lidar, before ROS is asked"]
+    assert rig.said == ["tick 0: waiting for rover/lidar before the barrier is sent"]
 
 
 def test_skip_goes_on_without_ros_until_it_answers() -> None:
@@ -372,7 +267,7 @@ def test_skip_goes_on_without_ros_until_it_answers() -> None:
     it.followed(0)
     it.turn(6.0)
     assert [ack.tick for ack in it.acks] == [0]
-    assert it.said[1:] == ["time goes on without ROS's word until it comes"]
+    assert it.said[1:] == ["continuing without the ROS node until it responds"]
     it.clock(4)
     it.followed(4)
     assert [ack.tick for ack in it.acks] == [0, 4], "it is not waited for again"
@@ -380,7 +275,7 @@ def test_skip_goes_on_without_ros_until_it_answers() -> None:
     it.clock(8)
     it.followed(8)
     assert [ack.tick for ack in it.acks] == [0, 4], "it is back"
-    assert it.said[2:] == ["ROS's word is back"]
+    assert it.said[2:] == ["the ROS node is responding again"]
     assert it.lockstep.counts["barriers_skipped"] == 2
 
 
@@ -402,7 +297,7 @@ def test_a_topic_that_ros_does_not_get_cannot_be_answered() -> None:
 
 def test_a_name_of_the_peer_forges_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     words = ReplyMailbox()
-    words.say(BarrierReply(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
+    words.put_reply(BarrierReply(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
     _say(words.lacking("the node", 1, 0))
     (line,) = capsys.readouterr().err.splitlines()
     assert line.isprintable()
