@@ -31,10 +31,11 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
 from groundlink.world.mesh_asset import asset_of
-from groundlink.world.solids import Box, Material, Mesh, Solid
+from groundlink.world.solids import Box, Material, Mesh, Solid, Sphere
 from groundlink.world.terrain import ground
-from services.physics.dynamics.engine import Engine
-from services.physics.dynamics.static_mesh import StaticMeshes
+from services.physics.dynamics.backend import FREE, Surface
+from services.physics.dynamics.bullet import BulletBackend
+from services.physics.dynamics.statics import add_statics
 from services.physics.dynamics.terrain import TerrainWindows
 from services.physics.simulation.simulation import Simulation
 
@@ -115,21 +116,24 @@ def windows(cells: int) -> None:
     """Print what a window costs."""
     from services.physics.dynamics import terrain
 
-    terrain.LEAST_CELLS = cells
-    engine = Engine()
+    terrain.MIN_CELLS = cells
+    backend = BulletBackend()
+    ball = Solid("ball", Sphere(radius_m=1.0), "ground")
 
     class Pin:
-        body = engine.createMultiBody(1, engine.createCollisionShape(engine.GEOM_SPHERE, radius=1))
+        body = backend.add_body([ball], Surface(0.5, 0.0, FREE), mass_kg=1.0)
         position_m = (0.0, 0.0, 0.0)
 
-    landscape = TerrainWindows(engine, ground(build(HILLS, Path(), silent)), world().materials)
+    windows_of_hills = TerrainWindows(
+        backend, ground(build(HILLS, Path(), silent)), world().materials
+    )
     before = resident_mb()
-    landscape.carry(Pin(), "pin", 1.0)
+    windows_of_hills.carry(Pin(), "pin", 1.0)
     grown = resident_mb() - before
     started = time.process_time()
     for i in range(10):
         Pin.position_m = (100.0 * (-1) ** i, 0.0, 0.0)
-        landscape.follow()
+        windows_of_hills.follow()
     spent = (time.process_time() - started) / 10
     print(f"a window of {cells} x {cells} cells: {grown:.0f} MB, laid anew in {spent * 1e3:.1f} ms")
 
@@ -138,10 +142,9 @@ def mesh(side: int) -> None:
     """Print what a mesh costs."""
     made = heights(replace(HILLS, size_m=(side, side)))
     solid = sheet(made, 1.0)
-    assert isinstance(solid.shape, Mesh)
-    meshes = StaticMeshes(Engine())
+    backend = BulletBackend()
     before, started = resident_mb(), time.process_time()
-    meshes.put(solid, solid.shape)
+    add_statics(backend, [solid], world().materials, clearance_m=0.0)
     spent = time.process_time() - started
     grown = resident_mb() - before
     print(f"a mesh of {2 * side * side:,} triangles: {grown:.0f} MB, {spent:.2f} s")

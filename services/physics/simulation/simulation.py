@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physics of a run: a world, its vehicles and its actors, stepped tick by tick.
 
-Rule: commands and steps in, states out. The same calls give the same bytes; nothing here reads a
-clock or knows how fast time should pass.
+The same calls give the same bytes. Nothing here reads a clock or knows how fast time should pass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from struct import Struct
 from types import TracebackType
 from typing import Self
@@ -23,7 +22,8 @@ from groundlink.world import terrain
 from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.spawn_checks import actor_bodies, vehicle_bodies
-from services.physics.dynamics.engine import Engine
+from services.physics.dynamics.backend import Backend
+from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
 from services.physics.vehicle.vehicle import SimulatedVehicle
@@ -33,7 +33,7 @@ from .settling import settled
 
 
 class Simulation:
-    """A PyBullet world of its own, at tick zero with every vehicle standing still.
+    """A world at tick zero with every vehicle standing still.
 
     Parameters
     ----------
@@ -42,16 +42,24 @@ class Simulation:
     solids
         all static solids of the world, in the world's frame.
     epoch_nanos
-        stamp of sim time zero on the time line of commands.
+        stamp of sim time zero in commands.
+    new_backend
+        makes the physics engine's world.
     """
 
     def __init__(
-        self, scenario: Scenario, solids: Sequence[Solid], *, epoch_nanos: int = 0
+        self,
+        scenario: Scenario,
+        solids: Sequence[Solid],
+        *,
+        epoch_nanos: int = 0,
+        new_backend: Callable[[], Backend] = BulletBackend,
     ) -> None:
         self.tick = 0
-        self._engine = Engine()
+        self._new_backend = new_backend
+        self._backend = new_backend()
         self._epoch_nanos = epoch_nanos
-        # What every chassis passes over must be rolled over, or nothing would touch it.
+        # Wheels must roll over what every chassis passes over, or nothing would touch it.
         self._clearance_m = min(
             (
                 model.base_height_m + model.chassis.center_m[2] - model.chassis.size_m[2] / 2
@@ -61,8 +69,8 @@ class Simulation:
         )
         mapped, materials = scenario.world.terrain, scenario.world.materials
         self._materials = materials
-        self._land: TerrainWindows | NoTerrain = (
-            TerrainWindows(self._engine, terrain.ground(mapped), materials)
+        self._terrain: TerrainWindows | NoTerrain = (
+            TerrainWindows(self._backend, terrain.ground(mapped), materials)
             if mapped
             else NoTerrain()
         )
@@ -72,22 +80,17 @@ class Simulation:
         self._actors: dict[str, actors.ScriptedActor | actors.FreeActor] = {}
         self._described: dict[str, Actor] = {}
         self._bodies: dict[int, Sequence[Solid]] = {}
-        """Of those that were taken out, too: they may have been touched before."""
+        """Solids of each body, also of removed ones: they may have been touched before."""
 
         self.become(scenario, solids)
 
     def become(self, scenario: Scenario, solids: Sequence[Solid]) -> None:
-        """Take out what a scenario lacks and put in what is new in it; all else goes on.
+        """Remove what a scenario lacks and add what is new in it; all else continues.
 
-        Things are known by their names. What is new begins as it does at tick zero, vehicles at
-        their placements.
-
-        Parameters
-        ----------
-        scenario, solids
-            as those that this world was made of.
+        Things are identified by name. New things start as they do at tick zero, vehicles at their
+        placements.
         """
-        self._take_out(
+        self._remove_others(
             {vehicle.name for vehicle in scenario.vehicles},
             {actor.name for actor in scenario.world.actors},
             {solid.name for solid in solids},
@@ -95,11 +98,11 @@ class Simulation:
         materials = scenario.world.materials
         there = {solid.name for static in self._statics.values() for solid in static.solids}
         statics = add_statics(
-            self._engine,
+            self._backend,
             [solid for solid in solids if solid.name not in there],
             materials,
             clearance_m=self._clearance_m,
-            lowest_m=self._land.lowest_m,
+            lowest_m=self._terrain.lowest_m,
         )
         self._statics |= statics
         self._bodies |= {body: static.solids for body, static in statics.items()}
@@ -109,35 +112,35 @@ class Simulation:
         for actor in scenario.world.actors:
             if actor.name not in self._actors:
                 self._put_actor(actor, materials)
-        # States tell them in the scenario's order.
+        # States have actors in the scenario's order.
         self._actors = {a.name: self._actors[a.name] for a in scenario.world.actors}
 
-    def _take_out(self, vehicles: Set[str], others: Set[str], standing: Set[str]) -> None:
-        """Take out all but those that are named."""
+    def _remove_others(self, vehicles: Set[str], actors: Set[str], solids: Set[str]) -> None:
+        """Remove all but those that are named."""
         for name in self._vehicles.keys() - vehicles:
             self._remove(self._vehicles.pop(name))
-        for name in self._actors.keys() - others:
+        for name in self._actors.keys() - actors:
             self._remove(self._actors.pop(name))
         for body, static in list(self._statics.items()):
-            # A body stands for several solids: those that stay get another one.
-            if any(solid.name not in standing for solid in static.solids):
-                self._engine.removeBody(body)
+            # A body stands for several solids: those that stay get a new one.
+            if any(solid.name not in solids for solid in static.solids):
+                self._backend.remove(body)
                 del self._statics[body]
 
     def _remove(self, carried: CarriedBody) -> None:
-        self._land.drop(carried)
-        self._engine.removeBody(carried.body)
+        self._terrain.drop(carried)
+        self._backend.remove(carried.body)
 
     def _put_vehicle(self, described: Vehicle) -> None:
         vehicle = SimulatedVehicle(
-            self._engine,
+            self._backend,
             described,
             self._friction,
-            ground=self._land.ground,
+            ground=self._terrain.ground,
             epoch_nanos=self._epoch_nanos,
         )
-        if (ground := self._land.ground) is not None:
-            rest = settled(described, ground, self._materials)
+        if (ground := self._terrain.ground) is not None:
+            rest = settled(described, ground, self._materials, self._new_backend)
             if rest is not None:
                 vehicle.put(rest)
         self._vehicles[described.name] = vehicle
@@ -146,7 +149,7 @@ class Simulation:
         self._carry(vehicle, described.model.name, reach_of(described.model))
 
     def _put_actor(self, actor: Actor, materials: Mapping[str, Material]) -> None:
-        put = actors.put(self._engine, actor, self._land.ground, materials, self.tick)
+        put = actors.put(self._backend, actor, self._terrain.ground, materials, self.tick)
         self._actors[actor.name] = put
         self._described[actor.name] = actor
         self._bodies[put.body] = (_whole(actor.name),)
@@ -154,16 +157,16 @@ class Simulation:
             self._carry(put, actor.name, put.reach_m)
 
     def _carry(self, carried: CarriedBody, name: str, reach_m: float) -> None:
-        """Put terrain under a body, where there is terrain."""
-        if (window := self._land.carry(carried, name, reach_m)) is not None:
+        """Keep terrain under a body, if there is terrain."""
+        if (window := self._terrain.carry(carried, name, reach_m)) is not None:
             self._bodies[window] = (_whole(terrain.BODY),)
 
     def _friction(self, body: int, point: Vector3) -> float:
         fixed = self._statics.get(body)
-        return self._land.friction_at(point[0], point[1]) if fixed is None else fixed.friction
+        return self._terrain.friction_at(point[0], point[1]) if fixed is None else fixed.friction
 
     def moving(self) -> list[Solid]:
-        """Return what of vehicles and actors meets things, where they are now, in the world."""
+        """Return the bodies of vehicles and actors where they are now, in the world frame."""
         found = []
         for name, vehicle in self._vehicles.items():
             *position, x, y, z, w = vehicle.state().poses()[0].tolist()
@@ -184,8 +187,8 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the engine; call nothing else after it."""
-        self._engine.close()
+        """Free the backend; call nothing else after it."""
+        self._backend.close()
 
     @property
     def sim_nanos(self) -> int:
@@ -193,11 +196,13 @@ class Simulation:
         return self.tick * TICK_NANOS
 
     def command(self, vehicle_name: str, command: Command | WheelCommand | JointState) -> bool:
-        """Ask a vehicle or its wheels for a velocity, or its joints for positions.
+        """Command velocities of a vehicle or its wheels, or positions of its joints.
 
-        Return whether it will act.
+        A command acts in the first step at or after its stamp.
 
-        It acts in the first step at or after its stamp; not where its time is over.
+        Returns
+        -------
+        False for a stale command, which does not act.
 
         Raises
         ------
@@ -212,13 +217,13 @@ class Simulation:
         return vehicle.drive.command(command)
 
     def step(self) -> None:
-        """Go on by one tick."""
+        """Advance by one tick."""
         for vehicle in self._vehicles.values():
             vehicle.act(self.sim_nanos)
         for actor in self._actors.values():
             actor.act(self.tick)
-        self._land.follow()
-        self._engine.stepSimulation()
+        self._terrain.follow()
+        self._backend.step()
         self.tick += 1
         for vehicle in self._vehicles.values():
             vehicle.sense()
@@ -237,7 +242,7 @@ class Simulation:
         return self._vehicles[vehicle_name].motor_torques()
 
     def vitals(self, stamp_nanos: int) -> list[Vitals]:
-        """Return every vehicle's energy so far and what it has touched since the last call."""
+        """Return every vehicle's energy so far and its contacts since the last call."""
         return [
             Vitals(
                 stamp_nanos,
@@ -256,5 +261,5 @@ _pack_row = Struct("<7d").pack
 
 
 def _whole(name: str) -> Solid:
-    """Return what stands for a body that is met as a whole and has one name wherever it is."""
+    """Return a solid that stands for a moving body, whose contacts have one name."""
     return Solid(name, Sphere(radius_m=1.0), "")

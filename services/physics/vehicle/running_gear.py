@@ -26,8 +26,8 @@ from .tire import Tire
 UPRIGHT = 0.2
 """Sine of the angle between axle and ground's normal below which a wheel lies on its side."""
 
-Touch = tuple[float, float, float, float]
-"""What a wheel touches: the sum over its contact points of normal force times the ground's
+GroundContact = tuple[float, float, float, float]
+"""What a wheel contacts: the sum over its contact points of normal force times the ground's
 coefficient of friction, N, and the sum of the normal forces on it, N, in the base frame."""
 
 
@@ -144,7 +144,7 @@ class RunningGear:
         velocity: Vector3,
         turn: Vector3,
         springs: Sequence[Sequence[float]],
-        touches: Sequence[Touch | None],
+        contacts: Sequence[GroundContact | None],
     ) -> GroundReaction:
         """Turn shafts and joints for a tick and return how the ground pushes.
 
@@ -154,23 +154,23 @@ class RunningGear:
             of the base's origin, m/s and rad/s.
         springs
             position (m) and velocity (m/s) of each wheel along the base's z.
-        touches
-            what each wheel touches.
+        contacts
+            of each wheel with the ground; None in the air.
         """
         vx, vy, vz = velocity
         ox, oy, oz = turn
         steer = dict(zip(self._steering_joints, asked.angles_rad, strict=True))
         meeting: list[tuple[float, ...] | None] = []
-        for wheel, spring, touch in zip(self.wheels, springs, touches, strict=True):
+        for wheel, spring, contact in zip(self.wheels, springs, contacts, strict=True):
             steering_joint = wheel.steering_joint
-            if touch is None:
+            if contact is None:
                 wheel.tire.lift()
                 if steering_joint:
                     steering_joint.turn(steer[steering_joint], 0.0, 0.0)
                 meeting.append(None)
                 continue
-            grip, nx, ny, nz = touch
-            load = sqrt(nx * nx + ny * ny + nz * nz) or 1.0  # wedged in: what it touches cancels
+            grip, nx, ny, nz = contact
+            load = sqrt(nx * nx + ny * ny + nz * nz) or 1.0  # wedged in: what it contacts cancels
             nx, ny, nz = nx / load, ny / load, nz / load
             grip *= wheel.friction
             ax, ay = 0.0, 1.0

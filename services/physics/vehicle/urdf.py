@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle's model as URDF text.
+"""A vehicle's model as URDF text with masses, joints and collision shapes.
 
-Rule: masses, joints and what touches, for the physics engine; what springs, motors and tires do is
-no part of URDF, and what a vehicle looks like no part of physics.
-
-Wheels collide as spheres: cylinders shake on flat ground (bullet3 issue 2851). A sphere sticks out
-sideways, so wheels are to meet the ground only and the chassis meets the rest. Each slides along
-the base's z, held up by a spring's force. That it turns on its axle, and is steered, is left to
-the running gear: a ball touches the same, and half as many links take half the time.
+Wheels collide as spheres: cylinders shake on flat ground (bullet3#2851). A sphere is wider
+than its wheel, so wheels touch the ground only and the chassis touches all else. Each wheel slides
+along the base's z, held by a spring's force. It neither turns nor steers here: the contacts of a
+sphere are the same, and half as many links take half the time. The running gear does both.
 """
 
 from __future__ import annotations
 
 from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
 
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
@@ -21,13 +21,16 @@ from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 
 MAX_SPRING_FORCE_N = 1e7
 MAX_SPRING_SPEED_MPS = 10.0
-"""URDF demands limits for a sliding joint; these are beyond what a spring does."""
+"""URDF requires limits for a sliding joint; these are beyond what a spring does."""
+
+HULL_DIRECTIONS = 64
+"""More points than twice that make a contact no better, only slower."""
 
 Element = ElementTree.Element
 
 
 def urdf(model: VehicleModel) -> str:
-    """Return a URDF document of `model`, with the hulls of its meshes in files beside it."""
+    """Return a URDF document of a model; it refers to its meshes' hulls by `hull_file`."""
     robot = Element("robot", name=model.name)
     base = _sub(robot, "link", name=model.base_frame)
     chassis = model.chassis
@@ -52,8 +55,33 @@ def chassis_moments(chassis: Chassis) -> Vector3:
 
 
 def hull_file(mesh: Mesh) -> str:
-    """Return the name of the file, beside the document, with the hull of a mesh that collides."""
+    """Return the name of the file with the hull of a mesh that collides."""
     return f"{mesh.asset}.obj"
+
+
+def convex_hull(vertices: NDArray[np.float32]) -> str:
+    """Return Wavefront OBJ text of points that span the convex hull of a mesh.
+
+    The points are the vertices that are farthest in evenly spread directions.
+
+    Parameters
+    ----------
+    vertices
+        shape (V, 3), m.
+    """
+    # Points on a sphere along a spiral whose turns are a golden angle apart.
+    steps = np.arange(HULL_DIRECTIONS) + 0.5
+    height = 1 - 2 * steps / HULL_DIRECTIONS
+    turn = np.pi * (1 + np.sqrt(5)) * steps
+    level = np.sqrt(1 - height**2)
+    directions = np.stack([level * np.cos(turn), level * np.sin(turn), height], axis=-1)
+    # Also along the axes, so that the hull is as long, wide and high as the mesh.
+    directions = np.concatenate([directions, np.eye(3), -np.eye(3)])
+    farthest = np.unique(np.argmax(vertices.astype(np.float64) @ directions.T, axis=0))
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices[farthest].tolist()]
+    # A fan of faces: Bullet reads no points from a file without faces.
+    lines += [f"f 1 {i} {i + 1}" for i in range(2, len(farthest))]
+    return "\n".join(lines) + "\n"
 
 
 def suspension_joint(wheel: Wheel) -> str:
@@ -88,7 +116,7 @@ def _inertial(link: Element, mass: float, moments: Vector3, at: Vector3 = (0.0, 
     inertial = _sub(link, "inertial")
     _sub(inertial, "origin", xyz=_text(*at))
     _sub(inertial, "mass", value=_text(mass))
-    # Bullet takes a moment above the sum of the others for a mistake and makes all of them zero.
+    # Bullet rejects a moment above the sum of the others, and sets all of them to zero.
     most = (1 - 1e-9) * sum(moments)
     ixx, iyy, izz = (_text(min(moment, most - moment)) for moment in moments)
     _sub(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One vehicle in the physics engine: its body, its springs, its motors, and where it all is.
+"""One vehicle in the backend: its body, springs, running gear and joints.
 
-Rule: what leaves this module is in the frames of the model (the base link's origin, not Bullet's
-center of mass) and in the model's order of links and wheels.
+States are in the frames of the model (the base link's origin, not the center of mass) and in the
+model's order of links and wheels.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from math import cos, sin
-from pathlib import Path
 from struct import Struct
 from typing import NamedTuple
 
@@ -26,26 +24,24 @@ from groundlink.world.mesh_asset import surface
 from groundlink.world.solids import Mesh
 from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import Ground
+from services.physics.dynamics.backend import CHASSIS, GRAVITY_MPS2, WHEEL, Backend, Surface
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
-from services.physics.dynamics.engine import GRAVITY_MPS2, Engine
-from services.physics.dynamics.statics import CHASSIS, COLLIDES_WITH, WHEEL
 
 from .body_drag import body_drag
 from .controller import Controller
-from .hull import hull
-from .running_gear import RunningGear, Touch
+from .running_gear import GroundContact, RunningGear
 from .servos import Servos
-from .urdf import hull_file, suspension_joint, urdf
+from .urdf import convex_hull, hull_file, suspension_joint, urdf
 
 Friction = Callable[[int, Vector3], float]
-"""Coefficient of the ground, by the engine's number of a body and a point in the world."""
+"""Coefficient of friction of the ground, by its body and a point in the world."""
 
 
 class RestState(NamedTuple):
-    """A vehicle at rest: what it takes to put another one of its model at the same place."""
+    """A vehicle at rest, to put another vehicle of its model into the same state."""
 
     center_m: Vector3
-    """Of mass, in the world."""
+    """Center of mass in the world."""
 
     orientation: Quaternion
     springs_m: tuple[float, ...]
@@ -54,47 +50,45 @@ class RestState(NamedTuple):
     treads_m: tuple[tuple[float, float], ...]
     """Deflections of the tires, forward and to the left."""
 
-    touches: list[Touch | None]
+    contacts: list[GroundContact | None]
 
 
 class SimulatedVehicle:
-    """A vehicle that stands on its springs at its placement.
+    """A vehicle, at first standing on its springs at its placement.
 
     Parameters
     ----------
-    engine
-        the world that it is put into.
-    vehicle
-        model and placement.
     friction
-        of what wheels roll on.
+        of the ground under wheels.
     ground
-        the terrain that it starts on; None: flat ground.
+        the terrain at its placement; None: flat ground.
     epoch_nanos
         stamp of sim time zero.
     """
 
     def __init__(
         self,
-        engine: Engine,
+        backend: Backend,
         vehicle: Vehicle,
         friction: Friction,
         *,
         ground: Ground | None = None,
         epoch_nanos: int = 0,
     ) -> None:
-        self._engine = engine
+        self._backend = backend
         self._model = model = vehicle.model
         self._friction = friction
         self.drive = Controller(model, epoch_nanos=epoch_nanos)
         self.servos = Servos(model.joints, epoch_nanos=epoch_nanos)
         self.energy_and_contacts = EnergyAndContacts()
-        self.body = body = _load(engine, vehicle, ground)
-        indices = {
-            engine.getJointInfo(body, joint)[1].decode(): joint
-            for joint in range(engine.getNumJoints(body))
+        collisions = (part.shape for part in model.collisions)
+        hulls = {
+            hull_file(mesh): convex_hull(surface(mesh.asset).vertices)
+            for mesh in collisions
+            if isinstance(mesh, Mesh)
         }
-        self._joints = [indices[suspension_joint(wheel)] for wheel in model.wheels]
+        self.body, joints = backend.add_articulated(urdf(model), hulls, start(vehicle, ground))
+        self._joints = [joints[suspension_joint(wheel)] for wheel in model.wheels]
         self._place = {joint: place for place, joint in enumerate(self._joints)}
         self._count = count = len(model.wheels)
         preloads = _preloads(model)
@@ -106,7 +100,7 @@ class SimulatedVehicle:
         whole_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
         self.running_gear = RunningGear(
             model,
-            # A wheel that is held up bears what falls to each when it comes to it.
+            # A wheel held in the air counts with an equal share of the whole mass.
             [
                 preload / GRAVITY_MPS2 + wheel.mass_kg if preload > 0.0 else whole_kg / count
                 for preload, wheel in zip(preloads, model.wheels, strict=True)
@@ -118,35 +112,25 @@ class SimulatedVehicle:
         self._pack_links = Struct(f"<{7 * (count + 1 + len(model.joints))}d").pack
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
-        self._set_dynamics()
-        self._first_touches: list[Touch | None] | None = None
+        self._set_surfaces()
+        self._first_contacts: list[GroundContact | None] | None = None
         self.sense()
 
-    def _set_dynamics(self) -> None:
-        engine, body, chassis = self._engine, self.body, self._model.chassis
-        for link in range(-1, engine.getNumJoints(body)):
-            # Bullet would damp every motion by 4 % a second; and what it damps more is not linear.
-            engine.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0)
-        engine.changeDynamics(
-            body, -1, lateralFriction=chassis.friction, restitution=chassis.restitution
-        )
-        engine.setCollisionFilterGroupMask(body, -1, CHASSIS, COLLIDES_WITH[CHASSIS])
+    def _set_surfaces(self) -> None:
+        chassis = self._model.chassis
+        surface = Surface(chassis.friction, chassis.restitution, CHASSIS)
+        self._backend.set_surface(self.body, surface)
         for wheel, link in zip(self._model.wheels, self._joints, strict=True):
-            # Grip is the tire's business; the engine's contact only carries.
-            engine.changeDynamics(body, link, lateralFriction=0, restitution=wheel.restitution)
-            engine.setCollisionFilterGroupMask(body, link, WHEEL, COLLIDES_WITH[WHEEL])
-        # Joints come with motors that hold them; those of the springs must let go.
-        engine.setJointMotorControlArray(
-            body, self._joints, engine.VELOCITY_CONTROL, forces=[0] * self._count
-        )
+            # The tire model makes the grip; the backend's contact only carries.
+            self._backend.set_surface(self.body, Surface(0.0, wheel.restitution, WHEEL), link)
 
     def sense(self) -> None:
-        """Read from the engine where the base and the springs are, and how they move."""
-        engine, body = self._engine, self.body
-        self._sprung = engine.getJointStates(body, self._joints)
-        center, self._quaternion = engine.getBasePositionAndOrientation(body)
-        velocity, self._turn = engine.getBaseVelocity(body)
-        # From Bullet's center of mass to the base link's origin.
+        """Read position and velocity of the base and the springs from the backend."""
+        backend, body = self._backend, self.body
+        self._sprung = backend.joint_states(body, self._joints)
+        center, self._quaternion = backend.pose(body)
+        velocity, self._turn = backend.velocity(body)
+        # From the center of mass to the base link's origin.
         self._rows = rows = _matrix(self._quaternion)
         (a, b, c), (d, e, f), (g, h, i) = rows
         cx, cy, cz = self._com
@@ -168,31 +152,29 @@ class SimulatedVehicle:
 
     def stop(self) -> None:
         """Take all velocities away."""
-        engine, body, zero = self._engine, self.body, (0.0, 0.0, 0.0)
-        engine.resetBaseVelocity(body, zero, zero)
-        for joint, (position, *_) in zip(self._joints, self._sprung, strict=True):
-            engine.resetJointState(body, joint, position, 0.0)
+        zero = (0.0, 0.0, 0.0)
+        self._backend.set_velocity(self.body, zero, zero)
+        positions = [position for position, *_ in self._sprung]
+        self._backend.set_joint_positions(self.body, self._joints, positions)
         self.sense()
 
     def at_rest(self) -> RestState:
-        """Return how it rests, its velocities taken as zero."""
+        """Return its present state with all velocities zero."""
         return RestState(
-            self._engine.getBasePositionAndOrientation(self.body)[0],
+            self._backend.pose(self.body)[0],
             self._quaternion,
             tuple(position for position, *_ in self._sprung),
             tuple(wheel.tire.deflection_m for wheel in self.running_gear.wheels),
-            self._touches(0),
+            self._ground_contacts(0),
         )
 
     def put(self, rest: RestState) -> None:
-        """Put it where another one of its model rests, before the first step."""
-        engine, body = self._engine, self.body
-        engine.resetBasePositionAndOrientation(body, rest.center_m, rest.orientation)
-        for joint, position in zip(self._joints, rest.springs_m, strict=True):
-            engine.resetJointState(body, joint, position, 0.0)
+        """Set its state to the rest of another vehicle of its model, before the first step."""
+        self._backend.set_pose(self.body, (rest.center_m, rest.orientation))
+        self._backend.set_joint_positions(self.body, self._joints, rest.springs_m)
         for wheel, deflection in zip(self.running_gear.wheels, rest.treads_m, strict=True):
             wheel.tire.deflection_m = deflection
-        self._first_touches = rest.touches
+        self._first_contacts = rest.contacts
         self.sense()
 
     @property
@@ -201,8 +183,8 @@ class SimulatedVehicle:
         return self._origin
 
     def act(self, sim_nanos: int) -> None:
-        """Set the forces of springs, tires and motors for the step from `sim_nanos`."""
-        engine, running_gear = self._engine, self.running_gear
+        """Apply the forces of springs, tires and motors for the step from `sim_nanos`."""
+        running_gear = self.running_gear
         (a, b, c), (d, e, f), (g, h, i) = self._rows
         (vx, vy, vz), (wx, wy, wz) = self._velocity, self._turn
         vx, vy, vz = a * vx + d * vy + g * vz, b * vx + e * vy + h * vz, c * vx + f * vy + i * vz
@@ -212,20 +194,18 @@ class SimulatedVehicle:
             velocity=(vx, vy, vz),
             turn=turn,
             springs=self._sprung,
-            touches=self._touches(sim_nanos // TICK_NANOS),
+            contacts=self._ground_contacts(sim_nanos // TICK_NANOS),
         )
         self.servos.step(sim_nanos)
         self.energy_and_contacts.worked(running_gear.driving_w, running_gear.braking_w)
         if self._body_drag:
             (x, y, z), torque = self._body_drag.slow((x, y, z), torque, (vx, vy, vz), turn)
-        engine.applyExternalForce(self.body, -1, (x, y, z), (0.0, 0.0, 0.0), engine.LINK_FRAME)
-        engine.applyExternalTorque(self.body, -1, torque, engine.LINK_FRAME)
-        # Along the base's z on the wheel; a spring pushes it down by what rests on it.
-        engine.setJointMotorControlArray(
+        self._backend.push(self.body, (x, y, z), torque)
+        # Along the base's z on the wheel; a spring pushes it down by the load that rests on it.
+        self._backend.set_joint_forces(
             self.body,
             self._joints,
-            engine.TORQUE_CONTROL,
-            forces=[
+            [
                 force - preload - stiffness * spring[0] - damping * spring[1]
                 for force, (preload, stiffness, damping), spring in zip(
                     along_springs, self._springs, self._sprung, strict=True
@@ -233,38 +213,33 @@ class SimulatedVehicle:
             ],
         )
 
-    def _touches(self, tick: int) -> list[Touch | None]:
-        """Return what each wheel touched in the last step; what else did goes to the ledger."""
-        if (first := self._first_touches) is not None:
-            self._first_touches = None
+    def _ground_contacts(self, tick: int) -> list[GroundContact | None]:
+        """Return each wheel's contact in the last step; record those of the chassis."""
+        if (first := self._first_contacts) is not None:
+            self._first_contacts = None
             return first
-        touches: list[Touch | None] = [None] * self._count
+        contacts: list[GroundContact | None] = [None] * self._count
         (a, b, c), (d, e, f), (g, h, i) = self._rows
-        for contact in self._engine.getContactPoints(self.body):
-            # The body's link, the other body, the point on it, the normal, its force.
-            _, _, other, link, _, _, point, (x, y, z), _, force, *_ = contact
-            if force <= 0.0:
-                continue
+        for other, link, point, (x, y, z), force in self._backend.contacts(self.body):
             if (place := self._place.get(link)) is None:
                 self.energy_and_contacts.touched((tick, other, point, force))
                 continue
             grip = self._friction(other, point) * force
             x, y, z = x * force, y * force, z * force
             x, y, z = a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
-            if (before := touches[place]) is not None:
+            if (before := contacts[place]) is not None:
                 grip, x, y, z = grip + before[0], x + before[1], y + before[2], z + before[3]
-            touches[place] = grip, x, y, z
-        return touches
+            contacts[place] = grip, x, y, z
+        return contacts
 
     def motor_torques(self) -> memoryview:
-        """Return what each wheel's motor put on its axle in the last step: float64, N m."""
+        """Return the motor's torque on each wheel's axle in the last step: float64, N m."""
         return memoryview(
             self._pack_wheels(*[wheel.torque_nm for wheel in self.running_gear.wheels])
         )
 
     def state(self) -> VehicleState:
-        """Return where everything is after the last step."""
-        # Not the engine's getLinkStates: after a step it still tells where the links were before.
+        """Return the state after the last step."""
         x, y, z = self._origin
         qx, qy, qz, qw = self._quaternion
         poses = [x, y, z, qx, qy, qz, qw]
@@ -276,7 +251,7 @@ class SimulatedVehicle:
             sine, cosine = sin(angle), cos(angle)
             ux, uy, uz, uw = qx, qy, qz, qw
             if wheel.steering_joint:
-                # Steered: turned about z first.
+                # A steered wheel is turned about z first.
                 half = wheel.steering_joint.angle_rad / 2
                 s, k = sin(half), cos(half)
                 ux, uy, uz, uw = qx * k + qy * s, qy * k - qx * s, qz * k + qw * s, qw * k - qz * s
@@ -307,7 +282,7 @@ class SimulatedVehicle:
 
 
 def _matrix(quaternion: Quaternion) -> tuple[Vector3, Vector3, Vector3]:
-    """Return the rows of a unit quaternion's matrix; for one, numpy takes ten times as long."""
+    """Return the rows of a unit quaternion's matrix, ten times as fast as numpy does."""
     x, y, z, w = quaternion
     return (
         (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
@@ -316,30 +291,12 @@ def _matrix(quaternion: Quaternion) -> tuple[Vector3, Vector3, Vector3]:
     )
 
 
-def _load(engine: Engine, vehicle: Vehicle, ground: Ground | None) -> int:
-    """Put a vehicle into the engine with its wheels on the ground, and return its body."""
-    model = vehicle.model
-    origin, turn = start(vehicle, ground)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, f"{vehicle.name}.urdf")
-        file.write_text(urdf(model))
-        for mesh in {p.shape for p in model.collisions if isinstance(p.shape, Mesh)}:
-            Path(folder, hull_file(mesh)).write_text(hull(surface(mesh.asset).vertices))
-        body: int = engine.loadURDF(
-            str(file),
-            origin,
-            turn,
-            flags=engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER,
-        )
-    return body
-
-
 def _preloads(model: VehicleModel) -> list[float]:
     """Return the force (N) with which each spring carries the chassis at rest.
 
-    Forces and their moments balance the weight of the chassis and of the wheels that hang in the
-    air; of all such loads, the one with the smallest sum of squares, which springs of one stiffness
-    take. Springs of wheels in the air hold these up: less than nothing.
+    Forces and their moments balance the weight of the chassis and of wheels in the air. Of all such
+    loads, the one with the smallest sum of squares: that of springs of one stiffness. The springs
+    of wheels in the air hold these up, so their force is negative.
     """
     standing = np.array([model.stands_on(wheel) for wheel in model.wheels])
     places = np.array([(1.0, *wheel.center_m[:2]) for wheel in model.wheels]).T

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.world import assets
 from groundlink.world.assets import MissingAsset
+from groundlink.world.solids import Solid, Sphere
 from groundlink.world.terrain import Ground, Terrain, asset_of, ground
-from services.physics.dynamics.engine import Engine
+from services.physics.dynamics.backend import FREE, Surface
+from services.physics.dynamics.bullet import BulletBackend
 
 ROWS, COLUMNS, CELL_M = 5, 7, 0.5
 HEIGHTS = np.random.default_rng(7).uniform(0, 3, (ROWS, COLUMNS)).astype(np.float32)
@@ -38,21 +41,17 @@ def places(count: int) -> np.ndarray:
 
 def test_heights_are_those_that_bullet_has_between_the_vertices() -> None:
     here = ground(terrain())
-    engine = Engine()
-    shape = engine.createCollisionShape(
-        engine.GEOM_HEIGHTFIELD,
-        meshScale=[CELL_M, CELL_M, 1.0],
-        heightfieldData=here.heights.ravel().astype(float).tolist(),
-        numHeightfieldRows=COLUMNS,
-        numHeightfieldColumns=ROWS,
-    )
+    backend = BulletBackend()
+    ball = Solid("ball", Sphere(radius_m=0.1), "")
+    body = backend.add_body([ball], Surface(1.0, 0.0, FREE))
+    field = backend.add_heightfield(body, here.heights, CELL_M, 1.0)
     middle = (float(here.heights.min()) + float(here.heights.max())) / 2
-    engine.createMultiBody(0, shape, basePosition=[AT_M[0], AT_M[1], middle])
-    for x, y in places(500):
-        ((body, _, _, at, _),) = engine.rayTest([x, y, 50.0], [x, y, -50.0])
-        assert body >= 0
-        assert here.height_at(x, y) == pytest.approx(at[2], abs=1e-5)
-    engine.close()
+    backend.set_pose(field, ((AT_M[0], AT_M[1], middle), IDENTITY_QUATERNION))
+    for x, y in places(500).tolist():
+        hit = backend.ray((x, y, 50.0), (x, y, -50.0))
+        assert hit is not None
+        assert here.height_at(x, y) == pytest.approx(hit[1][2], abs=1e-5)
+    backend.close()
 
 
 def test_heights_and_materials_of_vertices_and_cells_are_their_own() -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import cos, pi, radians, sin
@@ -22,6 +22,8 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid
+from services.physics.dynamics.backend import Backend
+from services.physics.dynamics.bullet import BulletBackend
 from services.physics.simulation.simulation import Simulation
 
 VEHICLES = sorted(file.stem for file in (SHIPPED / "vehicles").glob("*.yaml"))
@@ -50,11 +52,13 @@ def put(
     *extra: Solid,
     at: Placement = Placement(),  # noqa: B008 - frozen
     floor: Sequence[Solid] = (FLOOR,),
+    new_backend: Callable[[], Backend] = BulletBackend,
 ) -> Simulation:
     """Return a simulation of one vehicle on the floor and what else is there."""
     plain = plain_scenario()
     vehicle = replace(plain.vehicles[0], name=NAME, model=model, placement=at)
-    return Simulation(replace(plain, vehicles=(vehicle,)), (*floor, *extra))
+    scenario = replace(plain, vehicles=(vehicle,))
+    return Simulation(scenario, (*floor, *extra), new_backend=new_backend)
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ def slope(
     return slabs
 
 
-def wall_clock(x_m: float) -> Solid:
+def wall(x_m: float) -> Solid:
     """Return a wall across x, its near face there."""
     return Solid("wall", Box(size_m=(0.2, 40.0, 3.0)), "ground", (x_m + 0.1, 0.0, 1.5))
 

@@ -15,7 +15,7 @@ from groundlink.scenario.drives import Battery, Motor
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import Suspension, VehicleModel
 from groundlink.world.solids import Box, Solid
-from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
 from services.physics.vehicle.body_drag import AIR_DENSITY_KGPM3
 
@@ -50,7 +50,7 @@ def kick(
 ) -> None:
     """Give the vehicle a velocity."""
     vehicle = simulation._vehicles[NAME]
-    simulation._engine.resetBaseVelocity(vehicle.body, linear, angular)
+    simulation._backend.set_velocity(vehicle.body, linear, angular)
     vehicle.sense()
 
 

@@ -15,14 +15,20 @@ from groundlink.ros.base import Bases
 from groundlink.ros.cdr import READERS, to_cdr
 from groundlink.ros.streams import incoming
 from groundlink.run.journal import JointsCommanded
+from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
 from services.sensors.runtime.world_replica import Surroundings
 
+from .free_bodies import FreeBodies
 from .grounds import drive, put, shipped
 
 NOTHING = memoryview(b"")
-OUTDOORS = load(SHIPPED / "outdoor_paper.yaml")
+
+
+@pytest.fixture(scope="module")
+def outdoors() -> Scenario:
+    return load(SHIPPED / "outdoor_paper.yaml")
 
 
 def command(stamp_nanos: int = 0, **positions: float) -> JointState:
@@ -30,8 +36,8 @@ def command(stamp_nanos: int = 0, **positions: float) -> JointState:
     return JointState(stamp_nanos, "", tuple(positions), at, NOTHING, NOTHING)
 
 
-def test_a_joint_state_of_ros_is_a_command_of_the_run() -> None:
-    (stream,) = (s for s in incoming(OUTDOORS, "run") if s.message is JointState)
+def test_a_joint_state_of_ros_is_a_command_of_the_run(outdoors: Scenario) -> None:
+    (stream,) = (s for s in incoming(outdoors, "run") if s.message is JointState)
     assert stream.topic == "/joint_commands"
     assert stream.key == JOINT_COMMAND.key_in("run", vehicle="tank")
     found = READERS["sensor_msgs/msg/JointState"](to_cdr(command(7, turret=0.5, gun=0.1)), 11)
@@ -52,9 +58,9 @@ def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
         READERS["sensor_msgs/msg/JointState"](body, 0)
 
 
-def test_an_episode_that_is_done_again_moves_its_joints_again() -> None:
+def test_an_episode_that_is_done_again_moves_its_joints_again(outdoors: Scenario) -> None:
     def episode() -> Episode:
-        made = Episode(OUTDOORS, "run", silent_publishers(), others=(), wall_nanos=10**18)
+        made = Episode(outdoors, "run", silent_publishers(), others=(), wall_nanos=10**18)
         made.begin(0, 0.0)
         return made
 
@@ -81,22 +87,22 @@ def test_an_episode_that_is_done_again_moves_its_joints_again() -> None:
         second.end()
 
 
-def test_joint_states_tell_where_joints_are() -> None:
-    bases = Bases(OUTDOORS, "run")
+def test_joint_states_tell_where_joints_are(outdoors: Scenario) -> None:
+    bases = Bases(outdoors, "run")
     said = command(10**18, turret=0.25)
     (told,) = bases.hear(JOINTS.key_in("run", vehicle="tank"), said)
     assert (told.topic, told.message) == ("/joint_states", said)
     (place,) = (p for p in bases.places if p.topic == "/joint_states")
-    assert place.declared_hz == OUTDOORS.vehicles[0].ground_truth.rate_hz
+    assert place.declared_hz == outdoors.vehicles[0].ground_truth.rate_hz
 
 
-def test_rays_and_pictures_see_the_joint_where_it_is() -> None:
-    with put(shipped("tank")) as simulation:
+def test_rays_and_pictures_see_the_joint_where_it_is(outdoors: Scenario) -> None:
+    with put(shipped("tank"), new_backend=FreeBodies) as simulation:
         simulation.command("it", command(turret=0.2))
         drive(simulation, 1.0)
         vehicle = simulation.vehicle_states()["it"]
-    tank = OUTDOORS.vehicles[0]
-    around = Surroundings(OUTDOORS, tank, (0.0, 0.0, 0.0))
+    tank = outdoors.vehicles[0]
+    around = Surroundings(outdoors, tank, (0.0, 0.0, 0.0))
     around.take(
         State(
             "t",
@@ -106,7 +112,7 @@ def test_rays_and_pictures_see_the_joint_where_it_is() -> None:
             0,
             "",
             {"tank": vehicle},
-            packed(np.zeros((len(OUTDOORS.world.actors), 7))),
+            packed(np.zeros((len(outdoors.world.actors), 7))),
         )
     )
     names = tank.model.link_names()

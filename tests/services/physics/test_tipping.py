@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
 
 from .grounds import NAME, VEHICLES, put, shipped
@@ -38,7 +38,9 @@ def tilted_until_it_tips(model: VehicleModel, near_deg: float) -> float:
         while lean_deg(simulation) < TIPPED_DEG:
             tilt += (4.0 if tilt < near_deg - 5.0 else 1.0) / 400
             down = GRAVITY_MPS2 * cos(radians(tilt))
-            simulation._engine.setGravity(0.0, -GRAVITY_MPS2 * sin(radians(tilt)), -down)
+            simulation._backend.set_gravity(  # type: ignore[attr-defined]
+                (0.0, -GRAVITY_MPS2 * sin(radians(tilt)), -down)
+            )
             simulation.step()
     return tilt
 

@@ -25,7 +25,7 @@ from .grounds import (
     shipped,
     slope,
     travels,
-    wall_clock,
+    wall,
 )
 
 pytestmark = pytest.mark.parametrize("name", VEHICLES)
@@ -121,7 +121,7 @@ def test_survives_a_wall_at_full_speed(name: str) -> None:
     model = shipped(name)
     top = model.top_speed_mps
     way = 1.3 * top * acceleration_s(name, top)
-    with put(model, wall_clock(0.0), at=Placement(x_m=-way - 8.0)) as simulation:
+    with put(model, wall(0.0), at=Placement(x_m=-way - 8.0)) as simulation:
         hit = drive(simulation, 2.5 * acceleration_s(name, top) + 10.0 / top + 1.0, (top, 0.0))
         after = drive(simulation, 4.0)
     assert hit.velocity[:, 0].max() > 0.7 * top, "was not fast"

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.vehicle.vehicle import _preloads
 
 STOP_NPM = 1e7

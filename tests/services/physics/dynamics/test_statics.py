@@ -13,36 +13,38 @@ from groundlink.scenario import Scenario
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
-from services.physics.dynamics.engine import Engine
+from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import add_statics
+from tests.services.physics.free_bodies import FreeBodies
 
 
 @pytest.fixture
-def engine() -> Iterator[Engine]:
-    engine = Engine()
-    yield engine
-    engine.close()
+def backend() -> Iterator[BulletBackend]:
+    backend = BulletBackend()
+    yield backend
+    backend.close()
 
 
-def test_every_solid_is_met_where_it_stands(lab: Scenario, engine: Engine) -> None:
+def test_every_solid_is_met_where_it_stands(lab: Scenario, backend: BulletBackend) -> None:
     built = solids(lab)
-    statics = add_statics(engine, built, lab.world.materials, clearance_m=0.13)
+    statics = add_statics(backend, built, lab.world.materials, clearance_m=0.13)
     for solid in built:
         low, high = bounds(solid)
         center = (low + high) / 2
         # From just above its top down: things that stand on it start above the ray.
-        [(body, _, _, point, _)] = engine.rayTest(
-            [*center[:2], high[2] + 1e-3], [*center[:2], low[2]]
-        )
+        x, y, _ = center.tolist()
+        hit = backend.ray((x, y, float(high[2]) + 1e-3), (x, y, float(low[2])))
+        assert hit is not None
+        body, point = hit
         assert solid in statics[body].solids
         assert point[2] == pytest.approx(high[2], abs=2e-3), solid.name
         assert statics[body].friction == lab.world.materials[solid.material].friction
 
 
-def test_static_bodies_are_few(lab: Scenario, engine: Engine) -> None:
+def test_static_bodies_are_few(lab: Scenario) -> None:
     built = solids(lab)
     assert len(built) >= 120
-    assert len(add_statics(engine, built, lab.world.materials, clearance_m=0.13)) < 40
+    assert len(add_statics(FreeBodies(), built, lab.world.materials, clearance_m=0.13)) < 40
 
 
 @pytest.mark.parametrize("alone", [True, False])
@@ -55,7 +57,7 @@ def test_static_bodies_are_few(lab: Scenario, engine: Engine) -> None:
     ],
 )
 def test_shapes_are_placed_and_turned(
-    engine: Engine, shape: Shape, expected: float, alone: bool
+    backend: BulletBackend, shape: Shape, expected: float, alone: bool
 ) -> None:
     solid = Solid(
         name="thing",
@@ -66,19 +68,23 @@ def test_shapes_are_placed_and_turned(
         orientation=quaternion_from_rpy(np.pi / 2, 0.0, 0.0),
     )
     far = Solid(name="far", shape=shape, material="m", position_m=(4.0, 2.0, 3.0))
-    add_statics(engine, [solid] if alone else [solid, far], {"m": Material()}, clearance_m=0.0)
-    [(_, _, _, point, _)] = engine.rayTest([1.0, 2.0, 5.0], [1.0, 2.0, 3.0])
-    assert point == pytest.approx((1.0, 2.0, 3.0 + expected), abs=1e-3)
-    [(_, _, _, point, _)] = engine.rayTest([1.0, 0.0, 3.0], [1.0, 2.0, 3.0])
-    assert point == pytest.approx((1.0, 2.0 - 0.3, 3.0), abs=1e-3)
+    add_statics(backend, [solid] if alone else [solid, far], {"m": Material()}, clearance_m=0.0)
+    hit = backend.ray((1.0, 2.0, 5.0), (1.0, 2.0, 3.0))
+    assert hit is not None
+    assert hit[1] == pytest.approx((1.0, 2.0, 3.0 + expected), abs=1e-3)
+    hit = backend.ray((1.0, 0.0, 3.0), (1.0, 2.0, 3.0))
+    assert hit is not None
+    assert hit[1] == pytest.approx((1.0, 2.0 - 0.3, 3.0), abs=1e-3)
 
 
 def test_several_worlds_live_side_by_side() -> None:
-    first, second = Engine(), Engine()
-    second.createMultiBody(0, second.createCollisionShape(second.GEOM_SPHERE, radius=1.0))
-    assert first.getNumBodies() == 0
-    assert second.getNumBodies() == 1
+    first, second = BulletBackend(), BulletBackend()
+    ball = Solid("ball", Sphere(radius_m=1.0), "m")
+    add_statics(second, [ball], {"m": Material()}, clearance_m=0.0)
+    line = (0.0, 0.0, 5.0), (0.0, 0.0, -5.0)
+    assert first.ray(*line) is None
+    assert second.ray(*line) is not None
     first.close()
-    assert second.getNumBodies() == 1
+    assert second.ray(*line) is not None
     second.close()
     second.close()

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,15 +15,17 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Command, State, encode, floats
 from groundlink.scenario.schema import Placement
-from groundlink.world.solids import Box, Material, Solid
+from groundlink.world.solids import Box, Material, Solid, Sphere
 from groundlink.world.spawn_pose import start
 from groundlink.world.terrain import BODY, Ground, Terrain, ground
 from groundlink.world.triangles import merged
-from services.physics.dynamics.engine import Engine
+from services.physics.dynamics.backend import BASE, FREE, Backend, Surface
+from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.terrain import TerrainWindow, TerrainWindows, reach_of
 from services.physics.simulation.simulation import Simulation
 from services.sensors.rays.scene import Scene
 from services.sensors.rays.terrain import Relief
+from tests.services.physics.free_bodies import FreeBodies
 from tests.services.physics.grounds import NAME, VEHICLES, drive, shipped
 from tests.services.physics.terrains import hills, put, terrain, world
 
@@ -39,10 +40,11 @@ class Pin:
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def pinned(engine: Engine, here: Ground) -> tuple[TerrainWindows, Pin]:
+def pinned(backend: Backend, here: Ground) -> tuple[TerrainWindows, Pin]:
     """Return a landscape and what its one window follows."""
-    pin = Pin(engine.createMultiBody(1, engine.createCollisionShape(engine.GEOM_SPHERE, radius=1)))
-    landscape = TerrainWindows(engine, here, {"ground": Material()})
+    ball = Solid("ball", Sphere(radius_m=1.0), "ground")
+    pin = Pin(backend.add_body([ball], Surface(0.5, 0.0, FREE), mass_kg=1.0))
+    landscape = TerrainWindows(backend, here, {"ground": Material()})
     landscape.carry(pin, "rover", reach_of(shipped("rover")))
     return landscape, pin
 
@@ -78,25 +80,26 @@ def test_rays_of_physics_and_of_sensors_meet_the_same_triangles(cell_m: float, c
     down = np.tile(np.float32([0, 0, -1]), (count, 1))
     scene = Scene(merged([]), terrain=Relief(here, first_label=0))
     ranges = scene.cast(starts.T, down.T, np.zeros(count, np.float32), 100.0).range_m
-    engine = Engine()
+    backend = BulletBackend()
     try:
-        landscape, pin = pinned(engine, here)
+        landscape, pin = pinned(backend, here)
         for (x, y, z), range_m in zip(starts.astype(float).tolist(), ranges.tolist(), strict=True):
             pin.position_m = x, y, z
             landscape.follow()
-            [(body, _, _, (_, _, met), _)] = engine.rayTest([x, y, z], [x, y, z - 100])
-            assert body >= 0
+            hit = backend.ray((x, y, z), (x, y, z - 100))
+            assert hit is not None
+            met = hit[1][2]
             assert met == pytest.approx(float(here.height_at(x, y)), abs=1e-3)
             assert z - met == pytest.approx(range_m, abs=1e-3)
     finally:
-        engine.close()
+        backend.close()
 
 
 def test_beside_the_map_the_ground_goes_on_as_high_as_its_edge() -> None:
     here = ground(rolling())
-    engine = Engine()
+    backend = BulletBackend()
     try:
-        landscape, pin = pinned(engine, here)
+        landscape, pin = pinned(backend, here)
         for x, y in (
             (160.0, 20.25),
             (500.0, 20.25),
@@ -106,12 +109,14 @@ def test_beside_the_map_the_ground_goes_on_as_high_as_its_edge() -> None:
         ):
             pin.position_m = x, y, 0.0
             landscape.follow()
-            [(_, _, _, (_, _, met), _)] = engine.rayTest([x, y, 500], [x, y, -500])
+            hit = backend.ray((x, y, 500), (x, y, -500))
+            assert hit is not None
+            met = hit[1][2]
             edge = np.clip([x, y], -150, 150)
             assert met == pytest.approx(float(here.height_at(*edge)), abs=1e-4)
             assert landscape.friction_at(x, y) == Material().friction
     finally:
-        engine.close()
+        backend.close()
 
 
 def test_a_vehicle_drives_on_beyond_the_edge() -> None:
@@ -199,12 +204,12 @@ def test_where_windows_overlap_each_vehicle_meets_its_own() -> None:
     with Simulation(scenario, ()) as simulation:
         for _ in range(400):
             simulation.step()
-        windows = [window.body for window, _ in simulation._land._windows]  # type: ignore[union-attr]
+        windows = [window.body for window, _ in simulation._terrain._windows]  # type: ignore[union-attr]
         assert len(set(windows)) == 3
         for own, vehicle in zip(windows, simulation._vehicles.values(), strict=True):
-            contacts = simulation._engine.getContactPoints(vehicle.body)
-            assert {contact[2] for contact in contacts} == {own}
-            force = sum(contact[9] * contact[7][2] for contact in contacts)
+            contacts = simulation._backend.contacts(vehicle.body)
+            assert {other for other, *_ in contacts} == {own}
+            force = sum(force * normal[2] for _, _, _, normal, force in contacts)
             mass = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
             assert force == pytest.approx(9.80665 * mass, rel=0.01)
 
@@ -259,24 +264,24 @@ def test_each_place_has_the_material_of_its_cell() -> None:
             *(np.zeros((7, 9)), 0.5), surface=surface, materials=("grass", "mud"), at_m=(3, -2, 0)
         )
     )
-    with closing(Engine()) as engine:
-        landscape = TerrainWindows(engine, here, MATERIALS)
-        for row, column in np.ndindex(surface.shape):
-            for inside in (0.02, 0.25, 0.48):
-                x_m, y_m = here.x0_m + 0.5 * column + inside, here.y0_m + 0.5 * row + inside
-                expected = ("grass", "mud")[surface[row, column]]
-                assert landscape.friction_at(x_m, y_m) == MATERIALS[expected].friction
+    landscape = TerrainWindows(FreeBodies(), here, MATERIALS)
+    for row, column in np.ndindex(surface.shape):
+        for inside in (0.02, 0.25, 0.48):
+            x_m, y_m = here.x0_m + 0.5 * column + inside, here.y0_m + 0.5 * row + inside
+            expected = ("grass", "mud")[surface[row, column]]
+            assert landscape.friction_at(x_m, y_m) == MATERIALS[expected].friction
 
 
 def test_a_chassis_rubs_on_what_it_is_over() -> None:
-    with put(
-        striped(), shipped("rover"), at=Placement(y_m=-1.0), materials=MATERIALS
-    ) as simulation:
-        [(window, _)] = simulation._land._windows  # type: ignore[union-attr]
-        frictions = []
-        for y_m in (-1.0, 1.0, -1.0):
-            window.follow(0.0, y_m)
-            frictions.append(simulation._engine.getDynamicsInfo(window.body, -1)[1])
+    backend = FreeBodies()
+    windows = TerrainWindows(backend, ground(striped()), MATERIALS)
+    pin = Pin(0, (0.0, -1.0, 0.0))
+    window = windows.carry(pin, "rover", 1.0)
+    frictions = []
+    for y_m in (-1.0, 1.0, -1.0):
+        pin.position_m = 0.0, y_m, 0.0
+        windows.follow()
+        frictions.append(backend.bodies[window].surfaces[BASE].friction)
     assert frictions == [0.8, 0.05, 0.8]
 
 

@@ -20,9 +20,11 @@ from groundlink.world.build import solids
 from groundlink.world.motion import mover
 from groundlink.world.solids import Box, Solid
 from groundlink.world.terrain import ground
-from services.physics.dynamics.engine import GRAVITY_MPS2
+from services.physics.dynamics.backend import GRAVITY_MPS2, Backend
+from services.physics.dynamics.bullet import BulletBackend
 from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import run
+from tests.services.physics.free_bodies import FreeBodies
 from tests.services.physics.grounds import shipped
 from tests.services.physics.terrains import hills, terrain, world
 
@@ -53,12 +55,12 @@ def put(lab: Scenario) -> Iterator[Put]:
     """Return a function that starts the rover amid an empty room with actors before it."""
     started = []
 
-    def begin(*actors: Actor) -> Simulation:
+    def begin(*actors: Actor, new_backend: Callable[[], Backend] = BulletBackend) -> Simulation:
         rover = replace(lab.vehicles[0], placement=Placement())
         world = replace(lab.world, actors=actors)
         scenario = replace(lab, vehicles=(rover,), world=world)
         floor = [solid for solid in solids(scenario) if solid.name == "room_floor"]
-        started.append(Simulation(scenario, floor))
+        started.append(Simulation(scenario, floor, new_backend=new_backend))
         return started[-1]
 
     yield begin
@@ -140,7 +142,8 @@ def test_a_person_blocks_a_vehicle_and_gives_way_to_nothing(put: Put) -> None:
 
 def test_who_goes_his_way_is_where_his_motion_says(put: Put) -> None:
     motion = Along(points_m=((3.0, 0.0), (3.0, 2.0), (4.0, 2.0)), pause_s=0.2)
-    simulation = put(Actor(name="visitor", form=PERSON, motion=motion), DOOR)
+    visitor = Actor(name="visitor", form=PERSON, motion=motion)
+    simulation = put(visitor, DOOR, new_backend=FreeBodies)
     movers = [mover(motion, None), mover(DOOR.motion, None)]  # type: ignore[arg-type]
     for _ in range(0, 3200, 40):
         for _ in range(40):

@@ -64,7 +64,7 @@ def test_on_a_slope_it_rests_from_the_start(name: str, steepness: float, yaw_deg
         before = simulation.vehicle_states()[NAME].poses()[0]
         forces, rates = off_gravity(simulation)
         after = simulation.vehicle_states()[NAME].poses()[0]
-    # The engine finds contacts anew in its first step; a wheel on an edge of triangles feels it.
+    # Bullet finds contacts anew in its first step; a wheel on an edge of triangles feels it.
     assert np.abs(forces[0]).max() < 0.2
     assert np.abs(forces[1:]).max() < 0.01
     assert np.abs(rates).max() < 0.001
@@ -83,7 +83,7 @@ def test_what_starts_above_the_ground_falls() -> None:
     at = Placement(z_m=0.5)
     with closing(put(slope(0.1), shipped("rover"), at=at)) as simulation:
         expected, _ = start(
-            world(None, (shipped("rover"), at)).vehicles[0], simulation._land.ground
+            world(None, (shipped("rover"), at)).vehicles[0], simulation._terrain.ground
         )
         state = simulation.vehicle_states()[NAME].poses()[0]
         np.testing.assert_allclose(state[:3], expected, atol=1e-6)

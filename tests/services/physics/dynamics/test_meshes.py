@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes that stand still in the engine: rolled on where they are ground, bumped into elsewhere."""
+"""Static meshes: wheels roll on those that are ground, chassis bump into the others."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from groundlink.world import assets
 from groundlink.world.mesh_asset import asset_of, surface
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.triangles import merged
-from services.physics.dynamics import static_mesh as trimesh
-from services.physics.dynamics.engine import Engine
+from services.physics.dynamics import bullet
+from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import add_statics
 from tests.services.physics.grounds import FLOOR, VEHICLES, drive, shipped
 from tests.services.physics.terrains import hills, put
@@ -53,13 +53,13 @@ def crate(size_m: tuple[float, float, float]) -> Mesh:
 
 
 @pytest.fixture
-def engine() -> Iterator[Engine]:
-    engine = Engine()
-    yield engine
-    engine.close()
+def backend() -> Iterator[BulletBackend]:
+    backend = BulletBackend()
+    yield backend
+    backend.close()
 
 
-def test_a_mesh_is_met_where_it_stands_hollow_as_it_is(engine: Engine) -> None:
+def test_a_mesh_is_met_where_it_stands_hollow_as_it_is(backend: BulletBackend) -> None:
     """A gate, turned and moved: through its opening a ray goes on."""
     posts = [
         Solid(f"{y}", Box(size_m=(0.2, 0.4, 2.0)), "ground", (0.0, y, 1.0)) for y in (-1.0, 1.0)
@@ -72,24 +72,31 @@ def test_a_mesh_is_met_where_it_stands_hollow_as_it_is(engine: Engine) -> None:
         (5.0, 2.0, 0.0),
         quaternion_from_rpy(0.0, 0.0, np.pi / 2),
     )
-    statics = add_statics(engine, [gate], GROUND, clearance_m=0.1)
+    statics = add_statics(backend, [gate], GROUND, clearance_m=0.1)
     [(body, static)] = statics.items()
     assert static.friction == GROUND["ground"].friction
-    [(met, _, _, point, _)] = engine.rayTest([6.0, 0.0, 1.0], [6.0, 5.0, 1.0])
+    hit = backend.ray((6.0, 0.0, 1.0), (6.0, 5.0, 1.0))
+    assert hit is not None
+    met, point = hit
     assert met == body
     assert point == pytest.approx((6.0, 1.9, 1.0), abs=1e-5)
-    [(met, *_)] = engine.rayTest([5.0, 0.0, 1.0], [5.0, 5.0, 1.0])
-    assert met == -1
+    assert backend.ray((5.0, 0.0, 1.0), (5.0, 5.0, 1.0)) is None
 
 
-def test_one_mesh_stands_in_many_places(engine: Engine) -> None:
+def test_one_mesh_stands_in_many_places(backend: BulletBackend) -> None:
     shape = crate((1.0, 1.0, 1.0))
     crates = [Solid(f"c{i}", shape, "ground", (2.0 * i, 0.0, 0.5)) for i in range(20)]
-    statics = add_statics(engine, crates, GROUND, clearance_m=0.1)
+    statics = add_statics(backend, crates, GROUND, clearance_m=0.1)
     assert len(statics) == 20
     for i in range(20):
-        [(_, _, _, point, _)] = engine.rayTest([2.0 * i, 0.0, 3.0], [2.0 * i, 0.0, -1.0])
-        assert point[2] == pytest.approx(1.0)
+        hit = backend.ray((2.0 * i, 0.0, 3.0), (2.0 * i, 0.0, -1.0))
+        assert hit is not None
+        assert hit[1][2] == pytest.approx(1.0)
+    for body in statics:
+        backend.remove(body)
+    assert backend.ray((0.0, 0.0, 3.0), (0.0, 0.0, -1.0)) is None
+    add_statics(backend, crates[:1], GROUND, clearance_m=0.1)
+    assert backend.ray((0.0, 0.0, 3.0), (0.0, 0.0, -1.0)) is not None
 
 
 def test_faces_without_an_area_do_no_harm() -> None:
@@ -135,16 +142,16 @@ def test_wheels_pass_through_a_mesh_that_is_none_and_the_chassis_does_not() -> N
 
 
 def test_too_many_triangles_are_refused_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, engine: Engine
+    monkeypatch: pytest.MonkeyPatch, backend: BulletBackend
 ) -> None:
-    monkeypatch.setattr(trimesh, "MOST_TRIANGLES", 11)
+    monkeypatch.setattr(bullet, "MAX_TRIANGLES", 11)
     solid = Solid("statue", crate((1.0, 1.0, 1.0)), "ground")
-    with pytest.raises(UserError, match=r"`statue` has 12 triangles.*expected 11 at most.*thin"):
-        add_statics(engine, [solid], GROUND, clearance_m=0.1)
+    with pytest.raises(UserError, match=r"`statue`: 12 triangles .* expected at most 11.*simplify"):
+        add_statics(backend, [solid], GROUND, clearance_m=0.1)
 
 
 def test_nothing_is_said_while_a_mesh_is_put(
-    engine: Engine, capfd: pytest.CaptureFixture[str]
+    backend: BulletBackend, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    add_statics(engine, [Solid("c", crate((1.0, 1.0, 1.0)), "ground")], GROUND, clearance_m=0.1)
+    add_statics(backend, [Solid("c", crate((1.0, 1.0, 1.0)), "ground")], GROUND, clearance_m=0.1)
     assert capfd.readouterr() == ("", "")

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Interface to a physics engine: bodies, joints, forces and contacts.
+
+`bullet` implements it with PyBullet. A body is a number that the backend hands out, a link is an
+index within a body. Poses and velocities are those of a body's center of mass in the world frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.core.fields import Quaternion, Vector3
+from groundlink.world.solids import Solid
+
+RAY, GROUND, OBSTACLE, CHASSIS, WHEEL, TERRAIN, SCRIPTED, FREE = (1 << bit for bit in range(8))
+"""Collision groups. Rays of the engine belong to the first one."""
+
+COLLIDES_WITH = {
+    GROUND: RAY | CHASSIS | WHEEL | FREE,
+    OBSTACLE: RAY | CHASSIS | FREE,
+    CHASSIS: RAY | GROUND | OBSTACLE | CHASSIS | SCRIPTED | FREE,
+    WHEEL: RAY | GROUND,
+    TERRAIN: RAY,
+    SCRIPTED: RAY | CHASSIS | FREE,
+    FREE: RAY | GROUND | OBSTACLE | CHASSIS | SCRIPTED | FREE,
+}
+
+GRAVITY_MPS2 = 9.80665
+"""Standard gravity (CGPM 1901), along -z of the world."""
+
+MAX_SOLIDS = 16
+"""Solids of one body: PyBullet's MAX_COMPOUND_COLLISION_SHAPES."""
+
+BASE = -1
+"""Link index of a body's base."""
+
+Heights = NDArray[np.float32]
+Pose = tuple[Vector3, Quaternion]
+
+ContactPoint = tuple[int, int, Vector3, Vector3, float]
+"""Other body, link of this body, point on the other body (m), normal toward this body, normal
+force (N)."""
+
+
+class Surface(NamedTuple):
+    """Contact properties of a body or a link. The engine multiplies those of two surfaces."""
+
+    friction: float
+    restitution: float
+    group: int
+
+
+class Backend(Protocol):
+    """A world of its own. A step takes one tick, gravity acts along -z."""
+
+    def add_body(
+        self,
+        solids: Sequence[Solid],
+        surface: Surface,
+        pose: Pose | None = None,
+        *,
+        mass_kg: float = 0.0,
+        center_m: Vector3 = (0.0, 0.0, 0.0),
+    ) -> int:
+        """Add solids as one rigid body and return it.
+
+        Parameters
+        ----------
+        pose
+            world_from_body, with the solids in the body's frame; None: solids in the world frame,
+            or a single mesh.
+        mass_kg, center_m
+            mass and center of mass in the body's frame; a body without mass moves only when it is
+            set to move.
+
+        Raises
+        ------
+        UserError
+            when a mesh has too many triangles.
+        """
+
+    def add_heightfield(
+        self, touching: int, heights: Heights, cell_m: float, friction: float
+    ) -> int:
+        """Add a square heightfield that touches only one other body; return its body.
+
+        Parameters
+        ----------
+        heights
+            shape (side, side), m. The engine keeps z = 0 halfway between the lowest and the highest
+            of these heights, whatever `set_heights` is given later.
+        """
+
+    def set_heights(self, body: int, heights: Heights, position_m: Vector3) -> None:
+        """Replace the heights of a heightfield and move its origin."""
+
+    def add_articulated(
+        self, urdf: str, files: Mapping[str, str], pose: Pose
+    ) -> tuple[int, dict[str, int]]:
+        """Add a body described in URDF; return it and its joints by name.
+
+        Nothing damps its motion and no motor holds its joints.
+
+        Parameters
+        ----------
+        files
+            contents of the files that the document refers to, by name.
+        """
+
+    def remove(self, body: int) -> None:
+        """Remove a body."""
+
+    def set_surface(self, body: int, surface: Surface, link: int = BASE) -> None:
+        """Set the contact properties of a link."""
+
+    def set_friction(self, body: int, friction: float) -> None:
+        """Set the friction of a body's base."""
+
+    def pose(self, body: int) -> Pose:
+        """Return the pose of a body's base."""
+
+    def velocity(self, body: int) -> tuple[Vector3, Vector3]:
+        """Return linear (m/s) and angular velocity (rad/s) of a body's base."""
+
+    def set_pose(self, body: int, pose: Pose) -> None:
+        """Move a body."""
+
+    def set_velocity(self, body: int, linear_mps: Vector3, angular_radps: Vector3) -> None:
+        """Set the velocity of a body's base."""
+
+    def push(self, body: int, force_n: Vector3, torque_nm: Vector3) -> None:
+        """Apply a force at the center of mass and a torque for one step, in the base's frame."""
+
+    def joint_states(self, body: int, joints: Sequence[int]) -> Sequence[Sequence[float]]:
+        """Return position (m) and velocity (m/s) of joints; a row may have more columns."""
+
+    def set_joint_positions(
+        self, body: int, joints: Sequence[int], positions_m: Sequence[float]
+    ) -> None:
+        """Move joints and take their velocity away."""
+
+    def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
+        """Apply forces along joints for one step."""
+
+    def contacts(self, body: int) -> list[ContactPoint]:
+        """Return the contact points of the last step that carry a force."""
+
+    def ray(self, start_m: Vector3, end_m: Vector3) -> tuple[int, Vector3] | None:
+        """Return the first body on a line and where the line meets it; None for no body."""
+
+    def step(self) -> None:
+        """Advance by one tick."""
+
+    def close(self) -> None:
+        """Free the world; nothing can be called after it but `close`."""

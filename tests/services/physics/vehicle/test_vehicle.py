@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A vehicle on a backend that touches what a test says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from groundlink.core.clock import TICK_SECONDS
+from groundlink.messages.base import floats
+from services.physics.dynamics.backend import BASE, GRAVITY_MPS2
+from tests.services.physics.free_bodies import FreeBodies
+from tests.services.physics.grounds import FLOOR, NAME, put, shipped
+
+UP = (0.0, 0.0, 1.0)
+
+
+def test_without_contacts_it_falls_and_turns_no_wheel() -> None:
+    with put(shipped("rover"), new_backend=FreeBodies) as simulation:
+        for _ in range(400):
+            simulation.step()
+        state = simulation.vehicle_states()[NAME]
+    assert floats(state.base_velocity)[2] == pytest.approx(-GRAVITY_MPS2 * 400 * TICK_SECONDS)
+    assert not np.any(floats(state.joint_positions))
+
+
+def test_contacts_of_the_chassis_are_recorded_and_those_of_wheels_are_not() -> None:
+    with put(shipped("rover"), new_backend=FreeBodies) as simulation:
+        backend = simulation._backend
+        assert isinstance(backend, FreeBodies)
+        vehicle = simulation._vehicles[NAME]
+        [floor] = simulation._statics
+        wheel = (floor, 0, (0.0, 0.0, 0.0), UP, 135.0)
+        backend.touching[vehicle.body] = [wheel]
+        simulation.step()
+        assert simulation.vitals(0)[0].contacts == ()
+        backend.touching[vehicle.body] = [wheel, (floor, BASE, (0.0, 0.0, 0.0), UP, 7.0)]
+        simulation.step()
+        [contact] = simulation.vitals(0)[0].contacts
+    assert (contact.name, contact.force_n) == (FLOOR.name, 7.0)
