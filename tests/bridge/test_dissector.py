@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import random
-import re
 import struct
 import threading
 from collections.abc import Sequence
@@ -30,7 +29,7 @@ from udp_bridge.wire.typed import pack_typed, parse_typed
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE, TYPED
 
 from .pcap import Packet, write
-from .tshark import DISSECTOR, Decoded, columns, decode
+from .tshark import Decoded, columns, decode
 
 GATEWAY = ("10.0.0.1", 7510)
 NODE = ("10.0.0.2", 7511)
@@ -89,18 +88,6 @@ def shown(header: Header, size: int) -> Decoded:
     if not header.topic and row.default_topic:
         fields["default_topic"] = row.default_topic
     return fields
-
-
-def test_the_table_of_types_is_the_one_in_code() -> None:
-    rows = re.findall(
-        r'^    \[(\d+)\] = \{"(\w+)", "([\w/*]*)", "([\w/]*)"\},$',
-        DISSECTOR.read_text(),
-        re.MULTILINE,
-    )
-    assert rows == [
-        (str(row.number), row.name, row.ros_type or "", row.default_topic)
-        for row in MSG_TYPES.values()
-    ]
 
 
 def test_vectors(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import udp_bridge
-from udp_bridge import MSG_TYPES, Limits, parse
+from udp_bridge import Limits, parse
 from udp_bridge.receiver import fec as fec_parts
 from udp_bridge.receiver import nack as resend_asking
 from udp_bridge.receiver import round_trip
@@ -32,13 +32,6 @@ def table(heading: str) -> list[list[str]]:
     assert rows is not None
     lines = rows.group().splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-
-
-def test_the_table_of_types_is_the_one_in_code() -> None:
-    assert table("## 4. Types") == [
-        [str(row.number), row.name, row.ros_type or "-", row.default_topic or "-", row.direction]
-        for row in MSG_TYPES.values()
-    ]
 
 
 def test_the_worked_example_is_the_vector() -> None:

@@ -99,16 +99,40 @@ inline const char* name_of(Refusal refusal) {
   return names[static_cast<std::size_t>(refusal)];
 }
 
+// Generated from wire/types.py by `python -m tools.wire_types`.
 /// Whether a message of this type has a ROS type: its body is CDR.
 inline bool has_ros_type(std::uint8_t type) {
-  return (type >= 1 && type <= 11 && type != kSubscribe) || (type >= 32 && type <= 40) ||
-         type == kTyped;
+  switch (type) {
+    case 1: case 2: case 3: case 4: case 5: case 6: case 8: case 9: case 10: case 11: case 32:
+    case 33: case 34: case 35: case 36: case 37: case 38: case 39: case 40: case 67:
+      return true;
+    default:
+      return false;
+  }
 }
 
 /// Whether PROTOCOL.md, section 4, has this type.
 inline bool is_in_table(std::uint8_t type) {
-  return has_ros_type(type) || type == kSubscribe || (type >= kControl && type <= 66);
+  switch (type) {
+    case 1: case 2: case 3: case 4: case 5: case 6: case 7: case 8: case 9: case 10: case 11:
+    case 32: case 33: case 34: case 35: case 36: case 37: case 38: case 39: case 40: case 64:
+    case 65: case 66: case 67:
+      return true;
+    default:
+      return false;
+  }
 }
+
+/// Whether a message older than the newest one of its topic is dropped as stale.
+inline bool is_stamp_ordered(std::uint8_t type) {
+  switch (type) {
+    case 2: case 5: case 9: case 36: case 38:
+      return true;
+    default:
+      return false;
+  }
+}
+// End of the generated part.
 
 namespace detail {
 
@@ -696,9 +720,7 @@ class Receiver {
     /// Whether a message is older than the newest one, where stamps order a topic.
     bool is_stale(std::uint8_t msg_type, const Key& key) const {
       const std::int64_t older_by = last_stamp - key.stamp_nanos;
-      const bool is_ordered = msg_type == 2 || msg_type == 5 || msg_type == 9 || msg_type == 36 ||
-                              msg_type == 38;
-      return has_handed && is_ordered && older_by > 0 && older_by <= 2 * kNanos;
+      return has_handed && is_stamp_ordered(msg_type) && older_by > 0 && older_by <= 2 * kNanos;
     }
     bool is_second(std::uint32_t seq) const { return has_suspect && seq == suspect_seq + 1; }
     /// Remember a number that is not believed; return whether it is another than before.

@@ -31,7 +31,7 @@ namespace UdpBridge
         WheelEncoders = 5,
         /// <summary>sensor_msgs/msg/Range, to ROS.</summary>
         Range = 6,
-        /// <summary>The sender wants a topic, both ways; see <see cref="Subscribe"/>.</summary>
+        /// <summary>The bridge's own.</summary>
         Subscribe = 7,
         /// <summary>rosgraph_msgs/msg/Clock, to ROS.</summary>
         Clock = 8,
@@ -51,7 +51,7 @@ namespace UdpBridge
         TFMessage = 35,
         /// <summary>nav_msgs/msg/Odometry, both ways.</summary>
         Odometry = 36,
-        /// <summary>sensor_msgs/msg/JointState, to ROS.</summary>
+        /// <summary>sensor_msgs/msg/JointState, both ways.</summary>
         JointState = 37,
         /// <summary>geometry_msgs/msg/TwistStamped, from ROS.</summary>
         TwistStamped = 38,
@@ -59,9 +59,9 @@ namespace UdpBridge
         String = 39,
         /// <summary>nav_msgs/msg/Path, from ROS.</summary>
         Path = 40,
-        /// <summary>The bridge's own; <see cref="Receiver"/> answers it and hands none over.</summary>
+        /// <summary>The bridge's own.</summary>
         Control = 64,
-        /// <summary>Any ROS type, which the body names, both ways; see <see cref="Typed"/>.</summary>
+        /// <summary>Any ROS type, named in the body, both ways.</summary>
         Typed = 67,
     }
 
@@ -682,7 +682,10 @@ namespace UdpBridge
         private const long ReportedNanos = 5 * Wire.Nanos;  // behind a sender's last datagram
         private const int MostAhead = 3000, MostBehind = 100;  // MAX_DROPOUT, MAX_MISORDER
         private const long StaleNanos = 2 * Wire.Nanos;
-        private static readonly int[] StampOrdered = { 2, 5, 9, 36, 38 };
+        private static readonly int[] StampOrdered =
+        {
+            2, 5, 9, 36, 38,
+        };
 
         private readonly Limits limits;
         private readonly Dictionary<object, Peer> peers = new Dictionary<object, Peer>();
