@@ -18,20 +18,20 @@ from msgspec.structs import replace
 
 from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
 from groundlink.importing import terrain
-from groundlink.importing.files import silent
-from groundlink.importing.terrain_specs import Hills, Where
+from groundlink.importing.file_errors import ignore_warning
+from groundlink.importing.terrain_specs import HillsTerrain, MaterialRule
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from groundlink.world.solids import Material
-from groundlink.world.terrain import ground
+from groundlink.world.terrain import load_ground
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.optics.pinhole import Pinhole
 from services.sensors.runtime.world_replica import Surroundings
 
 PINHOLE = Pinhole(640, 480, 415.0, 415.0, 319.5, 239.5)
-HILLS = Hills(
+HILLS = HillsTerrain(
     seed=4,
     size_m=(15_000.0, 15_000.0),
     cell_m=10.0,
@@ -39,9 +39,9 @@ HILLS = Hills(
     longest_m=6000.0,
     material="meadow",
     where=(
-        Where(material="soil", slope_deg=(14.0, 90.0)),
-        Where(material="rock", slope_deg=(22.0, 90.0)),
-        Where(material="snow", slope_deg=(0.0, 25.0), height_m=(700.0, 2000.0)),
+        MaterialRule(material="soil", slope_deg=(14.0, 90.0)),
+        MaterialRule(material="rock", slope_deg=(22.0, 90.0)),
+        MaterialRule(material="snow", slope_deg=(0.0, 25.0), height_m=(700.0, 2000.0)),
     ),
 )
 MATERIALS = {
@@ -61,7 +61,7 @@ def looking(x: float, y: float, z: float, yaw_deg: float) -> Floats:
 
 def hilly(scenario: Scenario) -> Scenario:
     """Return the scenario on the terrain."""
-    built = terrain.build(HILLS, Path(), silent)
+    built = terrain.build(HILLS, Path(), ignore_warning)
     materials = {**scenario.world.materials, **MATERIALS}
     world = replace(
         scenario.world,
@@ -102,7 +102,7 @@ def main() -> int:
     lab = load(SHIPPED / "indoor_lab.yaml")
     hills = hilly(lab)
     assert hills.world.terrain
-    relief = ground(hills.world.terrain)
+    relief = load_ground(hills.world.terrain)
     spots = [(0.0, 0.0, 1.2), (-1800.0, 2600.0, 1.2), (4000.0, -3000.0, 3.0), (500.0, 5000.0, 60.0)]
     outside = [
         looking(x, y, float(relief.height_at(x, y)) + up, yaw)

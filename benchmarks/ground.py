@@ -17,29 +17,29 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.importing.files import silent
+from groundlink.importing.file_errors import ignore_warning
 from groundlink.importing.hills import heights
 from groundlink.importing.terrain import build
-from groundlink.importing.terrain_specs import Hills
+from groundlink.importing.terrain_specs import HillsTerrain
 from groundlink.loader import load
 from groundlink.loader.document import read
 from groundlink.loader.explain import convert
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
-from groundlink.world.mesh_asset import asset_of
+from groundlink.world.mesh_asset import encode_mesh
 from groundlink.world.solids import Box, Material, Mesh, Solid, Sphere
-from groundlink.world.terrain import ground
+from groundlink.world.terrain import load_ground
 from services.physics.dynamics.backend import FREE, Surface
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import add_statics
 from services.physics.dynamics.terrain import TerrainWindows
 from services.physics.simulation.simulation import Simulation
 
-HILLS = Hills(
+HILLS = HillsTerrain(
     size_m=(250.0, 250.0), cell_m=1.0, height_m=10.0, longest_m=80.0, material="ground", seed=1
 )
 TICKS = 2000
@@ -61,7 +61,9 @@ def sheet(made: np.ndarray, cell_m: float) -> Solid:
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
     faces = np.stack([np.stack([a, b, c], -1), np.stack([d, c, b], -1)], axis=2).reshape(-1, 3)
     low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()
-    mesh = Mesh(asset=assets.keep(asset_of(vertices, faces)), low_m=tuple(low), high_m=tuple(high))
+    mesh = Mesh(
+        asset=assets.put(encode_mesh(vertices, faces)), low_m=tuple(low), high_m=tuple(high)
+    )
     return Solid("yard", mesh, "ground", drivable=True)
 
 
@@ -84,8 +86,8 @@ def microseconds(scenario: Scenario, solids: tuple[Solid, ...]) -> float:
 
 def drives() -> None:
     """Print what a tick costs each shipped vehicle on each ground."""
-    described = build(HILLS, Path(), silent)
-    here = ground(described)
+    described = build(HILLS, Path(), ignore_warning)
+    here = load_ground(described)
     start_m = float(here.height_at(0.0, 0.0))
     box = Solid("floor", Box(size_m=(250.0, 250.0, 1.0)), "ground", (0.0, 0.0, -0.5))
     mesh = sheet(here.heights, here.cell_m)
@@ -125,7 +127,7 @@ def windows(cells: int) -> None:
         position_m = (0.0, 0.0, 0.0)
 
     windows_of_hills = TerrainWindows(
-        backend, ground(build(HILLS, Path(), silent)), world().materials
+        backend, load_ground(build(HILLS, Path(), ignore_warning)), world().materials
     )
     before = resident_mb()
     windows_of_hills.carry(Pin(), "pin", 1.0)

@@ -20,19 +20,19 @@ import trimesh
 from PIL import Image
 
 from groundlink.importing import meshes, terrain
-from groundlink.importing.files import silent
+from groundlink.importing.file_errors import ignore_warning
 from groundlink.importing.hills import heights
 from groundlink.importing.mesh_specs import MeshFile
-from groundlink.importing.terrain_specs import HeightmapFile, Hills
+from groundlink.importing.terrain_specs import HeightmapFile, HillsTerrain
 from groundlink.world.assets import VARIABLE
-from groundlink.world.terrain import Terrain, ground
+from groundlink.world.terrain import Terrain, load_ground
 
 SIZE_M = 15_000.0
 
 
-def hills(cell_m: float) -> Hills:
+def hills(cell_m: float) -> HillsTerrain:
     """Return a square of 15 km by a seed."""
-    return Hills(
+    return HillsTerrain(
         size_m=(SIZE_M, SIZE_M), cell_m=cell_m, height_m=120.0, longest_m=3000.0, material="grass"
     )
 
@@ -72,12 +72,12 @@ def import_map(folder: Path, name: str) -> Terrain:
     """Import a heightmap."""
     heights_m = (0.0, 120.0) if name.endswith("png") else None
     spec = HeightmapFile(file=name, material="grass", cell_m=10.0, heights_m=heights_m)
-    return terrain.build(spec, folder, silent)
+    return terrain.build(spec, folder, ignore_warning)
 
 
 def import_mesh(folder: Path, name: str) -> None:
     """Import a mesh or scan."""
-    meshes.make(MeshFile(file=name), folder, silent).shape()
+    meshes.import_mesh(MeshFile(file=name), folder, ignore_warning).shape()
 
 
 def cost(work: Callable[[], object]) -> tuple[float, float]:
@@ -107,11 +107,11 @@ def main() -> None:
             jobs[f"import {file}"] = partial(import_mesh, folder, file)
         for cell_m in (10.0, 5.0, 2.5):
             spec = hills(cell_m)
-            built = terrain.build(spec, folder, silent)
+            built = terrain.build(spec, folder, ignore_warning)
             jobs[f"make hills of 15 km at {cell_m:g} m"] = partial(
-                terrain.build, spec, folder, silent
+                terrain.build, spec, folder, ignore_warning
             )
-            jobs[f"read terrain of 15 km at {cell_m:g} m"] = partial(ground, built)
+            jobs[f"read terrain of 15 km at {cell_m:g} m"] = partial(load_ground, built)
         for what, work in jobs.items():
             with multiprocessing.get_context("spawn").Pool(1) as pool:
                 seconds, megabytes = pool.apply(cost, (work,))

@@ -18,11 +18,11 @@ from pathlib import Path
 from experiments.estimation.environments import python_of
 from experiments.estimation.evaluation import missed, write_csv
 from experiments.estimation.programs import PROGRAMS
+from experiments.output.console import Console
 from experiments.output.report import write_report
-from experiments.output.say import Say
 from groundlink.core.errors import UserError
 
-from .experiment import OUT, Options
+from .experiment import OUT, ExperimentOptions
 from .table import EXPERIMENTS, SHORT
 
 
@@ -54,10 +54,10 @@ def main(arguments: Sequence[str]) -> int:
         print(f"--seeds {options.seeds}: expected 1 or more", file=sys.stderr)
         return UserError.exit_code
     seeds = tuple(range(1, 2 if options.short else options.seeds + 1))
-    say = Say()
+    say = Console()
     if options.install:
         return _install(options.install, options.out, say)
-    given = Options(options.out.resolve(), say, seeds, options.short)
+    given = ExperimentOptions(options.out.resolve(), say, seeds, options.short)
     failed: list[str] = []
     code = 0
     for name in options.names or (SHORT if options.short else EXPERIMENTS):
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str]) -> int:
     return code or (1 if failed else 0)
 
 
-def _install(names: Sequence[str], out: Path, say: Say) -> int:
+def _install(names: Sequence[str], out: Path, say: Console) -> int:
     """Install programs, each into its environment; 0 when all are there."""
     for name in names:
         try:

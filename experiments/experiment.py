@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from experiments.estimation.evaluation import Result, evaluate
+from experiments.estimation.evaluation import Evaluation, evaluate
 from experiments.estimation.trajectories import Trajectory, read_tum
-from experiments.output.say import Say
-from experiments.recording.recordings import Recording, record
+from experiments.output.console import Console
+from experiments.recording.recordings import RecordedRun, record
 from experiments.recording.setups import Changes, Setup
 
 OUT = Path("build/experiments")
@@ -21,13 +21,13 @@ OUT = Path("build/experiments")
 
 
 @dataclass(frozen=True)
-class Options:
+class ExperimentOptions:
     """What the command line asks of an experiment."""
 
     out: Path
     """Where recordings, environments, tables and figures go."""
 
-    say: Say
+    say: Console
     seeds: tuple[int, ...] = (1, 2, 3)
     short: bool = False
     """Some seconds of driving instead of all, without limits: for tests."""
@@ -54,13 +54,13 @@ class Experiment:
     """A row of the table."""
 
     what: str
-    run: Callable[[Options], Sequence[Result]]
+    run: Callable[[ExperimentOptions], Sequence[Evaluation]]
     minutes: float
     """On two cores, environments made and nothing recorded yet."""
 
 
 @dataclass(frozen=True)
-class Way:
+class AlignedEstimate:
     """A way for a figure: what was estimated, over the truth at the same times."""
 
     label: str
@@ -72,14 +72,14 @@ class Way:
     """As the program had it, in the frame of its map."""
 
 
-def recorded(options: Options, setup: Setup) -> Recording:
+def record_setup(options: ExperimentOptions, setup: Setup) -> RecordedRun:
     """Return the recording of a setup, varied as asked; see `record`."""
     return record(setup.varied(options.vary), options.out, options.say)
 
 
-def judged(
-    options: Options,
-    recording: Recording,
+def evaluate_estimate(
+    options: ExperimentOptions,
+    recording: RecordedRun,
     tum: Path,
     *,
     frame: str,
@@ -89,7 +89,7 @@ def judged(
     took_s: float = 0.0,
     limit_m: float = 0.0,
     scale: bool = False,
-) -> tuple[Result, Way]:
+) -> tuple[Evaluation, AlignedEstimate]:
     """Return how well a program did on a recording.
 
     Parameters
@@ -101,7 +101,7 @@ def judged(
     """
     truth = recording.truth(frame)
     errors, matched, aligned = evaluate(truth, tum, options.out, options.say, scale=scale)
-    result = Result(
+    result = Evaluation(
         experiment=experiment,
         program=program,
         case=case,
@@ -120,4 +120,4 @@ def judged(
         f"start to end {100 * result.start_to_end_m:.2f} cm over {result.way_m:.1f} m, "
         f"{result.poses} poses"
     )
-    return result, Way(f"{program} {case}".strip(), matched, aligned, read_tum(tum))
+    return result, AlignedEstimate(f"{program} {case}".strip(), matched, aligned, read_tum(tum))

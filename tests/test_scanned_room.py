@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids

@@ -27,7 +27,7 @@ from benchmarks.claims import Claim, add_options, judge
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED, read_datasheet
+from groundlink.loader.scenario_files import SHIPPED, read_datasheet
 from groundlink.messages.base import PointCloud, State
 from groundlink.scenario.sensors import Lidar
 from groundlink.world.triangles import of_ground

@@ -12,7 +12,7 @@ from groundlink.core.frames import Floats, matrix_from_quaternion, multiply, qua
 from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids
-from groundlink.world.links import links
+from groundlink.world.vehicle_links import link_solids
 
 from .bullet import Bullet
 
@@ -57,7 +57,7 @@ def in_bullet(scenario: Scenario) -> Bullet:
         bullet.add(solid, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     for vehicle in scenario.vehicles:
         poses = link_poses(scenario, 0)[vehicle.name]
-        for link, pose in zip(links(vehicle.model), poses, strict=True):
+        for link, pose in zip(link_solids(vehicle.model), poses, strict=True):
             for solid in link:
                 bullet.add(solid, pose)
     return bullet

@@ -15,7 +15,7 @@ import numpy as np
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.frames import Floats
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar

@@ -25,7 +25,7 @@ from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
 

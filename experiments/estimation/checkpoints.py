@@ -21,7 +21,7 @@ MM2_PER_M2 = 1e6
 
 
 @dataclass(frozen=True)
-class Passed:
+class CheckpointError:
     """A checkpoint that the vehicle came by."""
 
     checkpoint: str
@@ -34,7 +34,7 @@ class Passed:
     """Of the squares of all errors up to here."""
 
 
-def begun_at(estimate: Trajectory, truth: Trajectory) -> Trajectory:
+def aligned_at_start(estimate: Trajectory, truth: Trajectory) -> Trajectory:
     """Return an estimate moved and turned as a whole so that it begins at the true pose.
 
     Times of the estimate that the truth does not cover are left out.
@@ -47,12 +47,12 @@ def begun_at(estimate: Trajectory, truth: Trajectory) -> Trajectory:
     return Trajectory(kept.seconds, positions, multiply(turn, kept.orientations))
 
 
-def accumulated(
+def accumulated_errors(
     estimate: Trajectory,
     truth: Trajectory,
     base: Trajectory,
     checkpoints_m: Mapping[str, tuple[float, float]],
-) -> list[Passed]:
+) -> list[CheckpointError]:
     """Return each passage of a checkpoint, with the error there and the sum so far.
 
     Parameters
@@ -66,11 +66,11 @@ def accumulated(
     checkpoints_m
         x and y by name, in the world.
     """
-    fitted = begun_at(estimate, truth)
+    fitted = aligned_at_start(estimate, truth)
     track = np.column_stack([base.seconds, base.positions_m])
     ways = np.concatenate([[0.0], np.linalg.norm(np.diff(base.positions_m, axis=0), axis=1)])
     travelled = np.cumsum(ways)
-    found: list[Passed] = []
+    found: list[CheckpointError] = []
     total = 0.0
     for passage in passages(track, checkpoints_m):
         # The first and the last are at the ends of the way, where there may be no pose yet.
@@ -81,5 +81,5 @@ def accumulated(
         error_m = float(np.linalg.norm(error))
         total += error_m**2 * MM2_PER_M2
         way_m = float(np.interp(passage.seconds, base.seconds, travelled))
-        found.append(Passed(passage.checkpoint, passage.seconds, way_m, error_m, total))
+        found.append(CheckpointError(passage.checkpoint, passage.seconds, way_m, error_m, total))
     return found

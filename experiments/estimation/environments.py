@@ -15,17 +15,17 @@ import venv
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.output.say import Say
+from experiments.output.console import Console
 from groundlink.core.errors import UserError
 from groundlink.monitor.supervisor import end_with_parent
 
-from .programs import DEBIAN_PACKAGES, DRIVERS, Program
+from .programs import DEBIAN_PACKAGES, DRIVERS, ExternalProgram
 
 STAMP = "installed.txt"
 """The file in an environment that says what was installed."""
 
 
-def python_of(program: Program, out: Path, say: Say) -> Path:
+def python_of(program: ExternalProgram, out: Path, say: Console) -> Path:
     """Return the Python of a program's environment, which is made where there is none.
 
     Raises
@@ -54,21 +54,21 @@ def python_of(program: Program, out: Path, say: Say) -> Path:
     return python
 
 
-def is_installed(program: Program, out: Path) -> bool:
+def is_installed(program: ExternalProgram, out: Path) -> bool:
     """Return whether a program's environment exists and has what is wanted today."""
     stamp = _folder(program, out) / STAMP
     return stamp.exists() and stamp.read_text(encoding="utf-8") == _wanted(program)
 
 
-def _folder(program: Program, out: Path) -> Path:
+def _folder(program: ExternalProgram, out: Path) -> Path:
     return out.resolve() / "environments" / program.name
 
 
-def _wanted(program: Program) -> str:
+def _wanted(program: ExternalProgram) -> str:
     return "\n".join(program.requirements) + "\n"
 
 
-def check_libraries(program: Program) -> None:
+def check_libraries(program: ExternalProgram) -> None:
     """Refuse a program whose libraries the system lacks.
 
     Raises
@@ -92,10 +92,10 @@ def _loads(library: str) -> bool:
 
 
 def run(
-    program: Program,
+    program: ExternalProgram,
     arguments: Sequence[str | Path],
     out: Path,
-    say: Say,
+    say: Console,
     *,
     label: str,
     log: Path,

@@ -12,21 +12,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from experiments.experiment import Options, Way, judged, recorded
+from experiments.experiment import (
+    AlignedEstimate,
+    ExperimentOptions,
+    evaluate_estimate,
+    record_setup,
+)
 from experiments.output import figures
-from experiments.recording.recordings import Recording
+from experiments.recording.recordings import RecordedRun
 from experiments.recording.setups import Setup
 
 from . import environments
-from .evaluation import Result
-from .programs import GENZ_LIO, KISS_ICP, SMALL_GICP, YAG_SLAM, Program
+from .evaluation import Evaluation
+from .programs import GENZ_LIO, KISS_ICP, SMALL_GICP, YAG_SLAM, ExternalProgram
 
 
 @dataclass(frozen=True)
 class Estimator:
     """A program, and how it is run."""
 
-    program: Program
+    program: ExternalProgram
     frame: str
     """Whose trajectory it tells."""
 
@@ -46,24 +51,28 @@ SLAM_2D = Estimator(YAG_SLAM, "scan_link")
 
 
 def tum_of(
-    options: Options, estimator: Estimator, recording: Recording, experiment: str, case: str = ""
+    options: ExperimentOptions,
+    estimator: Estimator,
+    recording: RecordedRun,
+    experiment: str,
+    case: str = "",
 ) -> Path:
     """Return the file of an estimate; what else the program writes is beside it."""
     words = "_".join([estimator.program.name, *case.replace("%", "").split()])
     return options.folder("runs", recording.folder.name) / f"{experiment}_{words}.tum"
 
 
-def ran(
-    options: Options,
+def run_estimator(
+    options: ExperimentOptions,
     estimator: Estimator,
-    recording: Recording,
+    recording: RecordedRun,
     *,
     experiment: str,
     case: str = "",
     more: Sequence[str] = (),
     bag: Path | None = None,
     limit_m: float = 0.0,
-) -> tuple[Result, Way]:
+) -> tuple[Evaluation, AlignedEstimate]:
     """Run a program on a recording and return how well it did.
 
     Parameters
@@ -83,7 +92,7 @@ def ran(
         label=f"{experiment}, seed {recording.seed} {case}".strip(),
         log=tum.with_suffix(".log"),
     )
-    return judged(
+    return evaluate_estimate(
         *(options, recording, tum),
         frame=estimator.frame,
         experiment=experiment,
@@ -95,7 +104,9 @@ def ran(
     )
 
 
-def compared(options: Options, setup: Setup, limits: Mapping[Estimator, float]) -> list[Result]:
+def compare_estimators(
+    options: ExperimentOptions, setup: Setup, limits: Mapping[Estimator, float]
+) -> list[Evaluation]:
     """Run programs on a drive for each seed; draw the first.
 
     Parameters
@@ -105,9 +116,9 @@ def compared(options: Options, setup: Setup, limits: Mapping[Estimator, float]) 
     """
     results = []
     for seed in options.seeds:
-        recording = recorded(options, replace(setup, seed=seed))
+        recording = record_setup(options, replace(setup, seed=seed))
         done = [
-            ran(options, estimator, recording, experiment=setup.name, limit_m=limit_m)
+            run_estimator(options, estimator, recording, experiment=setup.name, limit_m=limit_m)
             for estimator, limit_m in limits.items()
         ]
         results += [result for result, _ in done]

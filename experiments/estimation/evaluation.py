@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from experiments.output.say import Say
+from experiments.output.console import Console
 
 from . import environments
 from .programs import EVO
@@ -22,7 +22,7 @@ from .trajectories import Trajectory, read_tum, write_tum
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class Evaluation:
     """One run of one program on one recording."""
 
     experiment: str
@@ -56,11 +56,11 @@ def evaluate(
     truth: Trajectory,
     estimate_tum: Path,
     out: Path,
-    say: Say,
+    say: Console,
     *,
     scale: bool = False,
 ) -> tuple[dict[str, float], Trajectory, Trajectory]:
-    """Return errors by name of `Result`, and the truth and the aligned estimate at its times.
+    """Return errors by name of `Evaluation`, and the truth and the aligned estimate at its times.
 
     Raises
     ------
@@ -84,10 +84,10 @@ def evaluate(
     return errors, matched, read_tum(aligned)
 
 
-def write_csv(file: Path, results: Iterable[Result]) -> None:
+def write_csv(file: Path, results: Iterable[Evaluation]) -> None:
     """Write results as a table."""
     with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, [field.name for field in fields(Result)])
+        writer = csv.DictWriter(stream, [field.name for field in fields(Evaluation)])
         writer.writeheader()
         for result in results:
             row = asdict(result)
@@ -102,26 +102,29 @@ def write_rows(file: Path, head: Sequence[str], rows: Iterable[Sequence[object]]
         writer.writerows(rows)
 
 
-def read_csv(file: Path) -> list[Result]:
+def read_csv(file: Path) -> list[Evaluation]:
     """Return results as they were written."""
     types = {"str": str, "int": int, "float": float}
     with file.open(encoding="utf-8", newline="") as stream:
         return [
-            Result(
-                **{field.name: types[str(field.type)](row[field.name]) for field in fields(Result)}
+            Evaluation(
+                **{
+                    field.name: types[str(field.type)](row[field.name])
+                    for field in fields(Evaluation)
+                }
             )
             for row in csv.DictReader(stream)
         ]
 
 
-def median(results: Sequence[Result], what: str = "ate_m") -> float:
+def median(results: Sequence[Evaluation], what: str = "ate_m") -> float:
     """Return the median over seeds of a figure."""
     return float(statistics.median(getattr(result, what) for result in results))
 
 
-def missed(results: Sequence[Result]) -> list[str]:
+def missed(results: Sequence[Evaluation]) -> list[str]:
     """Return in words which limits are not kept; each is of the median over seeds."""
-    groups: dict[tuple[str, str, str], list[Result]] = {}
+    groups: dict[tuple[str, str, str], list[Evaluation]] = {}
     for result in results:
         groups.setdefault((result.experiment, result.program, result.case), []).append(result)
     return [

@@ -14,7 +14,7 @@ DRIVERS = Path(__file__).parents[1] / "drivers"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Program:
+class ExternalProgram:
     """A program of others."""
 
     name: str
@@ -59,14 +59,14 @@ _OPENGL = {
 DEBIAN_PACKAGES = dict(_OPENGL)
 """By shared library: Debian's package of it."""
 
-YAG_SLAM = Program(
+YAG_SLAM = ExternalProgram(
     name="yag-slam",
     what="2D graph SLAM with loop closure on laser scans and wheel odometry, after OpenKarto",
     requirements=("yag-slam==0.2.5", "opencv-python-headless==5.0.0.93", *BAG_READER),
     driver="yag_slam_2d.py",
     licence="LGPL-3.0",
 )
-ORB_SLAM3 = Program(
+ORB_SLAM3 = ExternalProgram(
     name="orb-slam3",
     what="ORB-SLAM3 on one camera, or on a camera with depth",
     requirements=("pyorbslam3==0.1.1", "opencv-python-headless==5.0.0.93", *BAG_READER),
@@ -74,28 +74,28 @@ ORB_SLAM3 = Program(
     licence="GPL-3.0",
     libraries=tuple(_OPENGL),
 )
-GENZ_LIO = Program(
+GENZ_LIO = ExternalProgram(
     name="genz-lio",
     what="LiDAR-inertial odometry; reads bags by its own loader",
     requirements=("genz-lio==0.1.1", *BAG_READER),
     driver="genz_lio_odometry.py",
     licence="GPL-2.0-only",
 )
-KISS_ICP = Program(
+KISS_ICP = ExternalProgram(
     name="kiss-icp",
     what="odometry by a LiDAR alone; reads bags by its own loader",
     requirements=("kiss-icp==1.3.0", *BAG_READER),
     driver="kiss_icp_odometry.py",
     licence="MIT",
 )
-SMALL_GICP = Program(
+SMALL_GICP = ExternalProgram(
     name="small-gicp",
     what="odometry by a LiDAR alone, with the library's voxel map (VGICP)",
     requirements=("small-gicp==1.0.1", *BAG_READER),
     driver="small_gicp_odometry.py",
     licence="MIT",
 )
-EVO = Program(
+EVO = ExternalProgram(
     name="evo",
     what="errors of trajectories",
     requirements=("evo==1.38.1", "numpy==2.4.6"),
@@ -103,7 +103,7 @@ EVO = Program(
     licence="GPL-3.0",
 )
 
-YAG_SLAM_LIVE = Program(
+YAG_SLAM_LIVE = ExternalProgram(
     name="yag-slam-live",
     what="the same as a ROS 2 node",
     requirements=(*YAG_SLAM.requirements, *ROS_2),

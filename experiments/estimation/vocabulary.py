@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.experiment import Options
+from experiments.experiment import ExperimentOptions
 from experiments.recording.recordings import record
 from experiments.recording.setups import Setup
 
@@ -30,7 +30,7 @@ INDOORS = Setup(
 )
 
 
-def vocabulary(options: Options, scenes: Setup) -> Path:
+def vocabulary(options: ExperimentOptions, scenes: Setup) -> Path:
     """Return the file of a vocabulary; it is trained where there is none yet."""
     recording = record(scenes, options.out, options.say)
     file = recording.folder / "vocabulary.txt"

@@ -22,13 +22,13 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 from PIL import Image
 
-from experiments.estimation.checkpoints import Passed
-from experiments.experiment import Way
+from experiments.estimation.checkpoints import CheckpointError
+from experiments.experiment import AlignedEstimate
 from groundlink.report.analysis.plan import outlines
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids
 
-COLOURS = ("#c0392b", "#2471a3", "#d68910", "#7d3c98", "#1e8449")
+COLORS = ("#c0392b", "#2471a3", "#d68910", "#7d3c98", "#1e8449")
 TRUTH = "#1b1b1b"
 TALL_M = 1.6
 AROUND_M = 3.0
@@ -53,13 +53,13 @@ def plan(axes: Axes, scenario: Scenario) -> None:
     axes.set_ylabel("y (north), m")
 
 
-def trajectories(file: Path, scenario: Scenario, ways: Sequence[Way]) -> None:
+def trajectories(file: Path, scenario: Scenario, ways: Sequence[AlignedEstimate]) -> None:
     """Draw the true way and what programs made of it over the world."""
     figure, axes = plt.subplots(figsize=(8, 5.6), layout="constrained")
     plan(axes, scenario)
     truth = max((way.truth for way in ways), key=lambda truth: truth.length_m).positions_m
     axes.plot(truth[:, 0], truth[:, 1], color=TRUTH, linewidth=2.4, label="true")
-    for way, colour in zip(ways, COLOURS, strict=False):
+    for way, colour in zip(ways, COLORS, strict=False):
         at = way.estimate.positions_m
         axes.plot(at[:, 0], at[:, 1], color=colour, linewidth=1.0, label=way.label)
     low, high = truth[:, :2].min(axis=0) - AROUND_M, truth[:, :2].max(axis=0) + AROUND_M
@@ -70,14 +70,14 @@ def trajectories(file: Path, scenario: Scenario, ways: Sequence[Way]) -> None:
     plt.close(figure)
 
 
-def accumulated(file: Path, curves: Mapping[str, Sequence[Passed]]) -> None:
+def accumulated_errors(file: Path, curves: Mapping[str, Sequence[CheckpointError]]) -> None:
     """Draw sums of squared distances over the way, as the paper's Figure 10 does."""
     figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
     for index, (name, passed) in enumerate(curves.items()):
         axes.plot(
             [one.travelled_m for one in passed],
             [one.sum_mm2 for one in passed],
-            color=COLOURS[index // 2 % len(COLOURS)],
+            color=COLORS[index // 2 % len(COLORS)],
             linestyle="-" if index % 2 else "--",
             marker="o",
             markersize=3,
@@ -92,7 +92,7 @@ def accumulated(file: Path, curves: Mapping[str, Sequence[Passed]]) -> None:
     plt.close(figure)
 
 
-def map_beside_plan(file: Path, scenario: Scenario, map_yaml: Path, way: Way) -> None:
+def map_beside_plan(file: Path, scenario: Scenario, map_yaml: Path, way: AlignedEstimate) -> None:
     """Draw the plan of the world, and beside it an occupancy grid as map_server has it.
 
     Parameters
@@ -131,7 +131,7 @@ def map_beside_plan(file: Path, scenario: Scenario, map_yaml: Path, way: Way) ->
     plt.close(figure)
 
 
-def _world_from_map(way: Way) -> Affine2D:
+def _world_from_map(way: AlignedEstimate) -> Affine2D:
     """Return how an estimate was put over the truth, in the plane."""
     raw, aligned = way.raw.positions_m[:, :2], way.estimate.positions_m[:, :2]
     a, b = raw - raw.mean(axis=0), aligned - aligned.mean(axis=0)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from experiments.estimation.evaluation import Result, median, read_csv
+from experiments.estimation.evaluation import Evaluation, median, read_csv
 from experiments.experiment import OUT
 from experiments.recording.setups import ROOT
 
@@ -27,18 +27,18 @@ KEPT = ROOT / "docs" / "experiments"
 """Tables and figures that the page shows."""
 
 
-def table(name: str, results: Sequence[Result]) -> str:
+def table(name: str, results: Sequence[Evaluation]) -> str:
     """Return the table of an experiment with its command."""
     return "\n".join([f"`python -m experiments {name}`", "", *table_of(results)])
 
 
-def table_of(results: Sequence[Result]) -> list[str]:
+def table_of(results: Sequence[Evaluation]) -> list[str]:
     """Return a line for each program and case, medians over seeds."""
     lines = [
         "| program | ATE, median | of each seed | start to end, median | way | limit | took |",
         "|---|---|---|---|---|---|---|",
     ]
-    groups: dict[tuple[str, str], list[Result]] = {}
+    groups: dict[tuple[str, str], list[Evaluation]] = {}
     for result in results:
         groups.setdefault((result.program, result.case), []).append(result)
     for (program, case), group in groups.items():
@@ -64,7 +64,7 @@ def text_of(file: Path) -> str:
     """Return what the page shows of a table."""
     with file.open(encoding="utf-8", newline="") as stream:
         head = next(csv.reader(stream))
-    if head == [field.name for field in fields(Result)]:
+    if head == [field.name for field in fields(Evaluation)]:
         return table(file.stem, read_csv(file))
     return listing(file)
 

@@ -30,7 +30,7 @@ IMU, CLOUD, TF = "sensor_msgs/msg/Imu", "sensor_msgs/msg/PointCloud2", "tf2_msgs
 
 
 @dataclass(frozen=True)
-class Fault:
+class BagFault:
     """A way in which data can be wrong."""
 
     ros_type: str
@@ -88,19 +88,19 @@ def _tilted(mounts: Any) -> None:
             entry.transform.rotation = quaternion(tuple(turned.tolist()))
 
 
-FAULTS: dict[str, Fault] = {
-    "gyro_sign": Fault(IMU, _gyro_sign, "the gyroscope turns the other way"),
-    "no_gravity": Fault(IMU, _no_gravity, "accelerations lack gravity"),
-    "mirrored_scan": Fault(CLOUD, _mirrored, "clouds are mirrored, left for right"),
-    "long_ranges": Fault(CLOUD, _stretched, "ranges are 10 % too long"),
-    "no_times": Fault(CLOUD, _no_times, "the times of points are 0"),
-    "wrong_mount": Fault(TF, _tilted, "the LiDAR's mount is 5 degrees off", (TF_STATIC_TOPIC,)),
-    "late_stamps": Fault(CLOUD, _late, "clouds are stamped 50 ms late"),
+FAULTS: dict[str, BagFault] = {
+    "gyro_sign": BagFault(IMU, _gyro_sign, "the gyroscope turns the other way"),
+    "no_gravity": BagFault(IMU, _no_gravity, "accelerations lack gravity"),
+    "mirrored_scan": BagFault(CLOUD, _mirrored, "clouds are mirrored, left for right"),
+    "long_ranges": BagFault(CLOUD, _stretched, "ranges are 10 % too long"),
+    "no_times": BagFault(CLOUD, _no_times, "the times of points are 0"),
+    "wrong_mount": BagFault(TF, _tilted, "the LiDAR's mount is 5 degrees off", (TF_STATIC_TOPIC,)),
+    "late_stamps": BagFault(CLOUD, _late, "clouds are stamped 50 ms late"),
 }
 """By name."""
 
 
-def with_fault(bag: Path, out: Path, fault: Fault) -> int:
+def with_fault(bag: Path, out: Path, fault: BagFault) -> int:
     """Write a bag that has a fault; return how many messages it changed.
 
     Parameters
@@ -120,7 +120,7 @@ def with_fault(bag: Path, out: Path, fault: Fault) -> int:
             if schema.name == fault.ros_type and (
                 not fault.topics or channel.topic in fault.topics
             ):
-                body = spoiled(body, fault)
+                body = apply_fault(body, fault)
                 changed += 1
             latched = channel.topic == TF_STATIC_TOPIC
             topic = file.topic(channel.topic, schema.name, latched=latched)
@@ -130,7 +130,7 @@ def with_fault(bag: Path, out: Path, fault: Fault) -> int:
     return changed
 
 
-def spoiled(cdr: bytes, fault: Fault) -> bytes:
+def apply_fault(cdr: bytes, fault: BagFault) -> bytes:
     """Return a message of the fault's type as the fault has it."""
     message: Any = STORE.deserialize_cdr(cdr, fault.ros_type)
     fault.spoil(message)

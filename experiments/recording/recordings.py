@@ -25,13 +25,19 @@ from pathlib import Path
 from typing import IO
 
 from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
-from experiments.output.say import Say
+from experiments.output.console import Console
 from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.monitor.supervisor import end_with_parent
 from groundlink.scenario import Scenario
 
-from .accounts import Account, compare, lost, read_accounts, write_accounts
+from .deliveries import (
+    TopicDelivery,
+    compare_delivery,
+    loss_summary,
+    read_deliveries,
+    write_deliveries,
+)
 from .setups import ROOT, Setup, loaded
 from .truth import frames_of, truth_of
 
@@ -43,7 +49,7 @@ SILENT_S = 180.0
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedRun:
     """What a run has left: a folder with a bag, the truth, and what arrived of each topic."""
 
     folder: Path
@@ -64,9 +70,9 @@ class Recording:
         return self.scenario.seed
 
     @property
-    def accounts(self) -> list[Account]:
+    def accounts(self) -> list[TopicDelivery]:
         """What was sent and what arrived of each topic."""
-        return read_accounts(self.folder / "accounts.csv")
+        return read_deliveries(self.folder / "accounts.csv")
 
     def truth(self, frame: str = "") -> Trajectory:
         """Return world_from_frame over the run; of the vehicle's base if no frame is named."""
@@ -77,7 +83,7 @@ class Recording:
         return base.seen_from(frames[frame])
 
 
-def record(setup: Setup, out: Path, say: Say) -> Recording:
+def record(setup: Setup, out: Path, say: Console) -> RecordedRun:
     """Return the recording of a setup; it is made where there is none of these sources yet.
 
     Raises
@@ -89,22 +95,22 @@ def record(setup: Setup, out: Path, say: Say) -> Recording:
     folder.mkdir(parents=True, exist_ok=True)
     made = folder / f"{setup.name}-{setup.seed}-{_digest(setup, folder)}"
     if (made / "accounts.csv").exists():
-        return Recording(made)
+        return RecordedRun(made)
     part = made.with_name(f"{made.name}.part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
     _run(setup, part, say)
     say(f"{setup.name}, seed {setup.seed}: comparing the bag with the bus")
     bus, bag = part / "bus.mcap", part / "run.mcap"
-    accounts = compare(bus, bag, loaded(part))
-    if setup.is_lossless and (words := lost(accounts)):
+    accounts = compare_delivery(bus, bag, loaded(part))
+    if setup.is_lossless and (words := loss_summary(accounts)):
         raise UserError(f"{setup.name}, seed {setup.seed}: not all came to {bag}: {words}")
     write_tum(part / "truth.tum", truth_of(bus, loaded(part)))
     (part / "frames.json").write_text(json.dumps(frames_of(bus)), encoding="utf-8")
-    write_accounts(part / "accounts.csv", accounts)
+    write_deliveries(part / "accounts.csv", accounts)
     bus.unlink()
     part.rename(made)
-    return Recording(made)
+    return RecordedRun(made)
 
 
 def _digest(setup: Setup, folder: Path) -> str:
@@ -116,7 +122,7 @@ def _digest(setup: Setup, folder: Path) -> str:
         shutil.rmtree(scratch)
 
 
-def _run(setup: Setup, folder: Path, say: Say) -> None:
+def _run(setup: Setup, folder: Path, say: Console) -> None:
     """Start everything, wait until the bag is full, and end everything."""
     bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
     scenario = setup.write(folder, {"bind": bind, "peer": peer})
@@ -140,13 +146,13 @@ def _wait(
     recorder: subprocess.Popen[str],
     supervisor: subprocess.Popen[str],
     folder: Path,
-    say: Say,
+    say: Console,
 ) -> None:
     begun_s = moved_s = time.monotonic()
     seconds = -1.0
     while recorder.poll() is None:
         now_s = time.monotonic()
-        told = last_told(folder / "bag.log")
+        told = last_json(folder / "bag.log")
         if told.get("seconds", 0.0) > seconds:
             seconds, moved_s = told.get("seconds", 0.0), now_s
         say.progress(
@@ -169,7 +175,7 @@ def _wait(
     )
 
 
-def last_told(log: Path) -> dict[str, float]:
+def last_json(log: Path) -> dict[str, float]:
     """Return the last line of JSON of a log; nothing where there is none."""
     lines = log.read_text(encoding="utf-8").splitlines()
     for line in reversed(lines):

@@ -29,7 +29,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E
 from std_msgs.msg import Empty  # noqa: E402
 
 from groundlink.core.clock import NANOS  # noqa: E402
-from groundlink.recording.ros_channels import RosFile, Topic  # noqa: E402
+from groundlink.recording.ros_channels import RecordedTopic, RosFile  # noqa: E402
 from udp_bridge.node.message_class import message_class  # noqa: E402
 
 BRIDGE = "udp_bridge"
@@ -99,7 +99,7 @@ class Bag(Node):
                 message_class(ros_type), name, self._taker(channel), qos, raw=True
             )
 
-    def _taker(self, channel: Topic) -> Any:
+    def _taker(self, channel: RecordedTopic) -> Any:
         is_clock = channel.name == "/clock"
         is_stamped = not channel.ros_type.endswith(UNSTAMPED)
 

@@ -27,7 +27,7 @@ SWEEPS = 12
 POINTS = 600
 """Of each sweep, evenly chosen."""
 
-FORGIVEN_M = 0.25
+OUTLIER_M = 0.25
 """A point farther from all surfaces counts as this far: a few strays do not decide a fit."""
 
 
@@ -36,7 +36,7 @@ SAME_M = 1e-6
 
 
 @dataclass(frozen=True)
-class Sweep:
+class LidarSweep:
     """A cloud in numbers."""
 
     stamp_s: float
@@ -48,7 +48,7 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Measured:
+class CheckedQuantity:
     """A quantity of which it is known what it has to be."""
 
     words: str
@@ -63,8 +63,8 @@ class Measured:
 
 
 def scan_quantities(
-    sweeps: Sequence[Sweep], lidar: Trajectory, solids: Sequence[Solid]
-) -> list[Measured]:
+    sweeps: Sequence[LidarSweep], lidar: Trajectory, solids: Sequence[Solid]
+) -> list[CheckedQuantity]:
     """Return what sweeps say about themselves, laid on the world's surfaces.
 
     Parameters
@@ -76,10 +76,10 @@ def scan_quantities(
 
     def distances(late_s: float = 0.0, times: float = 1.0, ranges: float = 1.0) -> Floats:
         laid = [
-            _laid(Sweep(s.stamp_s - late_s, s.points_m * ranges, s.times_s * times), lidar)
+            _laid(LidarSweep(s.stamp_s - late_s, s.points_m * ranges, s.times_s * times), lidar)
             for s in chosen
         ]
-        return np.minimum(distances_m(np.concatenate(laid), solids), FORGIVEN_M)
+        return np.minimum(distances_m(np.concatenate(laid), solids), OUTLIER_M)
 
     as_told = 1e3 * float(np.mean(distances()))
     late_ms = 1e3 * _least(lambda late_s: distances(late_s=late_s), 0.0, 0.1)
@@ -88,17 +88,19 @@ def scan_quantities(
     duration_ms = 1e3 * float(np.median([np.ptp(sweep.times_s) for sweep in sweeps]))
     period_ms = 1e3 * float(np.median(np.diff([sweep.stamp_s for sweep in sweeps])))
     return [
-        Measured("points to the nearest surface, mean (mm)", as_told, 0.0, 30.0),
-        Measured("stamps of clouds late by (ms)", late_ms, 0.0, 3.0),
-        Measured("factor for the times of points that fits best", times, 1.0, 0.05),
-        Measured("times of a sweep's points, from first to last (ms)", duration_ms, period_ms, 5.0),
-        Measured("factor for ranges that fits best", ranges, 1.0, 0.01),
+        CheckedQuantity("points to the nearest surface, mean (mm)", as_told, 0.0, 30.0),
+        CheckedQuantity("stamps of clouds late by (ms)", late_ms, 0.0, 3.0),
+        CheckedQuantity("factor for the times of points that fits best", times, 1.0, 0.05),
+        CheckedQuantity(
+            "times of a sweep's points, from first to last (ms)", duration_ms, period_ms, 5.0
+        ),
+        CheckedQuantity("factor for ranges that fits best", ranges, 1.0, 0.01),
     ]
 
 
 def imu_quantities(
     seconds: Floats, rates_radps: Floats, forces_mps2: Floats, imu: Trajectory
-) -> list[Measured]:
+) -> list[CheckedQuantity]:
     """Return what an IMU says about the true motion.
 
     Parameters
@@ -126,13 +128,13 @@ def imu_quantities(
     turns = matrix_from_quaternion(imu.at(seconds).orientations)
     forces = np.einsum("nij,nj->ni", turns, forces_mps2[inside])
     return [
-        Measured("turn rates, share of the true ones", slope_and_rest(0.0)[0], 1.0, 0.02),
-        Measured("stamps of the gyroscope late by (ms)", late_ms, 0.0, 3.0),
-        Measured("force upwards, mean (m/s2)", float(forces[:, 2].mean()), 9.80665, 0.1),
+        CheckedQuantity("turn rates, share of the true ones", slope_and_rest(0.0)[0], 1.0, 0.02),
+        CheckedQuantity("stamps of the gyroscope late by (ms)", late_ms, 0.0, 3.0),
+        CheckedQuantity("force upwards, mean (m/s2)", float(forces[:, 2].mean()), 9.80665, 0.1),
     ]
 
 
-def fastest_turns(sweeps: Sequence[Sweep], lidar: Trajectory) -> list[Sweep]:
+def fastest_turns(sweeps: Sequence[LidarSweep], lidar: Trajectory) -> list[LidarSweep]:
     """Return the sweeps during which the LiDAR turns fastest, whole ones within the truth."""
     inside = [s for s in sweeps if lidar.seconds[0] + 0.2 < s.stamp_s < lidar.seconds[-1] - 0.3]
     starts = np.array([s.stamp_s for s in inside])
@@ -142,13 +144,13 @@ def fastest_turns(sweeps: Sequence[Sweep], lidar: Trajectory) -> list[Sweep]:
     return [inside[i] for i in order[:SWEEPS]]
 
 
-def thinned(sweep: Sweep) -> Sweep:
+def thinned(sweep: LidarSweep) -> LidarSweep:
     """Return a sweep with at most `POINTS` of its points."""
     kept = np.linspace(0, len(sweep.times_s) - 1, POINTS).astype(np.intp)
-    return Sweep(sweep.stamp_s, sweep.points_m[kept], sweep.times_s[kept])
+    return LidarSweep(sweep.stamp_s, sweep.points_m[kept], sweep.times_s[kept])
 
 
-def _laid(sweep: Sweep, lidar: Trajectory) -> Floats:
+def _laid(sweep: LidarSweep, lidar: Trajectory) -> Floats:
     """Return a sweep's points in the world, each from where the LiDAR was at its instant."""
     instants = np.clip(sweep.stamp_s + sweep.times_s, lidar.seconds[0], lidar.seconds[-1])
     poses = lidar.at(instants)

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 
-from experiments.estimation.estimators import GICP, KISS, LIDAR_INERTIAL, Estimator, ran
-from experiments.estimation.evaluation import Result, write_rows
-from experiments.experiment import Options, recorded
-from experiments.recording.faults import CLOUD, FAULTS, IMU, Fault, with_fault
-from experiments.recording.recordings import Recording
+from experiments.estimation.estimators import GICP, KISS, LIDAR_INERTIAL, Estimator, run_estimator
+from experiments.estimation.evaluation import Evaluation, write_rows
+from experiments.experiment import ExperimentOptions, record_setup
+from experiments.recording.faults import CLOUD, FAULTS, IMU, BagFault, with_fault
+from experiments.recording.recordings import RecordedRun
 from experiments.recording.setups import Setup
 from experiments.recording.truth import frames_of
 from groundlink.core.errors import UserError
@@ -28,7 +28,7 @@ from groundlink.messages.base import POINT
 from groundlink.ros.types import STORE, nanos, xyz
 from groundlink.world.build import solids
 
-from .direct import Measured, Sweep, imu_quantities, scan_quantities
+from .direct import CheckedQuantity, LidarSweep, imu_quantities, scan_quantities
 from .track import there_and_back
 
 SECONDS = 40.0
@@ -64,15 +64,17 @@ LISTENERS: dict[str, tuple[Estimator, ...]] = {
 """Who takes messages of a type; the mounts are taken by who needs two sensors at once."""
 
 
-def guard(options: Options) -> Sequence[Result]:
+def guard(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Show each fault to the programs that take its messages, and to direct tests."""
     seconds = SHORT_SECONDS if options.short else SECONDS
-    recording = recorded(options, dataclasses.replace(SETUP, seconds=seconds))
-    results: list[Result] = []
-    rows: list[tuple[str, Measured]] = [("", quantity) for quantity in direct(recording)]
-    clean: dict[str, Result] = {}
+    recording = record_setup(options, dataclasses.replace(SETUP, seconds=seconds))
+    results: list[Evaluation] = []
+    rows: list[tuple[str, CheckedQuantity]] = [("", quantity) for quantity in direct(recording)]
+    clean: dict[str, Evaluation] = {}
     for estimator in (LIDAR_INERTIAL, KISS, GICP):
-        result, _ = ran(options, estimator, recording, experiment="guard", case="no fault")
+        result, _ = run_estimator(
+            options, estimator, recording, experiment="guard", case="no fault"
+        )
         clean[result.program] = result
         results.append(result)
     finders: list[tuple[str, str]] = []
@@ -104,20 +106,22 @@ def guard(options: Options) -> Sequence[Result]:
 
 
 def _by_programs(
-    options: Options,
-    recording: Recording,
+    options: ExperimentOptions,
+    recording: RecordedRun,
     bag: Path,
     name: str,
-    fault: Fault,
-    clean: dict[str, Result],
-    results: list[Result],
+    fault: BagFault,
+    clean: dict[str, Evaluation],
+    results: list[Evaluation],
 ) -> list[str]:
     """Return who does clearly worse, or not at all, and add what each did to the results."""
     found = []
     for estimator in LISTENERS.get(fault.ros_type, (LIDAR_INERTIAL,)):
         program = estimator.program.name
         try:
-            result, _ = ran(options, estimator, recording, experiment="guard", case=name, bag=bag)
+            result, _ = run_estimator(
+                options, estimator, recording, experiment="guard", case=name, bag=bag
+            )
         except UserError as error:
             options.say(str(error))
             found.append(f"{program} (it fails)")
@@ -134,7 +138,7 @@ def is_worse(error_m: float, usual_m: float) -> bool:
     return error_m > WORSE * usual_m and error_m > usual_m + WORSE_M
 
 
-def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
+def direct(recording: RecordedRun, bag: Path | None = None) -> list[CheckedQuantity]:
     """Return what the direct tests say of a recording's bag, or of another one of the same run."""
     bag = bag or recording.bag
     base, frames = recording.truth(), frames_of(bag)
@@ -147,7 +151,7 @@ def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
                 points = np.frombuffer(cloud.data, POINT)
                 places = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
                 times = points["time"].astype(np.float64)
-                sweeps.append(Sweep(nanos(cloud.header.stamp) / 1e9, places, times))
+                sweeps.append(LidarSweep(nanos(cloud.header.stamp) / 1e9, places, times))
             else:
                 imu: Any = STORE.deserialize_cdr(message.data, IMU)
                 stamps.append(nanos(imu.header.stamp) / 1e9)
@@ -161,6 +165,6 @@ def direct(recording: Recording, bag: Path | None = None) -> list[Measured]:
     ]
 
 
-def _row(name: str, q: Measured) -> tuple[str, ...]:
+def _row(name: str, q: CheckedQuantity) -> tuple[str, ...]:
     numbers = (f"{q.value:.4g}", f"{q.expected:.5g}", f"{q.tolerance:g}")
     return (name or "none", q.words, *numbers, "yes" if q.holds else "no")

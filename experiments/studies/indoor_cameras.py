@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.estimation.evaluation import Result
+from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.vocabulary import OUTDOORS
-from experiments.experiment import Options
+from experiments.experiment import ExperimentOptions
 from experiments.recording.setups import Setup
 
 from .indoors import drive
-from .pictures import Pictures, orb_slam3
+from .pictures import CameraStudy, orb_slam3
 
 SECONDS = 70.0
 """A lap takes 52 s."""
@@ -78,13 +78,13 @@ FIRST_FRAME_S = 2.0
 LIMIT_M = 0.05
 
 
-def mono(options: Options) -> Sequence[Result]:
+def mono(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time."""
     setup = drive(options, "indoor_mono", MONO, ROUNDED, SECONDS)
     return orb_slam3(options, _pictures(setup, *FEATURES))
 
 
-def rgbd(options: Options) -> Sequence[Result]:
+def rgbd(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run ORB-SLAM3 on a depth camera."""
     topics = {
         "--image": "/camera/color/image_raw/compressed",
@@ -96,8 +96,8 @@ def rgbd(options: Options) -> Sequence[Result]:
     return orb_slam3(options, replace(_pictures(setup, *FEATURES, *words), has_depth=True))
 
 
-def _pictures(setup: Setup, *words: str) -> Pictures:
-    return Pictures(
+def _pictures(setup: Setup, *words: str) -> CameraStudy:
+    return CameraStudy(
         setup=setup,
         scenes=OUTDOORS,
         from_s=FIRST_FRAME_S,

@@ -11,9 +11,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, SLAM_2D, compared, ran, tum_of
-from experiments.estimation.evaluation import Result
-from experiments.experiment import Options, recorded
+from experiments.estimation.estimators import (
+    GICP,
+    LIDAR_INERTIAL,
+    SLAM_2D,
+    compare_estimators,
+    run_estimator,
+    tum_of,
+)
+from experiments.estimation.evaluation import Evaluation
+from experiments.experiment import ExperimentOptions, record_setup
 from experiments.output import figures
 from experiments.recording.setups import Changes, Setup, shipped, waypoints
 
@@ -53,16 +60,16 @@ CRAWL_M = 0.1
 SCANS_LIMIT_M = 0.02
 
 
-def scans(options: Options) -> Sequence[Result]:
+def scans(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
     setup = drive(options, "indoor_scans", SCANS, seconds=SECONDS + STANDSTILL_S)
     results = []
     for seed in options.seeds:
-        recording = recorded(options, replace(setup, seed=seed))
-        slam, slam_way = ran(
+        recording = record_setup(options, replace(setup, seed=seed))
+        slam, slam_way = run_estimator(
             options, SLAM_2D, recording, experiment=setup.name, limit_m=SCANS_LIMIT_M
         )
-        alone, alone_way = ran(
+        alone, alone_way = run_estimator(
             *(options, SLAM_2D, recording),
             experiment=setup.name,
             case="odometry alone",
@@ -81,17 +88,17 @@ def scans(options: Options) -> Sequence[Result]:
     return results
 
 
-def clouds(options: Options) -> Sequence[Result]:
+def clouds(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run LiDAR and IMU, and LiDAR alone, on a LiDAR of 16 rings; once round and a bit more."""
     vehicle = shipped(SCENARIO)["vehicles"][0]
     points, speed_mps = vehicle["route"]["points"], vehicle["route"]["speed_mps"]
     lap = waypoints(vehicle["placement"], [*points, *points[:3]], speed_mps, CRAWL_M)
     setup = drive(options, "indoor_lidar", CLOUDS, {"route": lap})
-    return compared(options, setup, {LIDAR_INERTIAL: 0.0, GICP: 0.0})
+    return compare_estimators(options, setup, {LIDAR_INERTIAL: 0.0, GICP: 0.0})
 
 
 def drive(
-    options: Options,
+    options: ExperimentOptions,
     name: str,
     sensors: Changes,
     vehicle: Changes | None = None,

@@ -20,12 +20,12 @@ import yaml
 from PIL import Image
 
 from experiments.estimation.environments import python_of
-from experiments.estimation.evaluation import Result
+from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.programs import DRIVERS, YAG_SLAM_LIVE
 from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
-from experiments.experiment import Options, judged
+from experiments.experiment import ExperimentOptions, evaluate_estimate
 from experiments.output import figures
-from experiments.recording.recordings import Recording, free_port, last_told, process
+from experiments.recording.recordings import RecordedRun, free_port, last_json, process
 from experiments.recording.setups import IN_REAL_TIME, Setup, loaded
 from experiments.recording.truth import truth_of
 from groundlink.bus.inbox import BusInbox
@@ -50,7 +50,7 @@ OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 """Of map_server's picture, whose first row is the northern one."""
 
 
-def slam(options: Options) -> Sequence[Result]:
+def slam(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Return the error of the poses that came back, for each seed."""
     python = python_of(YAG_SLAM_LIVE, options.out, options.say)
     results = []
@@ -62,7 +62,7 @@ def slam(options: Options) -> Sequence[Result]:
         folder = options.folder("runs", f"live-{seed}")
         recording, map_yaml = _run(options, setup, folder, str(python))
         tum = folder / "poses.tum"
-        result, way = judged(
+        result, way = evaluate_estimate(
             *(options, recording, tum),
             frame="",
             experiment="live",
@@ -79,7 +79,9 @@ def slam(options: Options) -> Sequence[Result]:
     return results
 
 
-def _run(options: Options, setup: Setup, folder: Path, python: str) -> tuple[Recording, Path]:
+def _run(
+    options: ExperimentOptions, setup: Setup, folder: Path, python: str
+) -> tuple[RecordedRun, Path]:
     """Run the scenario and the node; leave truth, poses and map in the folder.
 
     Raises
@@ -109,14 +111,14 @@ def _run(options: Options, setup: Setup, folder: Path, python: str) -> tuple[Rec
                 bus.subscribe(FROM_ROS["pose"].key_in(run, vehicle=vehicle), PoseStamped, poses)
                 bus.subscribe(FROM_ROS["map"].key_in(run, vehicle=vehicle), OccupancyGrid, maps)
                 while supervisor.poll() is None:
-                    told = last_told(folder / "node.log")
+                    told = last_json(folder / "node.log")
                     options.say.progress(f"{label}: {told}")
                     if slam_node.poll() is not None:
                         raise UserError(f"{label}: the node has ended; see {folder / 'node.log'}")
                     time.sleep(LOOK_S)
         if supervisor.returncode:
             raise UserError(f"{label}: the run has failed; see {folder / 'up.log'}")
-    told = last_told(folder / "node.log")
+    told = last_json(folder / "node.log")
     options.say(f"{label}: {told}; {len(poses)} poses and {len(maps)} maps came back")
     if told["late"] or not len(poses) or not len(maps):
         raise UserError(f"{label}: the node did not keep up, or nothing came back; see {folder}")
@@ -126,7 +128,7 @@ def _run(options: Options, setup: Setup, folder: Path, python: str) -> tuple[Rec
     if len(sent.seconds) != len(came):
         raise UserError(f"{label}: {len(came)} of {len(sent.seconds)} poses came back")
     write_tum(folder / "truth.tum", truth_of(bus_file, loaded(folder)))
-    return Recording(folder), map_yaml
+    return RecordedRun(folder), map_yaml
 
 
 def _mount(scenario: Scenario) -> tuple[float, float, float]:

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 from mcap.reader import make_reader
 
-from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, SLAM_2D, ran
-from experiments.estimation.evaluation import Result, write_rows
-from experiments.experiment import Options, recorded
-from experiments.recording.recordings import Recording
+from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, SLAM_2D, run_estimator
+from experiments.estimation.evaluation import Evaluation, write_rows
+from experiments.experiment import ExperimentOptions, record_setup
+from experiments.recording.recordings import RecordedRun
 from experiments.recording.setups import IN_REAL_TIME, Setup
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
@@ -34,7 +34,7 @@ RESENT: Any = {"resend": 0.5}
 """What is lost is asked for again, for half a second."""
 
 
-class Link(NamedTuple):
+class LossyLink(NamedTuple):
     """A way to ROS."""
 
     lost: float
@@ -52,13 +52,13 @@ class Link(NamedTuple):
 
 
 LINKS = (
-    Link(0.0),
-    Link(0.01),
-    Link(0.01, RESENT),
-    Link(0.05),
-    Link(0.05, RESENT),
-    Link(0.01, datagram="mtu"),
-    Link(0.01, RESENT, "mtu"),
+    LossyLink(0.0),
+    LossyLink(0.01),
+    LossyLink(0.01, RESENT),
+    LossyLink(0.05),
+    LossyLink(0.05, RESENT),
+    LossyLink(0.01, datagram="mtu"),
+    LossyLink(0.01, RESENT, "mtu"),
 )
 
 TOPICS = ("/points", "/scan", "/imu", "/odom")
@@ -69,9 +69,9 @@ _TIME = struct.Struct("<iI")
 Row = tuple[str, ...]
 
 
-def loss(options: Options) -> Sequence[Result]:
+def loss(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run SLAM by clouds, and by scans, on data that came over each of the links."""
-    results: list[Result] = []
+    results: list[Evaluation] = []
     rows: list[Row] = []
     for link in LINKS:
         case = link.words
@@ -89,7 +89,7 @@ def loss(options: Options) -> Sequence[Result]:
             repair=link.repair,
             time=IN_REAL_TIME,
         )
-        recording = recorded(options, setup)
+        recording = record_setup(options, setup)
         arrived = {account.topic: account for account in recording.accounts}
         told = [f"{arrived[topic].arrived} of {arrived[topic].sent}" for topic in TOPICS]
         options.say(f"loss, {case}: " + ", ".join(map(" ".join, zip(TOPICS, told, strict=True))))
@@ -101,7 +101,11 @@ def loss(options: Options) -> Sequence[Result]:
 
 
 def _error(
-    options: Options, recording: Recording, case: str, which: str, results: list[Result]
+    options: ExperimentOptions,
+    recording: RecordedRun,
+    case: str,
+    which: str,
+    results: list[Evaluation],
 ) -> str:
     """Return how well a program did, in words, and add it to the results; it may do nothing."""
     try:
@@ -113,11 +117,13 @@ def _error(
     return f"{result.ate_m:.4f}"
 
 
-def _inertial(options: Options, recording: Recording, case: str) -> Result:
+def _inertial(options: ExperimentOptions, recording: RecordedRun, case: str) -> Evaluation:
     bag = options.folder("runs", recording.folder.name) / "in_order.mcap"
     bag.unlink(missing_ok=True)
     in_order(recording.bag, bag)
-    return ran(options, LIDAR_INERTIAL, recording, experiment="loss", case=case, bag=bag)[0]
+    return run_estimator(options, LIDAR_INERTIAL, recording, experiment="loss", case=case, bag=bag)[
+        0
+    ]
 
 
 def in_order(bag: Path, out: Path) -> None:
@@ -142,12 +148,12 @@ def in_order(bag: Path, out: Path) -> None:
     file.close()
 
 
-def _lidar(options: Options, recording: Recording, case: str) -> Result:
-    return ran(options, GICP, recording, experiment="loss", case=case)[0]
+def _lidar(options: ExperimentOptions, recording: RecordedRun, case: str) -> Evaluation:
+    return run_estimator(options, GICP, recording, experiment="loss", case=case)[0]
 
 
-def _scans(options: Options, recording: Recording, case: str) -> Result:
-    return ran(options, SLAM_2D, recording, experiment="loss", case=case)[0]
+def _scans(options: ExperimentOptions, recording: RecordedRun, case: str) -> Evaluation:
+    return run_estimator(options, SLAM_2D, recording, experiment="loss", case=case)[0]
 
 
 _RUNS = {"LiDAR and IMU": _inertial, "LiDAR alone": _lidar, "scans": _scans}

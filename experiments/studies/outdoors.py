@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, compared
-from experiments.estimation.evaluation import Result
+from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, compare_estimators
+from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.vocabulary import INDOORS
-from experiments.experiment import Options
+from experiments.experiment import ExperimentOptions
 from experiments.recording.setups import Changes, Setup, shipped, waypoints
 
-from .pictures import Pictures, orb_slam3
+from .pictures import CameraStudy, orb_slam3
 
 SCENARIO = "outdoor_paper"
 CLOUDS: Changes = {"camera": None, "gnss": None}
@@ -62,21 +62,21 @@ def road(speed_mps: float | None = None) -> dict[str, Any]:
     return waypoints(vehicle["placement"], route["points"], speed_mps, CRAWL_M)
 
 
-def lidar(options: Options) -> Sequence[Result]:
+def lidar(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run LiDAR and IMU, and LiDAR alone, over 170 m."""
     setup = _drive(options, "outdoor_lidar", SECONDS, CLOUDS)
-    return compared(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
+    return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
-def lap(options: Options) -> Sequence[Result]:
+def lap(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run them over a whole lap: how far the end is from the start."""
     setup = _drive(options, "outdoor_lap", LAP_SECONDS, CLOUDS)
-    return compared(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
+    return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
-def mono(options: Options) -> Sequence[Result]:
+def mono(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m."""
-    pictures = Pictures(
+    pictures = CameraStudy(
         setup=_drive(options, "outdoor_mono", SECONDS, CAMERA),
         scenes=INDOORS,
         from_s=FIRST_FRAME_S,
@@ -85,7 +85,7 @@ def mono(options: Options) -> Sequence[Result]:
     return orb_slam3(options, pictures)
 
 
-def _drive(options: Options, name: str, seconds: float, sensors: Changes) -> Setup:
+def _drive(options: ExperimentOptions, name: str, seconds: float, sensors: Changes) -> Setup:
     return Setup(
         name=name,
         scenario=SCENARIO,

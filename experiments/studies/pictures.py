@@ -11,13 +11,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.estimation.estimators import Estimator, ran, tum_of
-from experiments.estimation.evaluation import Result
+from experiments.estimation.estimators import Estimator, run_estimator, tum_of
+from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.programs import ORB_SLAM3
 from experiments.estimation.vocabulary import vocabulary
-from experiments.experiment import Options, recorded
+from experiments.experiment import ExperimentOptions, record_setup
 from experiments.output import figures
-from experiments.recording.recordings import Recording
+from experiments.recording.recordings import RecordedRun
 from experiments.recording.setups import Setup
 
 FRAME = "camera_optical_frame"
@@ -28,7 +28,7 @@ however good the map of the rest is."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pictures:
+class CameraStudy:
     """A drive with a camera, and how ORB-SLAM3 takes it."""
 
     setup: Setup
@@ -39,7 +39,7 @@ class Pictures:
     """Stamp of the first frame that is given: when the vehicle has begun to move, since from one
     camera that stands nothing can be learned."""
 
-    limit_m: Callable[[Recording], float]
+    limit_m: Callable[[RecordedRun], float]
     words: tuple[str, ...] = ()
     """Options of the driver."""
 
@@ -47,7 +47,7 @@ class Pictures:
     """Without, an estimate cannot know its scale."""
 
 
-def orb_slam3(options: Options, pictures: Pictures) -> Sequence[Result]:
+def orb_slam3(options: ExperimentOptions, pictures: CameraStudy) -> Sequence[Evaluation]:
     """Run it for each seed; draw the first."""
     name, case = pictures.setup.name, "RGB-D" if pictures.has_depth else "mono"
     trained = vocabulary(options, pictures.scenes)
@@ -55,9 +55,11 @@ def orb_slam3(options: Options, pictures: Pictures) -> Sequence[Result]:
     slam = Estimator(ORB_SLAM3, FRAME, settings, knows_scale=pictures.has_depth)
     results = []
     for seed in options.seeds:
-        recording = recorded(options, replace(pictures.setup, seed=seed))
+        recording = record_setup(options, replace(pictures.setup, seed=seed))
         limit_m = pictures.limit_m(recording)
-        result, way = ran(options, slam, recording, experiment=name, case=case, limit_m=limit_m)
+        result, way = run_estimator(
+            options, slam, recording, experiment=name, case=case, limit_m=limit_m
+        )
         tum = tum_of(options, slam, recording, name, case)
         told = json.loads(tum.with_suffix(".json").read_text(encoding="utf-8"))
         words = ", ".join(f"{what} {number:.5g}" for what, number in told.items())

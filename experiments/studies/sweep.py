@@ -23,10 +23,10 @@ from typing import Any
 
 import yaml
 
-from experiments.estimation.evaluation import Result, write_csv
-from experiments.experiment import OUT, Options
+from experiments.estimation.evaluation import Evaluation, write_csv
+from experiments.experiment import OUT, ExperimentOptions
+from experiments.output.console import Console
 from experiments.output.page import table_of
-from experiments.output.say import Say
 from experiments.table import EXPERIMENTS
 from groundlink.core.errors import UserError
 
@@ -77,7 +77,9 @@ def cases(rows: Sequence[Varied]) -> dict[str, dict[str, dict[str, Any]]]:
     return found
 
 
-def sweep(name: str, options: Options, over: Mapping[str, Mapping[str, Any]]) -> list[Result]:
+def sweep(
+    name: str, options: ExperimentOptions, over: Mapping[str, Mapping[str, Any]]
+) -> list[Evaluation]:
     """Return the results of an experiment in each case; nothing is asked of them."""
     results = []
     for number, (words, vary) in enumerate(over.items(), 1):
@@ -105,7 +107,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         over = cases([varied(text) for text in given.vary])
         seeds = tuple(range(1, given.seeds + 1))
-        options = Options(given.out.resolve(), Say(), seeds, given.short)
+        options = ExperimentOptions(given.out.resolve(), Console(), seeds, given.short)
         results = sweep(given.experiment, options, over)
     except UserError as error:
         print(f"groundlink sweep: {error}", file=sys.stderr)

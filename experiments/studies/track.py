@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, fields, replace
 from typing import Any
 
-from experiments.estimation.checkpoints import Passed, accumulated
-from experiments.estimation.estimators import GICP, KISS, LIDAR_INERTIAL, ran
-from experiments.estimation.evaluation import Result, write_rows
-from experiments.experiment import Options, recorded
+from experiments.estimation.checkpoints import CheckpointError, accumulated_errors
+from experiments.estimation.estimators import GICP, KISS, LIDAR_INERTIAL, run_estimator
+from experiments.estimation.evaluation import Evaluation, write_rows
+from experiments.experiment import ExperimentOptions, record_setup
 from experiments.output import figures
 from experiments.recording.setups import Setup, waypoints
 
@@ -47,10 +47,10 @@ def there_and_back(half_m: float, speed_mps: float, laps: int = 1) -> dict[str, 
     return waypoints({"x_m": -half_m, "y_m": 0.0, "yaw_deg": 0.0}, ends * laps, speed_mps, CRAWL_M)
 
 
-def checkpoints(options: Options) -> Sequence[Result]:
+def checkpoints(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Sum squared distances at checkpoints, for two LiDARs."""
     results = []
-    curves: dict[str, list[Passed]] = {}
+    curves: dict[str, list[CheckpointError]] = {}
     for seed in options.seeds:
         setup = Setup(
             name="track",
@@ -73,20 +73,20 @@ def checkpoints(options: Options) -> Sequence[Result]:
                 },
             },
         )
-        recording = recorded(options, setup)
+        recording = record_setup(options, setup)
         checkpoints_m = recording.scenario.world.checkpoints
         for program in (LIDAR_INERTIAL, KISS, GICP):
             for case, (topic, frame) in LIDARS.items():
                 inertial = program is LIDAR_INERTIAL
                 estimator = program if inertial else replace(program, frame=frame)
-                result, way = ran(
+                result, way = run_estimator(
                     *(options, estimator, recording),
                     experiment="track",
                     case=case,
                     more=("--lidar-topic", topic, *(("--lidar-frame", frame) if inertial else ())),
                 )
                 results.append(result)
-                passed = accumulated(
+                passed = accumulated_errors(
                     way.raw, recording.truth(estimator.frame), recording.truth(), checkpoints_m
                 )
                 curves[f"{result.program}, {case}, seed {seed}"] = passed
@@ -99,17 +99,17 @@ def checkpoints(options: Options) -> Sequence[Result]:
     return results
 
 
-def _write(options: Options, curves: Mapping[str, Sequence[Passed]]) -> None:
+def _write(options: ExperimentOptions, curves: Mapping[str, Sequence[CheckpointError]]) -> None:
     write_rows(
         options.folder("tables") / "track_checkpoints.csv",
-        ["run", *(field.name for field in fields(Passed))],
+        ["run", *(field.name for field in fields(CheckpointError))],
         [
             [name, *(f"{v:.5g}" if isinstance(v, float) else v for v in astuple(one))]
             for name, passed in curves.items()
             for one in passed
         ],
     )
-    figures.accumulated(options.figure("track"), curves)
+    figures.accumulated_errors(options.figure("track"), curves)
 
 
 SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -120,7 +120,7 @@ SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {
 """By case: the topic, and options of the driver."""
 
 
-def shutter(options: Options) -> Sequence[Result]:
+def shutter(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Compare sweeps of a fast drive with instantaneous pictures, all without errors of ranges."""
     setup_sensors: Mapping[str, Any] = {
         "camera": None,
@@ -147,10 +147,10 @@ def shutter(options: Options) -> Sequence[Result]:
             sensors=setup_sensors,
             vehicle={"route": road(FAST_MPS)},
         )
-        recording = recorded(options, setup)
+        recording = record_setup(options, setup)
         for estimator in (GICP, KISS):
             for case, (topic, more) in SHUTTERS.items():
-                result, _ = ran(
+                result, _ = run_estimator(
                     *(options, estimator, recording),
                     experiment="shutter",
                     case=case,

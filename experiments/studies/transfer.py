@@ -12,8 +12,8 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
-from experiments.estimation.evaluation import Result, write_rows
-from experiments.experiment import Options
+from experiments.estimation.evaluation import Evaluation, write_rows
+from experiments.experiment import ExperimentOptions
 from experiments.recording.setups import ROOT
 from groundlink.core.errors import UserError
 
@@ -21,7 +21,7 @@ ROSBRIDGE = "ROSBRIDGE"
 """Environment: the program `rosbridge_websocket` of a rosbridge that is installed, to go along."""
 
 
-def transfer(options: Options) -> Sequence[Result]:
+def transfer(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Measure; there is no trajectory to be judged.
 
     Raises

@@ -48,7 +48,7 @@ def os_error_reason(error: OSError) -> str:
     )
 
 
-def nearest(word: str, known: Iterable[str], missing: Collection[str] = ()) -> str:
+def did_you_mean(word: str, known: Iterable[str], missing: Collection[str] = ()) -> str:
     """Return a hint that names the known word closest to `word`, the only missing one, or all."""
     known = sorted(known)
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from groundlink.bus.topics import process_names
-from groundlink.core.errors import UserError, nearest
+from groundlink.core.errors import UserError, did_you_mean
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensor_kinds import sensor_kinds
 
@@ -167,7 +167,7 @@ class Deployment:
     def _router_of(self, host: str) -> str:
         """Return where the processes of a host join."""
         if host not in self.hosts():
-            raise UserError(f"nothing has `host: {host}`; {nearest(host, self.hosts())}")
+            raise UserError(f"nothing has `host: {host}`; {did_you_mean(host, self.hosts())}")
         if host == MAIN:
             return ROUTER
         if self._router is None:

@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .files import BadFile
+from .file_errors import BadFile
 
-MOST_VALUES = 2**27
+MAX_VALUES = 2**27
 """Half a gigabyte of float32: 15 km x 15 km at 1.3 m."""
 
-MOST_COMPRESSION = 1100
+MAX_COMPRESSION = 1100
 """Deflate makes data 1032 times smaller at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class Grey:
+class GrayPicture:
     """A picture of one channel."""
 
     values: NDArray[Any]
@@ -38,7 +38,7 @@ class Grey:
     """Of a TIFF."""
 
 
-def read(file: Path) -> Grey:
+def read(file: Path) -> GrayPicture:
     """Return the picture in a file.
 
     Raises
@@ -53,11 +53,11 @@ def read(file: Path) -> Grey:
             warnings.simplefilter("ignore")  # of sizes that are checked here
             image = Image.open(file, formats=("PNG", "TIFF"))
     except Image.DecompressionBombError:
-        raise BadFile(f"{file}: more than {MOST_VALUES // 10**6} million pixels") from None
+        raise BadFile(f"{file}: more than {MAX_VALUES // 10**6} million pixels") from None
     with image:
         columns, rows = image.size
         check_count(file, rows, columns)
-        if rows * columns > MOST_COMPRESSION * file.stat().st_size:
+        if rows * columns > MAX_COMPRESSION * file.stat().st_size:
             raise BadFile(
                 f"{file}: declares {columns} x {rows} pixels, which a file of "
                 f"{file.stat().st_size} bytes cannot hold"
@@ -66,7 +66,7 @@ def read(file: Path) -> Grey:
             raise BadFile(
                 f"{file}: a picture in colour (mode {image.mode}); expected one grey channel"
             )
-        return Grey(
+        return GrayPicture(
             values=np.asarray(image)[::-1],
             mode=image.mode,
             is_png=image.format == "PNG",
@@ -76,8 +76,8 @@ def read(file: Path) -> Grey:
 
 def check_count(file: Path, rows: int, columns: int) -> None:
     """Refuse what is too large to be used."""
-    if rows * columns > MOST_VALUES:
+    if rows * columns > MAX_VALUES:
         raise BadFile(
-            f"{file}: {columns} x {rows} values are more than {MOST_VALUES // 10**6} million; "
+            f"{file}: {columns} x {rows} values are more than {MAX_VALUES // 10**6} million; "
             "use a coarser map or a part of it"
         )

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import grayscale as greys
-from .files import BadFile, Tell, reading
+from .file_errors import BadFile, Warn, reading
 
 _MODEL_TYPE, _PIXEL_SCALE, _KEYS, _NO_DATA = 1024, 33550, 34735, 42113
 """A key and tags of GeoTIFF 1.1 (OGC 19-008r4), and GDAL's tag for places without data."""
@@ -27,7 +27,7 @@ _GEOGRAPHIC = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
+class Heightmap:
     """What a file says."""
 
     values: NDArray[Any]
@@ -40,7 +40,7 @@ class Map:
     """None: the file does not say."""
 
 
-def read(file: Path, tell: Tell) -> Map:
+def read(file: Path, tell: Warn) -> Heightmap:
     """Return the heightmap in a file.
 
     Raises
@@ -67,15 +67,15 @@ def _check_size(file: Path, shape: tuple[int, ...]) -> None:
     greys.check_count(file, rows, columns)
 
 
-def _read_picture(file: Path, tell: Tell) -> Map:
+def _read_picture(file: Path, tell: Warn) -> Heightmap:
     """Return a PNG's or GeoTIFF's values."""
     grey = greys.read(file)
     if grey.mode == "P":
         raise BadFile(f"{file}: a picture of a palette of colours; expected one grey channel")
     if grey.is_png:
-        return Map(grey.values, full_scale=255 if grey.mode == "L" else 65535)
+        return Heightmap(grey.values, full_scale=255 if grey.mode == "L" else 65535)
     values = _without(grey.values, grey.tags.get(_NO_DATA))
-    return Map(values, cell_m=_cell_m(file, grey.tags, tell))
+    return Heightmap(values, cell_m=_cell_m(file, grey.tags, tell))
 
 
 def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
@@ -88,7 +88,7 @@ def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
     return floats
 
 
-def _cell_m(file: Path, tags: dict[int, Any], tell: Tell) -> float | None:
+def _cell_m(file: Path, tags: dict[int, Any], tell: Warn) -> float | None:
     """Return the length of a GeoTIFF's cell in metres, or None where it says none."""
     scale = tags.get(_PIXEL_SCALE)
     if scale is None:
@@ -105,19 +105,19 @@ def _cell_m(file: Path, tags: dict[int, Any], tell: Tell) -> float | None:
     return across
 
 
-def _read_npy(file: Path, tell: Tell) -> Map:
+def _read_npy(file: Path, tell: Warn) -> Heightmap:
     """Return a .npy file's array; one that would need unpickling is refused."""
     # Not `np.load`, which takes pickles and archives too.
     values = np.lib.format.open_memmap(file, mode="r")
     if values.dtype.kind not in "iuf":
         raise BadFile(f"{file}: an array of {values.dtype}; expected numbers, best float32")
-    return Map(values)
+    return Heightmap(values)
 
 
 _HEADER_LINE = re.compile(r"\s*([a-zA-Z_]+)\s+(\S+)\s*$")
 
 
-def _read_esri(file: Path, tell: Tell) -> Map:
+def _read_esri(file: Path, tell: Warn) -> Heightmap:
     """Return an ESRI ASCII grid: lines of a key and a value, then rows from north to south."""
     header: dict[str, float] = {}
     with file.open(encoding="ascii", errors="strict") as lines:
@@ -146,7 +146,7 @@ def _read_esri(file: Path, tell: Tell) -> Map:
     if cell_m is not None and not (0 < cell_m < np.inf):
         raise BadFile(f"{file}: the header has a cellsize of {cell_m:g}")
     grid = values.reshape(int(rows), int(columns))[::-1]
-    return Map(_without(grid, header.get("nodata_value")), cell_m=cell_m)
+    return Heightmap(_without(grid, header.get("nodata_value")), cell_m=cell_m)
 
 
 FORMATS = {

@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .terrain_specs import Hills
+from .terrain_specs import HillsTerrain
 
 _KNOTS_PER_WAVE = 2
 
 
-def heights(spec: Hills) -> NDArray[np.float32]:
+def heights(spec: HillsTerrain) -> NDArray[np.float32]:
     """Return the heights of hills, shape (rows, columns), row 0 in the south, from 0 upwards."""
     columns, rows = (round(size / spec.cell_m) + 1 for size in spec.size_m)
     total = np.zeros((rows, columns), np.float32)

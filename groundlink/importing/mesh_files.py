@@ -28,7 +28,7 @@ from groundlink.core.frames import Floats
 from groundlink.world.colors import linear
 
 from . import pcd
-from .files import BadFile, Tell, one_line, reading
+from .file_errors import BadFile, Warn, one_line, reading
 
 FORMATS = {
     ".obj": "OBJ mesh",
@@ -39,19 +39,19 @@ FORMATS = {
     ".pcd": "PCD point cloud",
 }
 
-MOST_FACES = 20_000_000
+MAX_FACES = 20_000_000
 
-MOST_PIXELS = 2**26
+MAX_PIXELS = 2**26
 """Of a picture: 8192 x 8192, four times what is drawn. A picture of 20 kB can declare more."""
 
 Paint = tuple[Vector3 | None, bytes | None, bytes | None]
-"""As `mesh_asset.Part` has them: colour, picture and normals."""
+"""As `mesh_asset.MeshPart` has them: colour, picture and normals."""
 
 UNPAINTED: Paint = (None, None, None)
 
 
 @dataclass(eq=False, kw_only=True)
-class Piece:
+class MeshPiece:
     """Triangles, or without faces points, that are painted alike."""
 
     vertices: Floats
@@ -69,7 +69,7 @@ class Piece:
     paint: Paint = UNPAINTED
 
 
-def read(file: Path, folder: Path, tell: Tell) -> list[Piece]:
+def read(file: Path, folder: Path, tell: Warn) -> list[MeshPiece]:
     """Return the pieces of a file, of which others may lie in `folder` or beside it.
 
     Raises
@@ -83,11 +83,11 @@ def read(file: Path, folder: Path, tell: Tell) -> list[Piece]:
     with reading(file, FORMATS[suffix]), np.errstate(all="ignore"):
         if suffix == ".pcd":
             points, colors = pcd.read(file)
-            return [Piece(vertices=points, colors=colors)]
+            return [MeshPiece(vertices=points, colors=colors)]
         return list(_pieces(file, suffix, folder, tell))
 
 
-def _pieces(file: Path, suffix: str, folder: Path, tell: Tell) -> Iterator[Piece]:
+def _pieces(file: Path, suffix: str, folder: Path, tell: Warn) -> Iterator[MeshPiece]:
     import trimesh
 
     scene, lacking = _scene(file, suffix, folder)
@@ -98,21 +98,21 @@ def _pieces(file: Path, suffix: str, folder: Path, tell: Tell) -> Iterator[Piece
     for name, scene_from_part in _placed(scene):
         part = scene.geometry[name]
         faces_so_far += len(getattr(part, "faces", ()))
-        if faces_so_far > MOST_FACES:
+        if faces_so_far > MAX_FACES:
             raise BadFile(
-                f"{file}: more than {MOST_FACES // 10**6} million triangles; simplify the mesh"
+                f"{file}: more than {MAX_FACES // 10**6} million triangles; simplify the mesh"
             )
         vertices = np.asarray(part.vertices, np.float64)
         vertices = vertices @ scene_from_part[:3, :3].T + scene_from_part[:3, 3]
         if isinstance(part, trimesh.PointCloud):
             colors = np.asarray(part.colors)
             fits = colors.shape[:1] == vertices.shape[:1] and colors.shape[1] >= 3
-            yield Piece(vertices=vertices, colors=colors[:, :3] / 255.0 if fits else None)
+            yield MeshPiece(vertices=vertices, colors=colors[:, :3] / 255.0 if fits else None)
         elif isinstance(part, trimesh.Trimesh):
             faces = np.asarray(part.faces, np.int64)
             if np.linalg.det(scene_from_part[:3, :3]) < 0:
                 faces = faces[:, ::-1]  # A mirror turns surfaces inside out.
-            yield _painted_as(part.visual, Piece(vertices=vertices, faces=faces), pictures)
+            yield _painted_as(part.visual, MeshPiece(vertices=vertices, faces=faces), pictures)
 
 
 def _placed(scene: Any) -> Iterator[tuple[str, Floats]]:
@@ -212,7 +212,7 @@ def _utf8(text: bytes) -> bytes:
 class _Pictures:
     """Gives pictures as bytes, each broken one told once."""
 
-    def __init__(self, file: Path, tell: Tell) -> None:
+    def __init__(self, file: Path, tell: Warn) -> None:
         self._file = file
         self._tell = tell
         self._known: dict[int, bytes | None] = {}
@@ -223,10 +223,10 @@ class _Pictures:
             return None
         if id(image) not in self._known:
             columns, rows = image.size
-            if columns * rows > MOST_PIXELS:
+            if columns * rows > MAX_PIXELS:
                 raise BadFile(
                     f"{self._file}: a picture in it has {columns} x {rows} pixels; expected at "
-                    f"most {MOST_PIXELS // 10**6} million. Fix: scale it down"
+                    f"most {MAX_PIXELS // 10**6} million. Fix: scale it down"
                 )
             try:
                 self._known[id(image)] = _encoded(image)
@@ -247,7 +247,7 @@ def _encoded(image: Any) -> bytes:
     return file.getvalue()
 
 
-def _painted_as(visual: Any, piece: Piece, pictures: _Pictures) -> Piece:
+def _painted_as(visual: Any, piece: MeshPiece, pictures: _Pictures) -> MeshPiece:
     """Give a piece the colours that trimesh found."""
     if visual.kind == "vertex":
         piece.colors = np.asarray(visual.vertex_colors)[:, :3] / 255.0

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats
 from groundlink.world import assets
-from groundlink.world.mesh_asset import Part, asset_of
+from groundlink.world.mesh_asset import MeshPart, encode_mesh
 from groundlink.world.solids import Mesh
 
 from . import scans
-from .files import BadFile, Tell
-from .mesh_files import Paint, Piece, read
+from .file_errors import BadFile, Warn
+from .mesh_files import MeshPiece, Paint, read
 from .mesh_specs import MeshFile
-from .palette import painted
+from .vertex_colors import with_color_picture
 
-FARTHEST_M = 100_000.0
+MAX_OFFSET_M = 100_000.0
 """There float32 keeps a centimetre."""
 
 SCANS = (".ply", ".pcd")
@@ -38,26 +38,26 @@ _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class ImportedMesh:
     """A surface that is ready to be an asset."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     uv: NDArray[np.float32] | None
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
     points: int
     """That became discs."""
 
     def shape(self) -> Mesh:
         """Put it in the store and return it as a shape."""
         return Mesh(
-            asset=assets.keep(asset_of(self.vertices, self.faces, self.uv, self.parts)),
+            asset=assets.put(encode_mesh(self.vertices, self.faces, self.uv, self.parts)),
             low_m=_vector(self.vertices.min(axis=0)),
             high_m=_vector(self.vertices.max(axis=0)),
         )
 
 
-def make(spec: MeshFile, folder: Path, tell: Tell) -> Made:
+def import_mesh(spec: MeshFile, folder: Path, tell: Warn) -> ImportedMesh:
     """Return the surface that a mesh's description asks for.
 
     Parameters
@@ -79,7 +79,7 @@ def make(spec: MeshFile, folder: Path, tell: Tell) -> Made:
     for piece in pieces:
         _check_numbers(file, piece, tell)
         far_m = spec.scale * float(np.abs(piece.vertices).max(initial=0.0))
-        if far_m > FARTHEST_M:
+        if far_m > MAX_OFFSET_M:
             raise BadFile(
                 f"{file}: vertices {far_m:.3g} m from its origin; subtract the offset of its "
                 "coordinates, or correct `scale`"
@@ -103,7 +103,7 @@ def make(spec: MeshFile, folder: Path, tell: Tell) -> Made:
     return made
 
 
-def _check_numbers(file: Path, piece: Piece, tell: Tell) -> None:
+def _check_numbers(file: Path, piece: MeshPiece, tell: Warn) -> None:
     """Leave out places of a scan where its scanner saw nothing; refuse them in a mesh."""
     broken = (~np.isfinite(piece.vertices)).any(axis=1)
     wrong, count = int(broken.sum()), len(piece.vertices)
@@ -117,7 +117,7 @@ def _check_numbers(file: Path, piece: Piece, tell: Tell) -> None:
         piece.colors = piece.colors[~broken]
 
 
-def _discs(cloud: list[Piece], spec: MeshFile) -> Piece:
+def _discs(cloud: list[MeshPiece], spec: MeshFile) -> MeshPiece:
     """Return discs in the place of the points of a scan."""
     grey = [np.full((len(piece.vertices), 3), 0.5) for piece in cloud]
     colors = [g if p.colors is None else p.colors for g, p in zip(grey, cloud, strict=True)]
@@ -130,17 +130,17 @@ def _discs(cloud: list[Piece], spec: MeshFile) -> Piece:
     vertices, faces = scans.discs(points, scans.normals(points, apart_m), radius_m)
     painted_at_all = any(piece.colors is not None for piece in cloud)
     by_vertex = mean_colors.repeat(scans.CORNERS, axis=0) if painted_at_all else None
-    return Piece(vertices=vertices, faces=faces, colors=by_vertex)
+    return MeshPiece(vertices=vertices, faces=faces, colors=by_vertex)
 
 
-def _joined(file: Path, pieces: list[Piece], points: int, tell: Tell) -> Made:
+def _joined(file: Path, pieces: list[MeshPiece], points: int, tell: Warn) -> ImportedMesh:
     """Return pieces as one surface, those that are painted alike behind each other."""
-    pieces = [painted(piece) if piece.colors is not None else piece for piece in pieces]
-    alike: dict[Paint, list[Piece]] = {}
+    pieces = [with_color_picture(piece) if piece.colors is not None else piece for piece in pieces]
+    alike: dict[Paint, list[MeshPiece]] = {}
     for piece in pieces:
         alike.setdefault(piece.paint, []).append(piece)
     vertices, faces, uv = [], [], []
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     count = first = without_area = 0
     for (color, picture, normals), members in alike.items():
         begin = first
@@ -157,14 +157,14 @@ def _joined(file: Path, pieces: list[Piece], points: int, tell: Tell) -> Made:
         if first > begin:
             size = first - begin
             parts.append(
-                Part(first=begin, count=size, color=color, picture=picture, normals=normals)
+                MeshPart(first=begin, count=size, color=color, picture=picture, normals=normals)
             )
     if not first:
         raise BadFile(f"{file}: no triangle has an area; export it again")
     if without_area:
         tell(f"{file}: {without_area} triangles without area were left out")
     has_pictures = any(part.picture or part.normals for part in parts)
-    return Made(
+    return ImportedMesh(
         vertices=np.concatenate(vertices).astype(np.float32),
         faces=np.concatenate(faces).astype(np.uint32),
         uv=np.concatenate(uv).astype(np.float32) if has_pictures else None,
@@ -173,7 +173,7 @@ def _joined(file: Path, pieces: list[Piece], points: int, tell: Tell) -> Made:
     )
 
 
-def _check_size(file: Path, size: Floats, spec: MeshFile, tell: Tell) -> None:
+def _check_size(file: Path, size: Floats, spec: MeshFile, tell: Warn) -> None:
     """Tell of units that look wrong."""
     told = " x ".join(f"{length:.4g}" for length in size)
     if size.max() > LARGE_M:

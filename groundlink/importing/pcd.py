@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 
-MOST_HEADER_LINES = 30
+MAX_HEADER_LINES = 30
 
-MOST_COMPRESSION = 100
+MAX_COMPRESSION = 100
 """LZF makes data 88 times smaller at most: 264 bytes from 3."""
 
 _KINDS = {"F": "f", "I": "i", "U": "u"}
@@ -33,7 +33,7 @@ def read(file: Path) -> tuple[Floats, Floats | None]:
     content = file.read_bytes()
     header, start = _header(content)
     layout, count = _layout(header)
-    if count * layout.itemsize > MOST_COMPRESSION * len(content):
+    if count * layout.itemsize > MAX_COMPRESSION * len(content):
         raise ValueError(f"the header declares {count} points, more than the file can hold")
     form = header["DATA"][0]
     if form == "ascii":
@@ -53,7 +53,7 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
     """Return the words after each key, and where the data begin."""
     header: dict[str, list[str]] = {}
     start = 0
-    for _ in range(MOST_HEADER_LINES):
+    for _ in range(MAX_HEADER_LINES):
         end = content.index(b"\n", start)
         key, *words = content[start:end].decode("ascii").split() or ["#"]
         start = end + 1
@@ -110,7 +110,7 @@ def _decompressed(body: bytes) -> bytes:
     """Undo LZF: a byte below 32 says how many bytes follow as they are, others refer back."""
     size, expected = np.frombuffer(body, "<u4", 2).tolist()
     packed = body[8 : 8 + size]
-    if expected > MOST_COMPRESSION * len(packed) or len(packed) < size:
+    if expected > MAX_COMPRESSION * len(packed) or len(packed) < size:
         raise ValueError("its compressed data are cut off")
     out = bytearray()
     at = 0

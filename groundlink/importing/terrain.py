@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
 from groundlink.world import assets
-from groundlink.world.terrain import Terrain, asset_of
+from groundlink.world.terrain import Terrain, encode_grid
 
-from . import carving, heightmaps, hills
 from . import grayscale as greys
-from .carving import Canvas
-from .files import BadFile, Tell, reading
-from .terrain_specs import GroundSpec, HeightmapFile, Hills, SurfaceMap, TerrainSpec
+from . import heightmaps, hills
+from . import levels_and_roads as carving
+from .file_errors import BadFile, Warn, reading
+from .levels_and_roads import TerrainGrid
+from .terrain_specs import GroundSpec, HeightmapFile, HillsTerrain, SurfaceMap, TerrainSpec
 
-HIGHEST_M = 20_000.0
+MAX_HEIGHT_M = 20_000.0
 """Twice what there is on Earth, from the deepest place in the sea."""
 
 SQUARE = 1e-3
@@ -46,7 +47,7 @@ class BadTerrain(UserError):
         self.problem = problem
 
 
-def build(spec: TerrainSpec, folder: Path, tell: Tell) -> Terrain:
+def build(spec: TerrainSpec, folder: Path, tell: Warn) -> Terrain:
     """Return resolved terrain, whose assets are in the store.
 
     Parameters
@@ -61,19 +62,19 @@ def build(spec: TerrainSpec, folder: Path, tell: Tell) -> Terrain:
     BadFile, BadTerrain
         when a file or a field is wrong.
     """
-    if isinstance(spec, Hills):
+    if isinstance(spec, HillsTerrain):
         count = np.prod([size / spec.cell_m + 1 for size in spec.size_m])
-        if count > greys.MOST_VALUES or min(spec.size_m) < spec.cell_m:
+        if count > greys.MAX_VALUES or min(spec.size_m) < spec.cell_m:
             raise BadTerrain(
                 "size_m",
                 f"{count:.0f} heights; expected 2 x 2 or more, and "
-                f"{greys.MOST_VALUES // 10**6} million at most",
+                f"{greys.MAX_VALUES // 10**6} million at most",
             )
         heights, cell_m = hills.heights(spec), spec.cell_m
     else:
         heights, cell_m = _from_file(spec, folder / spec.file, tell)
     rows, columns = heights.shape
-    canvas = Canvas(
+    canvas = TerrainGrid(
         heights=heights,
         surface=np.zeros((rows - 1, columns - 1), np.uint8),
         cell_m=cell_m,
@@ -85,8 +86,8 @@ def build(spec: TerrainSpec, folder: Path, tell: Tell) -> Terrain:
     x_m, y_m, z_m = spec.at_m
     half_x, half_y = (columns - 1) * cell_m / 2, (rows - 1) * cell_m / 2
     return Terrain(
-        heights=assets.keep(asset_of(canvas.heights)),
-        surface=assets.keep(asset_of(canvas.surface)) if canvas.surface.any() else None,
+        heights=assets.put(encode_grid(canvas.heights)),
+        surface=assets.put(encode_grid(canvas.surface)) if canvas.surface.any() else None,
         cell_m=cell_m,
         at_m=spec.at_m,
         low_m=(x_m - half_x, y_m - half_y, z_m + low),
@@ -95,7 +96,7 @@ def build(spec: TerrainSpec, folder: Path, tell: Tell) -> Terrain:
     )
 
 
-def _from_file(spec: HeightmapFile, file: Path, tell: Tell) -> tuple[NDArray[np.float32], float]:
+def _from_file(spec: HeightmapFile, file: Path, tell: Warn) -> tuple[NDArray[np.float32], float]:
     """Return a file's heights without gaps, and the length of a cell."""
     found = heightmaps.read(file, tell)
     heights = _metres(found, spec, file, tell)
@@ -108,7 +109,7 @@ def _from_file(spec: HeightmapFile, file: Path, tell: Tell) -> tuple[NDArray[np.
     if gaps:
         tell(f"{file}: {gaps} places without a height were filled from their surroundings")
         heights = _filled(heights)
-    if max(-heights.min(), heights.max()) > HIGHEST_M:
+    if max(-heights.min(), heights.max()) > MAX_HEIGHT_M:
         raise BadFile(
             f"{file}: heights from {heights.min():g} to {heights.max():g}, which are no metres; "
             "is there a value that stands for no data?"
@@ -117,7 +118,7 @@ def _from_file(spec: HeightmapFile, file: Path, tell: Tell) -> tuple[NDArray[np.
 
 
 def _metres(
-    found: heightmaps.Map, spec: HeightmapFile, file: Path, tell: Tell
+    found: heightmaps.Heightmap, spec: HeightmapFile, file: Path, tell: Warn
 ) -> NDArray[np.float32]:
     """Return a map's values as metres, in an array of their own."""
     if found.full_scale is None:
@@ -142,7 +143,7 @@ def _metres(
     return (low + found.values * step_m).astype(np.float32)
 
 
-def _cell_m(found: heightmaps.Map, spec: HeightmapFile, file: Path) -> float:
+def _cell_m(found: heightmaps.Heightmap, spec: HeightmapFile, file: Path) -> float:
     """Return the length of a cell: as given, or else as the file says."""
     rows, columns = found.values.shape
     if spec.size_m is not None:
@@ -185,7 +186,7 @@ def _filled(heights: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(missing, wide, heights)
 
 
-def _cover(canvas: Canvas, spec: GroundSpec, folder: Path) -> tuple[str, ...]:
+def _cover(canvas: TerrainGrid, spec: GroundSpec, folder: Path) -> tuple[str, ...]:
     """Shape the canvas and number its materials; return their names by number."""
     materials = [spec.material]
 
@@ -204,13 +205,13 @@ def _cover(canvas: Canvas, spec: GroundSpec, folder: Path) -> tuple[str, ...]:
             fits &= (middle_m >= rule.height_m[0]) & (middle_m <= rule.height_m[1])
             canvas.surface[fits] = number(rule.material)
     for level in spec.levels:
-        carving.level(canvas, level, None if level.material is None else number(level.material))
+        carving.add_level(canvas, level, None if level.material is None else number(level.material))
     for road in spec.roads:
-        carving.road(canvas, road, number(road.material))
+        carving.add_road(canvas, road, number(road.material))
     return tuple(materials)
 
 
-def _slopes(canvas: Canvas) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _slopes(canvas: TerrainGrid) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return the slope in degrees and the height of each cell's middle."""
     a, b = canvas.heights[:-1, :-1], canvas.heights[:-1, 1:]
     c, d = canvas.heights[1:, :-1], canvas.heights[1:, 1:]

@@ -16,7 +16,7 @@ Place2 = tuple[float, float]
 """x and y in the world."""
 
 
-class Where(Spec, frozen=True, kw_only=True):
+class MaterialRule(Spec, frozen=True, kw_only=True):
     """A material that lies wherever the ground is so steep and so high."""
 
     material: str
@@ -32,7 +32,7 @@ class SurfaceMap(Spec, frozen=True):
     """Of the numbers 0, 1, 2 and so on."""
 
 
-class Level(Spec, frozen=True, kw_only=True):
+class LevelArea(Spec, frozen=True, kw_only=True):
     """A level disc: a pond, or a place to build on."""
 
     at_m: Place2
@@ -73,10 +73,10 @@ class GroundSpec(Spec, frozen=True, kw_only=True):
     """What the ground is of where nothing else is said."""
 
     surface: SurfaceMap | None = None
-    where: tuple[Where, ...] = ()
+    where: tuple[MaterialRule, ...] = ()
     """The last one that fits a cell counts."""
 
-    levels: tuple[Level, ...] = ()
+    levels: tuple[LevelArea, ...] = ()
     roads: tuple[Road, ...] = ()
     """Made after the levels."""
 
@@ -95,7 +95,7 @@ class HeightmapFile(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag
     """What the darkest and the brightest grey of a PNG stand for."""
 
 
-class Hills(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag="hills"):
+class HillsTerrain(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag="hills"):
     """Rolling ground by a seed: the same wherever it is made."""
 
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -116,4 +116,4 @@ class Hills(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag="hills"
     """Height of bumps of half a wavelength, as a share; 0: the largest hills alone."""
 
 
-TerrainSpec = HeightmapFile | Hills
+TerrainSpec = HeightmapFile | HillsTerrain

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.world.mesh_asset import Surface, surface
-from groundlink.world.terrain import Ground, ground
+from groundlink.world.mesh_asset import TriangleMesh, load_mesh
+from groundlink.world.terrain import Ground, load_ground
 
 from . import meshes, terrain
-from .files import Tell
+from .file_errors import Warn
 from .mesh_specs import MeshFile
 from .terrain_specs import HeightmapFile
 
@@ -35,12 +35,12 @@ MARGIN_M = 10.0
 """Of floor around a mesh."""
 
 
-def of_heightmap(spec: HeightmapFile, named: str, say: Tell, tell: Tell) -> str:
+def of_heightmap(spec: HeightmapFile, named: str, say: Warn, tell: Warn) -> str:
     """Return a world file that names a heightmap's file so.
 
     `say` takes what is found in it, `tell` what is doubtful.
     """
-    made = ground(terrain.build(spec, Path(), tell))
+    made = load_ground(terrain.build(spec, Path(), tell))
     rows, columns = made.heights.shape
     middle_m = float(made.height_at(0.0, 0.0))
     say(
@@ -69,16 +69,16 @@ def of_heightmap(spec: HeightmapFile, named: str, say: Tell, tell: Tell) -> str:
     )
 
 
-def of_mesh(spec: MeshFile, named: str, say: Tell, tell: Tell) -> str:
+def of_mesh(spec: MeshFile, named: str, say: Warn, tell: Warn) -> str:
     """Return a world file that names a mesh's file so.
 
     `say` takes what is found in it, `tell` what is doubtful.
     """
-    made = meshes.make(spec, Path(), tell)
+    made = meshes.import_mesh(spec, Path(), tell)
     shape = made.shape()
     low, high = np.array(shape.low_m), np.array(shape.high_m)
     size = high - low
-    mesh = surface(shape.asset)
+    mesh = load_mesh(shape.asset)
     say(f"{size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m, from {_point(low)} to {_point(high)}")
     say(
         f"{len(mesh.faces):,} triangles, {len(mesh.vertices):,} vertices, "
@@ -114,7 +114,7 @@ def of_mesh(spec: MeshFile, named: str, say: Tell, tell: Tell) -> str:
     )
 
 
-def open_edges(mesh: Surface) -> tuple[int, int]:
+def open_edges(mesh: TriangleMesh) -> tuple[int, int]:
     """Return how many edges have a face on one side only, and how many holes they are around."""
     _, same = np.unique(mesh.vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[mesh.faces].astype(np.int64)
@@ -146,7 +146,7 @@ def _holes(edges: int, holes: int) -> str:
     return f"open: {edges:,} edges have a face on one side only, around {holes:,} holes or borders"
 
 
-def _pictures(mesh: Surface) -> str:
+def _pictures(mesh: TriangleMesh) -> str:
     pictures = {p for part in mesh.parts for p in (part.picture, part.normals) if p is not None}
     size = sum(map(len, pictures)) / 1e6
     return f"pictures: {len(pictures)}, {size:.1f} MB" if pictures else "no pictures"

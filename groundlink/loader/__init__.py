@@ -5,6 +5,6 @@ Imported by the command line and by physics alone; other processes get a resolve
 """
 
 from .document import ScenarioError
-from .load import load
+from .scenario_files import load
 
 __all__ = ["ScenarioError", "load"]

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from groundlink.core.errors import nearest
-from groundlink.scenario.fault_checks import mistake
+from groundlink.core.errors import did_you_mean
+from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
 from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY, Stream
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
@@ -18,13 +18,13 @@ from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Sc
 from groundlink.scenario.sensors import Encoders, Gnss, SensorSpec, WheelOdometry
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.build import WorldError, solids
-from groundlink.world.spawn_checks import check_starts
+from groundlink.world.spawn_checks import check_spawns
 
 from .document import DataPath, Document, ScenarioError
 from .explain import dotted
 
 
-def check(scenario: Scenario, document: Document) -> None:
+def check_scenario(scenario: Scenario, document: Document) -> None:
     """Check what types cannot say: names that must differ or must exist.
 
     Raises
@@ -62,7 +62,7 @@ def check(scenario: Scenario, document: Document) -> None:
         raise ScenarioError(f"{mark}: `time.window_ticks`: {found}")
     _check_topics(scenario, document)
     try:
-        check_starts(scenario, solids(scenario))
+        check_spawns(scenario, solids(scenario))
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
 
@@ -127,13 +127,13 @@ def _check_wheels(sensor: SensorSpec, vehicle: Vehicle, document: Document, path
             if name not in wheels:
                 mark = document.mark((*path, "reversed_wheels", i))
                 raise ScenarioError(
-                    f"{mark}: `reversed_wheels`: no wheel `{name}`; {nearest(name, wheels)}"
+                    f"{mark}: `reversed_wheels`: no wheel `{name}`; {did_you_mean(name, wheels)}"
                 )
     if isinstance(sensor, WheelOdometry):
         encoders = [s.name for s in vehicle.sensors if isinstance(s, Encoders)]
         if sensor.encoders not in encoders:
             mark = document.mark((*path, "encoders"))
-            hint = nearest(sensor.encoders, encoders) if encoders else "add one"
+            hint = did_you_mean(sensor.encoders, encoders) if encoders else "add one"
             raise ScenarioError(
                 f"{mark}: `encoders`: no sensor `{sensor.encoders}` of kind `encoders`; {hint}"
             )
@@ -142,7 +142,7 @@ def _check_wheels(sensor: SensorSpec, vehicle: Vehicle, document: Document, path
 def _check_faults(sensor: SensorSpec, vehicle: Vehicle, document: Document, path: DataPath) -> None:
     """Refuse faults that the sensor cannot have."""
     for i, fault in enumerate(sensor.faults):
-        if found := mistake(fault, sensor, vehicle):
+        if found := fault_problem(fault, sensor, vehicle):
             where = (*path, i, found[0])
             raise ScenarioError(f"{document.mark(where)}: `{dotted(where)}`: {found[1]}")
 

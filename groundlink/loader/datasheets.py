@@ -16,7 +16,7 @@ from groundlink.scenario.schema import Sensor
 
 from .document import ScenarioError
 from .explain import explained
-from .load import SHIPPED, find, read_datasheet
+from .scenario_files import SHIPPED, find_file, read_datasheet
 
 FOLDER = "sensors"
 """Where data sheets lie: beside a scenario's file, or in what is shipped."""
@@ -25,7 +25,7 @@ _PLACE = {"name": "sensor", "topic": "/topic", "frame": "frame"}
 """What is the scenario's to say of every sensor, and stands in where it is not said."""
 
 
-class Datasheet(NamedTuple):
+class CheckedDatasheet(NamedTuple):
     """A data sheet that was checked."""
 
     file: Path
@@ -40,18 +40,18 @@ class Datasheet(NamedTuple):
         return self.file.stem
 
 
-def shipped() -> list[Datasheet]:
+def shipped_datasheets() -> list[CheckedDatasheet]:
     """Return the data sheets that come with Groundlink, by name.
 
     Raises
     ------
     ScenarioError
-        as `datasheet` does.
+        as `load_datasheet` does.
     """
     return [_checked(file) for file in sorted((SHIPPED / FOLDER).glob("*.yaml"))]
 
 
-def datasheet(given: str) -> Datasheet:
+def load_datasheet(given: str) -> CheckedDatasheet:
     """Return the data sheet of this name, or in this file: here, or shipped.
 
     Raises
@@ -59,10 +59,10 @@ def datasheet(given: str) -> Datasheet:
     ScenarioError
         with one line: file, line, field, what was expected and how to mend it.
     """
-    return _checked(find(given, FOLDER, Path()))
+    return _checked(find_file(given, FOLDER, Path()))
 
 
-def _checked(file: Path) -> Datasheet:
+def _checked(file: Path) -> CheckedDatasheet:
     sheet = read_datasheet(file)
     stated: dict[str, Any] = sheet.value
     try:
@@ -73,4 +73,4 @@ def _checked(file: Path) -> Datasheet:
             raise ScenarioError(explained(error, sheet, Sensor)) from None
     title = " ".join(stated.get("datasheet", file.name).split())
     figures = {name: value for name, value in stated.items() if name not in ("kind", "datasheet")}
-    return Datasheet(file, stated["kind"], title, figures)
+    return CheckedDatasheet(file, stated["kind"], title, figures)

@@ -18,10 +18,10 @@ from groundlink.core.errors import UserError
 
 DataPath = tuple[str | int, ...]
 
-DEEPEST = 50
+MAX_DEPTH = 50
 """Keys and indices down to a value: several times what any file here needs."""
 
-MOST_VALUES = 100_000
+MAX_VALUES = 100_000
 """Values in a file, aliases expanded: ten times what the largest shipped file has."""
 
 
@@ -30,7 +30,7 @@ class ScenarioError(UserError):
 
 
 @dataclass(frozen=True)
-class Mark:
+class SourceLine:
     """A place in a file."""
 
     file: Path
@@ -45,9 +45,9 @@ class Document:
     """Plain data with the mark of every value in it."""
 
     value: Any
-    marks: dict[DataPath, Mark] = field(default_factory=dict)
+    marks: dict[DataPath, SourceLine] = field(default_factory=dict)
 
-    def mark(self, path: DataPath) -> Mark:
+    def mark(self, path: DataPath) -> SourceLine:
         """Return the place of the value at `path`, or of the nearest one around it."""
         while path not in self.marks:
             path = path[:-1]
@@ -116,9 +116,9 @@ class _Composer(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Compose the next node and all inside it."""
-        if self.depth > DEEPEST:
+        if self.depth > MAX_DEPTH:
             event = self.peek_event()  # type: ignore[no-untyped-call]
-            raise _too_deep(Mark(self.file, event.start_mark.line + 1))
+            raise _too_deep(SourceLine(self.file, event.start_mark.line + 1))
         self.depth += 1
         node: yaml.Node | None = super().compose_node(parent, index)
         self.depth -= 1
@@ -134,19 +134,19 @@ def _compose(text: str, file: Path) -> yaml.Node | None:
         composer.dispose()
 
 
-def _too_deep(mark: Mark) -> ScenarioError:
-    return ScenarioError(f"{mark}: nested more than {DEEPEST} deep; does an alias hold itself?")
+def _too_deep(mark: SourceLine) -> ScenarioError:
+    return ScenarioError(f"{mark}: nested more than {MAX_DEPTH} deep; does an alias hold itself?")
 
 
 def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> Any:
     """Turn a YAML node into plain data and note where it stands."""
-    mark = Mark(file, node.start_mark.line + 1)
-    if len(path) > DEEPEST:
+    mark = SourceLine(file, node.start_mark.line + 1)
+    if len(path) > MAX_DEPTH:
         raise _too_deep(mark)
     document.marks[path] = mark
-    if len(document.marks) > MOST_VALUES:
+    if len(document.marks) > MAX_VALUES:
         raise ScenarioError(
-            f"{mark}: the file has more than {MOST_VALUES} values, those of aliases included; "
+            f"{mark}: the file has more than {MAX_VALUES} values, those of aliases included; "
             "expected fewer. Fix: write out only what is needed, without aliases of aliases"
         )
     if isinstance(node, yaml.SequenceNode):
@@ -159,7 +159,7 @@ def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> A
             if key in result:
                 raise ScenarioError(f"{file}:{line}: `{key}` is given twice; keep one")
             result[key] = _plain(value_node, (*path, key), document, file)
-            document.marks[(*path, key)] = Mark(file, line)
+            document.marks[(*path, key)] = SourceLine(file, line)
         return result
     if path[-1:] == ("kind",):
         return str(node.value)  # a word: YAML 1.1 takes `off` for false

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from groundlink.core.errors import nearest
+from groundlink.core.errors import did_you_mean
 from groundlink.scenario.every_sensor import PATTERNS
 
 from .document import DataPath, Document, ScenarioError
@@ -44,7 +44,7 @@ def explained(error: msgspec.ValidationError, document: Document, schema: Any) -
         names = field_names(schema, document.value, path)
         absent = required_names(schema, document.value, path) - set(document.at(path))
         mark = document.mark((*path, key))
-        return f"{mark}: unknown key `{dotted((*path, key))}`; {nearest(key, names, absent)}"
+        return f"{mark}: unknown key `{dotted((*path, key))}`; {did_you_mean(key, names, absent)}"
     mark = document.mark(path)
     if missing := re.search(r"missing required field `(.*)`", problem):
         return f"{mark}: `{dotted((*path, missing.group(1)))}` is missing; add it"
@@ -52,10 +52,10 @@ def explained(error: msgspec.ValidationError, document: Document, schema: Any) -
         known = kinds(schema, document.value, path)
         if known:
             word = invalid.group(1)
-            return f"{mark}: `{dotted(path)}`: unknown kind `{word}`; {nearest(word, known)}"
+            return f"{mark}: `{dotted(path)}`: unknown kind `{word}`; {did_you_mean(word, known)}"
     if invalid := re.search(r"Invalid enum value '(.*)'$", problem):
         word, known = invalid.group(1), choices(schema, document.value, path)
-        return f"{mark}: `{dotted(path)}`: unknown value `{word}`; {nearest(word, known)}"
+        return f"{mark}: `{dotted(path)}`: unknown value `{word}`; {did_you_mean(word, known)}"
     if pattern := re.search(r"expected `str` matching regex (.*)$", problem, re.IGNORECASE):
         asked = {repr(known): words for known, words in PATTERNS.items()}
         problem = f"expected {asked.get(pattern.group(1), problem)}"

@@ -19,14 +19,14 @@ from groundlink.core.fields import NonNegative, Positive, Spec
 from groundlink.core.frames import Floats
 from groundlink.scenario.schema import Placement
 from groundlink.world.bounds import bounds
-from groundlink.world.objects.outdoor_objects import erect
-from groundlink.world.objects.outdoors import Outdoor, Place2
+from groundlink.world.objects.outdoor_objects import build_outdoor_object
+from groundlink.world.objects.outdoor_specs import OutdoorObject, Place2
 from groundlink.world.solids import Solid
-from groundlink.world.terrain import Ground, Terrain, ground
+from groundlink.world.terrain import Ground, Terrain, load_ground
 
+from .asset_import import TERRAIN
 from .document import DataPath, Document, ScenarioError
 from .explain import convert
-from .imported import TERRAIN
 from .terrain_placement import OUTDOORS
 
 SCATTER: DataPath = ("world", "scatter")
@@ -34,17 +34,17 @@ SCATTER: DataPath = ("world", "scatter")
 TRIES = 200
 """Places tried for one thing before the area counts as full."""
 
-START_M = 8.0
+SPAWN_CLEARANCE_M = 8.0
 """Kept free around where vehicles start: twice what a tank reaches."""
 
-ALL_AROUND = np.stack([f(np.arange(8) * np.pi / 4) for f in (np.cos, np.sin)], axis=-1)
+CIRCLE = np.stack([f(np.arange(8) * np.pi / 4) for f in (np.cos, np.sin)], axis=-1)
 
 
 class Scatter(Spec, frozen=True, kw_only=True):
     """Things of one kind, sown over a rectangle."""
 
     like: dict[str, Any]
-    """Their kind and what they have in common: fields of `Outdoor`."""
+    """Their kind and what they have in common: fields of `OutdoorObject`."""
 
     count: Annotated[int, Meta(ge=0, le=2000)]
     height_m: tuple[Positive, Positive]
@@ -66,7 +66,7 @@ class _Scatter(msgspec.Struct):
 
 
 class _Things(msgspec.Struct):
-    outdoors: tuple[Outdoor, ...]
+    outdoors: tuple[OutdoorObject, ...]
 
 
 class _Start(msgspec.Struct):
@@ -80,7 +80,7 @@ class _Known(msgspec.Struct):
     vehicles: tuple[_Start, ...] = ()
 
 
-def sow(document: Document) -> None:
+def place_scatter(document: Document) -> None:
     """Replace `scatter` by things in `outdoors`; the terrain must be resolved.
 
     Raises
@@ -95,13 +95,24 @@ def sow(document: Document) -> None:
         raise ScenarioError(f"{document.mark(SCATTER)}: `scatter`: expected terrain in this world")
     described = convert(document.alone(SCATTER), _Scatter).scatter
     known = convert(document, _Known)
-    here = ground(msgspec.convert(document.at(TERRAIN), Terrain))
+    here = load_ground(msgspec.convert(document.at(TERRAIN), Terrain))
     listed = world.setdefault("outdoors", [])
     things = convert(document.alone(OUTDOORS), _Things).outdoors
-    taken = [_footprint(solid) for i, thing in enumerate(things) for solid in erect(i, thing)]
+    taken = [
+        _footprint(solid)
+        for i, thing in enumerate(things)
+        for solid in build_outdoor_object(i, thing)
+    ]
     for vehicle in known.vehicles:
         x, y = vehicle.placement.x_m, vehicle.placement.y_m
-        taken.append((x - START_M, y - START_M, x + START_M, y + START_M))
+        taken.append(
+            (
+                x - SPAWN_CLEARANCE_M,
+                y - SPAWN_CLEARANCE_M,
+                x + SPAWN_CLEARANCE_M,
+                y + SPAWN_CLEARANCE_M,
+            )
+        )
     for index, scatter in enumerate(described):
         mark = document.mark((*SCATTER, index))
         # A stream for each: one line more or less does not move what another sowed.
@@ -126,7 +137,7 @@ def _throw(
         place = np.round(generator.uniform(scatter.low_m, scatter.high_m), 2)
         yaw_deg = round(float(generator.uniform(-180, 180)), 1)
         height_m = round(float(generator.uniform(*scatter.height_m)), 2)
-        around = np.vstack([place, place + scatter.clear_m * ALL_AROUND])
+        around = np.vstack([place, place + scatter.clear_m * CIRCLE])
         if not here.inside(*around.T).all():
             continue
         grounds = {here.materials[number] for number in here.material_at(*around.T)}

@@ -12,12 +12,12 @@ import math
 import msgspec
 
 from groundlink.core.fields import Vector3
-from groundlink.world.objects.outdoors import Fence, Outdoor
-from groundlink.world.terrain import Terrain, ground
+from groundlink.world.objects.outdoor_specs import Fence, OutdoorObject
+from groundlink.world.terrain import Terrain, load_ground
 
+from .asset_import import TERRAIN
 from .document import DataPath, Document, ScenarioError
 from .explain import convert
-from .imported import TERRAIN
 
 SOLIDS: DataPath = ("world", "solids")
 OUTDOORS: DataPath = ("world", "outdoors")
@@ -39,7 +39,7 @@ def place_solids(document: Document) -> None:
         if not isinstance(solid, dict) or not solid.pop(ON_GROUND, False):
             continue
         try:
-            here = ground(msgspec.convert(terrain, Terrain))
+            here = load_ground(msgspec.convert(terrain, Terrain))
             x, y, z = msgspec.convert(solid.get("position_m"), Vector3)
         except msgspec.ValidationError:
             mark = document.mark((*SOLIDS, index, ON_GROUND))
@@ -56,7 +56,7 @@ def place_solids(document: Document) -> None:
 class _Outdoors(msgspec.Struct):
     """What things outdoors are checked as, so that errors name `outdoors`."""
 
-    outdoors: tuple[Outdoor, ...]
+    outdoors: tuple[OutdoorObject, ...]
 
 
 def place_outdoors(document: Document) -> None:
@@ -70,7 +70,7 @@ def place_outdoors(document: Document) -> None:
     described, terrain = document.at(OUTDOORS), document.at(TERRAIN)
     if not described or terrain is None:
         return
-    here = ground(msgspec.convert(terrain, Terrain))
+    here = load_ground(msgspec.convert(terrain, Terrain))
     things = convert(document.alone(OUTDOORS), _Outdoors).outdoors
     for index, (thing, fields) in enumerate(zip(things, described, strict=True)):
         if (thing.ground_m if isinstance(thing, Fence) else thing.z_m) is not None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from .document import DataPath, Document, ScenarioError
 
 
-def bring_materials(document: Document) -> None:
+def merge_materials(document: Document) -> None:
     """Add the materials of all vehicles to those of the world.
 
     Raises

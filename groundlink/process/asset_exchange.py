@@ -65,7 +65,7 @@ def serve(bus: Bus, run: str, scenario: Callable[[], Scenario]) -> None:
             return []
         start = int(number) * PART_BYTES
         try:
-            with (assets.store() / digest).open("rb") as file:
+            with (assets.folder() / digest).open("rb") as file:
                 file.seek(start)
                 return [file.read(PART_BYTES)]
         except OSError:
@@ -84,7 +84,7 @@ def fetch(bus: Bus, run: str, scenario: Scenario) -> None:
     """
     for digest in assets.missing(needed(scenario)):
         content = b"".join(_parts(bus, run, digest))
-        if (arrived := assets.keep(content)) != digest:
+        if (arrived := assets.put(content)) != digest:
             raise UserError(
                 f"run `{run}`: asset {digest[:12]}: content has digest {arrived[:12]}. Fix: delete "
                 "the asset store on the host that serves the run, and start the run again"

@@ -17,14 +17,14 @@ from msgspec import Struct
 
 from groundlink.core.clock import NANOS
 
-from .fields import message_difference
-from .reading import Recorded
+from .differences import message_difference
+from .reader import RecordedMessage
 
 WAIT_NANOS = 10 * NANOS
 """How far the run may be ahead of a message that was recorded and has not come again."""
 
 
-class Found(Struct, frozen=True):
+class FirstDifference(Struct, frozen=True):
     """The first difference of a topic."""
 
     nanos: int
@@ -38,7 +38,7 @@ class Found(Struct, frozen=True):
     """The field and both values."""
 
 
-class Verdict(Struct, kw_only=True):
+class TopicComparison(Struct, kw_only=True):
     """What became of one topic."""
 
     topic: str
@@ -58,7 +58,7 @@ class Verdict(Struct, kw_only=True):
     ragged: int = 0
     """There again, and under way when the recording began or was ended."""
 
-    first: Found | None = None
+    first: FirstDifference | None = None
 
     @property
     def is_equal(self) -> bool:
@@ -66,7 +66,7 @@ class Verdict(Struct, kw_only=True):
         return self.first is None
 
 
-class Extent(NamedTuple):
+class ComparedSpan(NamedTuple):
     """What of a recording is compared."""
 
     first_nanos: int
@@ -93,8 +93,8 @@ class Comparison:
 
     def __init__(
         self,
-        recorded: Iterator[Recorded],
-        extent: Extent,
+        recorded: Iterator[RecordedMessage],
+        extent: ComparedSpan,
         left_out: Callable[[str, int], str | None],
     ) -> None:
         self._recorded, self._extent, self._left_out = recorded, extent, left_out
@@ -116,7 +116,7 @@ class Comparison:
         if not found.take(nanos, bytes(cdr)):
             self._judge_new(found, topic, nanos)
 
-    def verdicts(self) -> list[Verdict]:
+    def verdicts(self) -> list[TopicComparison]:
         """Return what became of every topic, when nothing more will come."""
         self._read_to(self._extent.end_nanos)
         for topic in self._topics.values():
@@ -147,14 +147,14 @@ class Comparison:
     def _topic(self, name: str, ros_type: str) -> _Topic:
         found = self._topics.get(name)
         if found is None:
-            found = self._topics[name] = _Topic(Verdict(topic=name, type=ros_type))
+            found = self._topics[name] = _Topic(TopicComparison(topic=name, type=ros_type))
         return found
 
 
 class _Topic:
     """One topic, and what of it was recorded and has not come again yet."""
 
-    def __init__(self, verdict: Verdict) -> None:
+    def __init__(self, verdict: TopicComparison) -> None:
         self.verdict = verdict
         self._waiting: deque[tuple[int, bytes]] = deque()
         self.number = 0
@@ -198,4 +198,4 @@ class _Topic:
     def note(self, nanos: int, number: int, words: str) -> None:
         """Remember the first difference."""
         if self.verdict.first is None:
-            self.verdict.first = Found(nanos, number, words)
+            self.verdict.first = FirstDifference(nanos, number, words)

@@ -66,7 +66,7 @@ class TopicFacts(msgspec.Struct, frozen=True, kw_only=True):
         return (self.messages - 1) * 1e9 / span if span > 0 else None
 
 
-def facts(scenario: Scenario, run: str, epoch_nanos: int) -> RunFacts:
+def describe_run(scenario: Scenario, run: str, epoch_nanos: int) -> RunFacts:
     """Return what is known of a run when its recording begins."""
     return RunFacts(
         run=run,

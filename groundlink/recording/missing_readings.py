@@ -17,7 +17,7 @@ from groundlink.ros.codec import Moment
 from groundlink.ros.streams import CLOCK_TOPIC, gaps_topic
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 
-from .reading import Recording
+from .reader import Recording
 
 RECORDER_BEHIND = "recorder behind"
 """The cause of what came faster than it could be written."""
@@ -40,7 +40,7 @@ def left_out(recording: Recording) -> LeftOut:
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
             topics = sensor.ros_topics()
-            for told in told_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps):
+            for told in messages_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps):
                 for gap in told.gaps:
                     for output in gap.outputs:
                         found[topics[output]].append((gap.first_nanos, gap.last_nanos, gap.cause))
@@ -58,7 +58,7 @@ def left_out(recording: Recording) -> LeftOut:
     return cause_of
 
 
-def counting_on(recording: Recording) -> dict[str, str]:
+def accumulating_topics(recording: Recording) -> dict[str, str]:
     """Return the topics that need not come again with the same bytes, with the reason of each.
 
     What adds up from reading to reading begins at the first state that its process saw, and goes
@@ -72,7 +72,7 @@ def counting_on(recording: Recording) -> dict[str, str]:
             misses = isinstance(sensor, Encoders) and sensor.missed_ticks > 0
             if not (misses or isinstance(sensor, WheelOdometry)):
                 continue
-            told = told_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps)
+            told = messages_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps)
             missed = Counter(gap.cause for news in told for gap in news.gaps)
             causes: list[str] = ["before the recording, perhaps"] if is_late else []
             causes += [cause for cause in _STATES_MISSED if missed[cause]]
@@ -84,7 +84,7 @@ def counting_on(recording: Recording) -> dict[str, str]:
     return found
 
 
-def told_of(recording: Recording, topic: str, message: type[M]) -> Iterator[M]:
+def messages_of(recording: Recording, topic: str, message: type[M]) -> Iterator[M]:
     """Yield what was recorded of a topic whose recorded form can be read back."""
     for recorded in recording.read([topic]):
         yield from_cdr(recorded.cdr, message, Moment(recorded.nanos, recording.run.epoch_nanos))

@@ -22,10 +22,10 @@ from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.ros.streams import Outgoing, RosStream
 
-from .reading import Recorded, Recording
+from .reader import RecordedMessage, Recording
 
 
-class Due(NamedTuple):
+class TimedMessage(NamedTuple):
     """A message of the bus and when it goes out."""
 
     nanos: int
@@ -58,14 +58,14 @@ class Playback:
         self.refused = 0
         """Messages that are not what their topic says."""
 
-    def play(self, from_nanos: int) -> Iterator[Due]:
+    def play(self, from_nanos: int) -> Iterator[TimedMessage]:
         """Return what is due from an instant on, in that order."""
         return itertools.dropwhile(
             lambda due: not isinstance(due.message, Clock), self._sorted(from_nanos)
         )
 
-    def _sorted(self, from_nanos: int) -> Iterator[Due]:
-        waiting: list[Due] = []
+    def _sorted(self, from_nanos: int) -> Iterator[TimedMessage]:
+        waiting: list[TimedMessage] = []
         numbers = itertools.count()
         for recorded in self._recording.read(list(self.streams), from_nanos=from_nanos):
             while waiting and waiting[0].nanos < recorded.nanos:
@@ -81,11 +81,13 @@ class Playback:
                 message = replace(message, clock_error_nanos=error)
             rank = 0 if stream.message is Clock else 1
             due_nanos = recorded.nanos + _takes_nanos(stream)
-            heapq.heappush(waiting, Due(due_nanos, rank, next(numbers), stream.key, message))
+            heapq.heappush(
+                waiting, TimedMessage(due_nanos, rank, next(numbers), stream.key, message)
+            )
         while waiting:
             yield heapq.heappop(waiting)
 
-    def _message(self, stream: RosStream, recorded: Recorded) -> Message:
+    def _message(self, stream: RosStream, recorded: RecordedMessage) -> Message:
         if stream.message is Relayed:
             return Relayed(recorded.nanos, recorded.ros_type, memoryview(recorded.cdr))
         moment = Moment(recorded.nanos, self._recording.run.epoch_nanos)

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from groundlink.ros.base import is_latched
 from groundlink.ros.types import STORE, WHEEL_ENCODERS_DEFINITION
 
-from .reading import Recorded
+from .reader import RecordedMessage
 
 NOETIC = get_typestore(Stores.ROS1_NOETIC)
 for _name, _definition in {
@@ -29,13 +29,13 @@ _ADDED_BYTES = {"sensor_msgs/msg/Range": 4}
 """By type: what ROS 2 has at its end and ROS 1 has not, here the variance."""
 
 
-def body(ros_type: str, cdr: bytes | memoryview) -> memoryview:
+def to_ros1(ros_type: str, cdr: bytes | memoryview) -> memoryview:
     """Return a ROS 2 message's CDR as a ROS 1 message; headers get the sequence number 0."""
     data = STORE.cdr_to_ros1(cdr, ros_type)
     return data[: len(data) - _ADDED_BYTES.get(ros_type, 0)]
 
 
-def write_bag(path: Path, types: dict[str, str], messages: Iterable[Recorded]) -> int:
+def write_bag(path: Path, types: dict[str, str], messages: Iterable[RecordedMessage]) -> int:
     """Write a bag and return how many messages it holds.
 
     Parameters
@@ -53,7 +53,7 @@ def write_bag(path: Path, types: dict[str, str], messages: Iterable[Recorded]) -
                 topic, ros_type, msgdef=definition, md5sum=digest, latching=latching
             )
         for message in messages:
-            data = body(message.ros_type, message.cdr)
+            data = to_ros1(message.ros_type, message.cdr)
             bag.write(connections[message.topic], message.nanos, data)
             count += 1
     return count

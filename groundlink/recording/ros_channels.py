@@ -72,9 +72,9 @@ class RosFile:
         self.mcap = McapFile(path, profile=PROFILE, library=f"groundlink {__version__}")
         self.mcap.add_metadata(*ROSBAG2_METADATA)
         self._schemas: dict[str, int] = {}
-        self._topics: dict[tuple[str, str], Topic] = {}
+        self._topics: dict[tuple[str, str], RecordedTopic] = {}
 
-    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> Topic:
+    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> RecordedTopic:
         """Return the topic of this name and type; it is declared at the first call."""
         known = self._topics.get((name, ros_type))
         if known is None:
@@ -85,10 +85,10 @@ class RosFile:
             channel = self.mcap.add_channel(
                 name, self._schemas[ros_type], MESSAGE_ENCODING, {"offered_qos_profiles": qos}
             )
-            known = self._topics[name, ros_type] = Topic(self.mcap, channel, name, ros_type)
+            known = self._topics[name, ros_type] = RecordedTopic(self.mcap, channel, name, ros_type)
         return known
 
-    def topics(self) -> list[Topic]:
+    def topics(self) -> list[RecordedTopic]:
         """Return every topic that was declared, in that order."""
         return list(self._topics.values())
 
@@ -135,7 +135,7 @@ class RosFile:
         self.mcap.close()
 
 
-class Topic:
+class RecordedTopic:
     """A topic of the file, and what was written to it."""
 
     def __init__(self, mcap: McapFile, channel: int, name: str, ros_type: str) -> None:

@@ -35,11 +35,11 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
 from groundlink.world.build import world_hash
 
-from .comparison import Extent
-from .fields import Difference, first_difference
+from .comparison import ComparedSpan
+from .differences import Difference, first_difference
 from .metadata import versions
-from .missing_readings import told_of
-from .reading import Recorded, Recording
+from .missing_readings import messages_of
+from .reader import RecordedMessage, Recording
 
 UNDER_WAY_NANOS = NANOS
 """How long before the end of a recording that was ended early a reading may have begun that is not
@@ -49,7 +49,7 @@ ENDLESS_TICK = 2**62
 """Which no run comes to."""
 
 
-def extent(recording: Recording) -> Extent:
+def compared_span(recording: Recording) -> ComparedSpan:
     """Return what of a recording can be compared: up to its end, or to that of its journal.
 
     Raises
@@ -63,14 +63,14 @@ def extent(recording: Recording) -> Extent:
     first, end = clock.first_nanos, recording.end_nanos
     begun = first if first == recording.run.epoch_nanos else first + UNDER_WAY_NANOS
     if end is None:
-        found = Extent(first, clock.last_nanos + 1, begun, clock.last_nanos - UNDER_WAY_NANOS)
+        found = ComparedSpan(first, clock.last_nanos + 1, begun, clock.last_nanos - UNDER_WAY_NANOS)
     else:
-        found = Extent(first, end, begun, end)
+        found = ComparedSpan(first, end, begun, end)
     journal = recording.journal
     known_nanos = journal.epoch_nanos + journal.tick * TICK_NANOS if journal else clock.last_nanos
     if known_nanos < clock.last_nanos:
         end = min(found.end_nanos, known_nanos - UNDER_WAY_NANOS)
-        found = Extent(first, end, begun, end)
+        found = ComparedSpan(first, end, begun, end)
     if found.end_nanos <= found.first_nanos:
         raise UserError(f"{recording.path}: too short to be compared; record for longer")
     return found
@@ -118,7 +118,7 @@ def not_compared(recording: Recording) -> dict[str, str]:
         for spec in vehicle.sensors:
             topic = faults_topic(f"{vehicle.name}/{spec.name}")
             changes = {tick for fault in spec.faults for tick in (fault.begin_tick, fault.end_tick)}
-            if any(news.tick not in changes for news in told_of(recording, topic, Faults)):
+            if any(news.tick not in changes for news in messages_of(recording, topic, Faults)):
                 found[topic] = "told by a process that joined later"
     for name in live_faults(recording):
         found[faults_topic(name)] = "changed by hand; now there from the start"
@@ -129,7 +129,7 @@ def not_compared(recording: Recording) -> dict[str, str]:
     return {topic: why for topic, why in sorted(found.items()) if topic in recording.types}
 
 
-def compared(recording: Recording) -> Iterator[Recorded]:
+def compared_messages(recording: Recording) -> Iterator[RecordedMessage]:
     """Return what has to come again, in the order of time."""
     ignored, run = not_compared(recording), recording.run
     due = Schedule.at(run.scenario.time.clock_rate_hz)
@@ -151,7 +151,7 @@ def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
     for vehicle in recording.run.scenario.vehicles:
         for sensor in vehicle.sensors:
             name = f"{vehicle.name}/{sensor.name}"
-            faults = _with_told(sensor.faults, told_of(recording, faults_topic(name), Faults))
+            faults = _with_told(sensor.faults, messages_of(recording, faults_topic(name), Faults))
             if faults != sensor.faults:
                 found[name] = faults
     return found
@@ -170,7 +170,7 @@ def _with_told(known: tuple[Fault, ...], told: Iterator[Faults]) -> tuple[Fault,
     return known
 
 
-def journal_again(recording: Recording, scenario: Scenario) -> Journal:
+def replay_journal(recording: Recording, scenario: Scenario) -> Journal:
     """Return the journal by which a scenario goes again the way that the recorded run went."""
     changed = live_faults(recording)
     vehicles = tuple(
@@ -230,7 +230,7 @@ def scenario_difference(recorded: Scenario, given: Scenario) -> Difference | Non
     return first_difference(*(msgspec.to_builtins(each) for each in (recorded, alike)))
 
 
-def otherwise(recording: Recording, scenario: Scenario, extent: Extent) -> Iterator[str]:
+def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> Iterator[str]:
     """Yield what is not as it was when the recording was made, and what that means."""
     run, journal, then = recording.run, recording.journal, recording.started_as
     if then.name != scenario.name:

@@ -12,18 +12,18 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.core.errors import UserError, nearest
-from groundlink.world import motion
-from groundlink.world.actors import Free
+from groundlink.core.errors import UserError, did_you_mean
+from groundlink.world import actor_motion as motion
+from groundlink.world.actors import FreeMotion
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
 from groundlink.world.solids import Solid
 from groundlink.world.spawn_checks import (
     actor_bodies,
+    check_actor_path,
     check_vehicle,
-    check_way,
+    first_overlap,
     ground_of,
-    in_the_way,
 )
 from groundlink.world.terrain import Ground
 
@@ -99,7 +99,7 @@ def without(scenario: Scenario, name: str) -> Scenario:
                 f"`{name}` is of the room, the furniture or what stands outdoors, which stays"
             )
         known = [*_names(frozen), *(solid.name for solid in world.solids)]
-        raise UserError(f"there is no `{name}`; {nearest(name, known)}")
+        raise UserError(f"there is no `{name}`; {did_you_mean(name, known)}")
     return changed
 
 
@@ -130,10 +130,10 @@ def _check_room(
         _check_floor(solid.name, [solid], standing, ground)
         there.append(solid)
     for actor in more.actors:
-        check_way(changed.world.actors.index(actor), actor, ground)
-        place = motion.start(actor.motion, ground, seconds)
+        check_actor_path(changed.world.actors.index(actor), actor, ground)
+        place = motion.initial_pose(actor.motion, ground, seconds)
         bodies = actor_bodies(actor, place.position_m, place.orientation)
-        _check_free(actor.name, bodies, there if isinstance(actor.motion, Free) else moving)
+        _check_free(actor.name, bodies, there if isinstance(actor.motion, FreeMotion) else moving)
         _check_floor(actor.name, bodies, standing, ground)
         there += bodies
     for vehicle in more.vehicles:
@@ -162,5 +162,5 @@ def _check_free(name: str, bodies: Sequence[Solid], there: Sequence[Solid]) -> N
     for body in bodies:
         x, y, z = body.position_m
         lifted.append(replace(body, position_m=(x, y, z + RESTS_M)))
-    if (other := in_the_way(lifted, there)) is not None:
+    if (other := first_overlap(lifted, there)) is not None:
         raise UserError(f"`{name}` would be inside `{other}`; choose another place by --at")

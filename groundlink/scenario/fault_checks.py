@@ -6,13 +6,13 @@ Rule: a fault and its sensor in; a field and a sentence out, to which others add
 
 from __future__ import annotations
 
-from groundlink.core.errors import nearest
+from groundlink.core.errors import did_you_mean
 from groundlink.scenario.faults import EACH_WHEEL, Disturbance, Fault, OccludedSector, RateChange
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import SensorSpec
 
 
-def mistake(fault: Fault, spec: SensorSpec, vehicle: Vehicle) -> tuple[str, str] | None:
+def fault_problem(fault: Fault, spec: SensorSpec, vehicle: Vehicle) -> tuple[str, str] | None:
     """Return what makes a fault impossible for a vehicle's sensor; None if nothing does."""
     if isinstance(fault, Disturbance):
         return _of_disturbance(fault, spec, vehicle)
@@ -31,7 +31,7 @@ def _of_disturbance(
         return "kind", "this sensor has no numbers that could be wrong"
     name = fault.quantity or next(iter(spec.quantities))
     if name not in spec.quantities:
-        return "quantity", f"no quantity `{name}`; {nearest(name, spec.quantities)}"
+        return "quantity", f"no quantity `{name}`; {did_you_mean(name, spec.quantities)}"
     components = spec.quantities[name].components
     count = len(vehicle.model.counted) if components is EACH_WHEEL else len(components) or 1
     if isinstance(fault.numbers, tuple) and len(fault.numbers) != count:

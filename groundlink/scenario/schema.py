@@ -18,8 +18,8 @@ from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.core.fields import Spec, Vector3
 from groundlink.world.actors import Actor
 from groundlink.world.light import Lamps, Sun
-from groundlink.world.objects.outdoors import Outdoor
-from groundlink.world.objects.room import Clutter, Furniture, Room
+from groundlink.world.objects.indoor_specs import Clutter, Furniture, Room
+from groundlink.world.objects.outdoor_specs import OutdoorObject
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
@@ -72,7 +72,7 @@ class World(Spec, frozen=True, kw_only=True):
     materials: dict[str, Material]
     room: Room | None = None
     furniture: tuple[Furniture, ...] = ()
-    outdoors: tuple[Outdoor, ...] = ()
+    outdoors: tuple[OutdoorObject, ...] = ()
     """Houses, fences, plants; what a file's `scatter` sows is among them."""
 
     solids: tuple[Solid, ...] = ()

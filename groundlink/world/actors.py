@@ -19,21 +19,21 @@ from groundlink.core.fields import NonNegative, Positive, Size3, Spec, Vector3
 
 from .solids import Box, Cylinder, Solid, Sphere
 
-MOST_PARTS = 16
+MAX_PARTS = 16
 """Of one body: what physics can join."""
 
 ActorName = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 Point = tuple[float, float]
 
 
-class Parts(Spec, frozen=True, tag_field="kind", tag="parts", kw_only=True):
+class PartsForm(Spec, frozen=True, tag_field="kind", tag="parts", kw_only=True):
     """Solids of one's own; what rolls or stands on the ground has it at z = 0."""
 
-    parts: Annotated[tuple[Solid, ...], Meta(min_length=1, max_length=MOST_PARTS)]
+    parts: Annotated[tuple[Solid, ...], Meta(min_length=1, max_length=MAX_PARTS)]
     """In the actor's frame. Physics meets meshes as the boxes around them."""
 
 
-class Person(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True):
+class PersonForm(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True):
     """A figure in mid-stride that faces along x, its feet at z = 0."""
 
     height_m: Positive = 1.75
@@ -44,7 +44,7 @@ class Person(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True):
     skin: str
 
 
-class Door(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
+class DoorForm(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
     """A leaf from its hinge at the origin along x, its lower edge at z = 0."""
 
     width_m: Positive = 0.9
@@ -53,17 +53,17 @@ class Door(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
     material: str
 
 
-class Crate(Spec, frozen=True, tag_field="kind", tag="crate", kw_only=True):
+class CrateForm(Spec, frozen=True, tag_field="kind", tag="crate", kw_only=True):
     """A box that stands on z = 0, amid x and y."""
 
     size_m: Size3 = (0.4, 0.4, 0.4)
     material: str
 
 
-Form = Parts | Person | Door | Crate
+Form = PartsForm | PersonForm | DoorForm | CrateForm
 
 
-class Along(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True):
+class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True):
     """From point to point and back again for ever, upright, x ahead; it gives way to nothing."""
 
     points_m: Annotated[tuple[Point, ...], Meta(min_length=2, max_length=1000)]
@@ -102,7 +102,7 @@ class Swing(Spec, frozen=True, kw_only=True):
     """How long it takes."""
 
 
-class Hinge(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True):
+class HingeMotion(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True):
     """About an upright axis at the origin, opened and shut at set times whatever is in the way."""
 
     at_m: Vector3
@@ -132,7 +132,7 @@ class Hinge(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True):
             raise ValueError("with `every_s` the last swing has to end at `start_deg`")
 
 
-class Free(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):
+class FreeMotion(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):
     """Falls, rests, and is pushed about."""
 
     at_m: Vector3
@@ -146,7 +146,7 @@ class Free(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):
     restitution: Annotated[float, Meta(ge=0, le=1)] = 0.0
 
 
-Motion = Along | Hinge | Free
+Motion = PathMotion | HingeMotion | FreeMotion
 
 
 class Actor(Spec, frozen=True, kw_only=True):
@@ -159,22 +159,22 @@ class Actor(Spec, frozen=True, kw_only=True):
     @property
     def kind(self) -> str:
         """What it is: its form's kind, or its own name without a number."""
-        if isinstance(self.form, Parts):
+        if isinstance(self.form, PartsForm):
             return re.sub(r"_\d+$", "", self.name)
-        return type(self.form).__name__.lower()
+        return str(self.form.__struct_config__.tag)
 
 
-def parts(form: Form) -> list[Solid]:
+def form_solids(form: Form) -> list[Solid]:
     """Return what an actor is made of, in its frame; its parts are named after what they are."""
     match form:
-        case Parts(parts=solids):
+        case PartsForm(parts=solids):
             return list(solids)
-        case Person():
+        case PersonForm():
             return _figure(form)
-        case Door(width_m=width, height_m=height):
+        case DoorForm(width_m=width, height_m=height):
             leaf = Box(size_m=(width, form.thickness_m, height))
             return [Solid("leaf", leaf, form.material, (width / 2, 0.0, height / 2))]
-        case Crate(size_m=size):
+        case CrateForm(size_m=size):
             return [Solid("crate", Box(size_m=size), form.material, (0.0, 0.0, size[2] / 2))]
 
 
@@ -184,7 +184,7 @@ _STRIDE = (0.0, 0.1305, 0.0, 0.9914)
 _BACK = (0.0, -0.1305, 0.0, 0.9914)
 
 
-def _figure(person: Person) -> list[Solid]:
+def _figure(person: PersonForm) -> list[Solid]:
     """Return a person of 1.75 m, made larger or smaller."""
     shirt, trousers, skin = person.shirt, person.trousers, person.skin
     leg, arm = Cylinder(radius_m=0.075, length_m=0.86), Cylinder(radius_m=0.05, length_m=0.62)

@@ -31,7 +31,7 @@ class MissingAsset(UserError):
     """An asset is not in the store."""
 
 
-def store() -> Path:
+def folder() -> Path:
     """Return the folder of the assets, which may not exist yet."""
     if given := os.environ.get(VARIABLE):
         return Path(given)
@@ -39,7 +39,7 @@ def store() -> Path:
     return (Path(cache) if cache else Path.home() / ".cache") / "groundlink" / "assets"
 
 
-def keep(content: bytes) -> str:
+def put(content: bytes) -> str:
     """Put an asset in the store and return its digest.
 
     Raises
@@ -48,7 +48,7 @@ def keep(content: bytes) -> str:
         when the folder cannot be written.
     """
     digest = hashlib.sha256(content).hexdigest()
-    file = store() / digest
+    file = folder() / digest
     if has(digest):
         return digest
     try:
@@ -68,7 +68,7 @@ def keep(content: bytes) -> str:
 def has(digest: str) -> bool:
     """Return whether the store holds an asset, whole."""
     try:
-        mapped(digest)
+        map_asset(digest)
     except MissingAsset:
         return False
     return True
@@ -87,10 +87,10 @@ def read(digest: str) -> bytes:
     MissingAsset
         when the store does not hold it.
     """
-    return bytes(mapped(digest))
+    return bytes(map_asset(digest))
 
 
-def mapped(digest: str) -> memoryview:
+def map_asset(digest: str) -> memoryview:
     """Return an asset's content, read-only, from the file's pages and not from copies of them.
 
     Raises
@@ -99,12 +99,12 @@ def mapped(digest: str) -> memoryview:
         when the store does not hold it.
     """
     content: memoryview | None = None
-    with suppress(OSError), (store() / digest).open("rb") as file:
+    with suppress(OSError), (folder() / digest).open("rb") as file:
         size = os.fstat(file.fileno()).st_size  # Nothing cannot be mapped.
         content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if size else b"")
     if content is None or hashlib.sha256(content).hexdigest() != digest:
         raise MissingAsset(
-            f"the world's data {digest[:12]} are not in {store()}; load the scenario from its "
+            f"the world's data {digest[:12]} are not in {folder()}; load the scenario from its "
             f"files on this machine once, or copy that folder from where the run was"
         )
     return content

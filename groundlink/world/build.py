@@ -19,17 +19,23 @@ import msgspec
 import numpy as np
 
 from groundlink.core.errors import UserError
-from groundlink.world.objects.clutter import NoRoom, strew
-from groundlink.world.objects.indoor_objects import Frame, Surface, door_frame, furnish, walls
-from groundlink.world.objects.outdoor_objects import erect
-from groundlink.world.objects.room import Room
+from groundlink.world.objects.clutter import NoFreePlace, place_clutter
+from groundlink.world.objects.indoor_objects import (
+    LocalFrame,
+    SupportSurface,
+    build_furniture,
+    build_room,
+    door_frame,
+)
+from groundlink.world.objects.indoor_specs import Room
+from groundlink.world.objects.outdoor_objects import build_outdoor_object
 
 from . import terrain
-from .actors import Crate, Door, Form, Parts, Person
+from .actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
 from .bodies import link_bodies
 from .bounds import Bounds, bounds
 from .solids import Box, Solid
-from .spawn_pose import start
+from .spawn_pose import spawn_pose
 
 if TYPE_CHECKING:
     from groundlink.scenario.schema import Scenario
@@ -37,7 +43,7 @@ if TYPE_CHECKING:
 STRIP_M = 0.45
 """Width of the strip of floor along the walls where clutter may lie."""
 
-START_CLEARANCE_M = 0.5
+SPAWN_CLEARANCE_M = 0.5
 """Kept free of clutter around a vehicle's start, beyond its chassis."""
 
 Path = tuple[str | int, ...]
@@ -75,14 +81,14 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
     """
     _check_materials(scenario)
     world = scenario.world
-    surfaces: list[Surface] = []
-    built: list[Solid] = walls(world.room) if world.room else []
+    surfaces: list[SupportSurface] = []
+    built: list[Solid] = build_room(world.room) if world.room else []
     for index, furniture in enumerate(world.furniture):
-        parts, tops = furnish(index, furniture)
+        parts, tops = build_furniture(index, furniture)
         built += parts
         surfaces += tops
     for index, thing in enumerate(world.outdoors):
-        built += erect(index, thing)
+        built += build_outdoor_object(index, thing)
     built += world.solids
     if world.clutter:
         # A stream of its own: what else the seed is used for does not move the clutter.
@@ -91,8 +97,8 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
             surfaces += _strips(world.room)
         occupied = [bounds(solid) for solid in built] + _kept_free(scenario)
         try:
-            built += strew(world.clutter, surfaces, occupied, generator)
-        except NoRoom as error:
+            built += place_clutter(world.clutter, surfaces, occupied, generator)
+        except NoFreePlace as error:
             raise WorldError(("world", "clutter", "count"), str(error)) from None
     names = {terrain.BODY} if world.terrain else set()
     for body in link_bodies(scenario):
@@ -172,29 +178,29 @@ def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
 
 def _of_form(form: Form) -> Iterator[tuple[Path, str]]:
     match form:
-        case Parts(parts=parts):
+        case PartsForm(parts=parts):
             for i, part in enumerate(parts):
                 yield ("parts", i, "material"), part.material
-        case Person():
+        case PersonForm():
             for field in ("shirt", "trousers", "skin"):
                 yield (field,), getattr(form, field)
-        case Door() | Crate():
+        case DoorForm() | CrateForm():
             yield ("material",), form.material
 
 
-def _strips(room: Room) -> list[Surface]:
+def _strips(room: Room) -> list[SupportSurface]:
     """Return the floor along the four walls, in pieces of about a metre, as surfaces.
 
     In pieces, so that a wall's floor is tried as often as its length is worth.
     """
     length, width, height = room.size_m
-    floor = Frame("floor")
+    floor = LocalFrame("floor")
     strips = []
     for along, across, yaw_deg in ((length, width, 0.0), (width - 2 * STRIP_M, length, 90.0)):
         count = max(1, round(along))
         for side in (1, -1):
             for piece in range(count):
-                frame = Frame(floor.name, yaw_deg=yaw_deg)
+                frame = LocalFrame(floor.name, yaw_deg=yaw_deg)
                 at = ((piece + 0.5) / count - 0.5) * along, side * (across - STRIP_M) / 2, 0.0
                 strips.append(frame.surface(at, along / count, STRIP_M, height))
     return strips
@@ -206,7 +212,7 @@ def _kept_free(scenario: Scenario) -> list[Bounds]:
     for vehicle in scenario.vehicles:
         chassis = vehicle.model.chassis
         reach = math.hypot(*chassis.size_m[:2]) / 2 + math.hypot(*chassis.center_m[:2])
-        at, to = np.array(start(vehicle, None)[0]), np.full(3, reach + START_CLEARANCE_M)
+        at, to = np.array(spawn_pose(vehicle, None)[0]), np.full(3, reach + SPAWN_CLEARANCE_M)
         keep.append((at - to, at + to))
     room = scenario.world.room
     if room and room.door:

@@ -25,7 +25,7 @@ D = TypeVar("D", bound=np.generic)
 _CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
 
 
-class Part(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+class MeshPart(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Faces that follow each other and are painted alike."""
 
     first: int
@@ -38,14 +38,14 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Linear red, green, blue, 0..1, by which a picture is multiplied; None: the material's."""
 
     picture: bytes | None = None
-    """PNG or JPEG, gamma-coded: the colour at `Surface.uv`."""
+    """PNG or JPEG, gamma-coded: the colour at `TriangleMesh.uv`."""
 
     normals: bytes | None = None
     """PNG or JPEG: unit normals as (n + 1) / 2 along u, along v and outwards."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class TriangleMesh:
     """A mesh that is at hand."""
 
     vertices: NDArray[np.float32]
@@ -58,7 +58,7 @@ class Surface:
     """Shape (V, 2): where on its picture a vertex is: (0, 0) is its lower left corner, (1, 1) its
     upper right one, and beyond it repeats."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
     """Together all faces, in order."""
 
 
@@ -68,11 +68,11 @@ class _File(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag="
     vertices: memoryview
     faces: memoryview
     uv: memoryview | None
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
 
 
 @lru_cache(maxsize=256)
-def surface(asset: str) -> Surface:
+def load_mesh(asset: str) -> TriangleMesh:
     """Return the mesh that an asset is.
 
     Raises
@@ -81,7 +81,7 @@ def surface(asset: str) -> Surface:
         when the store does not hold it, or what it holds is no mesh.
     """
     try:
-        file = msgspec.msgpack.decode(assets.mapped(asset), type=_File)
+        file = msgspec.msgpack.decode(assets.map_asset(asset), type=_File)
         vertices = _array(file.vertices, np.float32, 3)
         faces = _array(file.faces, np.uint32, 3)
         uv = None if file.uv is None else _array(file.uv, np.float32, 2)
@@ -91,14 +91,14 @@ def surface(asset: str) -> Surface:
             raise ValueError
     except (msgspec.MsgspecError, ValueError):
         raise MissingAsset(f"the world's data {asset[:12]} are no mesh") from None
-    return Surface(vertices=vertices, faces=faces, uv=uv, parts=file.parts)
+    return TriangleMesh(vertices=vertices, faces=faces, uv=uv, parts=file.parts)
 
 
-def asset_of(
+def encode_mesh(
     vertices: NDArray[np.float32],
     faces: NDArray[np.uint32],
     uv: NDArray[np.float32] | None = None,
-    parts: Sequence[Part] = (),
+    parts: Sequence[MeshPart] = (),
 ) -> bytes:
     """Return a mesh as an asset holds it: the same bytes for the same values everywhere.
 
@@ -108,7 +108,7 @@ def asset_of(
         vertices=memoryview(np.ascontiguousarray(vertices, "<f4").tobytes()),
         faces=memoryview(np.ascontiguousarray(faces, "<u4").tobytes()),
         uv=None if uv is None else memoryview(np.ascontiguousarray(uv, "<f4").tobytes()),
-        parts=tuple(parts) or (Part(first=0, count=len(faces)),),
+        parts=tuple(parts) or (MeshPart(first=0, count=len(faces)),),
     )
     return _CANONICAL.encode(file)
 

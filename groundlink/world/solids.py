@@ -46,7 +46,7 @@ class Mesh(Spec, frozen=True, tag_field="kind", tag="mesh"):
     """A surface of triangles with colours of its own, open or closed, around wherever it likes."""
 
     asset: Digest
-    """What `mesh_asset.surface` reads."""
+    """What `mesh_asset.load_mesh` reads."""
 
     low_m: Vector3
     """Lowest corner of the box around it along its own axes."""

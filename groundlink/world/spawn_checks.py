@@ -16,12 +16,13 @@ from msgspec.structs import replace
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import multiply, transform
 
-from . import motion, terrain
-from .actors import Actor, parts
+from . import actor_motion as motion
+from . import terrain
+from .actors import Actor, form_solids
 from .bounds import bounds, intersect
 from .build import WorldError
 from .solids import Mesh, Solid
-from .spawn_pose import start, touching
+from .spawn_pose import collision_solids, spawn_pose
 from .terrain import Ground
 
 if TYPE_CHECKING:
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
     from groundlink.scenario.vehicle import VehicleModel
 
 
-HIGHEST_DROP_M = 5.0
+MAX_DROP_M = 5.0
 """From which a vehicle may be let fall at its start: more is taken for a mistake."""
 
 
-def check_starts(scenario: Scenario, built: Iterable[Solid]) -> None:
+def check_spawns(scenario: Scenario, built: Iterable[Solid]) -> None:
     """Refuse a vehicle that starts inside something: physics would throw it about.
 
     Whoever reads a scenario's files asks, and nobody else: it takes the terrain, which who keeps
@@ -47,8 +48,8 @@ def check_starts(scenario: Scenario, built: Iterable[Solid]) -> None:
     there = list(built)
     ground = ground_of(scenario)
     for index, actor in enumerate(scenario.world.actors):
-        check_way(index, actor, ground)
-        place = motion.start(actor.motion, ground)
+        check_actor_path(index, actor, ground)
+        place = motion.initial_pose(actor.motion, ground)
         there += actor_bodies(actor, place.position_m, place.orientation)
     for index, vehicle in enumerate(scenario.vehicles):
         there += check_vehicle(index, vehicle, ground, there)
@@ -83,21 +84,21 @@ def check_vehicle(
             f"`{vehicle.name}` starts in the terrain; expected the height above it, 0 or more",
         )
     there = list(there)
-    bodies = vehicle_bodies(vehicle.name, vehicle.model, *start(vehicle, ground))
-    if (other := in_the_way(bodies, there)) is not None:
+    bodies = vehicle_bodies(vehicle.name, vehicle.model, *spawn_pose(vehicle, ground))
+    if (other := first_overlap(bodies, there)) is not None:
         raise WorldError(path, f"`{vehicle.name}` starts inside `{other}`; move it")
-    if ground is None and (problem := beside_floor(place.x_m, place.y_m, place.z_m, there)):
+    if ground is None and (problem := floor_problem(place.x_m, place.y_m, place.z_m, there)):
         raise WorldError(path, f"`{vehicle.name}` {problem}")
-    if place.z_m > HIGHEST_DROP_M:
+    if place.z_m > MAX_DROP_M:
         raise WorldError(
             (*path, "z_m"),
             f"`{vehicle.name}` starts {place.z_m:g} m above the ground; expected at most "
-            f"{HIGHEST_DROP_M:g} m",
+            f"{MAX_DROP_M:g} m",
         )
     return bodies
 
 
-def beside_floor(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) -> str:
+def floor_problem(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) -> str:
     """Return what is wrong with a place above which solids something starts; "" if nothing is.
 
     Parameters
@@ -123,7 +124,7 @@ def beside_floor(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) -> 
     )
 
 
-def check_way(index: int, actor: Actor, ground: Ground | None) -> None:
+def check_actor_path(index: int, actor: Actor, ground: Ground | None) -> None:
     """Refuse an actor whose way leads beside the terrain.
 
     Raises
@@ -131,7 +132,7 @@ def check_way(index: int, actor: Actor, ground: Ground | None) -> None:
     WorldError
         when it does.
     """
-    if ground is not None and not all(ground.inside(*at) for at in motion.places(actor.motion)):
+    if ground is not None and not all(ground.inside(*at) for at in motion.waypoints(actor.motion)):
         raise WorldError(
             ("world", "actors", index, "motion"), f"`{actor.name}` goes beside the terrain; move it"
         )
@@ -139,17 +140,17 @@ def check_way(index: int, actor: Actor, ground: Ground | None) -> None:
 
 def actor_bodies(actor: Actor, position_m: Vector3, orientation: Quaternion) -> list[Solid]:
     """Return what of an actor that is somewhere meets things, in the world, under its name."""
-    return _placed(parts(actor.form), actor.name, position_m, orientation)
+    return _placed(form_solids(actor.form), actor.name, position_m, orientation)
 
 
 def vehicle_bodies(
     name: str, model: VehicleModel, position_m: Vector3, orientation: Quaternion
 ) -> list[Solid]:
     """Return what of a vehicle that is somewhere meets things, in the world, under its name."""
-    return _placed(touching(model), name, position_m, orientation)
+    return _placed(collision_solids(model), name, position_m, orientation)
 
 
-def in_the_way(bodies: Iterable[Solid], there: Iterable[Solid]) -> str | None:
+def first_overlap(bodies: Iterable[Solid], there: Iterable[Solid]) -> str | None:
     """Return the name of something that shares space with one of some bodies, or None."""
     solid = [solid for solid in there if not isinstance(solid.shape, Mesh)]
     return next((s.name for body in bodies for s in solid if intersect(body, s)), None)
@@ -157,7 +158,7 @@ def in_the_way(bodies: Iterable[Solid], there: Iterable[Solid]) -> str | None:
 
 def ground_of(scenario: Scenario) -> Ground | None:
     """Return the terrain of a scenario's world, if it has one."""
-    return terrain.ground(scenario.world.terrain) if scenario.world.terrain else None
+    return terrain.load_ground(scenario.world.terrain) if scenario.world.terrain else None
 
 
 def _placed(

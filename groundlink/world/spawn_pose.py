@@ -30,13 +30,13 @@ SAMPLES = 9
 Pose = tuple[Vector3, Quaternion]
 
 
-def touching(model: VehicleModel) -> list[Solid]:
+def collision_solids(model: VehicleModel) -> list[Solid]:
     """Return what of a vehicle meets things, beside its wheels, in its base frame."""
     chassis = Solid("chassis", Box(size_m=model.chassis.size_m), "", model.chassis.center_m)
     return [*([chassis] if model.chassis.collides else []), *model.collisions]
 
 
-def start(vehicle: Vehicle, ground: Ground | None) -> Pose:
+def spawn_pose(vehicle: Vehicle, ground: Ground | None) -> Pose:
     """Return world_from_base of a vehicle at its start.
 
     Parameters
@@ -63,7 +63,7 @@ def start(vehicle: Vehicle, ground: Ground | None) -> Pose:
     turn = quaternion_from_rpy(atan(slope_y * cos(pitch)), pitch, yaw)
     rotation = matrix_from_quaternion(turn)
     origin = np.array([place.x_m, place.y_m, height]) + rotation[:, 2] * model.base_height_m
-    lowest = [_bottom(solid) for solid in touching(model)]
+    lowest = [_bottom(solid) for solid in collision_solids(model)]
     points = np.concatenate([*lowest, np.empty((0, 3))]) @ rotation.T + origin
     hubs = centers @ rotation.T + origin
     grid = np.linspace(-1, 1, SAMPLES)

@@ -124,7 +124,7 @@ class Ground:
 
 
 @lru_cache(maxsize=8)
-def ground(terrain: Terrain) -> Ground:
+def load_ground(terrain: Terrain) -> Ground:
     """Return a world's terrain, mapped from the store where nothing has to be added to it.
 
     Raises
@@ -156,7 +156,7 @@ def ground(terrain: Terrain) -> Ground:
     )
 
 
-def asset_of(array: NDArray[np.float32] | NDArray[np.uint8]) -> bytes:
+def encode_grid(array: NDArray[np.float32] | NDArray[np.uint8]) -> bytes:
     """Return a map as an asset holds it: the same bytes for the same values everywhere."""
     file = BytesIO()
     np.lib.format.write_array(file, np.ascontiguousarray(array), version=(1, 0), allow_pickle=False)
@@ -171,7 +171,7 @@ def _array(digest: str, dtype: type[D]) -> NDArray[D]:
     MissingAsset
         when there is none.
     """
-    content = assets.mapped(digest)
+    content = assets.map_asset(digest)
     try:
         head = BytesIO(content[:HEAD_BYTES])
         np.lib.format.read_magic(head)

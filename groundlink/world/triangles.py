@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats, matrix_from_quaternion
 
-from .mesh_asset import surface
+from .mesh_asset import load_mesh
 from .solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 from .terrain import Ground
 
@@ -109,7 +109,7 @@ def _triangles(shape: Shape) -> tuple[Floats, NDArray[np.intp]]:
             profile[[0, -1], 0] = 0.0
             return _revolved(shape.radius_m * profile)
         case Mesh():
-            mesh = surface(shape.asset)
+            mesh = load_mesh(shape.asset)
             return mesh.vertices.astype(np.float64), mesh.faces.astype(np.intp)
 
 

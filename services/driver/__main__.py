@@ -12,7 +12,7 @@ from math import radians
 from groundlink.bus.core_topics import ACK, COMMAND, HEALTH
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_name
-from groundlink.core.errors import UserError, nearest
+from groundlink.core.errors import UserError, did_you_mean
 from groundlink.process import runner as process
 from groundlink.process.joining import join
 from groundlink.process.state_follower import StateFollower, follow_states
@@ -77,7 +77,7 @@ def _find(scenario: Scenario, name: str) -> Vehicle:
         if driver_name(vehicle) == name:
             return vehicle
     known = [driver_name(vehicle) for vehicle in scenario.vehicles]
-    raise UserError(f"scenario `{scenario.name}` has no `{name}`; {nearest(name, known)}")
+    raise UserError(f"scenario `{scenario.name}` has no `{name}`; {did_you_mean(name, known)}")
 
 
 def _route(
@@ -98,7 +98,7 @@ def _route(
                 f"run `{scenario.name}` is in {scenario.time.mode} mode, which waits for no driver "
                 "that comes later; write `route:` into the scenario's vehicle"
             )
-        from groundlink.loader.load import load_route  # loaded only where a file is read
+        from groundlink.loader.scenario_files import load_route  # loaded only where a file is read
 
         route = load_route(given, vehicle)
         return route, lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))

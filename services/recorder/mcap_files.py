@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.run.journal import Journal, dumped, loaded
 from groundlink.scenario import Scenario
@@ -66,7 +66,7 @@ class McapFiles:
                 continue
         if self.path != self._wanted:
             print(f"{self._wanted} exists, so this goes to {self.path}", flush=True)
-        run = facts(self._scenario, self._run, epoch_nanos)
+        run = describe_run(self._scenario, self._run, epoch_nanos)
         file.mcap.add_metadata(RUN_RECORD, run_entries(run))
         self._file, self._entries, self._next_journal_nanos = file, 0, 0
         return file

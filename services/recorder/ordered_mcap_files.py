@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
-from groundlink.recording.ros_channels import RosFile, Topic
+from groundlink.recording.ros_channels import RecordedTopic, RosFile
 from groundlink.run.journal import acting_before
 
 from .mcap_files import JOURNAL_NANOS, McapFiles
@@ -31,7 +31,7 @@ Held = tuple[int, int, bytes]
 class _BufferedTopic:
     """A topic of which messages are held."""
 
-    def __init__(self, number: int, topic: Topic, held: list[Held]) -> None:
+    def __init__(self, number: int, topic: RecordedTopic, held: list[Held]) -> None:
         self._number, self._held, self.topic = number, held, topic
 
     def write(self, nanos: int, cdr: memoryview) -> None:

@@ -19,10 +19,10 @@ from groundlink.process import runner as process
 from groundlink.process.joining import join
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.missing_readings import left_out
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.recording.verifying import (
-    compared,
-    extent,
+    compared_messages,
+    compared_span,
     later_sensors,
     not_compared,
     silent_sensors,
@@ -134,8 +134,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     with Recording(options.recording) as recording, Bus(connect=process.endpoint(options)) as bus:
         run, scenario = join(bus, options.run, stop)
         scenario = with_later_vehicles(recording, scenario)
-        wanted = extent(recording)
-        comparison = Comparison(compared(recording), wanted, left_out(recording))
+        wanted = compared_span(recording)
+        comparison = Comparison(compared_messages(recording), wanted, left_out(recording))
         duration = wanted.end_nanos - recording.run.epoch_nanos
         absent = {*silent_sensors(recording, scenario), *later_sensors(recording)}
         promised = {stream.topic for stream in outgoing(scenario, run)}

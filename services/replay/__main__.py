@@ -35,7 +35,7 @@ from groundlink.scenario import Scenario
 NAME = REPLAY
 
 with process_needs(NAME, "record"):
-    from groundlink.recording.reading import Recording
+    from groundlink.recording.reader import Recording
 
     from .player import Player
 

@@ -8,7 +8,7 @@ stack told of itself is left out: the stack that is tested tells it anew.
 from __future__ import annotations
 
 from groundlink.recording.playback import Playback
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.ros.streams import incoming, outgoing, recorded_only
 
 

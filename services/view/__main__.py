@@ -32,7 +32,7 @@ from .reconstructed_states import StateReconstructor, StreamMessage
 from .viewer_subscriptions import ViewerSubscriptions, streams_of
 
 if TYPE_CHECKING:
-    from groundlink.recording.reading import Recording
+    from groundlink.recording.reader import Recording
 
 NAME = "view"
 
@@ -127,7 +127,7 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
     """
     try:
         from groundlink.recording.playback import Playback
-        from groundlink.recording.reading import Recording
+        from groundlink.recording.reader import Recording
     except ModuleNotFoundError as error:
         raise UserError(
             f"to view a recording needs `{error.name}`; pip install 'groundlink[record,view]'"

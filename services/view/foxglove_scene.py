@@ -36,10 +36,10 @@ from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle
 from groundlink.world import actors
 from groundlink.world.build import solids
-from groundlink.world.links import links
 from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.solids import Mesh as MeshShape
 from groundlink.world.terrain import BODY
+from groundlink.world.vehicle_links import link_solids
 
 from .meshes import ShadedMesh, mesh, rgba, terrain
 
@@ -58,7 +58,7 @@ def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
         frame = vehicle.frame_prefix + vehicle.model.base_frame
         entities.append(_entity(vehicle.name, frame, _body(vehicle), materials, stamp_nanos))
     for actor in scenario.world.actors:
-        it = actors.parts(actor.form)
+        it = actors.form_solids(actor.form)
         entities.append(_entity(actor.name, actor.name, it, materials, stamp_nanos))
     # What was told before and is not told now is there no more.
     now = Timestamp(sec=stamp_nanos // NANOS, nsec=stamp_nanos % NANOS)
@@ -69,7 +69,7 @@ def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
 def _body(vehicle: Vehicle) -> list[Solid]:
     """Return a vehicle with its wheels, in its base frame."""
     model = vehicle.model
-    base, *others = links(model)
+    base, *others = link_solids(model)
     for wheel, parts in zip(model.wheels, others, strict=False):
         base += [replace(part, position_m=wheel.center_m) for part in parts]
     still = base_from_links(model.joints, [0.0] * len(model.joints))

@@ -19,7 +19,7 @@ from groundlink.scenario import Scenario
 from groundlink.world import mesh_asset
 from groundlink.world.build import solids
 from groundlink.world.colors import srgb
-from groundlink.world.objects.indoor_objects import walls
+from groundlink.world.objects.indoor_objects import build_room
 from groundlink.world.solids import Material, Solid
 from groundlink.world.solids import Mesh as MeshShape
 from groundlink.world.terrain import BODY
@@ -54,7 +54,7 @@ def mesh(solids: Sequence[Solid], materials: Mapping[str, Material]) -> ShadedMe
     for solid in solids:
         if isinstance(solid.shape, MeshShape):
             frame_from_solid = matrix_from_quaternion(solid.orientation)
-            surface = mesh_asset.surface(solid.shape.asset)
+            surface = mesh_asset.load_mesh(solid.shape.asset)
             local, kept = simplified_surfaces.coarse(surface)
             placed = local @ frame_from_solid.T + solid.position_m
             seen = simplified_surfaces.face_colors(surface, materials[solid.material])[kept]
@@ -86,7 +86,7 @@ def rgba(linear: Sequence[float]) -> tuple[int, int, int, int]:
 def world(scenario: Scenario) -> dict[str, ShadedMesh]:
     """Return what stands still, in the world: one mesh for the room, one for each thing in it."""
     materials, room = scenario.world.materials, scenario.world.room
-    shell = {solid.name for solid in walls(room)} if room else set()
+    shell = {solid.name for solid in build_room(room)} if room else set()
     inside = [solid for solid in solids(scenario) if solid.name in shell]
     meshes = {}
     if room and inside:

@@ -19,7 +19,7 @@ from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world import actors
-from groundlink.world.links import links
+from groundlink.world.vehicle_links import link_solids
 
 from . import link_panel
 from .colors import Coloring
@@ -156,10 +156,12 @@ class RerunView:
         for actor in self._scenario.world.actors:
             path = f"actors/{actor.name}"
             context.in_frame(path, actor.name)
-            recording.log(path, _drawn(mesh(actors.parts(actor.form), materials)), static=True)
+            recording.log(
+                path, _drawn(mesh(actors.form_solids(actor.form), materials)), static=True
+            )
         for history in context.vehicles.values():
             model, prefix = history.spec.model, history.spec.frame_prefix
-            for link, parts in zip(model.link_names(), links(model), strict=True):
+            for link, parts in zip(model.link_names(), link_solids(model), strict=True):
                 path = f"{history.spec.name}/links/{link}"
                 context.in_frame(path, prefix + link)
                 recording.log(path, _drawn(mesh(parts, materials)), static=True)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats
 from groundlink.scenario import Scenario
 from groundlink.world.colors import linear
-from groundlink.world.mesh_asset import Part, Surface
+from groundlink.world.mesh_asset import MeshPart, TriangleMesh
 from groundlink.world.solids import Material
-from groundlink.world.terrain import Ground, Terrain, ground
+from groundlink.world.terrain import Ground, Terrain, load_ground
 
 MOST_FACES = 50_000
 """Of one mesh."""
@@ -30,7 +30,7 @@ FINE_CELLS = 40
 """Of terrain to each side of a vehicle's start."""
 
 
-def coarse(mesh: Surface) -> tuple[Floats, NDArray[np.intp]]:
+def coarse(mesh: TriangleMesh) -> tuple[Floats, NDArray[np.intp]]:
     """Return corners of faces, shape (F, 3, 3), and which face of the mesh each one was."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     if len(corners) <= MOST_FACES:
@@ -53,7 +53,7 @@ def coarse(mesh: Surface) -> tuple[Floats, NDArray[np.intp]]:
         edge_m *= 1.3
 
 
-def face_colors(mesh: Surface, material: Material) -> Floats:
+def face_colors(mesh: TriangleMesh, material: Material) -> Floats:
     """Return the linear colors of a mesh's faces, shape (F, 3); of a picture that amid a face."""
     colors = np.empty((len(mesh.faces), 3))
     for part in mesh.parts:
@@ -64,7 +64,7 @@ def face_colors(mesh: Surface, material: Material) -> Floats:
     return colors
 
 
-def _sampled(part: Part, uv: Floats) -> Floats:
+def _sampled(part: MeshPart, uv: Floats) -> Floats:
     from PIL import Image
 
     assert part.picture is not None
@@ -78,7 +78,7 @@ def _sampled(part: Part, uv: Floats) -> Floats:
 
 def terrain_faces(scenario: Scenario, terrain: Terrain) -> tuple[Floats, Floats]:
     """Return corners of faces, shape (F, 3, 3), and their linear colors, shape (F, 3)."""
-    here = ground(terrain)
+    here = load_ground(terrain)
     rows, columns = here.heights.shape
     starts = [vehicle.placement for vehicle in scenario.vehicles]
     row = _lines(rows, [(start.y_m - here.y0_m) / here.cell_m for start in starts])

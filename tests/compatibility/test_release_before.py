@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from groundlink.__main__ import main
 from groundlink.loader import load
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from services.replay.player import Player
 
 HERE = Path(__file__).parent

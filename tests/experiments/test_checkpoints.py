@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.estimation.checkpoints import accumulated, begun_at
+from experiments.estimation.checkpoints import accumulated_errors, aligned_at_start
 from experiments.estimation.trajectories import Trajectory
 from groundlink.core.frames import matrix_from_quaternion, multiply
 
@@ -29,7 +29,7 @@ def _seen_elsewhere(way: Trajectory) -> Trajectory:
 
 def test_an_estimate_begins_at_the_truth() -> None:
     truth = _there_and_back()
-    begun = begun_at(_seen_elsewhere(truth), truth)
+    begun = aligned_at_start(_seen_elsewhere(truth), truth)
     assert begun.positions_m == pytest.approx(truth.positions_m)
     assert begun.orientations == pytest.approx(truth.orientations)
 
@@ -38,7 +38,7 @@ def test_errors_add_up_from_checkpoint_to_checkpoint() -> None:
     truth = _there_and_back()
     # One part in a thousand too long: 0, 5, 10, 5 and 0 mm at the checkpoints.
     long = Trajectory(truth.seconds, truth.positions_m * 1.001, truth.orientations)
-    passed = accumulated(_seen_elsewhere(long), truth, truth, CHECKPOINTS)
+    passed = accumulated_errors(_seen_elsewhere(long), truth, truth, CHECKPOINTS)
     assert [p.checkpoint for p in passed] == ["start", "middle", "end", "middle", "start"]
     assert [p.travelled_m for p in passed] == pytest.approx([0, 5, 10, 15, 20], abs=0.1)
     assert [1e3 * p.error_m for p in passed] == pytest.approx([0, 5, 10, 5, 0], abs=1e-6)
@@ -47,6 +47,6 @@ def test_errors_add_up_from_checkpoint_to_checkpoint() -> None:
 
 def test_a_way_that_begins_late_is_judged_where_it_is() -> None:
     truth = _there_and_back()
-    passed = accumulated(truth.between(1.0, 39.0), truth, truth, CHECKPOINTS)
+    passed = accumulated_errors(truth.between(1.0, 39.0), truth, truth, CHECKPOINTS)
     assert len(passed) == 5
     assert passed[-1].sum_mm2 == pytest.approx(0.0, abs=1e-9)

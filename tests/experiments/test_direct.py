@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.estimation.trajectories import Trajectory
-from experiments.studies.direct import Sweep, imu_quantities, scan_quantities
+from experiments.studies.direct import LidarSweep, imu_quantities, scan_quantities
 from groundlink.world.solids import Box, Solid
 
 HALF_M = np.array([4.0, 3.0, 2.0])
@@ -36,7 +36,7 @@ def _truth() -> Trajectory:
     return Trajectory(seconds, positions, turns)
 
 
-def _sweeps() -> list[Sweep]:
+def _sweeps() -> list[LidarSweep]:
     """Return what it sees of the outer walls, each beam at its own instant."""
     sweeps = []
     for stamp in np.arange(0.5, 3.4, 0.1):
@@ -64,11 +64,11 @@ def _sweeps() -> list[Sweep]:
         )
         start = np.stack([0.3 * instants - 0.6, 0 * instants, 0 * instants], axis=1)
         ranges = ((np.sign(world) * HALF_M - start) / world).min(axis=1)
-        sweeps.append(Sweep(float(stamp), beams * ranges[:, None], times))
+        sweeps.append(LidarSweep(float(stamp), beams * ranges[:, None], times))
     return sweeps
 
 
-def _values(sweeps: list[Sweep]) -> list[float]:
+def _values(sweeps: list[LidarSweep]) -> list[float]:
     return [q.value for q in scan_quantities(sweeps, _truth(), _room())]
 
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from experiments.estimation import environments
-from experiments.estimation.programs import DEBIAN_PACKAGES, DRIVERS, EVO, PROGRAMS, Program
-from experiments.output.say import Say
+from experiments.estimation.programs import DEBIAN_PACKAGES, DRIVERS, EVO, PROGRAMS, ExternalProgram
+from experiments.output.console import Console
 from groundlink.core.errors import UserError
 
-SAY = Say()
+SAY = Console()
 
 
-def made(out: Path, program: Program) -> None:
+def made(out: Path, program: ExternalProgram) -> None:
     """What an environment leaves when it was made, with a Python that lives elsewhere."""
     folder = out / "environments" / program.name
     (folder / "bin").mkdir(parents=True)
@@ -52,7 +52,7 @@ def test_a_library_that_is_missing_is_named_with_its_package(
 
 
 @pytest.mark.parametrize("program", PROGRAMS.values(), ids=list(PROGRAMS))
-def test_every_program_is_pinned_and_has_its_script(program: Program) -> None:
+def test_every_program_is_pinned_and_has_its_script(program: ExternalProgram) -> None:
     assert all("==" in word for word in program.requirements if not word.startswith("--"))
     assert not program.driver or (DRIVERS / program.driver).is_file()
     assert set(program.libraries) <= set(DEBIAN_PACKAGES)

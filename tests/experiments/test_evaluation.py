@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.estimation.evaluation import Result, median, missed, read_csv, write_csv
+from experiments.estimation.evaluation import Evaluation, median, missed, read_csv, write_csv
 
-ONE = Result(
+ONE = Evaluation(
     experiment="indoor",
     program="slam",
     case="",
@@ -24,7 +24,7 @@ ONE = Result(
 )
 
 
-def with_errors(*errors_m: float, case: str = "") -> list[Result]:
+def with_errors(*errors_m: float, case: str = "") -> list[Evaluation]:
     return [replace(ONE, seed=i, ate_m=e, case=case) for i, e in enumerate(errors_m, 1)]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import SeekingReader
 
-from experiments.recording.faults import FAULTS, spoiled, with_fault
+from experiments.recording.faults import FAULTS, apply_fault, with_fault
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.base import POINT, Imu, PointCloud
 from groundlink.messages.navigation import Transform, Transforms
@@ -33,7 +33,7 @@ MOUNTS = Transforms(
 def _with(name: str, message: Any) -> Any:
     fault = FAULTS[name]
     assert CODECS[type(message)].ros_type == fault.ros_type
-    return STORE.deserialize_cdr(spoiled(bytes(to_cdr(message)), fault), fault.ros_type)
+    return STORE.deserialize_cdr(apply_fault(bytes(to_cdr(message)), fault), fault.ros_type)
 
 
 def _points(cloud: Any) -> Any:

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from experiments import __main__ as module
-from experiments.estimation.evaluation import Result, read_csv
-from experiments.experiment import Experiment, Options
+from experiments.estimation.evaluation import Evaluation, read_csv
+from experiments.experiment import Experiment, ExperimentOptions
 from groundlink.core.errors import UserError
 
 from .test_evaluation import ONE
 
-Run = Callable[[Options], Sequence[Result]]
+Run = Callable[[ExperimentOptions], Sequence[Evaluation]]
 
 
 def one_of(ate_m: float) -> Run:
@@ -24,7 +24,7 @@ def one_of(ate_m: float) -> Run:
     return lambda _: [replace(ONE, program="a program", case="", ate_m=ate_m, limit_m=0.05)]
 
 
-def broken(_: Options) -> Sequence[Result]:
+def broken(_: ExperimentOptions) -> Sequence[Evaluation]:
     raise UserError("its program needs libGL.so.1")
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.estimation.evaluation import Result, read_csv
-from experiments.experiment import Experiment, Options
+from experiments.estimation.evaluation import Evaluation, read_csv
+from experiments.experiment import Experiment, ExperimentOptions
 from experiments.recording.setups import Setup
 from experiments.studies import sweep as module
 from groundlink.__main__ import main as groundlink
@@ -20,7 +20,7 @@ SHEETS = "scanner.datasheet=[sensors/utm30lx.yaml, sensors/lms111.yaml]"
 SETUP = Setup(name="swept", scenario="indoor_paper", seconds=1.0, sensors={"camera": None})
 
 
-def result(options: Options) -> Result:
+def result(options: ExperimentOptions) -> Evaluation:
     """A result whose error is told by the scanner that the run had."""
     (scanner,) = (
         sensor
@@ -30,7 +30,7 @@ def result(options: Options) -> Result:
     high_m = 0.0 if scanner["mount"] == "lidar" else scanner["mount"]["xyz_m"][2]
     far_m = 10.0 if "utm30lx" in scanner["datasheet"] else 20.0
     numbers = dict.fromkeys(("largest_m", "start_to_end_m", "way_m", "scale", "took_s"), 1.0)
-    return Result(
+    return Evaluation(
         experiment="swept",
         program="a program",
         case="",
@@ -44,7 +44,7 @@ def result(options: Options) -> Result:
 
 @pytest.fixture(autouse=True)
 def swept(monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(options: Options) -> Sequence[Result]:
+    def run(options: ExperimentOptions) -> Sequence[Evaluation]:
         return [result(options)]
 
     monkeypatch.setitem(module.EXPERIMENTS, "swept", Experiment(what="", run=run, minutes=0))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 
-from groundlink.recording.ros1 import NOETIC, body
+from groundlink.recording.ros1 import NOETIC, to_ros1
 from groundlink.ros.types import STORE
 from udp_bridge.wire.types import NUMBER_OF_ROS_TYPE
 from udp_bridge_ros1.cdr import ConversionPlan, MalformedMessage
@@ -78,7 +78,7 @@ def one(kind: Nodetype, what: Any) -> st.SearchStrategy[Any]:
 @given(data=st.data())
 def test_both_ways_are_rosbags_to_the_byte(name: str, data: st.DataObject) -> None:
     cdr = bytes(STORE.serialize_cdr(data.draw(messages(name)), name))
-    ros1 = bytes(body(name, cdr))
+    ros1 = bytes(to_ros1(name, cdr))
     plan = PLANS[name]
     assert b"".join(plan.to_ros1(cdr)) == ros1
     back = plan.to_cdr(ros1)

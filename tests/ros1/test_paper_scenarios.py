@@ -18,7 +18,7 @@ from groundlink.bus.topics import sensor_outputs
 from groundlink.loader import load
 from groundlink.messages.base import Clock, PointCloud
 from groundlink.messages.navigation import Text, Transforms
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.ros.base import Base
 from groundlink.ros.cdr import ROS_CODECS
 from groundlink.ros.streams import outgoing

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.recording.ros1 import body
+from groundlink.recording.ros1 import to_ros1
 from tests.ros.processes import Process
 from tests.system.rig import wait_for
 from tests.udp_bridge.cpp.test_cpp import HEADER, compiler
@@ -70,7 +70,7 @@ def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(ros1: Ros1, pro
                 whole = [reassembler.receive(d, "", 0) for d in vector.datagrams][-1]
                 assert whole is not None
                 kind = str(MSG_TYPES[whole.msg_type].ros_type)
-                wanted = bytes(body(kind, whole.body)).hex()[8:]  # without header.seq
+                wanted = bytes(to_ros1(kind, whole.body)).hex()[8:]  # without header.seq
 
                 # A message is lost where the subscriber isn't connected yet, so it is repeated.
                 def arrives(topic: str = whole.topic, wanted: str = wanted) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from tests.services.sensors.rendering.opengl import _opengl as _opengl

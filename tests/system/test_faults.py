@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from groundlink.recording.reading import Recording
-from groundlink.report.analysis.failures import Failures
+from groundlink.recording.reader import Recording
+from groundlink.report.analysis.fault_history import FaultHistory
 from groundlink.ros.faults import from_faults
 from groundlink.ros.types import STORE
 
@@ -44,8 +44,8 @@ def with_faults_of_the_wheels(it: Rig) -> None:
     it.scenario.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def told(path: Path, sensor: str) -> Failures:
-    failures = Failures(sensor)
+def told(path: Path, sensor: str) -> FaultHistory:
+    failures = FaultHistory(sensor)
     with Recording(path) as recording:
         for message in recording.read([f"/faults/{sensor}"]):
             array = STORE.deserialize_cdr(message.cdr, message.ros_type)

@@ -17,8 +17,8 @@ from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.messages.base import Clock
-from groundlink.recording.reading import Recording
-from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
+from groundlink.recording.reader import Recording
+from groundlink.report.analysis.completeness import IN_TRANSIT, UNEXPLAINED, StreamCompleteness
 from groundlink.report.analysis.gather import gather
 
 from .rig import Rig, rig, wait_for
@@ -46,7 +46,7 @@ class Run(NamedTuple):
     factor: float
     """Sim seconds for each second of the wall's, from its first clock to its last."""
 
-    accounts: dict[str, StreamAccount]
+    accounts: dict[str, StreamCompleteness]
 
 
 def recorded(it: Rig, seconds: float) -> Run:
@@ -97,8 +97,8 @@ def test_skip_keeps_the_pace_and_marks_all_that_it_leaves_out(overloaded: Run) -
         assert account.due == account.published + missing.total()
         # What is under way is one second; a sensor that is so far behind may take longer to tell.
         most_late = 0.02 * account.due if topic.removeprefix("/") in HEAVY else 0
-        assert missing.pop(NOT_TOLD, 0) <= most_late, topic
-        assert missing.keys() <= {"overloaded", UNDER_WAY}, topic
+        assert missing.pop(UNEXPLAINED, 0) <= most_late, topic
+        assert missing.keys() <= {"overloaded", IN_TRANSIT}, topic
     for name in HEAVY:
         assert overloaded.accounts[f"/{name}"].missing()["overloaded"] > 0
     assert overloaded.accounts["/imu"].published > 0
@@ -110,6 +110,6 @@ def test_slow_leaves_nothing_out_and_takes_longer(overloaded: Run) -> None:
     for topic, account in overloaded.accounts.items():
         missing = account.missing()
         print(topic, account.due, account.published, dict(missing))
-        assert missing.keys() <= {UNDER_WAY}, topic
+        assert missing.keys() <= {IN_TRANSIT}, topic
         # What is under way is the reading, or the revolution, that had not ended.
         assert account.due - account.published <= 1, topic

@@ -29,7 +29,7 @@ from groundlink.core.frames import matrix_from_quaternion, nlerp
 from groundlink.loader import load
 from groundlink.messages.base import Clock, PointCloud
 from groundlink.messages.navigation import Odometry, Transforms
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.scenario.sensors import Lidar

@@ -21,7 +21,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Clock, Imu
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from services.view.rerun_destinations import program
 
 from .rig import Rig, rig, wait_for

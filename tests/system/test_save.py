@@ -18,7 +18,7 @@ from groundlink.bus.queries import control_key, faults_key, journal_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
-from groundlink.loader.spawned import At, addition
+from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Command, Imu, M, State, decode, encode
 from groundlink.messages.control import Pause, Remove, Restore, Resume, Spawn, Step
 from groundlink.messages.faults import FaultAnswer
@@ -66,7 +66,7 @@ def command(it: Run, *words: str) -> str:
     return done.stdout
 
 
-def spawn(bus: Bus, what: str, at: At) -> None:
+def spawn(bus: Bus, what: str, at: SpawnPlace) -> None:
     _, more = addition(what, at=at, name=None, taken=(), ground=None)
     send_command(bus, RUN, Spawn(more))
 
@@ -119,10 +119,10 @@ def test_restored_here_and_elsewhere_a_run_goes_on_with_the_same_bytes(tmp_path:
         states = States(bus)
         it.start(*(name for name in it.names if name != "physics"))
         step_to(bus, 300)
-        spawn(bus, "crate", At(-6.0, -4.0))
+        spawn(bus, "crate", SpawnPlace(-6.0, -4.0))
         suffer(bus, "rover/lidar", Drop(share=0.2))
         step_to(bus, 700)
-        spawn(bus, "box", At(-4.0, -7.0))
+        spawn(bus, "box", SpawnPlace(-4.0, -7.0))
         suffer(bus, "rover/encoders", Stuck(for_s=5.0))
         suffer(bus, "rover/imu", Delay(delay_s=0.1))
         step_to(bus, 1200)

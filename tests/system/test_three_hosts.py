@@ -14,9 +14,9 @@ import pytest
 
 from groundlink.bus.topics import process_names
 from groundlink.loader import load
-from groundlink.recording.reading import Recording
-from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY
-from groundlink.report.analysis.gather import Gathered, gather
+from groundlink.recording.reader import Recording
+from groundlink.report.analysis.completeness import IN_TRANSIT, UNEXPLAINED
+from groundlink.report.analysis.gather import RunSummary, gather
 
 from .hosts import Hosts, hosts
 from .rig import Observer, Rig, rig, wait_for
@@ -140,29 +140,29 @@ def test_a_router_that_is_killed_and_comes_back_is_found_by_all(spread: Spread) 
 
 
 @pytest.fixture(scope="module")
-def recorded(spread: Spread) -> Gathered:
+def recorded(spread: Spread) -> RunSummary:
     """What the recorder beside physics has of all that, now that all processes have ended."""
     spread.rig.stop()
     with Recording(spread.rig.folder / "run.mcap") as recording:
         return gather(recording, lambda share: None)
 
 
-def test_the_sums_add_up_beside_physics(recorded: Gathered) -> None:
+def test_the_sums_add_up_beside_physics(recorded: RunSummary) -> None:
     """Every reading that was due was recorded, or its sensor told why not, or a link lost it."""
     for account in recorded.accounts:
         missing = account.missing()
         print(account.topic, account.due, account.published, dict(missing))
         assert account.due == account.published + missing.total()
-        assert missing[NOT_TOLD] * PERIODS_NANOS[account.topic] < UNDER_WAY_SECONDS * 1e9
+        assert missing[UNEXPLAINED] * PERIODS_NANOS[account.topic] < UNDER_WAY_SECONDS * 1e9
         if account.sensor == NEAR:
             lost = [hole for hole in account.holes() if hole.cause == "states lost"]
             assert len(lost) == 1, "it lacks what the router's end has cost"
         else:
             due_in_cut = CUT_SECONDS["sensors"] * 1e9 / PERIODS_NANOS[account.topic]
-            assert missing.total() - missing[UNDER_WAY] > 0.5 * due_in_cut
+            assert missing.total() - missing[IN_TRANSIT] > 0.5 * due_in_cut
 
 
-def test_the_sums_add_up_in_ros(spread: Spread, recorded: Gathered) -> None:
+def test_the_sums_add_up_in_ros(spread: Spread, recorded: RunSummary) -> None:
     """Every reading was sent to ROS, or it is counted as one that did not come."""
     counters = recorded.said.processes["gateway"]
     for topic, period_nanos in PERIODS_NANOS.items():

@@ -9,7 +9,7 @@ import sys
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.deploy.compose import MAIN, Deployment
 from groundlink.loader import load
-from groundlink.loader.load import scenario_file
+from groundlink.loader.scenario_files import scenario_file
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

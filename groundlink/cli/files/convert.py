@@ -26,7 +26,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def convert(options: argparse.Namespace) -> int:
     """Write the bag, which gets its name when it is complete."""
     with needs("record"):
-        from groundlink.recording.reading import Recording
+        from groundlink.recording.reader import Recording
         from groundlink.recording.ros1 import write_bag
 
     out = Path(options.bag)

@@ -33,7 +33,7 @@ def report(options: argparse.Namespace) -> int:
         when the file cannot be read, the page not written, or a package is missing.
     """
     with needs("report"):
-        from groundlink.recording.reading import Recording
+        from groundlink.recording.reader import Recording
         from groundlink.report.analysis.gather import gather
         from groundlink.report.page.page import page
 

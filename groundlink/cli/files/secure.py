@@ -20,7 +20,7 @@ from groundlink.core.extras import needs
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.deploy.compose import BRIDGE_KEY, MAIN, Deployment
 from groundlink.loader import load
-from groundlink.loader.load import scenario_file
+from groundlink.loader.scenario_files import scenario_file
 
 USER = 65532
 """Whose files they become where root makes them: the user of the images."""

@@ -18,8 +18,13 @@ import msgspec
 
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.loader.datasheets import FOLDER, Datasheet, datasheet, shipped
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.datasheets import (
+    FOLDER,
+    CheckedDatasheet,
+    load_datasheet,
+    shipped_datasheets,
+)
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
 
@@ -48,7 +53,7 @@ def sensors(options: argparse.Namespace) -> int:
     UserError
         when a shipped data sheet is wrong.
     """
-    sheets = shipped()
+    sheets = shipped_datasheets()
     width = max(shutil.get_terminal_size((WIDTH, 0)).columns, 2 * INDENT) - INDENT
     for kind in sensor_kinds().values():
         print(_kind(kind))
@@ -70,13 +75,13 @@ def show(options: argparse.Namespace) -> int:
     UserError
         when there is no such sheet, or it is wrong.
     """
-    if options.sheet in sensor_kinds().keys() - {sheet.name for sheet in shipped()}:
-        sheets = [sheet.name for sheet in shipped() if sheet.kind == options.sheet]
+    if options.sheet in sensor_kinds().keys() - {sheet.name for sheet in shipped_datasheets()}:
+        sheets = [sheet.name for sheet in shipped_datasheets() if sheet.kind == options.sheet]
         raise UserError(
             f"`{options.sheet}` is a kind of sensor; expected the name of a data sheet: "
             + (", ".join(sheets) or "none of this kind is shipped, write one of your own")
         )
-    sheet = datasheet(options.sheet)
+    sheet = load_datasheet(options.sheet)
     kind = sensor_kinds()[sheet.kind]
     print(f"{_kind(kind)}\n{sheet.file}\n")
     print(sheet.file.read_text(encoding="utf-8").strip())
@@ -93,7 +98,7 @@ def _kind(kind: SensorKind) -> str:
     return f"{kind.name}, {ROS_CODECS[kind.streams['']].ros_type.rpartition('/')[2]}: {about}"
 
 
-def _left_out(spec: type[SensorSpec], sheet: Datasheet) -> dict[str, Any]:
+def _left_out(spec: type[SensorSpec], sheet: CheckedDatasheet) -> dict[str, Any]:
     """Return the defaults of the device's fields that a sheet does not state."""
     of_every_sensor = SensorSpec.__struct_fields__
     return {

@@ -16,7 +16,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
-from groundlink.core.errors import UserError, nearest
+from groundlink.core.errors import UserError, did_you_mean
 from groundlink.loader import load
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario.sensors import Optics
@@ -51,7 +51,7 @@ def snapshot(options: argparse.Namespace) -> int:
             for sensor in vehicle.sensors
             if isinstance(sensor, Optics)
         ]
-        hint = nearest(options.camera, cameras) if cameras else "it has none at all"
+        hint = did_you_mean(options.camera, cameras) if cameras else "it has none at all"
         raise UserError(f"scenario `{scenario.name}` has no camera `{options.camera}`; {hint}")
     if picture_files.is_picture(options.out):
         raise UserError(

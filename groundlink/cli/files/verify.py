@@ -31,7 +31,7 @@ from groundlink.run import journal as journals
 from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:
-    from groundlink.recording.comparison import Verdict
+    from groundlink.recording.comparison import TopicComparison
 
 FOLLOWED, VERDICT = "run.journal", "verdict.json"
 """Files between this command and the processes that it starts."""
@@ -50,8 +50,8 @@ def verify(options: argparse.Namespace) -> int:
     with needs("record"):
         from groundlink.recording import missing_readings as missing
         from groundlink.recording import verifying
-        from groundlink.recording.comparison import Verdict
-        from groundlink.recording.reading import Recording
+        from groundlink.recording.comparison import TopicComparison
+        from groundlink.recording.reader import Recording
 
     console = terminal.console()
 
@@ -61,10 +61,10 @@ def verify(options: argparse.Namespace) -> int:
     scenario = load(options.scenario)
     with Recording(options.recording) as recording, tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        extent = verifying.extent(recording)
-        for line in verifying.otherwise(recording, scenario, extent):
+        extent = verifying.compared_span(recording)
+        for line in verifying.caveats(recording, scenario, extent):
             say(line)
-        again = verifying.journal_again(recording, scenario)
+        again = verifying.replay_journal(recording, scenario)
         journals.write(folder / FOLLOWED, journals.dumped(again))
         absent = verifying.silent_sensors(recording, scenario)
         epoch_nanos = recording.run.epoch_nanos
@@ -72,8 +72,8 @@ def verify(options: argparse.Namespace) -> int:
         code = _run(console, options.recording, again.scenario, absent, folder, seconds)
         if code is not None:
             return code
-        counting_on = missing.counting_on(recording)
-        verdicts = msgspec.json.decode((folder / VERDICT).read_bytes(), type=list[Verdict])
+        counting_on = missing.accumulating_topics(recording)
+        verdicts = msgspec.json.decode((folder / VERDICT).read_bytes(), type=list[TopicComparison])
         left_alone = {
             topic: why
             for topic, why in verifying.not_compared(recording).items()
@@ -153,7 +153,7 @@ def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
     return Text(f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}")
 
 
-def _table(verdicts: list[Verdict], epoch_nanos: int) -> FittingTable:
+def _table(verdicts: list[TopicComparison], epoch_nanos: int) -> FittingTable:
     counted = ("recorded", "equal", "different", "not again", "only again", "first at")
     columns = (Column("topic", "text"), *map(Column, counted))
     table = FittingTable("the recording and the same run again", columns)
@@ -164,7 +164,7 @@ def _table(verdicts: list[Verdict], epoch_nanos: int) -> FittingTable:
     return table
 
 
-def _left_out(verdicts: list[Verdict]) -> Iterator[str]:
+def _left_out(verdicts: list[TopicComparison]) -> Iterator[str]:
     """Yield what came again and cannot be in the recording."""
     for v in verdicts:
         for cause, count in v.left_out.items():
@@ -173,7 +173,7 @@ def _left_out(verdicts: list[Verdict]) -> Iterator[str]:
             yield f"under way when the recording began or ended: {v.topic}: {v.ragged} messages"
 
 
-def _first(verdict: Verdict, epoch_nanos: int) -> str:
+def _first(verdict: TopicComparison, epoch_nanos: int) -> str:
     """Return where a topic first differs: topic, time, field."""
     found = verdict.first
     assert found

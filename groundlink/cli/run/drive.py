@@ -23,8 +23,8 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_name
 from groundlink.cli.terminal.keyboard import HELP, Keyboard, keys
 from groundlink.cli.terminal.output import stop_on_signals
-from groundlink.core.errors import UserError, nearest
-from groundlink.loader.load import load_route, read_route
+from groundlink.core.errors import UserError, did_you_mean
+from groundlink.loader.scenario_files import load_route, read_route
 from groundlink.messages.base import Clock, Command
 from groundlink.process import runner as process
 from groundlink.process.joining import join
@@ -108,7 +108,7 @@ def _vehicle(scenario: Scenario, name: str | None) -> Vehicle:
         raise UserError(f"which vehicle? the run has {', '.join(found)}")
     name = name or next(iter(found))
     if name not in found:
-        raise UserError(f"the run has no vehicle `{name}`; {nearest(name, found)}")
+        raise UserError(f"the run has no vehicle `{name}`; {did_you_mean(name, found)}")
     return found[name]
 
 

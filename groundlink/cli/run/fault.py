@@ -17,11 +17,11 @@ import msgspec
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.core.errors import UserError, nearest
+from groundlink.core.errors import UserError, did_you_mean
 from groundlink.messages.faults import CLEAR, FaultAnswer
 from groundlink.process import runner as process
 from groundlink.process.joining import join
-from groundlink.scenario.fault_checks import mistake
+from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 
 ANSWER_SECONDS = 3.0
@@ -63,10 +63,10 @@ def fault(options: argparse.Namespace) -> int:
             return 0
         found = scenario.sensor(options.sensor)
         if found is None:
-            hint = nearest(options.sensor, scenario.sensor_names())
+            hint = did_you_mean(options.sensor, scenario.sensor_names())
             raise UserError(f"run `{run}` has no sensor `{options.sensor}`; {hint}")
         vehicle, spec = found
-        if wanted is not None and (wrong := mistake(wanted, spec, vehicle)):
+        if wanted is not None and (wrong := fault_problem(wanted, spec, vehicle)):
             raise UserError(f"{options.sensor}: `{wrong[0]}`: {wrong[1]}")
         wish = CLEAR if wanted is None else msgspec.json.encode(wanted).decode()
         print(_ask(bus, run, options.sensor, wish))
@@ -86,13 +86,13 @@ def parsed(kind: str, words: Sequence[str], seconds: float | None) -> Fault | No
             raise UserError("`clear` ends all faults of the sensor; leave out what follows it")
         return None
     if kind not in KINDS:
-        raise UserError(f"unknown kind of fault `{kind}`; {nearest(kind, [*KINDS, CLEAR])}")
+        raise UserError(f"unknown kind of fault `{kind}`; {did_you_mean(kind, [*KINDS, CLEAR])}")
     fields = {f.name: f for f in msgspec.structs.fields(KINDS[kind]) if f.name not in TIMES}
     given: dict[str, Any] = {} if seconds is None else {"for_s": seconds}
     for word in words:
         name, _, text = word.partition("=")
         if name not in fields or not text:
-            hint = nearest(name, fields) if fields else "it has none"
+            hint = did_you_mean(name, fields) if fields else "it has none"
             raise UserError(f"`{word}` is no parameter of `{kind}`; {hint}")
         values = [_value(part) for part in text.strip("[]").split(",")]
         given[name] = values if len(values) > 1 else values[0]

@@ -107,7 +107,7 @@ def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
 def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
     """Show what the file holds; return 1 where that is less than was declared."""
     with needs("record"):
-        from groundlink.recording.reading import Recording
+        from groundlink.recording.reader import Recording
 
     if not out.exists():
         console.print("nothing was recorded: the run was ended before it began")

@@ -57,7 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def replay(options: argparse.Namespace) -> int:
     """Replay a recording; 0 when everything that was declared arrived at its rate."""
     with needs("record"):
-        from groundlink.recording.reading import Recording
+        from groundlink.recording.reader import Recording
 
     with Recording(Path(options.recording)) as recording:
         recorded = recording.run

@@ -14,7 +14,7 @@ from groundlink.bus.control_client import send_command
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
-from groundlink.loader.spawned import KINDS, At, addition, check_given
+from groundlink.loader.additions import KINDS, SpawnPlace, addition, check_addition
 from groundlink.messages.control import ControlAnswer, Remove, Spawn
 from groundlink.process import runner as process
 from groundlink.process.joining import join, join_world
@@ -50,7 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def spawn(options: argparse.Namespace) -> int:
     """Put something into a run."""
     at = _place(options.at)
-    check_given(options.what)
+    check_addition(options.what)
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = join_world(bus, options.run, threading.Event())
         names = [vehicle.name for vehicle in scenario.vehicles]
@@ -82,11 +82,11 @@ def _from(answer: ControlAnswer) -> str:
     return f"from tick {tick} ({tick * TICK_SECONDS:.4f} s) on"
 
 
-def _place(text: str) -> At:
+def _place(text: str) -> SpawnPlace:
     try:
         numbers = [float(part) for part in text.split(",")]
         if not 2 <= len(numbers) <= 4 or not all(abs(number) < 1e9 for number in numbers):
             raise ValueError
     except ValueError:
         raise UserError(f"--at {text}: expected X,Y or X,Y,Z or X,Y,Z,YAW") from None
-    return At(*numbers)
+    return SpawnPlace(*numbers)

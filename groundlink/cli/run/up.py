@@ -21,7 +21,7 @@ from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
-from groundlink.loader import load, time_choice
+from groundlink.loader import load, time_options
 from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor
 from groundlink.monitor.supervisor import Child
 from groundlink.run import journal
@@ -64,7 +64,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="all sensors in one process: less work, but they wait for each other",
     )
     parser.add_argument("--record", metavar="RUN.mcap", help="write the run to a file, too")
-    time_choice.add_arguments(parser)
+    time_options.add_arguments(parser)
     parser.set_defaults(command=up)
 
 
@@ -74,7 +74,7 @@ def up(options: argparse.Namespace) -> int:
         described = journal.loaded(journal.read(file), options.scenario).still_there()
     else:
         described = load(options.scenario)
-    scenario = time_choice.chosen(described, options)
+    scenario = time_options.with_time_options(described, options)
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     if options.report and not options.report.resolve().parent.is_dir():
@@ -87,7 +87,7 @@ def up(options: argparse.Namespace) -> int:
         *(scenario, options.scenario, run, options.listen),
         sensors_together=options.sensors_together,
     )
-    commands["physics"] += time_choice.handed_on(options)
+    commands["physics"] += time_options.forwarded(options)
     if options.record:
         commands["physics"] += ["--wait-for", running.RECORDER]
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)

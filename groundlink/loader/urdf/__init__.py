@@ -4,6 +4,6 @@
 Rule: a URDF is read once, at load; behind it there is one kind of vehicle only.
 """
 
-from .model import expand, must_not_be_alone
+from .model import expand, refuse_bare_urdf
 
-__all__ = ["expand", "must_not_be_alone"]
+__all__ = ["expand", "refuse_bare_urdf"]

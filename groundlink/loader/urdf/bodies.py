@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from groundlink.core.errors import nearest
+from groundlink.core.errors import did_you_mean
 from groundlink.core.frames import Floats
 
-from .elements import Element
-from .robot import Geometry, Inertial, Joint, Link, Robot
+from .elements import XmlElement
+from .robot import Robot, UrdfInertial, UrdfJoint, UrdfLink, UrdfShape
 
 BASE_LINK = "base_link"
 """By REP 105 the frame of the body, also where a `base_footprint` without mass is the root."""
 
-Placed = tuple[Floats, Geometry]
+Placed = tuple[Floats, UrdfShape]
 """The pose of a shape in its body's frame, shape (4, 4), and the rest of it."""
 
 
@@ -30,13 +30,13 @@ Placed = tuple[Floats, Geometry]
 class Body:
     """Links that move as one, in one frame."""
 
-    element: Element
+    element: XmlElement
     """Of the link whose frame it is."""
 
     body_from_link: dict[str, Floats]
     """Poses of all its links, shape (4, 4) each."""
 
-    inertial: Inertial
+    inertial: UrdfInertial
     visuals: tuple[Placed, ...]
     collisions: tuple[Placed, ...]
 
@@ -45,7 +45,7 @@ class Body:
 class WheelBody:
     """A body that turns on the base."""
 
-    joint: Joint
+    joint: UrdfJoint
     center_m: Floats
     """Of its axle in the base's frame, shape (3,)."""
 
@@ -57,7 +57,7 @@ class WheelBody:
 class MovingBody:
     """Links that a servo moves; their masses and collisions are the base's."""
 
-    joint: Joint
+    joint: UrdfJoint
     parent: str | None
     """The joint that carries this one; None for the base."""
 
@@ -136,7 +136,9 @@ def bodies(
     return base, body, turning, moving
 
 
-def _movers(robot: Robot, wheels: Sequence[Joint], still: Container[str]) -> dict[str, str | None]:
+def _movers(
+    robot: Robot, wheels: Sequence[UrdfJoint], still: Container[str]
+) -> dict[str, str | None]:
     """Return by link the joint whose servo moves it; None on the base and on wheels."""
     above = {joint.child: joint for joint in robot.joints.values()}
     held, ahead = set(), [*wheels]
@@ -150,9 +152,9 @@ def _movers(robot: Robot, wheels: Sequence[Joint], still: Container[str]) -> dic
     return mover
 
 
-def _wheel_joint(robot: Robot, name: str, *, is_caster: bool) -> Joint:
+def _wheel_joint(robot: Robot, name: str, *, is_caster: bool) -> UrdfJoint:
     if name not in robot.joints:
-        hint = nearest(name, robot.joints) if robot.joints else "the file has none"
+        hint = did_you_mean(name, robot.joints) if robot.joints else "the file has none"
         raise robot.element.mistake(f"no joint `{name}`, which is to be a wheel's; {hint}")
     joint = robot.joints[name]
     if joint.kind != "continuous" and not is_caster:
@@ -179,7 +181,7 @@ def _check_masses(robot: Robot, rigid: Mapping[str, str]) -> None:
 
 def _merged(robot: Robot, name: str, body_from: dict[str, Floats]) -> Body:
     """Return the body that links make, with the poses that they have in it."""
-    links: list[tuple[Floats, Link]] = [(p, robot.links[link]) for link, p in body_from.items()]
+    links: list[tuple[Floats, UrdfLink]] = [(p, robot.links[link]) for link, p in body_from.items()]
     return Body(
         robot.links[name].element,
         body_from,
@@ -198,11 +200,11 @@ def _visuals(robot: Robot, body_from: dict[str, Floats]) -> tuple[Placed, ...]:
     )
 
 
-def _sum(parts: Sequence[tuple[Floats, Inertial]]) -> Inertial:
+def _sum(parts: Sequence[tuple[Floats, UrdfInertial]]) -> UrdfInertial:
     """Return the inertia of bodies in one frame, by Steiner's theorem; of none it is zero."""
     mass = sum(part.mass_kg for _, part in parts)
     if mass <= 0:
-        return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+        return UrdfInertial(0.0, np.zeros(3), np.zeros((3, 3)))
     placed = [(p.mass_kg, at[:3, :3] @ p.center_m + at[:3, 3], at[:3, :3], p) for at, p in parts]
     center = sum((m * place for m, place, _, _ in placed), np.zeros(3)) / mass
     tensor = np.zeros((3, 3))
@@ -210,4 +212,4 @@ def _sum(parts: Sequence[tuple[Floats, Inertial]]) -> Inertial:
         arm = place - center
         tensor += turn @ part.inertia_kgm2 @ turn.T
         tensor += part_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return Inertial(mass, center, tensor)
+    return UrdfInertial(mass, center, tensor)

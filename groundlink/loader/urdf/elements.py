@@ -11,32 +11,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from groundlink.loader.document import Mark, ScenarioError
+from groundlink.loader.document import ScenarioError, SourceLine
 
-LARGEST = 1e9
+MAX_NUMBER = 1e9
 """Number in a URDF: more is no vehicle's, and overflows where squares of it are summed."""
 
-EXPAND = "expand it first: `xacro {name} > robot.urdf`"
+EXPAND_HINT = "expand it first: `xacro {name} > robot.urdf`"
 
 
 @dataclass(eq=False)
-class Element:
+class XmlElement:
     """An XML element."""
 
     tag: str
     attributes: dict[str, str]
-    mark: Mark
-    children: list[Element] = field(default_factory=list)
+    mark: SourceLine
+    children: list[XmlElement] = field(default_factory=list)
 
-    def all(self, tag: str) -> list[Element]:
+    def all(self, tag: str) -> list[XmlElement]:
         """Return the children with a tag."""
         return [child for child in self.children if child.tag == tag]
 
-    def first(self, tag: str) -> Element | None:
+    def first(self, tag: str) -> XmlElement | None:
         """Return the first child with a tag, or None."""
         return next(iter(self.all(tag)), None)
 
-    def need(self, tag: str) -> Element:
+    def need(self, tag: str) -> XmlElement:
         """Return the first child with a tag; without one, that is a mistake."""
         child = self.first(tag)
         if child is None:
@@ -61,10 +61,10 @@ class Element:
             numbers = tuple(float(word) for word in text.split())
         except ValueError:
             numbers = ()
-        if len(numbers) != count or not all(abs(number) <= LARGEST for number in numbers):
+        if len(numbers) != count or not all(abs(number) <= MAX_NUMBER for number in numbers):
             wanted = "a number" if count == 1 else f"{count} numbers"
             if "$" in text:
-                wanted += f"; if this is xacro, {EXPAND.format(name=self.mark.file.name)}"
+                wanted += f"; if this is xacro, {EXPAND_HINT.format(name=self.mark.file.name)}"
             raise self.mistake(f"`{attribute}` is `{text}`; expected {wanted}")
         return numbers
 
@@ -87,7 +87,7 @@ class Element:
         return ScenarioError(f"{self.mark}: {called}: {problem}")
 
 
-def parse(file: Path) -> Element:
+def parse(file: Path) -> XmlElement:
     """Return the root element of an XML file.
 
     Raises
@@ -99,21 +99,21 @@ def parse(file: Path) -> Element:
         content = file.read_bytes()
     except OSError as error:
         raise ScenarioError(f"{file}: {(error.strerror or str(error)).lower()}") from None
-    roots: list[Element] = []
-    open_: list[Element] = []
+    roots: list[XmlElement] = []
+    open_: list[XmlElement] = []
     parser = expat.ParserCreate()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        mark = Mark(file, parser.CurrentLineNumber)
+        mark = SourceLine(file, parser.CurrentLineNumber)
         if tag.startswith("xacro:"):
-            name = EXPAND.format(name=file.name)
+            name = EXPAND_HINT.format(name=file.name)
             raise ScenarioError(f"{mark}: <{tag}>: this is xacro, which makes URDF; {name}")
-        element = Element(tag, attributes, mark)
+        element = XmlElement(tag, attributes, mark)
         (open_[-1].children if open_ else roots).append(element)
         open_.append(element)
 
     def refuse_doctype(*_: object) -> None:
-        mark = Mark(file, parser.CurrentLineNumber)
+        mark = SourceLine(file, parser.CurrentLineNumber)
         raise ScenarioError(f"{mark}: <!DOCTYPE>: a URDF has no document type; take it out")
 
     def end(_: str) -> None:

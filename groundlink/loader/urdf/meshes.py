@@ -15,27 +15,27 @@ from pathlib import Path
 
 import numpy as np
 
-from groundlink.importing.files import BadFile, Tell
+from groundlink.importing.file_errors import BadFile, Warn
 from groundlink.importing.mesh_specs import MeshFile
-from groundlink.importing.meshes import make
+from groundlink.importing.meshes import import_mesh
 from groundlink.world.solids import Mesh
 
-from .elements import Element
+from .elements import XmlElement
 
 Scale = tuple[float, ...]
 
 
-class Meshes:
+class UrdfMeshes:
     """The meshes of one URDF; one that is named twice is read once.
 
     `tell` takes what is doubtful about their files.
     """
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, tell: Warn) -> None:
         self._tell = tell
         self._made: dict[tuple[Path, Scale], Mesh] = {}
 
-    def get(self, element: Element) -> Mesh:
+    def get(self, element: XmlElement) -> Mesh:
         """Return what a `<mesh>` names.
 
         Raises
@@ -50,7 +50,7 @@ class Meshes:
             raise element.mistake(f'scale="{element.text("scale")}" makes it flat')
         if (file, scale) not in self._made:
             try:
-                made = make(MeshFile(file=name, up="z"), folder, self._tell)
+                made = import_mesh(MeshFile(file=name, up="z"), folder, self._tell)
             except BadFile as error:
                 raise element.mistake(str(error)) from None
             # A mirror turns faces inside out.
@@ -60,7 +60,7 @@ class Meshes:
         return self._made[file, scale]
 
 
-def _file(element: Element) -> tuple[Path, str]:
+def _file(element: XmlElement) -> tuple[Path, str]:
     """Return the folder that a mesh is from, and the name of its file therein."""
     name = element.text("filename")
     scheme, has_scheme, rest = name.partition("://")

@@ -24,15 +24,15 @@ import msgspec
 import numpy as np
 
 from groundlink.core.frames import Floats, rpy_from_matrix
-from groundlink.importing.files import Tell, silent
-from groundlink.loader.document import DataPath, Document, Mark, ScenarioError
+from groundlink.importing.file_errors import Warn, ignore_warning
+from groundlink.loader.document import DataPath, Document, ScenarioError, SourceLine
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import Material, Solid
 
 from .bodies import Body, MovingBody, WheelBody, bodies
-from .meshes import Meshes
-from .robot import Robot, read
-from .shapes import round_about_y, solids
+from .meshes import UrdfMeshes
+from .robot import Robot, read_urdf
+from .shapes import solids, wheel_size
 
 LEAST_WHEEL_SHARE = 0.08
 """Of what a wheel carries, in its own mass: less would swing on a spring in steps of 2.5 ms. What a
@@ -47,7 +47,7 @@ TRAVEL_SHARE = 0.35
 Plain = dict[str, Any]
 
 
-def must_not_be_alone(document: Document, path: DataPath) -> None:
+def refuse_bare_urdf(document: Document, path: DataPath) -> None:
     """Refuse the name of a URDF in the place of a vehicle.
 
     Raises
@@ -58,10 +58,10 @@ def must_not_be_alone(document: Document, path: DataPath) -> None:
     given = document.at(path)
     if not isinstance(given, str) or not given.endswith((".urdf", ".xacro")):
         return
-    robot = read(_file(document, path))
+    robot = read_urdf(_file(document, path))
     _, whole, _, moving = bodies(robot, (), ())
     moved = (visual for part in moving.values() for visual in part.visuals)
-    solids((*whole.visuals, *moved, *whole.collisions), robot.name, Meshes(silent))
+    solids((*whole.visuals, *moved, *whole.collisions), robot.name, UrdfMeshes(ignore_warning))
     wheels = ", ".join(f"{joint}: {{}}" for joint in _turning(robot) or ["JOINT"])
     raise ScenarioError(
         f"{document.mark(path)}: `{path[-1]}`: a URDF does not say how it is driven; write "
@@ -69,7 +69,7 @@ def must_not_be_alone(document: Document, path: DataPath) -> None:
     )
 
 
-def expand(document: Document, path: DataPath, tell: Tell) -> None:
+def expand(document: Document, path: DataPath, tell: Warn) -> None:
     """Put a model into the place of a vehicle that names a URDF; leave others as they are.
 
     `tell` takes what is doubtful about its meshes.
@@ -82,11 +82,11 @@ def expand(document: Document, path: DataPath, tell: Tell) -> None:
     given = document.at(path)
     if not isinstance(given, dict) or "urdf" not in given:
         return
-    robot = read(_file(document, (*path, "urdf")))
+    robot = read_urdf(_file(document, (*path, "urdf")))
     own = _wheels(document, (*path, "wheels"), robot)
     casters = [joint for joint, fields in own.items() if fields.get("caster") is True]
     base_frame, base, turning, moving = bodies(robot, list(own), casters)
-    model = _model(robot, base_frame, base, turning, meshes := Meshes(tell))
+    model = _model(robot, base_frame, base, turning, meshes := UrdfMeshes(tell))
     model["joints"] = _joints(moving, model["materials"], meshes)
     for index, moved in enumerate(moving.values()):
         document.marks[*path, "joints", index] = moved.joint.element.mark
@@ -99,7 +99,7 @@ def expand(document: Document, path: DataPath, tell: Tell) -> None:
     for part in ("chassis", "mounts", "materials"):
         if isinstance(given.get(part), dict):
             given[part] = model[part] | given[part]
-    place: dict[DataPath, Mark] = {(*path, key): base.element.mark for key in model}
+    place: dict[DataPath, SourceLine] = {(*path, key): base.element.mark for key in model}
     document.marks = place | document.marks
     model.update({key: value for key, value in given.items() if key not in ("urdf", "wheels")})
     given.clear()
@@ -142,7 +142,7 @@ def _model(
     base_frame: str,
     base: Body,
     turning: Mapping[str, WheelBody],
-    meshes: Meshes,
+    meshes: UrdfMeshes,
 ) -> Plain:
     """Return all of a model that a URDF says, as plain data."""
     visuals, materials = solids(base.visuals, base_frame, meshes)
@@ -180,7 +180,7 @@ def _model(
     }
 
 
-def _joints(moving: Mapping[str, MovingBody], materials: Plain, meshes: Meshes) -> list[Plain]:
+def _joints(moving: Mapping[str, MovingBody], materials: Plain, meshes: UrdfMeshes) -> list[Plain]:
     """Return the joints that servos move; add the materials of what they look like."""
     joints = []
     for name, part in moving.items():
@@ -202,7 +202,7 @@ def _joints(moving: Mapping[str, MovingBody], materials: Plain, meshes: Meshes) 
 
 
 def _wheel(
-    joint: str, wheel: WheelBody, meshes: Meshes, *, least_kg: float
+    joint: str, wheel: WheelBody, meshes: UrdfMeshes, *, least_kg: float
 ) -> tuple[Plain, dict[str, Material]]:
     """Return a wheel and the materials of what it looks like."""
     visuals, materials = solids(wheel.body.visuals, joint, meshes)
@@ -211,7 +211,7 @@ def _wheel(
         raise wheel.body.element.mistake(
             f"the wheel on `{joint}` has no shape; give it a <collision> or a <visual>"
         )
-    radius_m, width_m, middle_y_m = round_about_y(round_parts)
+    radius_m, width_m, middle_y_m = wheel_size(round_parts)
     offset = np.array([0.0, middle_y_m, 0.0])
     inertial = wheel.body.inertial
     made = {

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from groundlink.core.errors import nearest
+from groundlink.core.errors import did_you_mean
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, quaternion_from_rpy, transform
 from groundlink.loader.document import ScenarioError
 from groundlink.scenario.vehicle import ROUNDED
 
-from .elements import EXPAND, Element, parse
+from .elements import EXPAND_HINT, XmlElement, parse
 
-UNSAID_SPEED_RADPS = 1.0
+DEFAULT_SPEED_RADPS = 1.0
 """Of a continuous joint whose URDF does not say how fast it turns."""
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -32,7 +32,7 @@ SHAPES = ("box", "cylinder", "sphere", "mesh")
 
 
 @dataclass(frozen=True, eq=False)
-class Inertial:
+class UrdfInertial:
     """How heavy a body is, and how hard to turn."""
 
     mass_kg: float
@@ -44,10 +44,10 @@ class Inertial:
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class UrdfShape:
     """What a link looks like or collides with: one of its shapes in place."""
 
-    element: Element
+    element: XmlElement
     """Of the shape, one of `SHAPES`."""
 
     link_from_shape: Floats
@@ -58,17 +58,17 @@ class Geometry:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class UrdfLink:
     """A link with what it weighs, looks like and collides with."""
 
-    element: Element
-    inertial: Inertial | None
-    visuals: tuple[Geometry, ...]
-    collisions: tuple[Geometry, ...]
+    element: XmlElement
+    inertial: UrdfInertial | None
+    visuals: tuple[UrdfShape, ...]
+    collisions: tuple[UrdfShape, ...]
 
 
 @dataclass(frozen=True)
-class Motion:
+class JointLimits:
     """How far and how fast a joint moves."""
 
     lower: float | None
@@ -80,10 +80,10 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class UrdfJoint:
     """A joint between two links."""
 
-    element: Element
+    element: XmlElement
     name: str
     kind: str
     parent: str
@@ -94,7 +94,7 @@ class Joint:
     axis: Floats
     """Of unit length, in the child's frame, shape (3,)."""
 
-    motion: Motion | None
+    motion: JointLimits | None
     """None where a servo cannot move it."""
 
 
@@ -102,16 +102,16 @@ class Joint:
 class Robot:
     """A tree of links."""
 
-    element: Element
+    element: XmlElement
     name: str
-    links: Mapping[str, Link]
-    joints: Mapping[str, Joint]
+    links: Mapping[str, UrdfLink]
+    joints: Mapping[str, UrdfJoint]
     """By name; those nearer to the root come first."""
 
     root: str
 
 
-def read(file: Path) -> Robot:
+def read_urdf(file: Path) -> Robot:
     """Return what a URDF file describes.
 
     Raises
@@ -120,7 +120,7 @@ def read(file: Path) -> Robot:
         with the first thing that is wrong in it.
     """
     if file.suffix == ".xacro":
-        raise ScenarioError(f"{file}: this is xacro; {EXPAND.format(name=file.name)}")
+        raise ScenarioError(f"{file}: this is xacro; {EXPAND_HINT.format(name=file.name)}")
     top = parse(file)
     if top.tag != "robot":
         raise top.mistake("expected <robot name=...> as the outermost element of a URDF")
@@ -134,7 +134,7 @@ def read(file: Path) -> Robot:
     return Robot(top, top.text("name"), links, *_tree(top, links, joints))
 
 
-def _once(elements: Iterable[Element]) -> None:
+def _once(elements: Iterable[XmlElement]) -> None:
     names = set()
     for element in elements:
         if (name := element.text("name")) in names:
@@ -145,14 +145,14 @@ def _once(elements: Iterable[Element]) -> None:
 _Color = tuple[float, ...] | None
 
 
-def _colors(top: Element) -> dict[str, _Color]:
+def _colors(top: XmlElement) -> dict[str, _Color]:
     """Return the colours of materials by name, whether a robot or a visual of it defines them."""
     visuals = [visual for link in top.all("link") for visual in link.all("visual")]
     materials = [m for element in (top, *visuals) for m in element.all("material") if m.children]
     return {m.attributes["name"]: _color(m) for m in reversed(materials) if "name" in m.attributes}
 
 
-def _color(material: Element) -> _Color:
+def _color(material: XmlElement) -> _Color:
     """Return what a material says of its colour; its picture is not looked at."""
     if (color := material.first("color")) is None:
         return None
@@ -162,9 +162,9 @@ def _color(material: Element) -> _Color:
     return rgba
 
 
-def _link(element: Element, colors: Mapping[str, _Color]) -> Link:
+def _link(element: XmlElement, colors: Mapping[str, _Color]) -> UrdfLink:
     inertial = element.first("inertial")
-    return Link(
+    return UrdfLink(
         element,
         None if inertial is None else _inertial(inertial, element),
         tuple(_geometry(e, colors) for e in element.all("visual")),
@@ -172,7 +172,7 @@ def _link(element: Element, colors: Mapping[str, _Color]) -> Link:
     )
 
 
-def _inertial(element: Element, link: Element) -> Inertial:
+def _inertial(element: XmlElement, link: XmlElement) -> UrdfInertial:
     mass = element.need("mass").number("value")
     if mass < 0:
         raise link.mistake(f"its mass is {mass:g} kg; expected more than 0")
@@ -193,10 +193,10 @@ def _inertial(element: Element, link: Element) -> Inertial:
         )
     pose = _pose(element)
     rotation = pose[:3, :3]
-    return Inertial(mass, pose[:3, 3], rotation @ tensor @ rotation.T)
+    return UrdfInertial(mass, pose[:3, 3], rotation @ tensor @ rotation.T)
 
 
-def _geometry(element: Element, colors: Mapping[str, _Color]) -> Geometry:
+def _geometry(element: XmlElement, colors: Mapping[str, _Color]) -> UrdfShape:
     geometry = element.need("geometry")
     shape = next((e for e in geometry.children if e.tag in SHAPES), None)
     if shape is None:
@@ -208,21 +208,21 @@ def _geometry(element: Element, colors: Mapping[str, _Color]) -> Geometry:
         name = material.attributes.get("name", "")
         if name and not material.children:
             if name not in colors:
-                hint = nearest(name, colors) if colors else "give it a <color>"
+                hint = did_you_mean(name, colors) if colors else "give it a <color>"
                 raise material.mistake(f"no such material in this file; {hint}")
             color = colors[name]
-    return Geometry(shape, _pose(element), color)
+    return UrdfShape(shape, _pose(element), color)
 
 
-def _joint(element: Element, links: Iterable[str]) -> Joint:
+def _joint(element: XmlElement, links: Iterable[str]) -> UrdfJoint:
     kind = element.text("type")
     if kind not in KINDS:
-        raise element.mistake(f"unknown type `{kind}`; {nearest(kind, KINDS)}")
+        raise element.mistake(f"unknown type `{kind}`; {did_you_mean(kind, KINDS)}")
     ends = []
     for end in ("parent", "child"):
         link = element.need(end).text("link")
         if link not in links:
-            raise element.need(end).mistake(f"no link `{link}`; {nearest(link, links)}")
+            raise element.need(end).mistake(f"no link `{link}`; {did_you_mean(link, links)}")
         ends.append(link)
     at = element.first("axis")
     axis = np.array((1.0, 0.0, 0.0) if at is None else at.numbers("xyz", 3))
@@ -233,26 +233,26 @@ def _joint(element: Element, links: Iterable[str]) -> Joint:
         axis, length = np.array([1.0, 0.0, 0.0]), np.float64(1)
     name = element.text("name")
     pose, motion = _pose(element), _motion(element, kind)
-    return Joint(element, name, kind, ends[0], ends[1], pose, axis / length, motion)
+    return UrdfJoint(element, name, kind, ends[0], ends[1], pose, axis / length, motion)
 
 
-def _motion(element: Element, kind: str) -> Motion | None:
+def _motion(element: XmlElement, kind: str) -> JointLimits | None:
     """Return how a joint moves on its own; None where it does not, or where 0 is out of limits."""
     if kind not in ("revolute", "continuous", "prismatic") or element.first("mimic"):
         return None
     limit, endless = element.first("limit"), kind == "continuous"
     if limit is None:
-        return Motion(None, None, UNSAID_SPEED_RADPS) if endless else None
-    speed = limit.number("velocity", UNSAID_SPEED_RADPS if endless else 0.0)
+        return JointLimits(None, None, DEFAULT_SPEED_RADPS) if endless else None
+    speed = limit.number("velocity", DEFAULT_SPEED_RADPS if endless else 0.0)
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
     if speed <= 0:
         return None
     if endless:
-        return Motion(None, None, speed)
-    return Motion(lower, upper, speed) if lower <= 0.0 <= upper and lower < upper else None
+        return JointLimits(None, None, speed)
+    return JointLimits(lower, upper, speed) if lower <= 0.0 <= upper and lower < upper else None
 
 
-def _pose(element: Element) -> Floats:
+def _pose(element: XmlElement) -> Floats:
     """Return the pose that an element's origin gives, shape (4, 4)."""
     origin = element.first("origin")
     if origin is None:
@@ -263,10 +263,10 @@ def _pose(element: Element) -> Floats:
 
 
 def _tree(
-    top: Element, links: Mapping[str, Link], joints: list[Joint]
-) -> tuple[dict[str, Joint], str]:
+    top: XmlElement, links: Mapping[str, UrdfLink], joints: list[UrdfJoint]
+) -> tuple[dict[str, UrdfJoint], str]:
     """Return the joints from the root outwards, and the root."""
-    carriers: dict[str, Joint] = {}
+    carriers: dict[str, UrdfJoint] = {}
     for joint in joints:
         if (first := carriers.setdefault(joint.child, joint)) is not joint:
             raise joint.element.mistake(
@@ -279,10 +279,10 @@ def _tree(
             f"no joint has it as child, as with `{roots[0]}`, so the robot falls into "
             f"{len(roots)} parts; join them with <joint>s"
         )
-    below: dict[str, list[Joint]] = {}
+    below: dict[str, list[UrdfJoint]] = {}
     for joint in joints:
         below.setdefault(joint.parent, []).append(joint)
-    ordered: dict[str, Joint] = {}
+    ordered: dict[str, UrdfJoint] = {}
     reached = list(roots)
     for link in reached:
         for joint in below.get(link, ()):

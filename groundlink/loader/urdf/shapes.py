@@ -13,28 +13,28 @@ import numpy as np
 
 from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy, rpy_from_matrix
 from groundlink.world.bounds import bounds, half_extents
-from groundlink.world.mesh_asset import surface
+from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
 
 from .bodies import Placed
-from .elements import Element
-from .meshes import Meshes
+from .elements import XmlElement
+from .meshes import UrdfMeshes
 
-LARGEST_M = 20.0
+MAX_SIZE_M = 20.0
 """Of a part of a vehicle: longer than any, and as a number of millimetres shorter than any."""
 
-UNCOLOURED = (0.7, 0.7, 0.7, 1.0)
-DARKEST, LIGHTEST = 0.05, 0.9
+DEFAULT_RGBA = (0.7, 0.7, 0.7, 1.0)
+MIN_REFLECTIVITY, MAX_REFLECTIVITY = 0.05, 0.9
 """Diffuse reflectances: of black rubber and of white paint."""
 
 
 def solids(
-    placed: Iterable[Placed], name: str, meshes: Meshes
+    placed: Iterable[Placed], name: str, meshes: UrdfMeshes
 ) -> tuple[list[Solid], dict[str, Material]]:
     """Return shapes as solids called `name`, `name_2` and so on, and the materials they are of."""
     made, materials = [], {}
     for number, (pose, geometry) in enumerate(placed, 1):
-        material, materials[material] = _material(geometry.color or UNCOLOURED)
+        material, materials[material] = _material(geometry.color or DEFAULT_RGBA)
         made.append(
             Solid(
                 name if number == 1 else f"{name}_{number}",
@@ -47,7 +47,7 @@ def solids(
     return made, materials
 
 
-def _shape(element: Element, meshes: Meshes) -> Shape:
+def _shape(element: XmlElement, meshes: UrdfMeshes) -> Shape:
     match element.tag:
         case "box":
             x, y, z = element.positive("size", 3)
@@ -60,10 +60,10 @@ def _shape(element: Element, meshes: Meshes) -> Shape:
     return meshes.get(element)
 
 
-def _in_metres(element: Element, shape: Shape) -> Shape:
+def _in_metres(element: XmlElement, shape: Shape) -> Shape:
     """Return a shape, if it is as large as a part of a vehicle may be."""
     size_m = 2 * half_extents(shape)
-    if max(size_m) > LARGEST_M:
+    if max(size_m) > MAX_SIZE_M:
         large = " x ".join(f"{length:.4g}" for length in size_m)
         mend = ' or set scale="0.001 0.001 0.001"' if element.tag == "mesh" else ""
         raise element.mistake(
@@ -82,12 +82,12 @@ def _material(rgba: tuple[float, ...]) -> tuple[str, Material]:
         for c in (part / 255 for part in coded)
     )
     light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
-    reflectivity = min(max(light, DARKEST), LIGHTEST)
+    reflectivity = min(max(light, MIN_REFLECTIVITY), MAX_REFLECTIVITY)
     name = "urdf_{:02x}{:02x}{:02x}".format(*coded)
     return name, Material(reflectivity=reflectivity, color=(red, green, blue), friction=0.5)
 
 
-def round_about_y(parts: Iterable[Solid]) -> tuple[float, float, float]:
+def wheel_size(parts: Iterable[Solid]) -> tuple[float, float, float]:
     """Return radius, width and middle along y of solids that turn about their frame's y axis."""
     radius, low, high = 0.0, np.inf, -np.inf
     for part in parts:
@@ -98,7 +98,7 @@ def round_about_y(parts: Iterable[Solid]) -> tuple[float, float, float]:
                 y, half = part.position_m[1], length / 2
                 corners = np.array([-own, y - half, -own]), np.array([own, y + half, own])
             case Mesh(asset=asset):
-                points = surface(asset).vertices @ turn.T + part.position_m
+                points = load_mesh(asset).vertices @ turn.T + part.position_m
                 reach = float(np.hypot(points[:, 0], points[:, 2]).max())
                 y_low, y_high = points[:, 1].min(), points[:, 1].max()
                 corners = np.array([-reach, y_low, -reach]), np.array([reach, y_high, reach])

@@ -14,12 +14,12 @@ from groundlink.messages.base import StreamReport
 PROCESS_FIELDS = ("pid", "host", "tick")
 """What a process's status holds beside its counters."""
 
-MAX_WORDS = 5_000
+MAX_AGES = 5_000
 """Of one stream's ages; then every second one is left out."""
 
 
 @dataclass
-class StreamWords:
+class StreamHistory:
     """One stream between the gateway and the ROS side."""
 
     last: dict[str, str]
@@ -29,14 +29,14 @@ class StreamWords:
     """Time (s of the run), median age (s), what 99 % do not exceed (s)."""
 
 
-class Said:
+class RunDiagnostics:
     """All that was said."""
 
     def __init__(self) -> None:
         self.processes: dict[str, dict[str, str]] = {}
         """The last word of each process: place and counters, as text."""
 
-        self.streams: dict[tuple[str, str], StreamWords] = {}
+        self.streams: dict[tuple[str, str], StreamHistory] = {}
         """By topic and direction."""
 
         self._stride = 1
@@ -55,12 +55,12 @@ class Said:
 
     def _heard_stream(self, seconds: float, facts: dict[str, str], *, keeps: bool) -> None:
         key = facts["topic"], facts["direction"]
-        words = self.streams.setdefault(key, StreamWords(facts))
+        words = self.streams.setdefault(key, StreamHistory(facts))
         words.last = facts
         ages = facts.get("age_seconds", ""), facts.get("age_p99_seconds", "")
         if keeps and all(ages):
             words.ages.append((seconds, float(ages[0]), float(ages[1])))
-        if len(words.ages) > MAX_WORDS:
+        if len(words.ages) > MAX_AGES:
             self._stride *= 2
             for stream in self.streams.values():
                 stream.ages = stream.ages[::2]

@@ -18,7 +18,7 @@ MAX_POINTS = 20_000
 
 
 @dataclass
-class Event:
+class ContactEvent:
     """A time during which a vehicle touched one thing."""
 
     name: str
@@ -42,7 +42,7 @@ class Energy:
     rows: list[tuple[float, float, float]] = field(default_factory=list)
     """Time (s of the run), work of the motors, work that they braked (J)."""
 
-    events: list[Event] = field(default_factory=list)
+    events: list[ContactEvent] = field(default_factory=list)
     further_events: int = 0
     last: Vitals | None = None
     _seen: int = 0
@@ -69,5 +69,5 @@ class Energy:
             self.further_events += 1
             return
         self.events.append(
-            Event(contact.name, seconds, seconds, contact.force_n, at, contact.ticks)
+            ContactEvent(contact.name, seconds, seconds, contact.force_n, at, contact.ticks)
         )

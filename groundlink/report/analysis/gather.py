@@ -16,8 +16,8 @@ from rosbags.serde import SerdeError
 
 from groundlink.core.clock import NANOS
 from groundlink.recording.metadata import RunFacts
-from groundlink.recording.reading import Recorded, Recording
-from groundlink.report.analysis.thumbnails import IMAGE_TYPES, Camera
+from groundlink.recording.reader import RecordedMessage, Recording
+from groundlink.report.analysis.thumbnails import IMAGE_TYPES, CameraThumbnails
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros.faults import from_faults
 from groundlink.ros.missing_readings import from_gaps
@@ -26,21 +26,21 @@ from groundlink.ros.types import STORE
 from groundlink.ros.vitals import from_vitals
 from groundlink.scenario.every_sensor import SensorSpec
 
-from .accounts import StreamAccount, accounts
-from .diagnostics import Said
+from .completeness import StreamCompleteness, stream_completeness
+from .diagnostics import RunDiagnostics
 from .energy import MAX_POINTS as ENERGY_POINTS
 from .energy import Energy
-from .failures import Failures
-from .motion import Motion, stride
-from .sensors import MAX_SAMPLES, Cloud, Readings, readings_of
-from .streams import StreamTrack
+from .fault_history import FaultHistory
+from .motion import VehicleMotion, stride
+from .sensors import MAX_SAMPLES, CloudSample, Readings, readings_of
+from .streams import StreamTimes
 
 PROGRESS_MESSAGES = 2_000
 """How often progress is told."""
 
 
 @dataclass
-class Gathered:
+class RunSummary:
     """A run, as its page shows it."""
 
     path: Path
@@ -49,16 +49,16 @@ class Gathered:
     first_nanos: int
     last_nanos: int
     messages: int
-    streams: list[StreamTrack]
-    motions: list[Motion]
+    streams: list[StreamTimes]
+    motions: list[VehicleMotion]
     energies: list[Energy]
     readings: dict[str, list[Readings]]
     """What is plotted of each vehicle's sensors."""
 
-    cameras: list[Camera]
-    failures: list[Failures]
-    accounts: list[StreamAccount]
-    said: Said
+    cameras: list[CameraThumbnails]
+    failures: list[FaultHistory]
+    accounts: list[StreamCompleteness]
+    said: RunDiagnostics
     undecodable: int
     """Messages of decoded topics that do not fit their type."""
 
@@ -72,7 +72,7 @@ class Gathered:
         return (self.last_nanos - self.first_nanos) / NANOS
 
 
-def gather(recording: Recording, progress: Callable[[float], object]) -> Gathered:
+def gather(recording: Recording, progress: Callable[[float], object]) -> RunSummary:
     """Read a recording; `progress` is called with the share that is read, 0..1."""
     taking = _Taking(recording)
     span = max(recording.last_nanos - recording.first_nanos, 1)
@@ -94,10 +94,10 @@ class _Taking:
         streams = {}
         for topic, ros_type in sorted(recording.types.items()):
             declared = counted[topic].declared_hz if topic in counted else None
-            streams[topic] = StreamTrack(topic, ros_type, declared, **times)
+            streams[topic] = StreamTimes(topic, ros_type, declared, **times)
         self._streams = streams
-        self._handlers: dict[str, Callable[[Recorded], None]] = {}
-        self.gathered = Gathered(
+        self._handlers: dict[str, Callable[[RecordedMessage], None]] = {}
+        self.gathered = RunSummary(
             path=recording.path,
             size_bytes=recording.path.stat().st_size,
             run=run,
@@ -109,8 +109,8 @@ class _Taking:
             readings={},
             cameras=[],
             failures=[],
-            accounts=accounts(run.scenario, **times, epoch_nanos=run.epoch_nanos),
-            said=Said(),
+            accounts=stream_completeness(run.scenario, **times, epoch_nanos=run.epoch_nanos),
+            said=RunDiagnostics(),
             undecodable=0,
         )
         self._counted = expected = {name: facts.messages for name, facts in counted.items()}
@@ -119,7 +119,7 @@ class _Taking:
                 run.scenario.ground_truth_topic(vehicle),
                 run.scenario.vitals_topic(vehicle),
             )
-            motion = Motion(vehicle.name, stride(expected.get(truth, 0)))
+            motion = VehicleMotion(vehicle.name, stride(expected.get(truth, 0)))
             energy = Energy(vehicle.name, -(-expected.get(vitals, 0) // ENERGY_POINTS) or 1)
             asked = stride(expected.get(vehicle.command_topic, 0))
             self.gathered.motions.append(motion)
@@ -134,16 +134,16 @@ class _Taking:
             account.dropped(recording.dropped.get(account.topic, 0))
             self._on_gaps(account.sensor)
         for sensor in run.scenario.sensor_names():
-            failures = Failures(sensor)
+            failures = FaultHistory(sensor)
             self.gathered.failures.append(failures)
             self._on_faults(faults_topic(sensor), failures)
         self._decode(DIAGNOSTICS_TOPIC, self.gathered.said.add, 1)
         for topic, ros_type in recording.types.items():
             if ros_type in IMAGE_TYPES:
-                camera = Camera(topic, recording.first_nanos, recording.last_nanos)
+                camera = CameraThumbnails(topic, recording.first_nanos, recording.last_nanos)
                 self._on_images(topic, camera)
 
-    def take(self, message: Recorded) -> None:
+    def take(self, message: RecordedMessage) -> None:
         self._streams[message.topic].add(message.nanos, len(message.cdr))
         if account := self._accounts.get(message.topic):
             account.add(message.nanos - self.gathered.run.epoch_nanos)
@@ -159,7 +159,7 @@ class _Taking:
         if stream is None:
             return
 
-        def handler(message: Recorded) -> None:
+        def handler(message: RecordedMessage) -> None:
             if (stream.messages - 1) % every == 0:
                 use(self.gathered.seconds(message.nanos), _decoded(message))
 
@@ -173,14 +173,14 @@ class _Taking:
         stream = None if reading is None else self._streams.get(reading.topic)
         if reading is None or stream is None:
             return None
-        if isinstance(reading, Cloud):
+        if isinstance(reading, CloudSample):
             self._handlers[reading.topic] = lambda message: self._cloud(reading, message)
         else:
             counted = self._counted.get(reading.topic, 0)
             self._decode(reading.topic, reading.add, -(-counted // MAX_SAMPLES) or 1)
         return reading
 
-    def _cloud(self, cloud: Cloud, message: Recorded) -> None:
+    def _cloud(self, cloud: CloudSample, message: RecordedMessage) -> None:
         """Decode a cloud only where it is shown."""
         seconds = self.gathered.seconds(message.nanos)
         if cloud.is_due(seconds):
@@ -192,7 +192,7 @@ class _Taking:
 
         self._decode(topic, use, 1)
 
-    def _on_faults(self, topic: str, failures: Failures) -> None:
+    def _on_faults(self, topic: str, failures: FaultHistory) -> None:
         def use(seconds: float, array: Any) -> None:
             failures.add(seconds, from_faults(array))
 
@@ -207,15 +207,15 @@ class _Taking:
 
         self._decode(gaps_topic(sensor), use, 1)
 
-    def _on_images(self, topic: str, camera: Camera) -> None:
+    def _on_images(self, topic: str, camera: CameraThumbnails) -> None:
         self.gathered.cameras.append(camera)
 
-        def handler(message: Recorded) -> None:
+        def handler(message: RecordedMessage) -> None:
             if camera.is_due(message.nanos):
                 camera.add(self.gathered.seconds(message.nanos), _decoded(message))
 
         self._handlers[topic] = handler
 
 
-def _decoded(message: Recorded) -> Any:
+def _decoded(message: RecordedMessage) -> Any:
     return STORE.deserialize_cdr(message.cdr, message.ros_type)

@@ -20,7 +20,7 @@ MAX_POINTS = 20_000
 
 
 @dataclass
-class Motion:
+class VehicleMotion:
     """The trajectory of one vehicle."""
 
     vehicle: str

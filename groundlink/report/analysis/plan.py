@@ -25,7 +25,7 @@ OVERHEAD_M = 1.5
 
 
 @dataclass(frozen=True)
-class Outline:
+class SolidOutline:
     """One solid from above."""
 
     name: str
@@ -36,7 +36,7 @@ class Outline:
     high_m: float
 
 
-def outlines(solids: Sequence[Solid], *, level: bool = True) -> list[Outline]:
+def outlines(solids: Sequence[Solid], *, level: bool = True) -> list[SolidOutline]:
     """Return the outlines of what stands in the way, the lowest first.
 
     On ground that is not level, how high above it a solid is is not known here: all are returned.
@@ -47,7 +47,7 @@ def outlines(solids: Sequence[Solid], *, level: bool = True) -> list[Outline]:
         if level and (high[2] <= FLAT_M or low[2] >= OVERHEAD_M):
             continue
         corners = _hull(_footprint(solid))
-        found.append(Outline(solid.name, corners, float(low[2]), float(high[2])))
+        found.append(SolidOutline(solid.name, corners, float(low[2]), float(high[2])))
     return sorted(found, key=lambda outline: outline.high_m)
 
 

@@ -48,7 +48,7 @@ class ImuSamples:
 
 
 @dataclass
-class Trajectory:
+class EstimatedTrajectory:
     """Where a sensor says that its vehicle is."""
 
     topic: str
@@ -97,7 +97,7 @@ class Trajectory:
 
 
 @dataclass
-class Cloud:
+class CloudSample:
     """One point cloud or scan: the first one at or after an instant."""
 
     topic: str
@@ -139,7 +139,7 @@ class Cloud:
         return np.column_stack([x, y, in_base[:, 2]])
 
 
-Readings = ImuSamples | Trajectory | Cloud
+Readings = ImuSamples | EstimatedTrajectory | CloudSample
 
 
 def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Readings | None:
@@ -147,13 +147,13 @@ def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Rea
     if isinstance(sensor, Imu):
         return ImuSamples(sensor.topic)
     if isinstance(sensor, WheelOdometry):
-        return Trajectory(sensor.topic)
+        return EstimatedTrajectory(sensor.topic)
     if isinstance(sensor, Gnss) and datum is not None:
         x, y, _ = sensor.mount.xyz_m
-        return Trajectory(sensor.topic, datum, (x, y))
+        return EstimatedTrajectory(sensor.topic, datum, (x, y))
     if isinstance(sensor, Lidar | Lidar2d):
         mount = transform(sensor.mount.xyz_m, sensor.mount.quaternion())
-        return Cloud(sensor.topic, middle_s, mount)
+        return CloudSample(sensor.topic, middle_s, mount)
     return None
 
 

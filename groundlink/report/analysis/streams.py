@@ -24,7 +24,7 @@ MAX_BINS = 600
 
 
 @dataclass(frozen=True, order=True)
-class Gap:
+class StreamGap:
     """Time without a message."""
 
     nanos: int
@@ -46,7 +46,7 @@ class Bins:
     """Shape (N,): none came."""
 
 
-class StreamTrack:
+class StreamTimes:
     """One topic's times.
 
     Parameters
@@ -79,12 +79,12 @@ class StreamTrack:
         """Messages in each bin of time."""
 
         self._begin = self._last = 0
-        self._largest: list[Gap] = []
+        self._largest: list[StreamGap] = []
 
     def add(self, nanos: int, size_bytes: int) -> None:
         """Take note of a message."""
         if self.messages:
-            gap = Gap(nanos - self._last, self._last)
+            gap = StreamGap(nanos - self._last, self._last)
             if self.declared_hz and gap.nanos > GAP_PERIODS * NANOS / self.declared_hz:
                 self.gaps += 1
             if len(self._largest) < LARGEST_KEPT:
@@ -105,7 +105,7 @@ class StreamTrack:
         return (self.messages - 1) * NANOS / span if span > 0 else None
 
     @property
-    def largest_gaps(self) -> list[Gap]:
+    def largest_gaps(self) -> list[StreamGap]:
         """The longest times between two messages, longest first."""
         return sorted(self._largest, reverse=True)
 

@@ -39,7 +39,7 @@ _DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
 
 @dataclass
-class Camera:
+class CameraThumbnails:
     """One camera's pictures."""
 
     topic: str

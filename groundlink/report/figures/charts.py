@@ -15,15 +15,15 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from groundlink.report.analysis.diagnostics import StreamWords
+from groundlink.report.analysis.diagnostics import StreamHistory
 from groundlink.report.analysis.energy import Energy
-from groundlink.report.analysis.motion import Motion
-from groundlink.report.analysis.plan import Outline
-from groundlink.report.analysis.streams import StreamTrack
+from groundlink.report.analysis.motion import VehicleMotion
+from groundlink.report.analysis.plan import SolidOutline
+from groundlink.report.analysis.streams import StreamTimes
 from groundlink.world.terrain import Ground
 
 from .plan import heights, plan
-from .svg_theme import BLUE, BODY, FAINT, GREEN, INK, ORANGE, RED, SERIES, axes, style, svg
+from .svg_theme import BLUE, BODY, GREEN, MUTED, ORANGE, RED, SERIES, TEXT, axes, style, svg
 
 WIDTH_IN = 8.6
 LEFT_IN = 0.65
@@ -37,7 +37,7 @@ WHOLE_M = 40.0
 FAR_M = 2.5
 """Of a larger one, what is this near to the way."""
 
-SPEED_COLOURS = LinearSegmentedColormap.from_list(
+SPEED_COLORS = LinearSegmentedColormap.from_list(
     "speed", ["#3b4cc0", "#2a8fbd", "#1fa187", "#8fc93a", "#f2b134"]
 )
 """Slow to fast; each stands out from a light and from a dark page."""
@@ -49,8 +49,8 @@ Span = tuple[float, float]
 
 
 def trajectory(
-    outlines: Sequence[Outline],
-    motions: Sequence[Motion],
+    outlines: Sequence[SolidOutline],
+    motions: Sequence[VehicleMotion],
     energies: Sequence[Energy],
     route_m: Sequence[NDArray[np.float64]],
     checkpoints_m: Mapping[str, tuple[float, float]],
@@ -80,14 +80,14 @@ def trajectory(
             heights(plot, ground, low, high)
         plan(plot, outlines)
         for line in route_m:
-            plot.plot(*line.T, color=FAINT, linewidth=0.9, linestyle=(0, (4, 3)), label="route")
+            plot.plot(*line.T, color=MUTED, linewidth=0.9, linestyle=(0, (4, 3)), label="route")
         top = max((motion.top_speed_mps for motion in motions), default=0.0) or 1.0
         drawn = None
         for motion, track in zip(motions, tracks, strict=True):
             points = track[:, None, 1:3]
             pieces = LineCollection(
                 list(np.concatenate([points[:-1], points[1:]], axis=1)),
-                cmap=SPEED_COLOURS,
+                cmap=SPEED_COLORS,
                 linewidth=2.6,
                 capstyle="round",
             )
@@ -98,8 +98,8 @@ def trajectory(
         for motion, energy in zip(motions, energies, strict=True):
             _contacts(plot, motion, energy)
         for name, place in checkpoints_m.items():
-            plot.plot(*place, marker="+", markersize=9, color=INK, linestyle="none", zorder=4)
-            plot.annotate(name, place, (4, 4), textcoords="offset points", color=FAINT)
+            plot.plot(*place, marker="+", markersize=9, color=TEXT, linestyle="none", zorder=4)
+            plot.annotate(name, place, (4, 4), textcoords="offset points", color=MUTED)
         plot.set_xlim(low[0], high[0])
         plot.set_ylim(low[1], high[1])
         plot.set_aspect("equal")
@@ -110,7 +110,7 @@ def trajectory(
                 [LEFT_IN + plan_width + 0.15, 0.52 + 0.15 * plan_height, 0.13, 0.7 * plan_height]
             )
             bar = figure.colorbar(drawn, cax=figure.add_axes(tuple(beside / inches)))
-            bar.set_label("speed, m/s", color=FAINT)
+            bar.set_label("speed, m/s", color=MUTED)
             bar.outline.set_visible(False)
         handles, labels = plot.get_legend_handles_labels()
         known = dict(zip(labels, handles, strict=True))
@@ -126,7 +126,7 @@ def trajectory(
 
 
 def _shown(
-    outlines: Sequence[Outline], places: NDArray[np.float64]
+    outlines: Sequence[SolidOutline], places: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners of what is shown: the way, what is near it, and rooms around it."""
     low, high = places.min(axis=0) - MARGIN_M, places.max(axis=0) + MARGIN_M
@@ -145,7 +145,7 @@ def _shown(
 
 def _ends(plot: Axes, name: str, track: NDArray[np.float64]) -> None:
     label = f"{name}: " if name else ""
-    for row, marker, colour, word in ((0, "o", GREEN, "start"), (-1, "s", INK, "end")):
+    for row, marker, colour, word in ((0, "o", GREEN, "start"), (-1, "s", TEXT, "end")):
         plot.plot(
             *track[row, 1:3],
             marker=marker,
@@ -158,7 +158,7 @@ def _ends(plot: Axes, name: str, track: NDArray[np.float64]) -> None:
         )
 
 
-def _contacts(plot: Axes, motion: Motion, energy: Energy) -> None:
+def _contacts(plot: Axes, motion: VehicleMotion, energy: Energy) -> None:
     places = [motion.place(event.begin_seconds) for event in energy.events]
     known = [place for place in places if place is not None]
     if known:
@@ -174,7 +174,7 @@ def _contacts(plot: Axes, motion: Motion, energy: Energy) -> None:
         )
 
 
-def speed(motion: Motion, span: Span) -> str:
+def speed(motion: VehicleMotion, span: Span) -> str:
     """Return speed and yaw rate over time, with what was asked for."""
     track, asked = motion.track(), np.array(motion.asked).reshape(-1, 3)
     with style():
@@ -201,7 +201,7 @@ def speed(motion: Motion, span: Span) -> str:
         return svg(figure, f"Speed and yaw rate of {motion.vehicle} over time")
 
 
-def rates(streams: Sequence[StreamTrack], span: Span) -> str:
+def rates(streams: Sequence[StreamTimes], span: Span) -> str:
     """Return how much of each declared stream came, in bins of time."""
     declared = [(stream, stream.bins()) for stream in streams]
     rows = [(stream, bins) for stream, bins in declared if bins is not None]
@@ -246,7 +246,7 @@ def _merged(pieces: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return joined
 
 
-def ages(streams: dict[tuple[str, str], StreamWords], span: Span) -> str:
+def ages(streams: dict[tuple[str, str], StreamHistory], span: Span) -> str:
     """Return the median age of each stream over time, and what 99 % do not exceed."""
     with style():
         figure = Figure(figsize=(WIDTH_IN, 2.7))

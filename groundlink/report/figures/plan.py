@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from groundlink.report.analysis.plan import Outline
+from groundlink.report.analysis.plan import SolidOutline
 from groundlink.world.terrain import Ground
 
-from .svg_theme import BODY, FAINT, FURNITURE, GREY, WALL
+from .svg_theme import BODY, FURNITURE, GRAY, MUTED, WALL
 
 TALL_M = 1.6
 """What is higher is drawn as a wall."""
@@ -25,7 +25,7 @@ LEAST_HEIGHT_M = 0.01
 """Flatter ground has no lines."""
 
 
-def plan(plot: Axes, outlines: Sequence[Outline]) -> None:
+def plan(plot: Axes, outlines: Sequence[SolidOutline]) -> None:
     """Draw what stands, from above."""
     for outline in outlines:
         tall = outline.high_m > TALL_M
@@ -48,5 +48,5 @@ def heights(
     z = ground.height_at(*np.meshgrid(x, y))
     known = z[np.isfinite(z)]
     if len(known) and np.ptp(known) > LEAST_HEIGHT_M:
-        drawn = plot.contour(x, y, z, levels=9, colors=GREY, linewidths=0.7, zorder=0.5)
-        plot.clabel(drawn, fontsize=7.5, fmt="%g m", colors=FAINT)
+        drawn = plot.contour(x, y, z, levels=9, colors=GRAY, linewidths=0.7, zorder=0.5)
+        plot.clabel(drawn, fontsize=7.5, fmt="%g m", colors=MUTED)

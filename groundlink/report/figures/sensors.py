@@ -12,12 +12,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from groundlink.report.analysis.plan import Outline
+from groundlink.report.analysis.plan import SolidOutline
 from groundlink.report.analysis.sensors import ImuSamples
 
-from .charts import SPEED_COLOURS, WIDTH_IN, Span
+from .charts import SPEED_COLORS, WIDTH_IN, Span
 from .plan import plan
-from .svg_theme import BLUE, GREEN, INK, ORANGE, SERIES, style, svg
+from .svg_theme import BLUE, GREEN, ORANGE, SERIES, TEXT, style, svg
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def imu(samples: ImuSamples, truth: Floats, span: Span) -> str:
             plots[0].plot(
                 truth[:, 0],
                 truth[:, 4],
-                color=INK,
+                color=TEXT,
                 linewidth=0.9,
                 label="true yaw rate",
             )
@@ -75,7 +75,7 @@ def trajectories(
             marks = "." if len(rows) < MARKED_AT_MOST else ""
             above.plot(rows[:, 1], rows[:, 2], color=colour, marker=marks, linewidth=0.9)
             over_time.plot(rows[:, 0], rows[:, 3], color=colour, linewidth=1.0, label=topic)
-        above.plot(truth[:, 1], truth[:, 2], color=INK, linewidth=1.4, label="truth")
+        above.plot(truth[:, 1], truth[:, 2], color=TEXT, linewidth=1.4, label="truth")
         above.set_aspect("equal", adjustable="datalim")
         above.set_xlabel("x (east), m")
         above.set_ylabel("y (north), m")
@@ -89,7 +89,7 @@ def trajectories(
 
 def cloud(
     points: Floats,
-    outlines: Sequence[Outline],
+    outlines: Sequence[SolidOutline],
     place: tuple[float, float],
     reach_m: float,
     topic: str,
@@ -113,13 +113,13 @@ def cloud(
             c=z,
             s=0.8,
             linewidths=0,
-            cmap=SPEED_COLOURS,
+            cmap=SPEED_COLORS,
             vmin=low,
             vmax=high,
             rasterized=True,
             zorder=3,
         )
-        plot.plot(*place, marker="o", markersize=6, color=INK, linestyle="none", zorder=4)
+        plot.plot(*place, marker="o", markersize=6, color=TEXT, linestyle="none", zorder=4)
         plot.set_xlim(place[0] - 1.3 * reach_m, place[0] + 1.3 * reach_m)
         plot.set_ylim(place[1] - reach_m, place[1] + reach_m)
         plot.set_aspect("equal")

@@ -18,17 +18,17 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-INK, FAINT, LINE, BODY, WALL, FURNITURE = (
+TEXT, MUTED, LINE, BODY, WALL, FURNITURE = (
     *("#010101", "#020202", "#030303"),
     *("#040404", "#050505", "#060606"),
 )
-BLUE, ORANGE, GREEN, RED, VIOLET, GREY = (
+BLUE, ORANGE, GREEN, RED, VIOLET, GRAY = (
     *("#070707", "#080808", "#090909"),
     *("#0a0a0a", "#0b0b0b", "#0c0c0c"),
 )
 VARIABLES = {
-    INK: "ink",
-    FAINT: "faint",
+    TEXT: "ink",
+    MUTED: "faint",
     LINE: "line",
     BODY: "body",
     WALL: "wall",
@@ -38,18 +38,18 @@ VARIABLES = {
     GREEN: "green",
     RED: "red",
     VIOLET: "violet",
-    GREY: "grey",
+    GRAY: "grey",
 }
 """Stand-in colours, and the page's variables that take their place."""
 
-SERIES = (BLUE, ORANGE, GREEN, VIOLET, RED, GREY)
+SERIES = (BLUE, ORANGE, GREEN, VIOLET, RED, GRAY)
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "groundlink",
     "font.size": 9.0,
     "axes.labelsize": 9.0,
-    "axes.labelcolor": FAINT,
+    "axes.labelcolor": MUTED,
     "axes.edgecolor": LINE,
     "axes.linewidth": 0.8,
     "axes.spines.top": False,
@@ -60,11 +60,11 @@ _STYLE: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "xtick.color": LINE,
     "ytick.color": LINE,
-    "xtick.labelcolor": FAINT,
-    "ytick.labelcolor": FAINT,
+    "xtick.labelcolor": MUTED,
+    "ytick.labelcolor": MUTED,
     "xtick.labelsize": 8.5,
     "ytick.labelsize": 8.5,
-    "text.color": INK,
+    "text.color": TEXT,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "lines.linewidth": 1.4,

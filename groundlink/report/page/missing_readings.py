@@ -10,25 +10,25 @@ from collections.abc import Sequence
 
 from groundlink.core.clock import NANOS
 from groundlink.messages.missing_readings import CAUSES, in_words
-from groundlink.report.analysis.accounts import NOT_TOLD, UNDER_WAY, StreamAccount
+from groundlink.report.analysis.completeness import IN_TRANSIT, UNEXPLAINED, StreamCompleteness
 from groundlink.report.page.html import Markup, paragraph, section, table
 
 LISTED = 100
 """Gaps of one stream that are shown one by one."""
 
 
-def missing_lines(accounts: Sequence[StreamAccount]) -> list[str]:
+def missing_lines(accounts: Sequence[StreamCompleteness]) -> list[str]:
     """Return what a person should know first, one line a stream."""
     lines = []
     for account in accounts:
         missing = account.missing()
-        del missing[UNDER_WAY]
+        del missing[IN_TRANSIT]
         if missing:
             lines.append(f"{account.topic}: of {account.due} readings {in_words(missing)}")
     return lines
 
 
-def what_is_missing(accounts: Sequence[StreamAccount]) -> Markup:
+def missing_section(accounts: Sequence[StreamCompleteness]) -> Markup:
     """Return the section; nothing where no sensor is."""
     sums: list[tuple[str, ...]] = []
     gaps: list[tuple[str, ...]] = []
@@ -37,12 +37,12 @@ def what_is_missing(accounts: Sequence[StreamAccount]) -> Markup:
     further = 0
     for account in accounts:
         holes, missing = account.holes(), account.missing()
-        if missing.keys() - {UNDER_WAY}:
+        if missing.keys() - {IN_TRANSIT}:
             off.append(len(sums))
         sums.append((account.topic, str(account.due), str(account.published), in_words(missing)))
         further += len(holes[LISTED:])
         for hole in holes[:LISTED]:
-            if hole.cause == NOT_TOLD:
+            if hole.cause == UNEXPLAINED:
                 unknown.append(len(gaps))
             stamps = (f"{nanos / NANOS:.4f} s" for nanos in (hole.first_nanos, hole.last_nanos))
             gaps.append((account.topic, *stamps, str(hole.readings), hole.cause))

@@ -20,11 +20,11 @@ from groundlink.core.clock import NANOS
 from groundlink.monitor.run_monitor import NOT_REPORTED
 from groundlink.report.analysis.checkpoints import passages
 from groundlink.report.analysis.diagnostics import CAUSES, PROCESS_FIELDS
-from groundlink.report.analysis.gather import Gathered
-from groundlink.report.analysis.plan import Outline, outlines
+from groundlink.report.analysis.gather import RunSummary
+from groundlink.report.analysis.plan import SolidOutline, outlines
 from groundlink.report.figures import charts as figures
 from groundlink.report.figures.plan import TALL_M
-from groundlink.report.page.missing_readings import what_is_missing
+from groundlink.report.page.missing_readings import missing_section
 from groundlink.report.page.verdict import keeps_rate, verdict
 from groundlink.run.routes import line
 from groundlink.world import terrain as terrains
@@ -49,7 +49,7 @@ from .sensor_sections import sensors
 Span = tuple[float, float]
 
 
-def page(run: Gathered) -> str:
+def page(run: RunSummary) -> str:
     """Return the whole page."""
     scenario = run.run.scenario
     span = run.seconds(run.first_nanos), run.seconds(run.last_nanos)
@@ -61,7 +61,7 @@ def page(run: Gathered) -> str:
     sections += [
         _cameras(run),
         _failures(run),
-        what_is_missing(run.accounts),
+        missing_section(run.accounts),
         _processes(run),
         _origin(run),
     ]
@@ -75,14 +75,14 @@ def page(run: Gathered) -> str:
     )
 
 
-def _when(run: Gathered) -> str:
+def _when(run: RunSummary) -> str:
     if not run.run.epoch_nanos:
         return "stamps count from zero"
     begun = datetime.fromtimestamp(run.run.epoch_nanos / NANOS, UTC)
     return f"sim time zero is {begun:%Y-%m-%d %H:%M:%S} UTC"
 
 
-def _facts(run: Gathered) -> Markup:
+def _facts(run: RunSummary) -> Markup:
     facts = [(f"{run.duration_seconds:.1f} s", "of sim time")]
     for motion, energy in zip(run.motions, run.energies, strict=True):
         whose = f", {motion.vehicle}" if len(run.motions) > 1 else ""
@@ -100,7 +100,7 @@ def _joules(value: float) -> str:
     return f"{value / 1e3:.2f} kJ" if value >= 1e3 else f"{value:.1f} J"
 
 
-def _way(run: Gathered, around: Sequence[Outline]) -> Markup:
+def _way(run: RunSummary, around: Sequence[SolidOutline]) -> Markup:
     moved = [(m, e) for m, e in zip(run.motions, run.energies, strict=True) if m.rows]
     if not moved:
         return section("Way", paragraph("The file holds no ground truth, so no way is known."))
@@ -117,7 +117,7 @@ def _way(run: Gathered, around: Sequence[Outline]) -> Markup:
     checkpoints = scenario.world.checkpoints
     terrain, heights = scenario.world.terrain, ""
     try:
-        ground = terrains.ground(terrain) if terrain else None
+        ground = terrains.load_ground(terrain) if terrain else None
     except MissingAsset:
         ground, heights = None, " The heights of its terrain are not on this machine."
     drawn = figures.trajectory(
@@ -141,7 +141,7 @@ def _way(run: Gathered, around: Sequence[Outline]) -> Markup:
     return section("Way", *parts)
 
 
-def _vehicles(run: Gathered, span: Span) -> list[Markup]:
+def _vehicles(run: RunSummary, span: Span) -> list[Markup]:
     found = []
     for motion, energy in zip(run.motions, run.energies, strict=True):
         whose = f" of {motion.vehicle}" if len(run.motions) > 1 else ""
@@ -177,7 +177,7 @@ def _vehicles(run: Gathered, span: Span) -> list[Markup]:
     return found
 
 
-def _streams(run: Gathered, span: Span) -> Markup:
+def _streams(run: RunSummary, span: Span) -> Markup:
     if not run.streams:
         return Markup("")
     rows, off = [], []
@@ -219,7 +219,7 @@ def _hz(value: float | None, digits: int) -> str:
     return f"{value:g} Hz" if not digits else f"{value:.{digits}f} Hz"
 
 
-def _link(run: Gathered, span: Span) -> Markup:
+def _link(run: RunSummary, span: Span) -> Markup:
     words = run.said.streams
     if not words:
         return section(
@@ -259,7 +259,7 @@ def _milliseconds(seconds: str) -> str:
     return f"{1e3 * float(seconds):.1f} ms" if seconds else ""
 
 
-def _cameras(run: Gathered) -> Markup:
+def _cameras(run: RunSummary) -> Markup:
     parts: list[Markup] = []
     for camera in run.cameras:
         shown = "".join(picture(uri, f"{at:.1f} s") for at, uri in camera.pictures)
@@ -270,7 +270,7 @@ def _cameras(run: Gathered) -> Markup:
     return section("Cameras", *parts)
 
 
-def _failures(run: Gathered) -> Markup:
+def _failures(run: RunSummary) -> Markup:
     rows = []
     for failures in run.failures:
         for failure in failures.all:
@@ -283,7 +283,7 @@ def _failures(run: Gathered) -> Markup:
     return section("Faults", table(("sensor", "from", "to", "fault"), rows, code=(0, 3)))
 
 
-def _processes(run: Gathered) -> Markup:
+def _processes(run: RunSummary) -> Markup:
     rows = []
     for name, facts in sorted(run.said.processes.items()):
         counts = [f"{k} {v}" for k, v in facts.items() if k not in PROCESS_FIELDS and v != "0"]
@@ -293,7 +293,7 @@ def _processes(run: Gathered) -> Markup:
     return section("Processes", table(("name", "host", "pid", "counts"), rows, code=(0,)))
 
 
-def _origin(run: Gathered) -> Markup:
+def _origin(run: RunSummary) -> Markup:
     facts = run.run
     resolved = yaml.safe_dump(msgspec.to_builtins(facts.scenario), sort_keys=False, width=100)
     versions = sorted(facts.versions.items())

@@ -7,10 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from groundlink.report.analysis.gather import Gathered
-from groundlink.report.analysis.motion import Motion
-from groundlink.report.analysis.plan import Outline
-from groundlink.report.analysis.sensors import Cloud, ImuSamples, Trajectory, reach_m, truth_at
+from groundlink.report.analysis.gather import RunSummary
+from groundlink.report.analysis.motion import VehicleMotion
+from groundlink.report.analysis.plan import SolidOutline
+from groundlink.report.analysis.sensors import (
+    CloudSample,
+    EstimatedTrajectory,
+    ImuSamples,
+    reach_m,
+    truth_at,
+)
 from groundlink.report.figures import sensors as sensor_figures
 
 from .html import Markup, figure, heading, section
@@ -20,7 +26,7 @@ Span = tuple[float, float]
 LEAST_REACH_M = 3.0
 
 
-def sensors(run: Gathered, outlines: Sequence[Outline], span: Span) -> list[Markup]:
+def sensors(run: RunSummary, outlines: Sequence[SolidOutline], span: Span) -> list[Markup]:
     """Return a section for each vehicle that has readings to be plotted."""
     found = []
     for motion in run.motions:
@@ -30,11 +36,11 @@ def sensors(run: Gathered, outlines: Sequence[Outline], span: Span) -> list[Mark
 
 
 def _vehicle(
-    run: Gathered, motion: Motion, outlines: Sequence[Outline], span: Span
+    run: RunSummary, motion: VehicleMotion, outlines: Sequence[SolidOutline], span: Span
 ) -> list[Markup]:
     readings, truth = run.readings[motion.vehicle], motion.track()
     parts: list[Markup] = []
-    trajectories = [r for r in readings if isinstance(r, Trajectory) and r.rows]
+    trajectories = [r for r in readings if isinstance(r, EstimatedTrajectory) and r.rows]
     if trajectories and len(truth):
         told = [(each.topic, each.beside(truth)) for each in trajectories]
         drawn = sensor_figures.trajectories(truth, told, motion.vehicle, span)
@@ -51,7 +57,7 @@ def _vehicle(
             caption = "In the sensor's frame. A level unit at rest has 9.81 m/s\u00b2 on z."
             drawn = sensor_figures.imu(each, truth, span)
             parts += [heading(each.topic), figure(drawn, caption)]
-        elif isinstance(each, Cloud) and each.seconds is not None and len(truth):
+        elif isinstance(each, CloudSample) and each.seconds is not None and len(truth):
             points = each.in_world(truth)
             x, y, _ = truth_at(truth, np.array([each.seconds]))[0].tolist()
             reach = max(reach_m(points, (x, y)), LEAST_REACH_M)

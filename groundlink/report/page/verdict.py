@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from groundlink.monitor.run_monitor import RATE_TOLERANCE
-from groundlink.report.analysis.gather import Gathered
-from groundlink.report.analysis.streams import StreamTrack
+from groundlink.report.analysis.gather import RunSummary
+from groundlink.report.analysis.streams import StreamTimes
 from groundlink.report.page.html import Markup, text
 
 from .missing_readings import missing_lines
@@ -21,7 +21,7 @@ SPANS = 3
 """Named in a line."""
 
 
-def faults(run: Gathered) -> list[str]:
+def problems(run: RunSummary) -> list[str]:
     """Return what a person should know first, as lines."""
     lines = []
     for stream in run.streams:
@@ -52,7 +52,7 @@ def faults(run: Gathered) -> list[str]:
     return lines
 
 
-def _spans(run: Gathered, spans: Sequence[Span]) -> str:
+def _spans(run: RunSummary, spans: Sequence[Span]) -> str:
     """Return spans of the recording as times of the run, the first of them."""
     begin = run.seconds(run.first_nanos)
     words = [f"from {begin + low:.1f} to {begin + high:.1f} s" for low, high in spans[:SPANS]]
@@ -60,7 +60,7 @@ def _spans(run: Gathered, spans: Sequence[Span]) -> str:
     return ", ".join(words) + (f" and {more} more" if more > 0 else "")
 
 
-def keeps_rate(stream: StreamTrack) -> bool:
+def keeps_rate(stream: StreamTimes) -> bool:
     """Return whether a stream has its declared rate over all."""
     if stream.declared_hz is None:
         return True
@@ -68,9 +68,9 @@ def keeps_rate(stream: StreamTrack) -> bool:
     return measured is not None and abs(measured / stream.declared_hz - 1) <= RATE_TOLERANCE
 
 
-def verdict(run: Gathered) -> Markup:
+def verdict(run: RunSummary) -> Markup:
     """Return the page's first words: that all was kept, or what was not."""
-    found = faults(run)
+    found = problems(run)
     if not found:
         return Markup(
             '<div class="verdict">Every declared rate was kept from the first message to the last, '

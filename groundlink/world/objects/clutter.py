@@ -12,8 +12,8 @@ import numpy as np
 from groundlink.world.bounds import Bounds, bounds, overlap
 from groundlink.world.solids import Box, Cylinder, Solid
 
-from .indoor_objects import Frame, Surface
-from .room import Clutter
+from .indoor_objects import LocalFrame, SupportSurface
+from .indoor_specs import Clutter
 
 TRIES = 400
 """Places tried for one thing before the room counts as full."""
@@ -22,13 +22,13 @@ RIM_M = 0.01
 """Left free at the rim of a surface, and above a thing under the next board."""
 
 
-class NoRoom(ValueError):
+class NoFreePlace(ValueError):
     """Not all of the clutter found a place; the text says how much did."""
 
 
-def strew(
+def place_clutter(
     clutter: Clutter,
-    surfaces: list[Surface],
+    surfaces: list[SupportSurface],
     occupied: list[Bounds],
     generator: np.random.Generator,
 ) -> list[Solid]:
@@ -62,14 +62,14 @@ def strew(
             if solid and not overlap(bounds(solid), (lows[:row], highs[:row])):
                 break
         else:
-            raise NoRoom(f"only {index} of {clutter.count} pieces found a free place")
+            raise NoFreePlace(f"only {index} of {clutter.count} pieces found a free place")
         solids.append(solid)
         lows[row], highs[row] = bounds(solid)
     return solids
 
 
 def _throw(
-    index: int, clutter: Clutter, surfaces: list[Surface], generator: np.random.Generator
+    index: int, clutter: Clutter, surfaces: list[SupportSurface], generator: np.random.Generator
 ) -> Solid | None:
     """Return a thing somewhere on one of the surfaces, or None where it would stick out."""
     surface = surfaces[generator.integers(len(surfaces))]
@@ -81,7 +81,7 @@ def _throw(
     if generator.random() < 0.3:
         # A can is round, and no thicker than it is high.
         shape = Cylinder(radius_m=min(lengths[0], lengths[2]) / 2, length_m=lengths[2])
-    thing = Frame("clutter").put(str(index), shape, (0, 0, 0), material, yaw_deg=yaw_deg)
+    thing = LocalFrame("clutter").put(str(index), shape, (0, 0, 0), material, yaw_deg=yaw_deg)
     half_x, half_y, half_z = bounds(thing)[1]
     free_x, free_y = (
         length - 2 * (half + RIM_M)
@@ -89,7 +89,7 @@ def _throw(
     )
     if min(free_x, free_y) < 0 or 2 * half_z > surface.clear_m - RIM_M:
         return None
-    place = Frame("clutter", *surface.center_m, yaw_deg=surface.yaw_deg)
+    place = LocalFrame("clutter", *surface.center_m, yaw_deg=surface.yaw_deg)
     return place.put(
         str(index), shape, (along * free_x, across * free_y, half_z), material, yaw_deg=yaw_deg
     )

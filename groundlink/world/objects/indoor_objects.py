@@ -2,8 +2,9 @@
 """Walls and furniture as boxes and cylinders.
 
 Rule: each kind is one function from its description to solids around its own origin on the floor;
-`Frame.put` places them in the world. Numbers are rounded to a micrometre and 1e-9 of a quaternion:
-sine and cosine differ in the last bit between processors, and the hash of a world must not.
+`LocalFrame.put` places them in the world. Numbers are rounded to a micrometre and 1e-9 of a
+quaternion: sine and cosine differ in the last bit between processors, and the hash of a world must
+not.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from groundlink.core.fields import Vector3
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.world.solids import Box, Cylinder, Shape, Solid
 
-from .room import Cabinet, Chair, Door, Furniture, Pillar, Room, Shelf, Table
+from .indoor_specs import Cabinet, Chair, Door, Furniture, Pillar, Room, Shelf, Table
 
 BOARD_M = 0.025
 """Thickness of table tops, boards, uprights and seats."""
@@ -37,7 +38,7 @@ whether that x has the direction of the world's axis along the wall."""
 
 
 @dataclass(frozen=True)
-class Surface:
+class SupportSurface:
     """A level rectangle on which things can lie, in the world.
 
     Its centre, yaw, lengths along its own x and y, and the free height above it; metres, degrees.
@@ -51,7 +52,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Frame:
+class LocalFrame:
     """A place on the floor with a heading and a name, from which parts are put into the world."""
 
     name: str
@@ -93,19 +94,21 @@ class Frame:
             orientation=(x, y, z, w),
         )
 
-    def surface(self, at: Vector3, length_m: float, width_m: float, clear_m: float) -> Surface:
+    def surface(
+        self, at: Vector3, length_m: float, width_m: float, clear_m: float
+    ) -> SupportSurface:
         """Return a surface around a point of this frame."""
-        return Surface(self.point(*at), self.yaw_deg, length_m, width_m, clear_m)
+        return SupportSurface(self.point(*at), self.yaw_deg, length_m, width_m, clear_m)
 
 
-Furnished = tuple[list[Solid], list[Surface]]
+Furnished = tuple[list[Solid], list[SupportSurface]]
 
 
-def walls(room: Room) -> list[Solid]:
+def build_room(room: Room) -> list[Solid]:
     """Return floor, ceiling, walls with the opening cut out, and the door's leaf."""
     length, width, height = room.size_m
     t = room.wall_thickness_m
-    frame = Frame("room")
+    frame = LocalFrame("room")
     slab = (length + 2 * APRON_M, width + 2 * APRON_M, t)
     cover = (length + 2 * t, width + 2 * t, t)
     solids = [
@@ -125,7 +128,7 @@ def walls(room: Room) -> list[Solid]:
                 ("right", right, half, 0.0),
                 ("lintel", left, right, room.door.height_m),
             ]
-        wall = Frame(f"wall_{name}", yaw_deg=yaw_deg)
+        wall = LocalFrame(f"wall_{name}", yaw_deg=yaw_deg)
         solids += [
             wall.put(
                 part,
@@ -138,19 +141,19 @@ def walls(room: Room) -> list[Solid]:
     return [*solids, _leaf(room, room.door)] if room.door else solids
 
 
-def door_frame(room: Room, door: Door) -> Frame:
+def door_frame(room: Room, door: Door) -> LocalFrame:
     """Return the frame amid the opening at the wall's inner face: x along it, y out of the room."""
     yaw_deg, _ = WALLS[door.wall]
-    along = Frame("door", yaw_deg=yaw_deg)
+    along = LocalFrame("door", yaw_deg=yaw_deg)
     x, y, _ = along.point(sum(_span(door)) / 2, _lengths(room, door.wall)[1] / 2, 0)
-    return Frame("door", x, y, yaw_deg=yaw_deg)
+    return LocalFrame("door", x, y, yaw_deg=yaw_deg)
 
 
 def _leaf(room: Room, door: Door) -> Solid:
     """Return the leaf: hinged at the start of the opening, it swings into the room."""
     opening = door_frame(room, door)
     x, y, _ = opening.point(-door.width_m / 2, 0, 0)
-    hinge = Frame("door", x, y, yaw_deg=opening.yaw_deg - door.open_deg)
+    hinge = LocalFrame("door", x, y, yaw_deg=opening.yaw_deg - door.open_deg)
     size = (door.width_m - 2 * LEAF_GAP_M, LEAF_M, door.height_m - 2 * LEAF_GAP_M)
     # Its thickness lies in the opening when shut, and turns clear of the wall when open.
     side = -1 if 0 < door.open_deg <= 90 else 1
@@ -170,7 +173,9 @@ def _span(door: Door) -> tuple[float, float]:
     return at - door.width_m / 2, at + door.width_m / 2
 
 
-def _legs(frame: Frame, length: float, width: float, height: float, material: str) -> list[Solid]:
+def _legs(
+    frame: LocalFrame, length: float, width: float, height: float, material: str
+) -> list[Solid]:
     """Return four legs at the corners of a rectangle."""
     x, y = length / 2 - LEG_M / 2, width / 2 - LEG_M / 2
     return [
@@ -181,7 +186,7 @@ def _legs(frame: Frame, length: float, width: float, height: float, material: st
     ]
 
 
-def _table(frame: Frame, table: Table) -> Furnished:
+def _table(frame: LocalFrame, table: Table) -> Furnished:
     length, width, height = table.size_m
     top = frame.put(
         "top", Box(size_m=(length, width, BOARD_M)), (0, 0, height - BOARD_M / 2), table.material
@@ -190,7 +195,7 @@ def _table(frame: Frame, table: Table) -> Furnished:
     return [top, *legs], [frame.surface((0, 0, height), length, width, 1.0)]
 
 
-def _shelf(frame: Frame, shelf: Shelf) -> Furnished:
+def _shelf(frame: LocalFrame, shelf: Shelf) -> Furnished:
     length, width, height = shelf.size_m
     inner = length - 2 * BOARD_M
     depth = width - BOARD_M
@@ -224,14 +229,14 @@ def _shelf(frame: Frame, shelf: Shelf) -> Furnished:
     return solids, surfaces
 
 
-def _cabinet(frame: Frame, cabinet: Cabinet) -> Furnished:
+def _cabinet(frame: LocalFrame, cabinet: Cabinet) -> Furnished:
     body = frame.put(
         "body", Box(size_m=cabinet.size_m), (0, 0, cabinet.size_m[2] / 2), cabinet.material
     )
     return [body], []
 
 
-def _chair(frame: Frame, chair: Chair) -> Furnished:
+def _chair(frame: LocalFrame, chair: Chair) -> Furnished:
     length, width, height = CHAIR_SIZE_M
     legs = _legs(frame, length, width, SEAT_HEIGHT_M - BOARD_M, chair.material)
     seat = frame.put(
@@ -249,12 +254,12 @@ def _chair(frame: Frame, chair: Chair) -> Furnished:
     return [*legs, seat, back], []
 
 
-def _pillar(frame: Frame, pillar: Pillar) -> Furnished:
+def _pillar(frame: LocalFrame, pillar: Pillar) -> Furnished:
     shape = Cylinder(radius_m=pillar.radius_m, length_m=pillar.height_m)
     return [frame.put("column", shape, (0, 0, pillar.height_m / 2), pillar.material)], []
 
 
-KINDS: dict[type[Any], Callable[[Frame, Any], Furnished]] = {
+KINDS: dict[type[Any], Callable[[LocalFrame, Any], Furnished]] = {
     Table: _table,
     Shelf: _shelf,
     Cabinet: _cabinet,
@@ -264,11 +269,11 @@ KINDS: dict[type[Any], Callable[[Frame, Any], Furnished]] = {
 """How each kind of furniture is made."""
 
 
-def furnish(index: int, furniture: Furniture) -> Furnished:
+def build_furniture(index: int, furniture: Furniture) -> Furnished:
     """Return the solids of one piece of furniture, and the surfaces that it offers to clutter."""
     kind = type(furniture)
-    frame = Frame(
-        f"{kind.__name__.lower()}_{index}",
+    frame = LocalFrame(
+        f"{kind.__struct_config__.tag}_{index}",
         *furniture.at_m,
         yaw_deg=getattr(furniture, "yaw_deg", 0.0),
     )

@@ -16,8 +16,8 @@ from typing import Any
 from groundlink.core.fields import Vector3
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 
-from .indoor_objects import Frame
-from .outdoors import (
+from .indoor_objects import LocalFrame
+from .outdoor_specs import (
     POST_M,
     Bale,
     Bush,
@@ -25,10 +25,10 @@ from .outdoors import (
     Fence,
     House,
     Lamp,
-    Outdoor,
+    OutdoorObject,
+    PlacedObject,
     Pole,
     Rock,
-    Thing,
     Tree,
 )
 
@@ -51,17 +51,17 @@ BURIED_M = 0.3
 """How deep trunks, posts and rocks go into the ground."""
 
 
-def erect(index: int, thing: Outdoor) -> list[Solid]:
+def build_outdoor_object(index: int, thing: OutdoorObject) -> list[Solid]:
     """Return the solids of one thing, named `<kind>_<index>_<part>`."""
-    name = f"{type(thing).__name__.lower()}_{index}"
+    name = f"{thing.__struct_config__.tag}_{index}"
     if isinstance(thing, Fence):
         return list(_fence(name, thing))
     return list(
-        KINDS[type(thing)](Frame(name, *thing.at_m, thing.z_m or 0.0, thing.yaw_deg), thing)
+        KINDS[type(thing)](LocalFrame(name, *thing.at_m, thing.z_m or 0.0, thing.yaw_deg), thing)
     )
 
 
-def _house(frame: Frame, house: House) -> Iterator[Solid]:
+def _house(frame: LocalFrame, house: House) -> Iterator[Solid]:
     length, width, eaves = house.size_m
     foot = Box(size_m=(length + 0.2, width + 0.2, 2 * FOOTING_M))
     yield frame.put("footing", foot, (0, 0, 0), house.footing_material)
@@ -84,7 +84,7 @@ def _house(frame: Frame, house: House) -> Iterator[Solid]:
         yield from _windows(frame, house)
 
 
-def _roof(frame: Frame, house: House) -> Iterator[Solid]:
+def _roof(frame: LocalFrame, house: House) -> Iterator[Solid]:
     """Yield two slabs, and below each a beam as thick as the attic: its half of the gables.
 
     Beams stay within the slabs and the walls up to 45 degrees.
@@ -114,7 +114,7 @@ def _roof(frame: Frame, house: House) -> Iterator[Solid]:
         yield frame.put("chimney", shape, at, house.chimney_material)
 
 
-def _windows(frame: Frame, house: House) -> Iterator[Solid]:
+def _windows(frame: LocalFrame, house: House) -> Iterator[Solid]:
     """Yield frames, panes and a bar in each, in rows along all four walls, off the door."""
     length, width, eaves = house.size_m
     wide, high = WINDOW_M
@@ -126,7 +126,7 @@ def _windows(frame: Frame, house: House) -> Iterator[Solid]:
             (width, length, 270.0),
         )
     ):
-        facade = Frame(frame.name, *frame.point(0, 0, 0), frame.yaw_deg + yaw_deg)
+        facade = LocalFrame(frame.name, *frame.point(0, 0, 0), frame.yaw_deg + yaw_deg)
         count = max(1, int((along - 0.6) / WINDOW_EVERY_M))
         for storey in range(max(1, round(eaves / STOREY_M))):
             for i in range(count):
@@ -144,7 +144,7 @@ def _windows(frame: Frame, house: House) -> Iterator[Solid]:
                     yield facade.put(name, shape, (x, -across / 2, z), material)
 
 
-def _tree(frame: Frame, tree: Tree) -> Iterator[Solid]:
+def _tree(frame: LocalFrame, tree: Tree) -> Iterator[Solid]:
     height = tree.height_m
     bare, thick, crown = CROWNS[tree.species]
     trunk = Cylinder(radius_m=thick * height, length_m=bare * height + BURIED_M)
@@ -199,7 +199,7 @@ CROWNS: dict[str, tuple[float, float, list[tuple[float, float, float, float]]]] 
 cubes of a spruce's. All in multiples of the tree's height."""
 
 
-def _bush(frame: Frame, bush: Bush) -> Iterator[Solid]:
+def _bush(frame: LocalFrame, bush: Bush) -> Iterator[Solid]:
     height = bush.height_m
     for i, (x, y, z, radius) in enumerate(
         ((0.0, 0.0, 0.5, 0.5), (0.42, 0.12, 0.32, 0.38), (-0.30, 0.30, 0.28, 0.36))
@@ -209,7 +209,7 @@ def _bush(frame: Frame, bush: Bush) -> Iterator[Solid]:
         yield frame.put(f"ball_{i}", shape, place, bush.leaf_material)
 
 
-def _rock(frame: Frame, rock: Rock) -> Iterator[Solid]:
+def _rock(frame: LocalFrame, rock: Rock) -> Iterator[Solid]:
     height = rock.height_m
     for i, (long, wide, high, turn) in enumerate(
         ((1.5, 1.1, 0.8, (0.0, 12.0, 9.0)), (1.0, 1.2, 1.0, (40.0, -14.0, 17.0)))
@@ -223,7 +223,7 @@ def _rock(frame: Frame, rock: Rock) -> Iterator[Solid]:
         )
 
 
-def _pole(frame: Frame, pole: Pole) -> Iterator[Solid]:
+def _pole(frame: LocalFrame, pole: Pole) -> Iterator[Solid]:
     yield _post(frame, "post", 0.12, pole.height_m, pole.material)
     z = pole.height_m - 0.6
     yield frame.put("arm", Box(size_m=(0.1, 1.8, 0.12)), (0.12, 0, z), pole.material)
@@ -232,7 +232,7 @@ def _pole(frame: Frame, pole: Pole) -> Iterator[Solid]:
         yield frame.put(f"insulator_{i}", insulator, (0.12, y, z + 0.14), pole.insulator_material)
 
 
-def _lamp(frame: Frame, lamp: Lamp) -> Iterator[Solid]:
+def _lamp(frame: LocalFrame, lamp: Lamp) -> Iterator[Solid]:
     height = lamp.height_m
     yield _post(frame, "foot", 0.11, 0.8, lamp.material)
     yield _post(frame, "post", 0.06, height, lamp.material)
@@ -242,18 +242,18 @@ def _lamp(frame: Frame, lamp: Lamp) -> Iterator[Solid]:
     yield frame.put("glass", Box(size_m=(0.5, 0.2, 0.05)), at, lamp.glass_material)
 
 
-def _post(frame: Frame, part: str, radius_m: float, height_m: float, material: str) -> Solid:
+def _post(frame: LocalFrame, part: str, radius_m: float, height_m: float, material: str) -> Solid:
     """Return a round post that goes on into the ground."""
     shape = Cylinder(radius_m=radius_m, length_m=height_m + BURIED_M)
     return frame.put(part, shape, (0, 0, (height_m - BURIED_M) / 2), material)
 
 
-def _bale(frame: Frame, bale: Bale) -> Iterator[Solid]:
+def _bale(frame: LocalFrame, bale: Bale) -> Iterator[Solid]:
     shape = Cylinder(radius_m=bale.radius_m, length_m=bale.length_m)
     yield frame.put("roll", shape, (0, 0, bale.radius_m), bale.material, roll_deg=90.0)
 
 
-def _crate(frame: Frame, crate: Crate) -> Iterator[Solid]:
+def _crate(frame: LocalFrame, crate: Crate) -> Iterator[Solid]:
     length, width, height = crate.size_m
     yield frame.put("body", Box(size_m=crate.size_m), (0, 0, height / 2), crate.material)
     for i, x in enumerate((-0.36, 0.36)):
@@ -272,11 +272,11 @@ def _fence(name: str, fence: Fence) -> Iterator[Solid]:
         (x0, y0, _), (x1, y1, _) = bays[min(i, len(bays) - 1)]
         yaw_deg = math.degrees(math.atan2(y1 - y0, x1 - x0))
         at = (0.0, 0.0, (fence.height_m - BURIED_M) / 2)
-        yield Frame(name, x, y, z, yaw_deg).put(f"post_{i}", shape, at, fence.material)
+        yield LocalFrame(name, x, y, z, yaw_deg).put(f"post_{i}", shape, at, fence.material)
     for i, ((x0, y0, z0), (x1, y1, z1)) in enumerate(bays):
         across = math.hypot(x1 - x0, y1 - y0)
         yaw_deg = math.degrees(math.atan2(y1 - y0, x1 - x0))
-        bay = Frame(name, (x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2, yaw_deg)
+        bay = LocalFrame(name, (x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2, yaw_deg)
         # A cylinder's axis is along z: it is laid along x, and down with the ground.
         pitch_deg = 90.0 - math.degrees(math.atan2(z1 - z0, across))
         rail = Cylinder(radius_m=0.045, length_m=math.hypot(across, z1 - z0))
@@ -285,7 +285,7 @@ def _fence(name: str, fence: Fence) -> Iterator[Solid]:
             yield bay.put(f"rail_{i}_{j}", rail, at, fence.material, pitch_deg=pitch_deg)
 
 
-KINDS: dict[type[Thing], Callable[[Frame, Any], Iterator[Solid]]] = {
+KINDS: dict[type[PlacedObject], Callable[[LocalFrame, Any], Iterator[Solid]]] = {
     House: _house,
     Tree: _tree,
     Bush: _bush,

@@ -17,7 +17,7 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION
-from groundlink.world.mesh_asset import surface as mesh_surface
+from groundlink.world.mesh_asset import load_mesh as mesh_surface
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 
 from .backend import (

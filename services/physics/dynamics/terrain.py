@@ -24,7 +24,7 @@ from groundlink.core.frames import Floats
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import Material, Solid, Sphere
-from groundlink.world.spawn_pose import touching
+from groundlink.world.spawn_pose import collision_solids
 from groundlink.world.terrain import Ground
 
 from .backend import Backend
@@ -212,5 +212,5 @@ def reach_of(model: VehicleModel) -> float:
         Solid(wheel.name, Sphere(radius_m=wheel.radius_m), "", wheel.center_m)
         for wheel in model.wheels
     ]
-    boxes = [bounds(part) for part in (*wheels, *touching(model))]
+    boxes = [bounds(part) for part in (*wheels, *collision_solids(model))]
     return max(float(np.linalg.norm(np.maximum(-low, high))) for low, high in boxes)

@@ -141,7 +141,7 @@ def check_data(journal: Journal) -> None:
     if lacking := assets.missing(needed):
         raise UserError(
             f"physics' machine lacks the data {lacking[0][:12]} of the saved run's world; load its "
-            f"scenario there once, or copy {assets.store()} from where it was saved"
+            f"scenario there once, or copy {assets.folder()} from where it was saved"
         )
 
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from groundlink.core.errors import UserError, nearest
-from groundlink.loader import load, time_choice
+from groundlink.core.errors import UserError, did_you_mean
+from groundlink.loader import load, time_options
 from groundlink.run import journal
 from groundlink.run.journal import Journal
 from groundlink.scenario import Scenario
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="VEHICLE/SENSOR", help="leave out all other sensors of the scenario"
     )
-    time_choice.add_arguments(parser)
+    time_options.add_arguments(parser)
 
 
 def source(options: argparse.Namespace) -> RunSource:
@@ -75,7 +75,7 @@ def _chosen(scenario: Scenario, options: argparse.Namespace) -> Scenario:
     """Return a scenario with what else the command line chooses."""
     if options.only:
         if scenario.sensor(options.only) is None:
-            hint = nearest(options.only, scenario.sensor_names())
+            hint = did_you_mean(options.only, scenario.sensor_names())
             raise UserError(f"scenario `{scenario.name}` has no sensor `{options.only}`; {hint}")
         scenario = scenario.with_only(options.only)
-    return time_choice.chosen(scenario, options)
+    return time_options.with_time_options(scenario, options)

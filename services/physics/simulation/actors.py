@@ -16,8 +16,8 @@ from msgspec.structs import replace
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion
-from groundlink.world import motion
-from groundlink.world.actors import Actor, Free, parts
+from groundlink.world import actor_motion as motion
+from groundlink.world.actors import Actor, FreeMotion, form_solids
 from groundlink.world.bounds import bounds, half_extents, middle
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import Ground
@@ -42,7 +42,7 @@ class ScriptedActor:
     ) -> None:
         self._backend, self._mover = backend, mover
         self._then = mover.at(tick * TICK_SECONDS)
-        solids = _boxed(parts(actor.form))
+        solids = _boxed(form_solids(actor.form))
         # A body has one friction: that of its first part.
         friction = materials[solids[0].material].friction
         self.body = backend.add_body(solids, Surface(friction, 1.0, SCRIPTED), self.pose())
@@ -76,9 +76,11 @@ class ScriptedActor:
 class FreeActor:
     """An actor that falls, rests and is pushed about."""
 
-    def __init__(self, backend: Backend, actor: Actor, free: Free, place: motion.Place) -> None:
+    def __init__(
+        self, backend: Backend, actor: Actor, free: FreeMotion, place: motion.ActorPose
+    ) -> None:
         self._backend = backend
-        solids = _boxed(parts(actor.form))
+        solids = _boxed(form_solids(actor.form))
         corners = np.array([bounds(solid) for solid in solids])
         low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
         self._middle = (low + high) / 2
@@ -113,8 +115,8 @@ def put(
     backend: Backend, actor: Actor, ground: Ground | None, materials: Materials, tick: int
 ) -> ScriptedActor | FreeActor:
     """Add an actor to a backend, where it is at a tick."""
-    if isinstance(actor.motion, Free):
-        return FreeActor(backend, actor, actor.motion, motion.start(actor.motion, ground))
+    if isinstance(actor.motion, FreeMotion):
+        return FreeActor(backend, actor, actor.motion, motion.initial_pose(actor.motion, ground))
     return ScriptedActor(backend, actor, motion.mover(actor.motion, ground), materials, tick)
 
 

@@ -70,7 +70,7 @@ class Simulation:
         mapped, materials = scenario.world.terrain, scenario.world.materials
         self._materials = materials
         self._terrain: TerrainWindows | NoTerrain = (
-            TerrainWindows(self._backend, terrain.ground(mapped), materials)
+            TerrainWindows(self._backend, terrain.load_ground(mapped), materials)
             if mapped
             else NoTerrain()
         )

@@ -20,9 +20,9 @@ from groundlink.core.quaternions import multiply
 from groundlink.messages.base import VehicleState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.mesh_asset import surface
+from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.solids import Mesh
-from groundlink.world.spawn_pose import start
+from groundlink.world.spawn_pose import spawn_pose
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import CHASSIS, GRAVITY_MPS2, WHEEL, Backend, Surface
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
@@ -83,11 +83,11 @@ class SimulatedVehicle:
         self.energy_and_contacts = EnergyAndContacts()
         collisions = (part.shape for part in model.collisions)
         hulls = {
-            hull_file(mesh): convex_hull(surface(mesh.asset).vertices)
+            hull_file(mesh): convex_hull(load_mesh(mesh.asset).vertices)
             for mesh in collisions
             if isinstance(mesh, Mesh)
         }
-        self.body, joints = backend.add_articulated(urdf(model), hulls, start(vehicle, ground))
+        self.body, joints = backend.add_articulated(urdf(model), hulls, spawn_pose(vehicle, ground))
         self._joints = [joints[suspension_joint(wheel)] for wheel in model.wheels]
         self._place = {joint: place for place, joint in enumerate(self._joints)}
         self._count = count = len(model.wheels)

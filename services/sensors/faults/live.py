@@ -18,7 +18,7 @@ from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.messages.base import Ack, State
 from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
 from groundlink.process.state_follower import StateConsumer
-from groundlink.scenario.fault_checks import mistake
+from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import SensorSpec
@@ -137,6 +137,6 @@ class LiveFaults:
             model.faults = cleared(model.faults, tick)
             return
         fault = msgspec.json.decode(wish, type=Fault)
-        if found := mistake(fault, self._spec, self._vehicle):
+        if found := fault_problem(fault, self._spec, self._vehicle):
             raise Refused(f"`{found[0]}`: {found[1]}")
         model.faults = (*model.faults, replace(fault, at_s=tick / TICK_RATE_HZ))

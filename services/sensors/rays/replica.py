@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from groundlink.core.fields import Vector3
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.bodies import NO_BODY
-from groundlink.world.terrain import ground
+from groundlink.world.terrain import load_ground
 from groundlink.world.triangles import joined, merged, of_ground
 from services.sensors.runtime.world_replica import Surroundings
 
@@ -55,7 +55,7 @@ class Replica(Surroundings):
         self._bodies = len(bodies)
         still, relief = merged(self.static), None
         if terrain:
-            land, first = ground(terrain), len(self.static)
+            land, first = load_ground(terrain), len(self.static)
             if land.heights.size <= FEW_HEIGHTS:
                 still = joined(still, of_ground(land, first_label=first))
             else:

@@ -15,7 +15,7 @@ from groundlink.bus.core_topics import ACK
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FAULTS, GAPS, sensor_outputs
-from groundlink.core.errors import UserError, nearest
+from groundlink.core.errors import UserError, did_you_mean
 from groundlink.core.extras import needs
 from groundlink.messages.base import Message
 from groundlink.messages.faults import counted
@@ -80,7 +80,7 @@ def kind_in(scenario: Scenario, name: str) -> SensorKind:
     """
     found = scenario.sensor(name)
     if found is None:
-        hint = nearest(name, scenario.sensor_names())
+        hint = did_you_mean(name, scenario.sensor_names())
         raise UserError(f"scenario `{scenario.name}` has no sensor `{name}`; {hint}")
     return kind_of(found[1])
 

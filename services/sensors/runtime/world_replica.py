@@ -16,10 +16,10 @@ from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
 from groundlink.messages.base import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.world.actors import parts
+from groundlink.world.actors import form_solids
 from groundlink.world.build import solids
-from groundlink.world.links import links as links_of
 from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere
+from groundlink.world.vehicle_links import link_solids as links_of
 
 POSE_BYTES = 7 * 8
 """In a state: position and quaternion, float64."""
@@ -65,7 +65,7 @@ class Surroundings:
             self.movers += [other.name] * (1 + len(wheels))
             self._bytes_of[other.name] = POSE_BYTES * (1 + len(wheels))
         actors = scenario.world.actors
-        self.links += [parts(actor.form) for actor in actors]
+        self.links += [form_solids(actor.form) for actor in actors]
         self.movers += [actor.name for actor in actors]
         self._bytes_of_actors = POSE_BYTES * len(actors)
         self._sizes = [*self._bytes_of.values(), self._bytes_of_actors]

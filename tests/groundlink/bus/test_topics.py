@@ -12,7 +12,7 @@ from groundlink.bus import topics
 from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.topics import FROM_ROS, SENSOR_TOPICS, STREAM_TOPICS, TOPICS, process_names
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages import ground_truth, navigation
 from groundlink.ros.cdr import ROS_CODECS

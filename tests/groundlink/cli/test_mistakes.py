@@ -11,7 +11,7 @@ from rich.console import Console
 
 from groundlink.__main__ import main
 from groundlink.cli.run.supervised import SupervisedRun, exit_code
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.monitor.supervisor import Supervisor
 
 

@@ -12,7 +12,7 @@ import pytest
 from groundlink.emulation import Impairment, LinkEvent, LinkScript, ScriptPlayer, changed
 from groundlink.emulation.script import parse_changes
 from groundlink.loader.document import ScenarioError
-from groundlink.loader.load import SHIPPED, load
+from groundlink.loader.scenario_files import SHIPPED, load
 
 SCRIPT = LinkScript(
     to_ros=Impairment(delay_ms=10),

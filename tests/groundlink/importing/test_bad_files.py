@@ -21,7 +21,7 @@ from PIL import Image
 
 from groundlink.core.errors import UserError
 from groundlink.importing import meshes, terrain
-from groundlink.importing.files import silent
+from groundlink.importing.file_errors import ignore_warning
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import HeightmapFile, SurfaceMap
 
@@ -48,9 +48,9 @@ def use(file: Path) -> None:
     if file.suffix in (".png", ".tif", ".npy", ".asc"):
         heights_m = (0.0, 100.0) if file.suffix == ".png" else None
         spec = HeightmapFile(file=file.name, material="m", cell_m=1.0, heights_m=heights_m)
-        terrain.build(spec, file.parent, silent)
+        terrain.build(spec, file.parent, ignore_warning)
     else:
-        meshes.make(MeshFile(file=file.name), file.parent, silent).shape()
+        meshes.import_mesh(MeshFile(file=file.name), file.parent, ignore_warning).shape()
 
 
 def line(file: Path) -> str:

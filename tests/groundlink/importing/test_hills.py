@@ -10,9 +10,9 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.importing.hills import heights
-from groundlink.importing.terrain_specs import Hills
+from groundlink.importing.terrain_specs import HillsTerrain
 
-SPEC = Hills(
+SPEC = HillsTerrain(
     seed=1, size_m=(300.0, 200.0), cell_m=1.0, height_m=12.0, longest_m=80.0, material="grass"
 )
 

@@ -13,17 +13,17 @@ from PIL import Image
 
 from groundlink.importing import meshes, pcd
 from groundlink.importing.mesh_specs import MeshFile
-from groundlink.importing.meshes import Made
+from groundlink.importing.meshes import ImportedMesh
 from groundlink.importing.scans import CORNERS
-from groundlink.world.mesh_asset import surface
+from groundlink.world.mesh_asset import load_mesh
 
 from .files import COLORS, MESHES, cloud, glb, gltf, lzf, pcd as pcd_file, png, write  # isort: skip
 
 
-def made(folder: Path, name: str, content: bytes, **given: Any) -> tuple[Made, list[str]]:
+def made(folder: Path, name: str, content: bytes, **given: Any) -> tuple[ImportedMesh, list[str]]:
     write(folder, name, content)
     told: list[str] = []
-    return meshes.make(MeshFile(file=name, **given), folder, told.append), told
+    return meshes.import_mesh(MeshFile(file=name, **given), folder, told.append), told
 
 
 @pytest.mark.parametrize("name", ["box.obj", "box.ply", "box.stl", "ascii.stl"])
@@ -37,7 +37,7 @@ def test_every_format_is_the_same_box(tmp_path: Path, name: str) -> None:
     assert not told
     shape = box.shape()
     assert (shape.low_m, shape.high_m) == ((-0.5, -1.0, -1.5), (0.5, 1.0, 1.5))
-    assert (surface(shape.asset).vertices == box.vertices).all()
+    assert (load_mesh(shape.asset).vertices == box.vertices).all()
 
 
 def test_a_scene_of_parts_is_one_surface_with_z_up(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_a_mesh_of_another_folder_may_be_a_link_with_its_files(
         if name in linked:
             (tmp_path / "meshes" / name).symlink_to(tmp_path / "source" / name)
     told: list[str] = []
-    found = meshes.make(MeshFile(file="../meshes/t.obj"), tmp_path / "world", told.append)
+    found = meshes.import_mesh(MeshFile(file="../meshes/t.obj"), tmp_path / "world", told.append)
     assert found.parts[0].picture == png(COLORS)
     assert not told
 

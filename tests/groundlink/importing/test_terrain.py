@@ -11,8 +11,15 @@ import pytest
 
 from groundlink.importing import terrain
 from groundlink.importing.terrain import BadTerrain
-from groundlink.importing.terrain_specs import HeightmapFile, Hills, Level, Road, SurfaceMap, Where
-from groundlink.world.terrain import Ground, ground
+from groundlink.importing.terrain_specs import (
+    HeightmapFile,
+    HillsTerrain,
+    LevelArea,
+    MaterialRule,
+    Road,
+    SurfaceMap,
+)
+from groundlink.world.terrain import Ground, load_ground
 
 from .files import HEIGHTMAPS, HEIGHTS, esri, npy, png, sixteen_bits, tiff, write
 
@@ -26,7 +33,7 @@ def made(folder: Path, name: str, content: bytes, **given: Any) -> tuple[Ground,
     write(folder, name, content)
     told: list[str] = []
     spec = HeightmapFile(file=name, material="grass", **given)
-    return ground(terrain.build(spec, folder, told.append)), told
+    return load_ground(terrain.build(spec, folder, told.append)), told
 
 
 @pytest.mark.parametrize("name", HEIGHTMAPS)
@@ -127,8 +134,8 @@ SLOPE = np.add.outer(np.arange(21.0), np.maximum(np.arange(41.0) - 20, 0) * 2).a
 
 def test_materials_by_rule_and_the_last_that_fits_counts(tmp_path: Path) -> None:
     where = (
-        Where(material="rock", slope_deg=(60.0, 90.0)),
-        Where(material="snow", height_m=(18.0, 1e9)),
+        MaterialRule(material="rock", slope_deg=(60.0, 90.0)),
+        MaterialRule(material="snow", height_m=(18.0, 1e9)),
     )
     here, _ = made(tmp_path, "map.npy", npy(SLOPE), cell_m=1.0, where=where)
     assert here.materials == ("grass", "rock", "snow")
@@ -140,10 +147,10 @@ def test_materials_by_rule_and_the_last_that_fits_counts(tmp_path: Path) -> None
 def test_a_road_that_ends_where_it_begins_has_no_step_there() -> None:
     square = ((-40.0, 0.0), (0.0, -40.0), (40.0, 0.0), (0.0, 40.0), (-40.0, 0.0))
     ring = Road(points_m=square, width_m=6.0, material="asphalt", smooth_m=40.0)
-    spec = Hills(
+    spec = HillsTerrain(
         size_m=(120, 120), cell_m=1, height_m=20, longest_m=120, material="grass", roads=(ring,)
     )
-    here = ground(terrain.build(spec, Path(), print))
+    here = load_ground(terrain.build(spec, Path(), print))
     before, behind = here.height_at([-39.3, -39.3], [0.7, -0.7])
     assert abs(before - behind) < 0.3  # 0.8 m where each end is smoothed for itself
 
@@ -155,12 +162,12 @@ def test_a_road_is_level_across_and_follows_the_ground_along() -> None:
         material="asphalt",
         smooth_m=20.0,
     )
-    spec = Hills(
+    spec = HillsTerrain(
         size_m=(100.0, 100.0), cell_m=0.5, height_m=8.0, longest_m=60.0, roughness=0.5,
         material="grass", roads=(road,), seed=3,
     )  # fmt: skip
-    wild = ground(terrain.build(Hills(**_fields(spec) | {"roads": ()}), Path(), print))
-    here = ground(terrain.build(spec, Path(), print))
+    wild = load_ground(terrain.build(HillsTerrain(**_fields(spec) | {"roads": ()}), Path(), print))
+    here = load_ground(terrain.build(spec, Path(), print))
     across = np.linspace(-2.4, 2.4, 9)
     for along in (-30.0, -10.0, -5.0):  # the last beside the bend
         profile = here.height_at(np.full(9, along), -20.0 + across)
@@ -179,16 +186,16 @@ def test_a_road_is_level_across_and_follows_the_ground_along() -> None:
 
 def test_a_pond_is_level_and_a_place_is_as_high_as_told() -> None:
     levels = (
-        Level(at_m=(-20.0, 0.0), radius_m=8.0, material="water"),
-        Level(at_m=(20.0, 0.0), radius_m=8.0, height_m=3.0),
-        Level(at_m=(500.0, 0.0), radius_m=8.0, material="water"),
+        LevelArea(at_m=(-20.0, 0.0), radius_m=8.0, material="water"),
+        LevelArea(at_m=(20.0, 0.0), radius_m=8.0, height_m=3.0),
+        LevelArea(at_m=(500.0, 0.0), radius_m=8.0, material="water"),
     )
-    spec = Hills(
+    spec = HillsTerrain(
         size_m=(100.0, 60.0), cell_m=0.5, height_m=8.0, longest_m=60.0,
         at_m=(0.0, 0.0, 10.0), material="grass", levels=levels,
     )  # fmt: skip
-    wild = ground(terrain.build(Hills(**_fields(spec) | {"levels": ()}), Path(), print))
-    here = ground(terrain.build(spec, Path(), print))
+    wild = load_ground(terrain.build(HillsTerrain(**_fields(spec) | {"levels": ()}), Path(), print))
+    here = load_ground(terrain.build(spec, Path(), print))
     turn = np.linspace(0, 2 * np.pi, 40)
     for radius in (0.0, 4.0, 7.0):
         x, y = radius * np.cos(turn), radius * np.sin(turn)
@@ -201,5 +208,5 @@ def test_a_pond_is_level_and_a_place_is_as_high_as_told() -> None:
     assert here.height_at(-20.0, 15.0) == wild.height_at(-20.0, 15.0)
 
 
-def _fields(spec: Hills) -> dict[str, Any]:
+def _fields(spec: HillsTerrain) -> dict[str, Any]:
     return {name: getattr(spec, name) for name in spec.__struct_fields__}

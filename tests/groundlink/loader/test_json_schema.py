@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from groundlink.loader.json_schema import KINDS, json_schema
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from tests.groundlink.loader.urdf.carts import MODEL
 
 FOLDERS = {"": "scenario", "worlds": "world", "vehicles": "vehicle", "sensors": "datasheet"}

@@ -12,11 +12,11 @@ import yaml
 
 from groundlink.loader import load
 from groundlink.loader.document import ScenarioError
-from groundlink.loader.scatter import START_M
+from groundlink.loader.scatter import SPAWN_CLEARANCE_M
 from groundlink.scenario import Scenario
 from groundlink.world.build import solids, world_hash
-from groundlink.world.objects.outdoors import Bush, House
-from groundlink.world.terrain import Ground, ground
+from groundlink.world.objects.outdoor_specs import Bush, House
+from groundlink.world.terrain import Ground, load_ground
 
 BUSHES = {
     "like": {"kind": "bush", "leaf_material": "grass"},
@@ -65,7 +65,7 @@ def sown(scenario: Scenario) -> list[Bush]:
 
 def ground_of(scenario: Scenario) -> Ground:
     assert scenario.world.terrain
-    return ground(scenario.world.terrain)
+    return load_ground(scenario.world.terrain)
 
 
 def test_the_seed_sows(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_what_is_sown_keeps_off_all_else(tmp_path: Path) -> None:
         assert {here.materials[n] for n in here.material_at(*rim.T)} == {"grass"}
     apart = np.linalg.norm(places[:, None] - places, axis=-1) + 1e9 * np.eye(len(places))
     assert apart.min() >= 1.5
-    assert np.abs(places - (20.0, -25.0)).max(axis=1).min() >= START_M
+    assert np.abs(places - (20.0, -25.0)).max(axis=1).min() >= SPAWN_CLEARANCE_M
     house = scenario.world.outdoors[0]
     assert isinstance(house, House)
     assert np.linalg.norm(places - house.at_m, axis=1).min() > 4 + 1.5

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.loader import ScenarioError, load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 
 SCENARIO = """\
 name: test

@@ -22,7 +22,7 @@ from groundlink.process.joining import join_world
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
-from groundlink.world.mesh_asset import asset_of
+from groundlink.world.mesh_asset import encode_mesh
 from groundlink.world.solids import Mesh, Solid
 from groundlink.world.terrain import Terrain
 
@@ -46,13 +46,13 @@ def stores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]
 
 def with_assets(heights: bytes) -> Scenario:
     """Return the laboratory with terrain and a mesh, whose assets are in the store."""
-    mesh = assets.keep(asset_of(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32)))
+    mesh = assets.put(encode_mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32)))
     shape = Mesh(asset=mesh, low_m=(0.0, 0.0, 0.0), high_m=(1.0, 1.0, 1.0))
     scenario = load(LAB)
     world = scenario.world
     ground = Terrain(
-        heights=assets.keep(heights),
-        surface=assets.keep(b"surface"),
+        heights=assets.put(heights),
+        surface=assets.put(b"surface"),
         cell_m=1.0,
         at_m=(0.0, 0.0, 0.0),
         low_m=(0.0, 0.0, 0.0),
@@ -98,7 +98,7 @@ def test_only_what_the_scenario_names_is_served(
     stores: tuple[Path, Path],
 ) -> None:
     scenario = with_assets(b"heights")
-    secret = assets.keep(b"secret")
+    secret = assets.put(b"secret")
     with _Server(endpoint, scenario, stores[0]), Bus(connect=endpoint) as bus:
         for asked in (f"{secret}/0", "../../etc/passwd/0", f"{scenario.world.terrain}/0", "", "x"):
             assert bus.query(asset_key(RUN), asked, seconds=2.0) == {}
@@ -139,7 +139,7 @@ class _Server:
             def of_this_store(parameters: str) -> list[bytes]:
                 self.asked += 1
                 with pytest.MonkeyPatch.context() as patch:
-                    patch.setattr(assets, "store", lambda: self._store)
+                    patch.setattr(assets, "folder", lambda: self._store)
                     result: list[bytes] = answer(parameters)
                 return result
 

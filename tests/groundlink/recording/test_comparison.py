@@ -11,15 +11,15 @@ import pytest
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Imu
 from groundlink.messages.navigation import Transform, Transforms
-from groundlink.recording.comparison import WAIT_NANOS, Comparison, Extent, Verdict
-from groundlink.recording.reading import Recorded
+from groundlink.recording.comparison import WAIT_NANOS, ComparedSpan, Comparison, TopicComparison
+from groundlink.recording.reader import RecordedMessage
 from groundlink.ros.cdr import to_cdr
 
 TYPE = "sensor_msgs/msg/Imu"
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STEP = NANOS // 100
-ALL = Extent(0, 100 * NANOS, 0, 100 * NANOS)
+ALL = ComparedSpan(0, 100 * NANOS, 0, 100 * NANOS)
 
 
 def imu(nanos: int, x: float = 0.0) -> memoryview:
@@ -27,23 +27,23 @@ def imu(nanos: int, x: float = 0.0) -> memoryview:
     return to_cdr(message)
 
 
-def samples(count: int, topic: str = "/imu", step: int = STEP) -> list[Recorded]:
-    return [Recorded(i * step, topic, TYPE, bytes(imu(i * step))) for i in range(count)]
+def samples(count: int, topic: str = "/imu", step: int = STEP) -> list[RecordedMessage]:
+    return [RecordedMessage(i * step, topic, TYPE, bytes(imu(i * step))) for i in range(count)]
 
 
 def compare(
-    recorded: list[Recorded],
-    again: list[Recorded],
-    extent: Extent = ALL,
+    recorded: list[RecordedMessage],
+    again: list[RecordedMessage],
+    extent: ComparedSpan = ALL,
     left_out: Any = lambda topic, nanos: None,
-) -> dict[str, Verdict]:
+) -> dict[str, TopicComparison]:
     comparison = Comparison(iter(recorded), extent, left_out)
     for message in again:
         comparison.take(message.topic, message.ros_type, message.nanos, memoryview(message.cdr))
     return {verdict.topic: verdict for verdict in comparison.verdicts()}
 
 
-def in_time(*streams: list[Recorded]) -> list[Recorded]:
+def in_time(*streams: list[RecordedMessage]) -> list[RecordedMessage]:
     return sorted((m for stream in streams for m in stream), key=lambda m: m.nanos)
 
 
@@ -101,7 +101,7 @@ def test_what_was_left_out_for_a_cause_is_no_difference() -> None:
 
 def test_a_recording_that_was_ended_early_may_lack_its_last_messages() -> None:
     again, other = samples(100), samples(100, "/other")
-    early = Extent(0, 100 * STEP, 0, 90 * STEP)
+    early = ComparedSpan(0, 100 * STEP, 0, 90 * STEP)
     found = compare(in_time(again[:95], other), in_time(again, other), early)
     assert (found["/imu"].ragged, found["/imu"].is_equal) == (5, True)
     holed = again[:92] + again[94:95]
@@ -113,7 +113,7 @@ def test_a_recording_that_was_ended_early_may_lack_its_last_messages() -> None:
 
 def test_a_recording_of_a_run_under_way_may_lack_its_first_messages() -> None:
     again = samples(100)
-    late = Extent(20 * STEP, 100 * STEP, 30 * STEP, 100 * STEP)
+    late = ComparedSpan(20 * STEP, 100 * STEP, 30 * STEP, 100 * STEP)
     v = compare(again[25:], again, late)["/imu"]
     assert (v.ragged, v.new, v.equal, v.is_equal) == (5, 0, 75, True)
     holed = again[22:25] + again[26:]
@@ -125,7 +125,7 @@ def test_a_recording_of_a_run_under_way_may_lack_its_first_messages() -> None:
 
 def test_nothing_counts_before_the_recording_and_behind_its_end() -> None:
     again = samples(100)
-    v = compare(again[20:], again, Extent(20 * STEP, 80 * STEP, 20 * STEP, 80 * STEP))["/imu"]
+    v = compare(again[20:], again, ComparedSpan(20 * STEP, 80 * STEP, 20 * STEP, 80 * STEP))["/imu"]
     assert (v.recorded, v.equal, v.is_equal) == (60, 60, True)
 
 
@@ -144,12 +144,12 @@ def test_memory_does_not_grow_with_a_topic_that_never_comes() -> None:
     step = NANOS
     taken: list[int] = []
 
-    def read() -> Iterator[Recorded]:
+    def read() -> Iterator[RecordedMessage]:
         for pair in zip(samples(100, "/gone", step), samples(100, "/imu", step), strict=True):
             yield from pair
 
     comparison = Comparison(
-        read(), Extent(0, 1000 * NANOS, 0, 1000 * NANOS), lambda topic, nanos: None
+        read(), ComparedSpan(0, 1000 * NANOS, 0, 1000 * NANOS), lambda topic, nanos: None
     )
     for message in samples(100, "/imu", step):
         comparison.take("/imu", TYPE, message.nanos, memoryview(message.cdr))
@@ -168,9 +168,9 @@ def transform(nanos: int, child: str, x_m: float = 0.0) -> bytes:
 def test_every_byte_counts(size: int) -> None:
     body = bytes(8) + bytes(size)
     again = body[:-1] + b"\1"
-    recorded = [Recorded(0, "/points", "sensor_msgs/msg/PointCloud2", body)]
+    recorded = [RecordedMessage(0, "/points", "sensor_msgs/msg/PointCloud2", body)]
     assert compare(recorded, recorded)["/points"].equal == 1
-    changed = [Recorded(0, "/points", "sensor_msgs/msg/PointCloud2", again)]
+    changed = [RecordedMessage(0, "/points", "sensor_msgs/msg/PointCloud2", again)]
     first = compare(recorded, changed)["/points"].first
     assert first is not None
     assert f"byte {7 + size} of {8 + size}: 0 recorded, 1 again" in first.words

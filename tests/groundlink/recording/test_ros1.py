@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader
 
-from groundlink.recording.reading import Recorded
-from groundlink.recording.ros1 import NOETIC, body, write_bag
+from groundlink.recording.reader import RecordedMessage
+from groundlink.recording.ros1 import NOETIC, to_ros1, write_bag
 from groundlink.ros.cdr import CODECS, ROS_CODECS, to_cdr
 from groundlink.ros.types import STORE
 from tests.vectors.examples import EXAMPLES
@@ -49,7 +49,7 @@ def test_fields_are_the_same(name: str) -> None:
     message = EXAMPLES[name].message
     ros_type = ROS_CODECS[type(message)].ros_type
     cdr = to_cdr(message)
-    ros1 = NOETIC.deserialize_ros1(body(ros_type, cdr), ros_type)
+    ros1 = NOETIC.deserialize_ros1(to_ros1(ros_type, cdr), ros_type)
     assert same(ros1, STORE.deserialize_cdr(cdr, ros_type))
 
 
@@ -65,7 +65,7 @@ def test_noetic_knows_every_type() -> None:
 def test_a_bag_has_topics_times_and_what_is_latched(tmp_path: Path) -> None:
     cdr = bytes(to_cdr(EXAMPLES["transforms"].message))
     kind = "tf2_msgs/msg/TFMessage"
-    messages = [Recorded(5, "/tf_static", kind, cdr), Recorded(9, "/tf", kind, cdr)]
+    messages = [RecordedMessage(5, "/tf_static", kind, cdr), RecordedMessage(9, "/tf", kind, cdr)]
     types = {"/tf_static": kind, "/tf": kind, "/imu": "sensor_msgs/msg/Imu"}
     assert write_bag(tmp_path / "a.bag", types, messages) == 2
     with Reader(tmp_path / "a.bag") as bag:

@@ -14,16 +14,16 @@ from msgspec.structs import replace
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Clock, Command, Imu, Message, packed
 from groundlink.messages.faults import Faults
 from groundlink.messages.missing_readings import Cause, Gap, Gaps
 from groundlink.messages.navigation import JointState
 from groundlink.recording import missing_readings as missing
 from groundlink.recording import verifying
-from groundlink.recording.comparison import Extent
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
-from groundlink.recording.reading import Recording
+from groundlink.recording.comparison import ComparedSpan
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
+from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import faults_topic, gaps_topic
@@ -69,7 +69,7 @@ def record(
 ) -> Recording:
     """Return a recording of some messages, and of a clock."""
     file = RosFile(path)
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, "lab", EPOCH)))
     clocks = [("/clock", clock(begin_s + i / 10)) for i in range(100)]
     for topic, message in sorted([*clocks, *rows], key=lambda row: stamp(row[1])):
         form = CODECS[type(message)]
@@ -108,10 +108,10 @@ LAST = EPOCH + 9_900_000_000
 @pytest.mark.parametrize(
     ("end_s", "journal_s", "expected"),
     [
-        (9.0, 9.95, Extent(EPOCH, EPOCH + 9 * NANOS, EPOCH, EPOCH + 9 * NANOS)),
-        (None, 9.95, Extent(EPOCH, LAST + 1, EPOCH, LAST - NANOS)),
-        (None, None, Extent(EPOCH, LAST + 1, EPOCH, LAST - NANOS)),
-        (None, 6.0, Extent(EPOCH, EPOCH + 5 * NANOS, EPOCH, EPOCH + 5 * NANOS)),
+        (9.0, 9.95, ComparedSpan(EPOCH, EPOCH + 9 * NANOS, EPOCH, EPOCH + 9 * NANOS)),
+        (None, 9.95, ComparedSpan(EPOCH, LAST + 1, EPOCH, LAST - NANOS)),
+        (None, None, ComparedSpan(EPOCH, LAST + 1, EPOCH, LAST - NANOS)),
+        (None, 6.0, ComparedSpan(EPOCH, EPOCH + 5 * NANOS, EPOCH, EPOCH + 5 * NANOS)),
     ],
     ids=["whole", "ended early", "without a journal", "journal cut off"],
 )
@@ -120,12 +120,12 @@ def test_what_is_compared(
     tmp_path: Path,
     end_s: float | None,
     journal_s: float | None,
-    expected: Extent,
+    expected: ComparedSpan,
 ) -> None:
     end = None if end_s is None else EPOCH + round(end_s * NANOS)
     known = None if journal_s is None else journal(lab, journal_s)
     with record(tmp_path / "a.mcap", lab, [], end, known) as recording:
-        assert verifying.extent(recording) == expected
+        assert verifying.compared_span(recording) == expected
 
 
 def test_too_little_is_one_line(lab: Scenario, tmp_path: Path) -> None:
@@ -133,16 +133,16 @@ def test_too_little_is_one_line(lab: Scenario, tmp_path: Path) -> None:
         record(tmp_path / "a.mcap", lab, [], None, journal(lab, 0.5)) as recording,
         pytest.raises(UserError, match="too short"),
     ):
-        verifying.extent(recording)
+        verifying.compared_span(recording)
     file = RosFile(tmp_path / "b.mcap")
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(lab, "lab", EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(lab, "lab", EPOCH)))
     file.commit({})
     file.close()
     with (
         Recording(tmp_path / "b.mcap") as recording,
         pytest.raises(UserError, match="not even the run's clock"),
     ):
-        verifying.extent(recording)
+        verifying.compared_span(recording)
 
 
 def imu(seconds: float) -> tuple[str, Imu]:
@@ -170,7 +170,7 @@ def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) ->
             "/faults/rover/imu": "changed by hand; now there from the start",
             "/gaps/rover/imu": "what was left out then",
         }
-        compared = {message.topic for message in verifying.compared(recording)}
+        compared = {message.topic for message in verifying.compared_messages(recording)}
     assert compared == {"/clock", "/imu"}
 
 
@@ -216,7 +216,7 @@ def test_faults_that_were_changed_by_hand_become_the_scenarios(
     with record(tmp_path / "a.mcap", scenario, told, None, journal(scenario, 9.95)) as recording:
         found = verifying.live_faults(recording)
         assert found == ({} if expected is None else {IMU: expected})
-        again = verifying.journal_again(recording, scenario)
+        again = verifying.replay_journal(recording, scenario)
         why = verifying.not_compared(recording).get(faults_topic(IMU))
     assert why == reason
     pair = again.scenario.sensor(IMU)
@@ -245,7 +245,7 @@ def test_without_a_journal_commands_are_taken_at_their_stamps(
         for tick in (40, 80)
     ]
     with record(tmp_path / "a.mcap", lab, rows) as recording:
-        again = verifying.journal_again(recording, lab)
+        again = verifying.replay_journal(recording, lab)
     assert again.epoch_nanos == EPOCH
     assert list(again.read()) == [
         Commanded(tick, "rover", Command(tick * TICK_NANOS, (0.01 * tick, 0.0, 0.0), STILL))
@@ -263,7 +263,7 @@ def test_commands_of_joints_are_taken_again_as_those_of_the_vehicle(tmp_path: Pa
     sent = ("/joint_commands", command(EPOCH + 40 * TICK_NANOS))
     where = ("/ground_truth/joints", command(EPOCH))
     with record(tmp_path / "a.mcap", tank, [sent, where]) as recording:
-        again = verifying.journal_again(recording, tank)
+        again = verifying.replay_journal(recording, tank)
         why = verifying.not_compared(recording)
     assert list(again.read()) == [JointsCommanded(40, "tank", command(40 * TICK_NANOS))]
     assert why["/joint_commands"] == "what the run was told, and is told again"
@@ -280,7 +280,7 @@ def test_the_clock_of_a_restore_that_is_not_due_does_not_come_again(
     with record(
         tmp_path / "a.mcap", scenario, [("/clock", clock(tick / 400)) for tick in ticks]
     ) as recording:
-        found = [(it.nanos - EPOCH) // TICK_NANOS for it in verifying.compared(recording)]
+        found = [(it.nanos - EPOCH) // TICK_NANOS for it in verifying.compared_messages(recording)]
     assert [tick for tick in found if tick in ticks] == [tick for tick in ticks if tick in due]
 
 
@@ -331,7 +331,7 @@ def test_what_adds_up_from_states_that_it_did_not_see_may_differ(
         for name in ("rover/imu", "rover/encoders", "rover/odometry")
     ]
     with record(tmp_path / "a.mcap", tour, rows) as recording:
-        assert missing.counting_on(recording).keys() == expected
+        assert missing.accumulating_topics(recording).keys() == expected
 
 
 @pytest.mark.parametrize(("mode", "expected"), [("realtime", {"/odom"}), ("fast", set())])
@@ -341,15 +341,15 @@ def test_what_was_missed_before_a_recorder_joined_is_not_known(
     tour = load(str(SHIPPED / "indoor_2d.yaml"))
     tour = replace(tour, time=replace(tour.time, mode=mode))
     with record(tmp_path / "a.mcap", tour, [], begin_s=2.0) as recording:
-        assert missing.counting_on(recording).keys() == expected
+        assert missing.accumulating_topics(recording).keys() == expected
 
 
 def test_a_recording_that_begins_late_says_from_when_it_is_compared(
     tmp_path: Path, lab: Scenario
 ) -> None:
     with record(tmp_path / "a.mcap", lab, [], begin_s=2.0) as recording:
-        extent = Extent(EPOCH + 2 * NANOS, EPOCH + 9 * NANOS, EPOCH, EPOCH)
-        said = list(verifying.otherwise(recording, lab, extent))
+        extent = ComparedSpan(EPOCH + 2 * NANOS, EPOCH + 9 * NANOS, EPOCH, EPOCH)
+        said = list(verifying.caveats(recording, lab, extent))
     assert "recorded from 2.000 s on: what is earlier runs, and is not compared" in said
 
 

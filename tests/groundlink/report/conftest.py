@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command, Health, Imu, Message, StreamReport, packed
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.missing_readings import Gap, Gaps
@@ -23,13 +23,13 @@ from groundlink.recording.metadata import (
     RUN_RECORD,
     TOPICS_RECORD,
     TopicFacts,
-    facts,
+    describe_run,
     run_entries,
     topic_entries,
 )
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.report.analysis.gather import Gathered, gather
+from groundlink.report.analysis.gather import RunSummary, gather
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.scenario.ros_side import Stream
@@ -113,7 +113,7 @@ def write(path: Path) -> Path:
         for s in stamps(5)
     ]
     file = RosFile(path)
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "made_up", EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, "made_up", EPOCH)))
     for stamp, topic, message in sorted(records, key=lambda record: record[0]):
         ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type).write(stamp, to_cdr(message))
@@ -145,11 +145,13 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("report") / "made_up.mcap")
 
 
-def gathered_from(path: Path, progress: Callable[[float], object] = lambda share: None) -> Gathered:
+def gathered_from(
+    path: Path, progress: Callable[[float], object] = lambda share: None
+) -> RunSummary:
     with Recording(path) as opened:
         return gather(opened, progress)
 
 
 @pytest.fixture(scope="session")
-def gathered(recording: Path) -> Gathered:
+def gathered(recording: Path) -> RunSummary:
     return gathered_from(recording)

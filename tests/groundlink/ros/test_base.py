@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import WheelEncoders, floats
 from groundlink.messages.navigation import JointState, Odometry, Transform, Transforms
 from groundlink.ros.base import Base, still_transforms

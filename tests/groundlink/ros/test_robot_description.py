@@ -12,7 +12,7 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.navigation import Text
 from groundlink.ros.base import Base
 from groundlink.ros.cdr import to_cdr

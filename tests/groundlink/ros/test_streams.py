@@ -5,7 +5,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.navigation import Odometry
 from groundlink.ros.base import Base
 from groundlink.ros.streams import outgoing, static_transforms

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.spawned import KINDS
+from groundlink.loader.additions import KINDS
 from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
 from groundlink.messages.control import Remove, Spawn
 from groundlink.messages.navigation import JointState

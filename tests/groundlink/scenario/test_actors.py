@@ -13,7 +13,7 @@ import yaml
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.json_schema import json_schema
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids
 

@@ -13,20 +13,20 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
-from groundlink.loader.spawned import KINDS, At, _placed, addition
+from groundlink.loader.additions import KINDS, SpawnPlace, _placed, addition
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
 from groundlink.scenario.addition import Addition
 from groundlink.scenario.change import with_more, without
 from groundlink.scenario.schema import Placement
-from groundlink.world.actors import Along, Free
+from groundlink.world.actors import FreeMotion, PathMotion
 from groundlink.world.bodies import link_bodies
 from groundlink.world.build import solids, world_hash
 from groundlink.world.solids import Box, Solid
 from groundlink.world.spawn_checks import vehicle_bodies
 from groundlink.world.terrain import Ground
 
-FREE = At(0.0, 0.0)
+FREE = SpawnPlace(0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def lab() -> Scenario:
 
 
 def made(
-    given: str, at: At = FREE, name: str | None = None, taken: tuple[str, ...] = ()
+    given: str, at: SpawnPlace = FREE, name: str | None = None, taken: tuple[str, ...] = ()
 ) -> Addition:
     return addition(given, at=at, name=name, taken=taken, ground=None)[1]
 
@@ -82,7 +82,7 @@ def test_clutter_can_be_taken_out_piece_by_piece(lab: Scenario) -> None:
 
 
 def test_a_vehicle_comes_with_a_namespace_of_its_own(lab: Scenario) -> None:
-    more = made("rover", At(1.0, 0.0, 0.0, 90.0), taken=("rover/base_link",))
+    more = made("rover", SpawnPlace(1.0, 0.0, 0.0, 90.0), taken=("rover/base_link",))
     (vehicle,) = more.vehicles
     assert (vehicle.name, vehicle.namespace) == ("rover_2", "/rover_2")
     assert (vehicle.frame_prefix, vehicle.command_topic) == ("rover_2/", "/rover_2/cmd_vel")
@@ -103,7 +103,7 @@ def test_names_are_numbered_where_they_are_taken(taken: tuple[str, ...], name: s
 def test_things_are_put_on_the_ground_at_their_place() -> None:
     heights = np.full((3, 3), 2.0, np.float32)
     ground = Ground(heights, np.zeros((2, 2), np.uint8), 5.0, -5.0, -5.0, ("soil",))
-    at = At(1.0, 2.0, 0.5, 90.0)
+    at = SpawnPlace(1.0, 2.0, 0.5, 90.0)
     _, boxes = addition("box", at=at, name="it", taken=(), ground=ground)
     (box,) = boxes.solids
     assert box.name == "it"
@@ -111,15 +111,15 @@ def test_things_are_put_on_the_ground_at_their_place() -> None:
     assert box.orientation == pytest.approx((0, 0, np.sqrt(0.5), np.sqrt(0.5)))
     _, crates = addition("crate", at=at, name=None, taken=(), ground=ground)
     motion = crates.actors[0].motion
-    assert isinstance(motion, Free)
+    assert isinstance(motion, FreeMotion)
     # Of actors and vehicles, z counts from the ground anyway.
     assert (motion.at_m, motion.yaw_deg) == (pytest.approx((1.0, 2.0, 0.5)), 90.0)
     turned = replace(crates.actors[0], motion=replace(motion, yaw_deg=30.0))
     placed = _placed(replace(crates, actors=(turned,)), at, ground).actors[0].motion
-    assert isinstance(placed, Free)
+    assert isinstance(placed, FreeMotion)
     assert placed.yaw_deg == 120.0
     with pytest.raises(UserError, match="--at 9,0 is beside the terrain"):
-        addition("box", at=At(9.0, 0.0), name=None, taken=(), ground=ground)
+        addition("box", at=SpawnPlace(9.0, 0.0), name=None, taken=(), ground=ground)
 
 
 WORLD = """
@@ -140,11 +140,11 @@ actors:
 def test_a_file_brings_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
     file = tmp_path / "things.yaml"
     file.write_text(WORLD)
-    more = made(str(file), At(-3.0, 0.0, 0.0, 90.0))
+    more = made(str(file), SpawnPlace(-3.0, 0.0, 0.0, 90.0))
     assert more.names() == ["yard_things_guard", "yard_things_post"]
     assert more.solids[0].position_m == pytest.approx((-3.0, 1.0, 0.5))
     motion = more.actors[0].motion
-    assert isinstance(motion, Along)
+    assert isinstance(motion, PathMotion)
     np.testing.assert_allclose(motion.points_m, [[-4.0, 0.0], [-6.0, 0.0]], atol=1e-12)
     file.write_text(
         WORLD + "room: {size_m: [3, 3, 3], wall_material: plank, floor_material: plank}"
@@ -164,10 +164,10 @@ def test_a_file_brings_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
         (made("box", name="rover"), "the name `rover` is taken"),
         (made("box", name="clutter_3"), "the name `clutter_3` is taken"),
         (made("rover", name="clock"), "`clock` names a key of the bus"),
-        (made("crate", At(-4.6, 0.0)), "`crate` would be inside `rover`"),
-        (made("crate", At(-6.0, 0.0)), "`crate` would be inside `"),
-        (made("box", At(-4.6, 0.0)), "`box` would be inside `rover`"),
-        (made("rover", At(-4.2, 0.0), "second"), "`second` starts inside `rover`"),
+        (made("crate", SpawnPlace(-4.6, 0.0)), "`crate` would be inside `rover`"),
+        (made("crate", SpawnPlace(-6.0, 0.0)), "`crate` would be inside `"),
+        (made("box", SpawnPlace(-4.6, 0.0)), "`box` would be inside `rover`"),
+        (made("rover", SpawnPlace(-4.2, 0.0), "second"), "`second` starts inside `rover`"),
         (
             replace(made("box"), materials={}, solids=(Solid("a", Box((1.0,) * 3), "jelly"),)),
             "jelly",

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from groundlink.cli.files.check import check
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages.imagery import Image

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 import groundlink
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 
 PACKAGE = Path(groundlink.__file__).parent
 PYPROJECT = PACKAGE.parent / "pyproject.toml"

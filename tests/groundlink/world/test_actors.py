@@ -3,13 +3,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundlink.world.actors import Person, parts
+from groundlink.world.actors import PersonForm, form_solids
 from groundlink.world.bounds import bounds
 
 
 def test_a_person_twice_as_tall_is_twice_as_large_in_every_direction() -> None:
     small, large = (
-        Person(height_m=height, shirt="a", trousers="a", skin="a") for height in (1.0, 2.0)
+        PersonForm(height_m=height, shirt="a", trousers="a", skin="a") for height in (1.0, 2.0)
     )
-    boxes = [np.array([bounds(part) for part in parts(person)]) for person in (small, large)]
+    boxes = [np.array([bounds(part) for part in form_solids(person)]) for person in (small, large)]
     np.testing.assert_allclose(2 * boxes[0], boxes[1], atol=1e-9)

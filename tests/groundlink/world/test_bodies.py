@@ -7,14 +7,14 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
-from groundlink.world.actors import Actor, Crate, Free
+from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from groundlink.world.bodies import body_names, link_bodies
 from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_checks import check_starts
+from groundlink.world.spawn_checks import check_spawns
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -46,7 +46,9 @@ def test_a_solid_cannot_take_the_name_of_a_link(two: Scenario) -> None:
 
 def test_actors_come_after_links(two: Scenario) -> None:
     crate = Actor(
-        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+        name="crate",
+        form=CrateForm(material="wood"),
+        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
     )
     made = replace(two, world=replace(two.world, actors=(crate,)))
     assert link_bodies(made) == [*link_bodies(two), "crate"]
@@ -54,14 +56,16 @@ def test_actors_come_after_links(two: Scenario) -> None:
     twice = replace(made, world=replace(made.world, actors=(crate, crate)))
     with pytest.raises(WorldError, match="two bodies called `crate`"):
         solids(twice)
-    other = replace(crate, form=Crate(material="jelly"))
+    other = replace(crate, form=CrateForm(material="jelly"))
     with pytest.raises(WorldError, match=r"`world.actors\[0\].form.material`: no material `jelly`"):
         solids(replace(two, world=replace(two.world, actors=(other,))))
 
 
 def test_nobody_starts_in_an_actor(two: Scenario) -> None:
     at_m = (two.vehicles[0].placement.x_m, two.vehicles[0].placement.y_m, 0.0)
-    crate = Actor(name="crate", form=Crate(material="wood"), motion=Free(at_m=at_m, mass_kg=1.0))
+    crate = Actor(
+        name="crate", form=CrateForm(material="wood"), motion=FreeMotion(at_m=at_m, mass_kg=1.0)
+    )
     made = replace(two, world=replace(two.world, actors=(crate,)))
     with pytest.raises(WorldError, match="`rover` starts inside `crate`"):
-        check_starts(made, solids(made))
+        check_spawns(made, solids(made))

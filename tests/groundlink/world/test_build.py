@@ -27,9 +27,9 @@ from groundlink.world.build import (
     solids,
     world_hash,
 )
-from groundlink.world.objects.room import Clutter, Door, Room, Shelf, Table
+from groundlink.world.objects.indoor_specs import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
-from groundlink.world.spawn_checks import check_starts
+from groundlink.world.spawn_checks import check_spawns
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 
@@ -273,7 +273,7 @@ def test_a_start_inside_something_is_refused(
 
 
 def started(scenario: Scenario) -> None:
-    check_starts(scenario, solids(scenario))
+    check_spawns(scenario, solids(scenario))
 
 
 def test_two_vehicles_on_one_spot_are_refused(lab: Scenario) -> None:

@@ -10,7 +10,7 @@ from groundlink.core.frames import quaternion_from_rpy
 from groundlink.world import assets
 from groundlink.world.assets import MissingAsset
 from groundlink.world.bounds import bounds, intersect, middle
-from groundlink.world.mesh_asset import Part, asset_of, surface
+from groundlink.world.mesh_asset import MeshPart, encode_mesh, load_mesh
 from groundlink.world.solids import Box, Mesh, Solid
 from groundlink.world.triangles import merged
 
@@ -18,20 +18,20 @@ VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], np.float32) + 
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
 UV = np.linspace(0, 1, 8, dtype=np.float32).reshape(4, 2)
 PARTS = (
-    Part(first=0, count=1, color=(0.1, 0.2, 0.3)),
-    Part(first=1, count=3, picture=b"PNG", normals=b"JPEG"),
+    MeshPart(first=0, count=1, color=(0.1, 0.2, 0.3)),
+    MeshPart(first=1, count=3, picture=b"PNG", normals=b"JPEG"),
 )
 
 
 def tetrahedron() -> Mesh:
-    asset = assets.keep(asset_of(VERTICES, FACES))
+    asset = assets.put(encode_mesh(VERTICES, FACES))
     return Mesh(asset=asset, low_m=(1.0, 1.0, 1.0), high_m=(2.0, 3.0, 4.0))
 
 
 def test_a_surface_comes_back_as_it_was() -> None:
-    content = asset_of(VERTICES, FACES, UV, PARTS)
-    assert content == asset_of(VERTICES.copy(order="F"), FACES, UV, PARTS)
-    found = surface(assets.keep(content))
+    content = encode_mesh(VERTICES, FACES, UV, PARTS)
+    assert content == encode_mesh(VERTICES.copy(order="F"), FACES, UV, PARTS)
+    found = load_mesh(assets.put(content))
     assert (found.vertices == VERTICES).all()
     assert (found.faces == FACES).all()
     assert found.uv is not None
@@ -44,7 +44,7 @@ def test_a_surface_comes_back_as_it_was() -> None:
 
 
 def test_without_paint_all_faces_are_one_part() -> None:
-    found = surface(tetrahedron().asset)
+    found = load_mesh(tetrahedron().asset)
     assert found.uv is None
     assert [(p.first, p.count, p.color) for p in found.parts] == [(0, 4, None)]
 
@@ -54,15 +54,15 @@ def test_without_paint_all_faces_are_one_part() -> None:
     [
         b"",
         b"no mesh",
-        asset_of(VERTICES, FACES)[:-1],
-        asset_of(VERTICES[:3], FACES),
-        asset_of(VERTICES, FACES, UV[:3]),
-        asset_of(VERTICES, FACES, None, PARTS[:1]),
+        encode_mesh(VERTICES, FACES)[:-1],
+        encode_mesh(VERTICES[:3], FACES),
+        encode_mesh(VERTICES, FACES, UV[:3]),
+        encode_mesh(VERTICES, FACES, None, PARTS[:1]),
     ],
 )
 def test_what_is_no_mesh_is_one_line(content: bytes) -> None:
     with pytest.raises(MissingAsset, match="are no mesh"):
-        surface(assets.keep(content))
+        load_mesh(assets.put(content))
 
 
 def test_a_mesh_is_a_shape_among_others() -> None:

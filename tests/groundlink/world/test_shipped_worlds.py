@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
-from groundlink.loader.part import Kind, load_part
+from groundlink.loader.partial_scenario import FileKind, load_partial
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.run.routes import line
 from groundlink.scenario import Scenario
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids, world_hash
-from groundlink.world.objects.outdoor_objects import erect
-from groundlink.world.objects.outdoors import Fence
-from groundlink.world.spawn_pose import touching
-from groundlink.world.terrain import Ground, ground
+from groundlink.world.objects.outdoor_objects import build_outdoor_object
+from groundlink.world.objects.outdoor_specs import Fence
+from groundlink.world.spawn_pose import collision_solids
+from groundlink.world.terrain import Ground, load_ground
 
 WORLDS = sorted(file.stem for file in (SHIPPED / "worlds").glob("*.yaml"))
 DRIVEN = sorted(file for file in SHIPPED.glob("*.yaml") if "route:" in file.read_text("utf-8"))
@@ -38,20 +38,20 @@ def hamlet() -> Scenario:
 
 
 def ground_of(scenario: Scenario) -> Ground | None:
-    return ground(scenario.world.terrain) if scenario.world.terrain else None
+    return load_ground(scenario.world.terrain) if scenario.world.terrain else None
 
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_it_builds(world: str) -> None:
-    kind, scenario = load_part(world)
-    assert kind is Kind.WORLD
+    kind, scenario = load_partial(world)
+    assert kind is FileKind.WORLD
     assert scenario.world.name == world
     assert solids(scenario) or scenario.world.terrain
-    assert world_hash(scenario) == world_hash(load_part(world)[1])
+    assert world_hash(scenario) == world_hash(load_partial(world)[1])
 
 
 def test_the_valley_is_as_large_as_the_papers_terrain() -> None:
-    scenario = load_part("valley")[1]
+    scenario = load_partial("valley")[1]
     here = ground_of(scenario)
     assert here
     assert here.heights.shape == (1501, 1501)
@@ -76,7 +76,8 @@ def test_nothing_floats_and_nothing_is_buried(hamlet: Scenario) -> None:
         kinds.add(type(thing).__name__)
         heights = here.height_at(*zip(*thing.feet(), strict=True))
         low, high = (
-            np.array([bounds(solid)[i][2] for solid in erect(index, thing)]) for i in (0, 1)
+            np.array([bounds(solid)[i][2] for solid in build_outdoor_object(index, thing)])
+            for i in (0, 1)
         )
         if isinstance(thing, Fence):
             np.testing.assert_allclose(thing.ground_m, heights, atol=0.01)
@@ -117,7 +118,7 @@ def test_routes_keep_clear(file: Path) -> None:
         ground_m = here.height_at(*dense.T) if here else np.zeros(len(dense))
         assert not np.isnan(ground_m).any()
         half_m = vehicle.model.chassis.size_m[1] / 2
-        top_m = max(bounds(part)[1][2] for part in touching(vehicle.model))
+        top_m = max(bounds(part)[1][2] for part in collision_solids(vehicle.model))
         top_m += vehicle.model.base_height_m
         for solid, low, high in zip(built, lows, highs, strict=True):
             beyond = np.maximum(low[:2] - dense, dense - high[:2]).clip(0)

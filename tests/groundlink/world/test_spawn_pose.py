@@ -11,9 +11,9 @@ from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.schema import Placement
 from groundlink.world.build import WorldError, solids
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_checks import beside_floor, check_starts
-from groundlink.world.spawn_pose import start
-from groundlink.world.terrain import Terrain, ground
+from groundlink.world.spawn_checks import check_spawns, floor_problem
+from groundlink.world.spawn_pose import spawn_pose
+from groundlink.world.terrain import Terrain, load_ground
 from tests.services.physics.grounds import VEHICLES, shipped
 from tests.services.physics.terrains import hills, terrain, world
 
@@ -30,10 +30,10 @@ def test_on_flat_ground_it_stands_upright_above_its_place(name: str) -> None:
     model = shipped(name)
     place = replace(PLACE, z_m=0.5)
     vehicle = world(None, (model, place)).vehicles[0]
-    origin, turn = start(vehicle, None)
+    origin, turn = spawn_pose(vehicle, None)
     assert origin == (3.25, -7.4, 0.5 + model.base_height_m)
     assert turn == pytest.approx((0.0, 0.0, np.sin(np.pi / 12), np.cos(np.pi / 12)))
-    on_terrain = start(vehicle, ground(terrain(np.zeros((41, 41)))))
+    on_terrain = spawn_pose(vehicle, load_ground(terrain(np.zeros((41, 41)))))
     np.testing.assert_allclose(np.concatenate(on_terrain), [*origin, *turn], atol=1e-12)
 
 
@@ -46,7 +46,7 @@ def test_on_a_slope_all_wheels_touch_and_it_faces_where_it_is_told(
     model = shipped(name)
     place = replace(PLACE, yaw_deg=yaw_deg)
     vehicle = world(None, (model, place)).vehicles[0]
-    origin, turn = start(vehicle, ground(slope(along, across)))
+    origin, turn = spawn_pose(vehicle, load_ground(slope(along, across)))
     rotation = matrix_from_quaternion(turn)
     normal = np.array([-along, -across, 1.0]) / np.sqrt(1 + along**2 + across**2)
     for wheel in model.wheels:
@@ -61,12 +61,12 @@ def test_on_a_slope_all_wheels_touch_and_it_faces_where_it_is_told(
 @pytest.mark.parametrize("name", VEHICLES)
 def test_on_rough_ground_no_wheel_is_in_it_and_one_touches(name: str) -> None:
     random = np.random.default_rng(0)
-    here = ground(terrain(hills(81) + random.normal(0, 0.2, (81, 81)), 1.0))
+    here = load_ground(terrain(hills(81) + random.normal(0, 0.2, (81, 81)), 1.0))
     model = shipped(name)
     for _ in range(20):
         x, y = random.uniform(-30, 30, 2).tolist()
         place = Placement(x_m=x, y_m=y, yaw_deg=float(random.uniform(-180, 180)))
-        origin, turn = start(world(None, (model, place)).vehicles[0], here)
+        origin, turn = spawn_pose(world(None, (model, place)).vehicles[0], here)
         rotation = matrix_from_quaternion(turn)
         gaps = []
         for wheel in model.wheels:
@@ -83,9 +83,9 @@ def test_on_rough_ground_no_wheel_is_in_it_and_one_touches(name: str) -> None:
 
 
 def test_how_high_it_starts_is_counted_from_the_terrain() -> None:
-    here = ground(slope(0.2, 0.1))
+    here = load_ground(slope(0.2, 0.1))
     low, high = (
-        start(world(None, (shipped("rover"), replace(PLACE, z_m=z))).vehicles[0], here)
+        spawn_pose(world(None, (shipped("rover"), replace(PLACE, z_m=z))).vehicles[0], here)
         for z in (0.0, 0.7)
     )
     assert high[0][2] - low[0][2] == pytest.approx(0.7)
@@ -106,7 +106,7 @@ def test_a_place_where_nothing_can_stand_is_refused(place: Placement, problem: s
     scenario = world(slope(0.2, 0.0), (shipped("rover"), place))
     scenario = replace(scenario, world=replace(scenario.world, solids=(hut,)))
     with pytest.raises(WorldError, match=problem):
-        check_starts(scenario, solids(scenario))
+        check_spawns(scenario, solids(scenario))
 
 
 @pytest.mark.parametrize(("z_m", "stands"), [(0.0, True), (0.5, True), (-0.01, False)])
@@ -114,14 +114,14 @@ def test_only_what_is_not_higher_than_a_place_can_carry_something_there(
     z_m: float, stands: bool
 ) -> None:
     plate = Solid("plate", Box(size_m=(2.0, 2.0, 0.5)), "plaster", (0.0, 0.0, 0.25))
-    assert (beside_floor(0.5, 0.5, z_m, [plate]) == "") is stands
-    assert "nothing is below it" in beside_floor(1.5, 0.5, z_m, [plate])
+    assert (floor_problem(0.5, 0.5, z_m, [plate]) == "") is stands
+    assert "nothing is below it" in floor_problem(1.5, 0.5, z_m, [plate])
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_where_a_wheel_is_beside_the_map_the_ground_is_as_high_as_its_edge(side: int) -> None:
-    flat = ground(terrain(np.full((41, 41), 2.0)))
+    flat = load_ground(terrain(np.full((41, 41), 2.0)))
     edge = flat.x0_m + (flat.cell_m * 40 if side > 0 else 0.0)
     vehicle = world(None, (shipped("rover"), Placement(x_m=edge))).vehicles[0]
-    origin, _ = start(vehicle, flat)
+    origin, _ = spawn_pose(vehicle, flat)
     assert origin[2] == pytest.approx(2.0 + vehicle.model.base_height_m)

@@ -14,7 +14,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.loader import load
 from groundlink.loader.document import read
 from groundlink.loader.explain import convert
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.run.routes import Line, line
 from groundlink.scenario import Scenario

@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Message, encode
 from services.gateway.forwarder import PILE, Forwarder
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
     POINT,
     Clock,

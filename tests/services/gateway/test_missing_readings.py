@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Clock
 from groundlink.messages.reading_schedule import calendar
 from services.gateway.missing_readings import MissingReadingCounter

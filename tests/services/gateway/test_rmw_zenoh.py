@@ -16,7 +16,7 @@ from groundlink.bus.session import Bus
 from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.loader import load as load_scenario
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.ros_side import RmwZenoh
 from services.gateway.__main__ import native as native_of
 from services.gateway.gateway import Gateway

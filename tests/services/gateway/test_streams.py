@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.ros.streams import outgoing
 from groundlink.scenario.sensors import Repair, RepairBy
 from services.gateway.streams import repair_table, waiting_table

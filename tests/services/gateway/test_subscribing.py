@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Imu
 from services.gateway.gateway import Gateway
 from udp_bridge import Header, Link, Message

@@ -16,7 +16,7 @@ from groundlink.core.frames import quaternion_from_rpy
 from groundlink.loader import load
 from groundlink.loader.document import read
 from groundlink.loader.explain import convert
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement

@@ -14,7 +14,7 @@ from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world import assets
 from groundlink.world.solids import Material, Solid
-from groundlink.world.terrain import Terrain, asset_of
+from groundlink.world.terrain import Terrain, encode_grid
 from services.physics.simulation.simulation import Simulation
 
 from .grounds import NAME, plain_scenario
@@ -34,8 +34,8 @@ def terrain(
     low = (at_m[0] - half[0], at_m[1] - half[1], at_m[2] + heights.min())
     high = (at_m[0] + half[0], at_m[1] + half[1], at_m[2] + heights.max())
     return Terrain(
-        heights=assets.keep(asset_of(heights)),
-        surface=None if surface is None else assets.keep(asset_of(surface)),
+        heights=assets.put(encode_grid(heights)),
+        surface=None if surface is None else assets.put(encode_grid(surface)),
         cell_m=cell_m,
         at_m=at_m,
         low_m=tuple(map(float, low)),

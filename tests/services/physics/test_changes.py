@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.loader.spawned import At, addition
+from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
@@ -29,7 +29,7 @@ class Run:
 
     def spawn(self, given: str, *at: float, name: str | None = None) -> None:
         seconds, moving = self.simulation.sim_nanos * 1e-9, self.simulation.moving()
-        _, more = addition(given, at=At(*at), name=name, taken=("rover/base",), ground=None)
+        _, more = addition(given, at=SpawnPlace(*at), name=name, taken=("rover/base",), ground=None)
         self._become(with_more(self.scenario, more, moving, seconds=seconds))
 
     def remove(self, name: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from groundlink.bus.topics import JOINT_COMMAND, JOINTS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BadMessage, State, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import Bases

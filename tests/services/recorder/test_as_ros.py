@@ -17,11 +17,11 @@ from groundlink.bus.topics import GROUND_TRUTH, SENSOR_TOPICS
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Clock, Message, WheelEncoders
 from groundlink.messages.navigation import Odometry
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
-from groundlink.recording.reading import Recording
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
+from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.types import STORE
 from groundlink.scenario import Scenario
@@ -75,7 +75,7 @@ def recorded(scenario: Scenario, path: Path) -> dict[str, list[bytes]]:
 
     def begin(epoch_nanos: int) -> RosFile:
         file = RosFile(path)
-        file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, RUN, epoch_nanos)))
+        file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, RUN, epoch_nanos)))
         return file
 
     recorder = Recorder(scenario, RUN, begin)

@@ -12,16 +12,16 @@ import pytest
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Clock, Health, Imu, Message, WheelEncoders
 from groundlink.messages.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries, run_facts
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries, run_facts
 from groundlink.recording.missing_readings import left_out
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.recording.ros1 import write_bag
 from groundlink.recording.ros_channels import RosFile
-from groundlink.recording.verifying import compared, extent
+from groundlink.recording.verifying import compared_messages, compared_span
 from groundlink.report.analysis.gather import gather
 from groundlink.report.page.page import page
 from groundlink.ros.cdr import CODECS, to_cdr
@@ -60,7 +60,7 @@ def told() -> Iterator[tuple[str, Message]]:
 @pytest.fixture
 def earlier(tmp_path: Path) -> Iterator[Recording]:
     file = RosFile(tmp_path / "earlier.mcap")
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(LAB, RUN, EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(LAB, RUN, EPOCH)))
 
     def write(topic: str, nanos: int, message: Message) -> None:
         ros_type = CODECS[type(message)].ros_type
@@ -83,7 +83,7 @@ def earlier(tmp_path: Path) -> Iterator[Recording]:
 
 
 def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
-    comparison = Comparison(compared(earlier), extent(earlier), left_out(earlier))
+    comparison = Comparison(compared_messages(earlier), compared_span(earlier), left_out(earlier))
     again = ReferenceComparison(earlier, comparison, promised=["/clock", "/imu"])
     keys = {stream.topic: stream.key for stream in outgoing(LAB, RUN)}
     recorder = Recorder(LAB, RUN, again.begin, duration_nanos=STEPS * 8 * TICK_NANOS)
@@ -120,7 +120,7 @@ def test_it_becomes_a_bag(earlier: Recording, tmp_path: Path) -> None:
 
 
 def test_a_field_that_is_no_more_keeps_no_recording_from_being_read() -> None:
-    entries = run_entries(facts(LAB, RUN, EPOCH))
+    entries = run_entries(describe_run(LAB, RUN, EPOCH))
     scenario = json.loads(entries["scenario"])
     scenario["vehicles"][0]["sensors"][1]["retired"] = None
     scenario["world"]["weather_of_old"] = {"rain": 1}
@@ -130,7 +130,7 @@ def test_a_field_that_is_no_more_keeps_no_recording_from_being_read() -> None:
 
 
 def test_what_is_wrong_otherwise_is_still_refused() -> None:
-    entries = run_entries(facts(LAB, RUN, EPOCH))
+    entries = run_entries(describe_run(LAB, RUN, EPOCH))
     scenario = json.loads(entries["scenario"])
     scenario["seed"] = "many"
     with pytest.raises(msgspec.ValidationError):

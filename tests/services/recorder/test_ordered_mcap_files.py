@@ -13,9 +13,9 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command, Imu
-from groundlink.recording.reading import Recording
+from groundlink.recording.reader import Recording
 from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_machine
 from groundlink.scenario import Scenario
 from services.recorder.ordered_mcap_files import SLICE_NANOS, OrderedMcapFiles

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
     POINT,
     Clock,
@@ -32,8 +32,8 @@ from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.navigation import JointState, Odometry, PoseStamped
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import Vitals
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
-from groundlink.recording.reading import Recording
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
+from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.missing_readings import from_gaps
 from groundlink.ros.types import STORE, TYPES, header
@@ -75,7 +75,9 @@ class Rig:
 
     def _begin(self, epoch_nanos: int) -> RosFile:
         file = RosFile(self.path)
-        file.mcap.add_metadata(RUN_RECORD, run_entries(facts(self.scenario, RUN, epoch_nanos)))
+        file.mcap.add_metadata(
+            RUN_RECORD, run_entries(describe_run(self.scenario, RUN, epoch_nanos))
+        )
         return file
 
     def clock(self, tick: int, epoch: int = EPOCH) -> None:
@@ -372,7 +374,7 @@ def test_what_came_too_fast_is_counted_by_topic_from_its_own_begin_on(lab: Scena
 
 def test_a_file_tells_what_came_too_fast(lab: Scenario, tmp_path: Path) -> None:
     file = RosFile(tmp_path / "run.mcap")
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(lab, RUN, EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(lab, RUN, EPOCH)))
     file.lacks({"/imu": 2})
     file.commit({})
     file.close()

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
     POINT,
     Clock,
@@ -24,8 +24,8 @@ from groundlink.messages.base import (
     packed,
 )
 from groundlink.messages.navigation import JointState, PoseStamped
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
-from groundlink.recording.reading import Recording
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
+from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from services.replay.player import Player
@@ -75,7 +75,7 @@ def recorded(tmp_path: Path) -> Recorded:
     def record(messages: list[Message]) -> Recording:
         file = RosFile(tmp_path / "run.mcap")
         scenario = load(str(SHIPPED / "indoor_lab.yaml"))
-        file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "lab", EPOCH)))
+        file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, "lab", EPOCH)))
         for message in messages:
             kind = type(message)
             topic = file.topic(TOPICS[kind], ROS_CODECS[kind].ros_type)
@@ -145,7 +145,7 @@ def test_commands_of_joints_are_played_with_where_they_were(tmp_path: Path) -> N
     joints = JointState(EPOCH + 4 * MS, "", ("turret",), at, nothing, nothing)
     file = RosFile(tmp_path / "run.mcap")
     scenario = load(SHIPPED / "outdoor_paper.yaml")
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(scenario, "tank", EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, "tank", EPOCH)))
     file.topic("/clock", "rosgraph_msgs/msg/Clock").write(EPOCH, to_cdr(clock(0)))
     for topic in ("/joint_commands", "/ground_truth/joints", "/joint_states"):
         file.topic(topic, "sensor_msgs/msg/JointState").write(EPOCH + 4 * MS, to_cdr(joints))

@@ -23,7 +23,7 @@ from groundlink.bus.topics import (
     TRUE_WHEELS,
 )
 from groundlink.core.clock import NANOS, TICK_NANOS
-from groundlink.loader.spawned import At, addition
+from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages import imagery, navigation
 from groundlink.messages.base import (
     POINT,
@@ -43,7 +43,7 @@ from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
-from groundlink.world.actors import Actor, Crate, Free
+from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.view.draw_messages import FORMS
 from services.view.drawing_context import MOST_POINTS, Trail
 from services.view.rerun_view import RerunView
@@ -430,7 +430,9 @@ def test_a_trail_is_bounded_and_keeps_its_ends() -> None:
 
 def test_actors_are_drawn_where_the_state_says() -> None:
     crate = Actor(
-        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+        name="crate",
+        form=CrateForm(material="wood"),
+        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
     )
     scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
     nowhere = Nowhere()
@@ -446,7 +448,7 @@ def test_a_changed_world_gets_a_recording_of_its_own() -> None:
     nowhere = Nowhere()
     it = RerunView(SCENARIO, "run", coloring="intensity", destination=nowhere)
     it.take_states([state(0)])
-    _, more = addition("crate", at=At(1.0, 0.0), name=None, taken=(), ground=None)
+    _, more = addition("crate", at=SpawnPlace(1.0, 0.0), name=None, taken=(), ground=None)
     it.change(with_more(SCENARIO, more, (), seconds=0.0))
     it.take_states([replace(state(40), actors=packed(np.array([1.0, 0.0, 0.0, *UP])))])
     first, second = nowhere.recordings

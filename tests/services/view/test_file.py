@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import POINT, Clock, Imu, Message, PointCloud, measured_nanos, packed
-from groundlink.recording.metadata import RUN_RECORD, facts, run_entries
+from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import CODECS, to_cdr
 from services.view.__main__ import main
@@ -49,7 +49,7 @@ def rows() -> list[tuple[str, Message]]:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recorded") / "run.mcap"
     file = RosFile(path)
-    file.mcap.add_metadata(RUN_RECORD, run_entries(facts(SCENARIO, "run", EPOCH)))
+    file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(SCENARIO, "run", EPOCH)))
     for topic, message in rows():
         ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type).write(measured_nanos(message), to_cdr(message))

@@ -17,7 +17,7 @@ from groundlink.messages.base import POINT, Clock, PointCloud, packed
 from groundlink.messages.navigation import OccupancyGrid, Odometry
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import actor_transforms
-from groundlink.world.actors import Actor, Crate, Free
+from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.view.foxglove_scene import scene
 from services.view.foxglove_server import FoxgloveServer
 from services.view.viewer_subscriptions import streams_of
@@ -157,7 +157,9 @@ def test_an_address_in_use_is_the_users_to_mend(served: tuple[FoxgloveServer, Cl
 
 def test_actors_are_in_the_scene_and_on_tf() -> None:
     crate = Actor(
-        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+        name="crate",
+        form=CrateForm(material="wood"),
+        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
     )
     scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
     assert b"crate" in scene(scenario, 0).encode()

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from groundlink.world.links import links
 from groundlink.world.solids import Box, Material, Solid
+from groundlink.world.vehicle_links import link_solids
 from services.view import meshes
 
 from .scenes import SCENARIO
@@ -43,8 +43,8 @@ def test_every_thing_is_there_under_its_name() -> None:
 
 def test_links_are_those_of_the_state() -> None:
     model = SCENARIO.vehicles[0].model
-    assert len(links(model)) == len(model.link_names())
-    wheel = meshes.mesh(links(model)[1], SCENARIO.world.materials)
+    assert len(link_solids(model)) == len(model.link_names())
+    wheel = meshes.mesh(link_solids(model)[1], SCENARIO.world.materials)
     size = np.ptp(wheel.vertices, axis=0)
     # A tyre 0.1143 m wide, whose hub sticks out to 0.126 m.
     assert np.allclose(size, [2 * 0.1651, 0.126, 2 * 0.1651], rtol=0.01)

@@ -11,11 +11,11 @@ from msgspec.structs import replace
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import POINT, Clock, PointCloud, State, VehicleState, floats, packed
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.navigation import JointState
-from groundlink.world.actors import Actor, Crate, Free
+from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from groundlink.world.bodies import body_names
 from services.physics.run.ground_truth import BodyTruth, VehicleTruth
 from services.view.reconstructed_states import HELD, StateReconstructor, StreamMessage
@@ -129,7 +129,9 @@ def test_without_any_truth_no_more_than_some_wait() -> None:
 
 def test_actors_are_where_they_were_told_last() -> None:
     crate = Actor(
-        name="crate", form=Crate(material="wood"), motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=1.0)
+        name="crate",
+        form=CrateForm(material="wood"),
+        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
     )
     scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
     names = body_names(scenario, ())

@@ -12,25 +12,25 @@ from msgspec.structs import replace
 from PIL import Image
 
 from groundlink.importing import terrain as imported
-from groundlink.importing.terrain_specs import Hills, Where
+from groundlink.importing.terrain_specs import HillsTerrain, MaterialRule
 from groundlink.loader import load
 from groundlink.scenario import Scenario
 from groundlink.world import assets
-from groundlink.world.mesh_asset import Part, asset_of, surface
+from groundlink.world.mesh_asset import MeshPart, encode_mesh, load_mesh
 from groundlink.world.solids import Material, Mesh, Solid
-from groundlink.world.terrain import ground
+from groundlink.world.terrain import load_ground
 from services.view import meshes, simplified_surfaces
 from services.view.foxglove_scene import scene
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 
-HILLS = Hills(
+HILLS = HillsTerrain(
     size_m=(3000.0, 2000.0),
     cell_m=2.0,
     height_m=40.0,
     longest_m=400.0,
     material="green",
-    where=(Where(material="rock", height_m=(30.0, 1e9)),),
+    where=(MaterialRule(material="rock", height_m=(30.0, 1e9)),),
 )
 
 
@@ -48,7 +48,7 @@ def outdoors() -> Scenario:
 def test_terrain_is_coarse_afar_and_exact_where_vehicles_start() -> None:
     scenario = outdoors()
     assert scenario.world.terrain is not None
-    here = ground(scenario.world.terrain)
+    here = load_ground(scenario.world.terrain)
     corners, colors = simplified_surfaces.terrain_faces(scenario, scenario.world.terrain)
     assert len(corners) == len(colors) < 120_000
     points = corners.reshape(-1, 3)
@@ -81,7 +81,7 @@ def wavy(side: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("side", [10, 300])
 def test_a_large_mesh_has_fewer_faces_and_keeps_its_form(side: int) -> None:
     vertices, faces = wavy(side)
-    sheet = surface(assets.keep(asset_of(vertices, faces)))
+    sheet = load_mesh(assets.put(encode_mesh(vertices, faces)))
     corners, kept = simplified_surfaces.coarse(sheet)
     assert len(corners) == len(kept)
     assert side != 10 or len(kept) == 200
@@ -103,13 +103,13 @@ def test_faces_have_the_colour_of_their_paint() -> None:
     Image.fromarray(picture).save(file, "PNG")
     uv = (vertices[:, :2] + 1) / 2
     parts = (
-        Part(first=0, count=150, color=(1.0, 1.0, 1.0), picture=file.getvalue()),
-        Part(first=150, count=40, color=(0.2, 0.3, 0.4)),
-        Part(first=190, count=10),
+        MeshPart(first=0, count=150, color=(1.0, 1.0, 1.0), picture=file.getvalue()),
+        MeshPart(first=150, count=40, color=(0.2, 0.3, 0.4)),
+        MeshPart(first=190, count=10),
     )
-    asset = assets.keep(asset_of(vertices, faces, uv, parts))
+    asset = assets.put(encode_mesh(vertices, faces, uv, parts))
     shape = Mesh(asset=asset, low_m=(-1.0, -1.0, -1.0), high_m=(1.0, 1.0, 1.0))
-    colors = simplified_surfaces.face_colors(surface(asset), Material(color=(0.0, 0.0, 1.0)))
+    colors = simplified_surfaces.face_colors(load_mesh(asset), Material(color=(0.0, 0.0, 1.0)))
     north = vertices[faces].mean(axis=1)[:, 1] > 0
     assert (colors[:150][north[:150]] == (1, 0, 0)).all()
     assert (colors[:150][~north[:150]] == 0).all()

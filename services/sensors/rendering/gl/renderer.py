@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.scenario.schema import World
-from groundlink.world.terrain import BODY, ground
+from groundlink.world.terrain import BODY, load_ground
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.look.lights import lighting
 from services.sensors.rendering.look.mesh import Mesh, Skin
@@ -77,7 +77,7 @@ class Renderer:
         self.close = weakref.finalize(self, context.release)
         context.front_face = "cw"  # pictures have their first row at the top
         light = lighting(world, around.static)
-        terrain = world.terrain and ground(world.terrain)
+        terrain = world.terrain and load_ground(world.terrain)
         kinds = len(terrain.materials) if terrain else 0
         size = pinhole.width, pinhole.height
         self._color = ColorTarget(context, *size, samples) if "color" in layers else None

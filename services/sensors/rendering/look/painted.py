@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.world import solids
-from groundlink.world.mesh_asset import Part, Surface, surface
+from groundlink.world.mesh_asset import MeshPart, TriangleMesh, load_mesh
 from groundlink.world.solids import Material, Solid
 from groundlink.world.triangles import merged
 
@@ -47,7 +47,7 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
         Skins by texture or picture; new ones are added.
     """
     assert isinstance(solid.shape, solids.Mesh)
-    mesh = surface(solid.shape.asset)
+    mesh = load_mesh(solid.shape.asset)
     placed = merged([solid])
     smooth, closed = _normals(mesh)
     smooth = smooth @ matrix_from_quaternion(solid.orientation).T
@@ -84,7 +84,7 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
             yield Mesh(vertices, faces, skins[name], is_open=True)
 
 
-def _normals(mesh: Surface) -> tuple[Floats, bool]:
+def _normals(mesh: TriangleMesh) -> tuple[Floats, bool]:
     """Return normals of the faces' corners, shape (F, 3, 3), and whether the surface is closed.
 
     A corner's normal is the mean, weighted by angle, of the surrounding faces that meet its own
@@ -144,7 +144,7 @@ def _across(points: NDArray[np.float32]) -> NDArray[np.intp]:
     return kept
 
 
-def _skin(part: Part) -> Skin:
+def _skin(part: MeshPart) -> Skin:
     """Return a part's pictures; a part with normals only is white."""
     bumps = None
     if part.normals:

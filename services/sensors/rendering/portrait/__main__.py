@@ -14,13 +14,17 @@ from pathlib import Path
 
 from groundlink.cli.files.world import add_show_arguments
 from groundlink.core.errors import UserError
-from groundlink.loader.part import Kind, load_part
+from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.process import runner as process
 from services.sensors.rendering.gl.context import require
 
 PROCESS = "world show"
 
-FROM_DEG = {Kind.WORLD: (200.0, 38.0), Kind.SCENARIO: (200.0, 38.0), Kind.VEHICLE: (130.0, 27.0)}
+FROM_DEG = {
+    FileKind.WORLD: (200.0, 38.0),
+    FileKind.SCENARIO: (200.0, 38.0),
+    FileKind.VEHICLE: (130.0, 27.0),
+}
 """Default direction of the eye, in degrees: the sun is behind it, and a vehicle faces east."""
 
 
@@ -34,7 +38,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 
     from .picture import portrait
 
-    kind, scenario = load_part(options.what, tell=_warn)
+    kind, scenario = load_partial(options.what, tell=_warn)
     out = options.out or Path(f"{Path(options.what).stem}.png")
     picture = portrait(kind, scenario, options.point or FROM_DEG[kind], options.size)
     try:

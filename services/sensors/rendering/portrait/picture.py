@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.loader.part import Kind
+from groundlink.loader.partial_scenario import FileKind
 from groundlink.scenario.schema import Scenario
 from services.sensors.rendering.gl.renderer import Renderer
 
@@ -25,7 +25,7 @@ SAMPLES = 16
 
 
 def portrait(
-    kind: Kind, scenario: Scenario, from_deg: tuple[float, float], size: tuple[int, int]
+    kind: FileKind, scenario: Scenario, from_deg: tuple[float, float], size: tuple[int, int]
 ) -> NDArray[np.uint8]:
     """Return a picture, shape (height, width, 3): red, green, blue.
 

@@ -13,18 +13,18 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.frames import Floats, transform
-from groundlink.loader.part import Kind
+from groundlink.loader.partial_scenario import FileKind
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Scenario, Vehicle, World
-from groundlink.world import motion
-from groundlink.world.actors import parts
+from groundlink.world import actor_motion as motion
+from groundlink.world.actors import form_solids
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
-from groundlink.world.links import links
 from groundlink.world.objects.indoor_objects import WALLS
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_pose import start
-from groundlink.world.terrain import Ground, ground
+from groundlink.world.spawn_pose import spawn_pose
+from groundlink.world.terrain import Ground, load_ground
+from groundlink.world.vehicle_links import link_solids
 from groundlink.world.weather import Weather
 from services.sensors.rendering.gl.culling import Boxes
 
@@ -34,7 +34,7 @@ FLOOR = 17.0
 CLEAR_M = 1e7
 """Visibility in meters."""
 
-AXES = {Kind.VEHICLE: 0.15, Kind.WORLD: 0.06, Kind.SCENARIO: 0.06}
+AXES = {FileKind.VEHICLE: 0.15, FileKind.WORLD: 0.06, FileKind.SCENARIO: 0.06}
 """Length of the frames' axes, as a share of the diagonal of the scene."""
 
 
@@ -71,21 +71,21 @@ class Scene:
     """Length of the frames' axes, meters."""
 
 
-def scene(kind: Kind, scenario: Scenario, towards_eye: Floats) -> Scene:
+def scene(kind: FileKind, scenario: Scenario, towards_eye: Floats) -> Scene:
     """Return what a portrait shows from a direction, a unit vector in the world."""
-    terrain = ground(scenario.world.terrain) if scenario.world.terrain else None
+    terrain = load_ground(scenario.world.terrain) if scenario.world.terrain else None
     built, names, poses, frames = [], [], [np.empty((0, 7))], []
-    if kind is not Kind.VEHICLE:
+    if kind is not FileKind.VEHICLE:
         frames.append(NamedFrame("world", np.eye(4)))
     for vehicle in scenario.vehicles:
-        there = links(vehicle.model)
+        there = link_solids(vehicle.model)
         built += there
         names += [vehicle.name] * len(there)
         poses.append(_standing(vehicle, terrain))
-        frames += _frames(vehicle, poses[-1][0], alone=kind is Kind.VEHICLE)
+        frames += _frames(vehicle, poses[-1][0], alone=kind is FileKind.VEHICLE)
     for actor in scenario.world.actors:
-        place = motion.start(actor.motion, terrain)
-        built.append(parts(actor.form))
+        place = motion.initial_pose(actor.motion, terrain)
+        built.append(form_solids(actor.form))
         names.append(actor.name)
         poses.append(np.array([[*place.position_m, *place.orientation]]))
     world_from_link = np.concatenate(poses)
@@ -102,8 +102,8 @@ def scene(kind: Kind, scenario: Scenario, towards_eye: Floats) -> Scene:
     ]
     size_m = np.ptp(np.concatenate(around), axis=0)
     axis_m = AXES[kind] * float(np.linalg.norm(size_m))
-    around += [frame.ends(axis_m) for frame in frames if kind is Kind.VEHICLE]
-    if kind is Kind.VEHICLE:
+    around += [frame.ends(axis_m) for frame in frames if kind is FileKind.VEHICLE]
+    if kind is FileKind.VEHICLE:
         floor = Box(size_m=(FLOOR * size_m.max(), FLOOR * size_m.max(), 0.1))
         static = (Solid("floor", floor, "floor", position_m=(0.0, 0.0, -0.05)),)
     return Scene(
@@ -120,7 +120,7 @@ def scene(kind: Kind, scenario: Scenario, towards_eye: Floats) -> Scene:
 
 def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
     """Return world_from_link of a vehicle at rest on its springs at its start, shape (links, 7)."""
-    position, turn = start(vehicle, terrain)
+    position, turn = spawn_pose(vehicle, terrain)
     base = transform(position, turn)
     joints = vehicle.model.joints
     still = (place for place, _ in base_from_links(joints, [0.0] * len(joints)))

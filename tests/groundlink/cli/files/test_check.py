@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.__main__ import main
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 
 
 @pytest.mark.parametrize("command", ["check", "up"])

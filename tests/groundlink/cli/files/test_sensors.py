@@ -9,7 +9,7 @@ import pytest
 
 from groundlink.__main__ import main
 from groundlink.bus.topics import SENSOR_TOPICS
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 
 SHEETS = sorted((SHIPPED / "sensors").glob("*.yaml"))
 

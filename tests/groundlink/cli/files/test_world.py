@@ -12,9 +12,9 @@ import trimesh
 from groundlink.__main__ import main
 from groundlink.importing.world_files import open_edges
 from groundlink.loader import load
-from groundlink.world.mesh_asset import surface
-from groundlink.world.terrain import ground
-from tests.groundlink.importing.files import HEIGHTMAPS, MESHES, png, sixteen_bits, write
+from groundlink.world.mesh_asset import load_mesh
+from groundlink.world.terrain import load_ground
+from tests.groundlink.importing.file_errors import HEIGHTMAPS, MESHES, png, sixteen_bits, write
 
 SCENARIO = "name: it\nworld: worlds/new.yaml\nvehicles: [{name: rover, model: rover}]\n"
 MAP = ("--heights-m", "0", "100", "--cell-m", "2.5")
@@ -48,7 +48,7 @@ def test_a_heightmap_becomes_a_world_with_the_origin_on_the_ground(
     assert "80 triangles" in said
     assert scenario.world.name == "it_s_a_map"
     assert scenario.world.terrain is not None
-    here = ground(scenario.world.terrain)
+    here = load_ground(scenario.world.terrain)
     assert here.height_at(0.0, 0.0) == pytest.approx(0.0, abs=1e-3)
     assert here.cell_m == 2.5
 
@@ -84,7 +84,7 @@ def test_holes_are_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     scenario = load(imported(tmp_path, "ball.stl", ball.export(file_type="stl")))
     assert f"open: {sum(around)} edges" in capsys.readouterr().out
     shape = scenario.world.solids[1].shape
-    assert open_edges(surface(shape.asset)) == (sum(around), 2)  # type: ignore[union-attr]
+    assert open_edges(load_mesh(shape.asset)) == (sum(around), 2)  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from groundlink.__main__ import main
 from groundlink.bus.topics import TOPICS
 from groundlink.cli.run import record
 from groundlink.monitor.run_monitor import RunMonitor
-from groundlink.recording import reading
+from groundlink.recording import reader as reading
 from groundlink.recording.metadata import TopicFacts
 
 

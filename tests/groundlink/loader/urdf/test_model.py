@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.loader import load
 from groundlink.scenario.joints import base_from_links
-from groundlink.world.mesh_asset import surface
+from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.solids import Cylinder, Mesh
-from tests.groundlink.importing.files import COLORS, png, write
+from tests.groundlink.importing.file_errors import COLORS, png, write
 from tests.groundlink.loader.urdf.carts import CART, MODEL, TURRET, scenario, vehicle
 
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], np.float32)
@@ -157,7 +157,7 @@ def test_a_mesh_has_its_picture_from_anywhere_in_its_package(
     model = load(scenario(package, CART.replace(BOX, mesh, 1)), tell=told.append).vehicles[0].model
     shape = model.visuals[0].shape
     assert isinstance(shape, Mesh)
-    assert surface(shape.asset).parts[0].picture == (png(COLORS) if found else None)
+    assert load_mesh(shape.asset).parts[0].picture == (png(COLORS) if found else None)
     assert any("lies outside its folder" in line for line in told) is not found
 
 
@@ -179,7 +179,7 @@ def test_a_mirrored_mesh_keeps_its_faces_outwards(tmp_path: Path) -> None:
         mesh = MESH.format("part.stl", scale)
         shape = vehicle(tmp_path, CART.replace(BOX, mesh, 1)).model.visuals[0].shape
         assert isinstance(shape, Mesh)
-        made = surface(shape.asset)
+        made = load_mesh(shape.asset)
         a, b, c = np.moveaxis(made.vertices[made.faces].astype(float), 1, 0)
         volume = np.sum(a * np.cross(b, c)) / 6
         assert volume == pytest.approx(1 if "-" not in scale else 2, rel=1e-3)

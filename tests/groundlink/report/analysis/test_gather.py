@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from groundlink.report.analysis import gather as module
-from groundlink.report.analysis.gather import Gathered
+from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.analysis.sensors import ImuSamples
-from groundlink.report.analysis.streams import StreamTrack
+from groundlink.report.analysis.streams import StreamTimes
 from groundlink.ros.types import STORE
 from tests.groundlink.report.conftest import (
     GAP_S,
@@ -22,12 +22,12 @@ from tests.groundlink.report.conftest import (
 )
 
 
-def stream(gathered: Gathered, topic: str) -> StreamTrack:
+def stream(gathered: RunSummary, topic: str) -> StreamTimes:
     [found] = [stream for stream in gathered.streams if stream.topic == topic]
     return found
 
 
-def test_rates_are_those_of_the_stamps(gathered: Gathered) -> None:
+def test_rates_are_those_of_the_stamps(gathered: RunSummary) -> None:
     truth = stream(gathered, "/ground_truth/odom")
     assert (truth.declared_hz, truth.messages, truth.gaps) == (50.0, 50 * SECONDS, 0)
     assert truth.measured_hz == pytest.approx(50.0)
@@ -38,7 +38,7 @@ def test_rates_are_those_of_the_stamps(gathered: Gathered) -> None:
     assert bins.edges_s == pytest.approx([0, 1, 2, 3, 4, 5, SECONDS - 1 / 400])
 
 
-def test_a_gap_is_found_where_it_is(gathered: Gathered) -> None:
+def test_a_gap_is_found_where_it_is(gathered: RunSummary) -> None:
     imu = stream(gathered, "/imu")
     assert imu.gaps == 1
     longest = imu.largest_gaps[0]
@@ -52,7 +52,7 @@ def test_a_gap_is_found_where_it_is(gathered: Gathered) -> None:
     assert imu.measured_hz < 370
 
 
-def test_the_way_and_the_speed_are_those_of_the_truth(gathered: Gathered) -> None:
+def test_the_way_and_the_speed_are_those_of_the_truth(gathered: RunSummary) -> None:
     [motion] = gathered.motions
     assert motion.distance_m == pytest.approx(SPEED_MPS * SECONDS, rel=0.01)
     assert motion.top_speed_mps == SPEED_MPS
@@ -63,7 +63,7 @@ def test_the_way_and_the_speed_are_those_of_the_truth(gathered: Gathered) -> Non
     assert motion.asked[0] == pytest.approx((0.0, 0.8, 0.5))
 
 
-def test_energy_is_the_last_word_and_touches_are_one_event(gathered: Gathered) -> None:
+def test_energy_is_the_last_word_and_touches_are_one_event(gathered: RunSummary) -> None:
     [energy] = gathered.energies
     assert energy.last is not None
     assert energy.last.motor_work_j == pytest.approx(50 * (SECONDS - 0.1))
@@ -76,7 +76,7 @@ def test_energy_is_the_last_word_and_touches_are_one_event(gathered: Gathered) -
     assert event.ticks == 20
 
 
-def test_what_processes_said_is_kept(gathered: Gathered) -> None:
+def test_what_processes_said_is_kept(gathered: RunSummary) -> None:
     assert gathered.said.processes["gateway"]["host"] == "lab-pc"
     assert gathered.said.processes["gateway"]["stale"] == "4"
     words = gathered.said.streams["/imu", "to ROS"]
@@ -84,7 +84,7 @@ def test_what_processes_said_is_kept(gathered: Gathered) -> None:
     assert [age for _, age, _ in words.ages] == pytest.approx([0.004 + 0.001 * i for i in range(6)])
 
 
-def test_cameras_have_some_pictures_over_the_whole_run(gathered: Gathered) -> None:
+def test_cameras_have_some_pictures_over_the_whole_run(gathered: RunSummary) -> None:
     raw, jpeg = gathered.cameras
     assert (raw.topic, jpeg.topic) == ("/camera/image", "/camera/jpeg")
     assert len(raw.pictures) == len(jpeg.pictures) == 6

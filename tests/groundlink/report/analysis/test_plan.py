@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.report.analysis.plan import outlines
 from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Shape, Solid

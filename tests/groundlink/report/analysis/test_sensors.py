@@ -12,10 +12,16 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.messages.imagery import LaserScan
-from groundlink.report.analysis.sensors import Cloud, Trajectory, east_north, reach_m, readings_of
+from groundlink.report.analysis.sensors import (
+    CloudSample,
+    EstimatedTrajectory,
+    east_north,
+    reach_m,
+    readings_of,
+)
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.types import STORE
 from groundlink.scenario.schema import Datum
@@ -43,7 +49,7 @@ def odometry(x: float, y: float, yaw: float) -> Any:
 
 def test_odometry_is_laid_on_the_truth_at_its_first_pose() -> None:
     truth = track((0, 5, 7, pi / 2), (1, 5, 8, pi / 2), (2, 5, 9, pi / 2))
-    told = Trajectory("/odom")
+    told = EstimatedTrajectory("/odom")
     for seconds, x in ((0, 0.0), (1, 1.0), (2, 1.8)):
         told.add(float(seconds), odometry(x, 0.0, 0.0))
     rows = told.beside(truth)
@@ -62,7 +68,7 @@ def test_a_fix_is_in_the_world_as_the_geodesy_has_it(far_m: float, bearing: int)
 
 
 def test_a_fix_is_compared_with_the_antenna_and_no_fix_with_nothing() -> None:
-    told = Trajectory("/gnss/fix", DATUM, (1.0, 0.0))
+    told = EstimatedTrajectory("/gnss/fix", DATUM, (1.0, 0.0))
     status = SimpleNamespace(status=0)
     told.add(0.0, SimpleNamespace(status=SimpleNamespace(status=-1), latitude=0.0, longitude=0.0))
     told.add(1.0, SimpleNamespace(status=status, latitude=58.59, longitude=25.55))
@@ -75,7 +81,7 @@ def test_points_of_a_cloud_are_laid_each_at_its_own_instant() -> None:
     records = np.zeros(2, POINT)
     records["x"], records["time"] = (2.0, 2.0), (0.0, 0.1)
     message = PointCloud(0, "lidar_link", packed(records.view(np.uint8)))
-    cloud = Cloud("/points", 0.5, transform((0.0, 0.0, 0.4), (0.0, 0.0, 0.0, 1.0)))
+    cloud = CloudSample("/points", 0.5, transform((0.0, 0.0, 0.4), (0.0, 0.0, 0.0, 1.0)))
     assert not cloud.is_due(0.4)
     assert cloud.is_due(0.6)
     cloud.add(0.6, ros(message))
@@ -89,7 +95,7 @@ def test_a_scan_has_its_angles() -> None:
         *(0, "scan", -pi / 2, pi / 2, 0.01, 0.1, 0.1, 30.0),
         *(packed(np.array([1.0, np.inf, 3.0], np.float32)), memoryview(b"")),
     )
-    cloud = Cloud("/scan", 0.0, np.eye(4))
+    cloud = CloudSample("/scan", 0.0, np.eye(4))
     cloud.add(0.0, ros(scan))
     np.testing.assert_allclose(cloud.points, [(0, -1, 0), (0, 3, 0)], atol=1e-6)
     np.testing.assert_allclose(cloud.times, (0.0, 0.02), atol=1e-6)
@@ -100,7 +106,7 @@ def test_what_has_a_plot() -> None:
     sensors = scenario.vehicles[0].sensors
     kinds = {s.name: type(readings_of(s, scenario.world.datum, 1.0)).__name__ for s in sensors}
     assert kinds["imu"] == "ImuSamples"
-    assert kinds["gnss"] == kinds["odometry"] == "Trajectory"
+    assert kinds["gnss"] == kinds["odometry"] == "EstimatedTrajectory"
     assert kinds["encoders"] == kinds["sonar"] == "NoneType"
 
 

@@ -9,11 +9,11 @@ from groundlink.core.clock import NANOS
 from groundlink.messages.vitals import Contact, Vitals
 from groundlink.report.analysis.energy import MAX_EVENTS, Energy
 from groundlink.report.analysis.motion import MAX_POINTS, stride
-from groundlink.report.analysis.streams import LARGEST_KEPT, MAX_BINS, StreamTrack, bin_nanos
+from groundlink.report.analysis.streams import LARGEST_KEPT, MAX_BINS, StreamTimes, bin_nanos
 
 
-def track(declared_hz: float | None, nanos: list[int]) -> StreamTrack:
-    stream = StreamTrack("/t", "x/T", declared_hz, first_nanos=nanos[0], last_nanos=nanos[-1])
+def track(declared_hz: float | None, nanos: list[int]) -> StreamTimes:
+    stream = StreamTimes("/t", "x/T", declared_hz, first_nanos=nanos[0], last_nanos=nanos[-1])
     for each in nanos:
         stream.add(each, 10)
     return stream
@@ -38,7 +38,7 @@ def test_the_largest_gaps_are_kept() -> None:
 
 def test_one_message_or_none_has_no_rate() -> None:
     assert track(1.0, [5]).measured_hz is None
-    empty = StreamTrack("/t", "x/T", 10.0, first_nanos=0, last_nanos=3 * NANOS)
+    empty = StreamTimes("/t", "x/T", 10.0, first_nanos=0, last_nanos=3 * NANOS)
     assert empty.measured_hz is None
     assert empty.largest_gaps == []
 

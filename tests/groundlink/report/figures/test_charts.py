@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from groundlink.core.clock import NANOS
-from groundlink.report.analysis.diagnostics import StreamWords
+from groundlink.report.analysis.diagnostics import StreamHistory
 from groundlink.report.analysis.energy import Energy
-from groundlink.report.analysis.motion import Motion
-from groundlink.report.analysis.plan import Outline
-from groundlink.report.analysis.streams import StreamTrack
+from groundlink.report.analysis.motion import VehicleMotion
+from groundlink.report.analysis.plan import SolidOutline
+from groundlink.report.analysis.streams import StreamTimes
 from groundlink.report.figures import charts as figures
 from groundlink.world.terrain import Ground
 
@@ -51,8 +51,8 @@ def labels(svg: str) -> dict[str, tuple[float, float]]:
     return found
 
 
-def stream(topic: str, seconds: list[float]) -> StreamTrack:
-    found = StreamTrack(topic, "type", 10.0, first_nanos=0, last_nanos=6 * NANOS)
+def stream(topic: str, seconds: list[float]) -> StreamTimes:
+    found = StreamTimes(topic, "type", 10.0, first_nanos=0, last_nanos=6 * NANOS)
     for each in seconds:
         found.add(round(each * NANOS), 1)
     return found
@@ -75,7 +75,7 @@ def test_bars_are_green_orange_and_red_where_they_should_be() -> None:
 
 
 def test_the_median_is_a_line_and_what_99_percent_do_not_exceed_is_dashed_above_it() -> None:
-    words = StreamWords({})
+    words = StreamHistory({})
     words.ages = [(float(t), 0.004, 0.040) for t in range(6)]
     svg = figures.ages({("/imu", "to ROS"): words}, (0.0, 5.0))
     lines = [path for path in paths(svg) if "stroke: var(--blue)" in path.style and len(path.x) > 3]
@@ -89,7 +89,7 @@ def test_the_median_is_a_line_and_what_99_percent_do_not_exceed_is_dashed_above_
 
 
 def test_speed_is_in_the_upper_panel_and_yaw_rate_in_the_lower() -> None:
-    motion = Motion("rover", 1)
+    motion = VehicleMotion("rover", 1)
     motion.rows = [(t, t * t / 2, 0.0, float(t), -0.25, 0.0) for t in range(6)]
     motion.asked = [(float(t), 5.0 - t, -0.25) for t in range(6)]
     svg = figures.speed(motion, (0.0, 5.0))
@@ -128,7 +128,7 @@ def test_terrain_is_drawn_below_the_way() -> None:
         y0_m=-10.0,
         materials=("grass",),
     )
-    motion = Motion("rover", 1)
+    motion = VehicleMotion("rover", 1)
     motion.rows = [(float(t), t - 2.5, 0.0, 1.0, 0.0, 0.0) for t in range(6)]
     bare, drawn = (
         figures.trajectory([], [motion], [Energy("rover", 1)], [], {}, ground)
@@ -145,8 +145,8 @@ def test_of_a_large_world_what_is_near_the_path_is_shown_on_every_side() -> None
     places = np.array([[0.0, 0.0], [3.0, 2.0]])
     square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     sides = ((-2.0, 1.0), (5.0, 1.0), (1.5, -2.0), (1.5, 4.0))
-    near = [Outline("near", square + side, 0.0, 1.0) for side in sides]
-    far = Outline("far", square + 2 * figures.WHOLE_M, 0.0, 1.0)
+    near = [SolidOutline("near", square + side, 0.0, 1.0) for side in sides]
+    far = SolidOutline("far", square + 2 * figures.WHOLE_M, 0.0, 1.0)
     low, high = figures._shown([*near, far], places)
     for outline in near:
         assert (outline.corners_m >= low).all()

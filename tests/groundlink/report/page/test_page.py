@@ -12,9 +12,9 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.__main__ import main
-from groundlink.report.analysis.diagnostics import Said, StreamWords
-from groundlink.report.analysis.failures import Failure, Failures
-from groundlink.report.analysis.gather import Gathered
+from groundlink.report.analysis.diagnostics import RunDiagnostics, StreamHistory
+from groundlink.report.analysis.fault_history import FaultHistory, FaultPeriod
+from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.page.html import Markup, section, table, text
 from groundlink.report.page.page import page
 from groundlink.scenario.faults import Off, Stuck
@@ -62,7 +62,7 @@ def read(content: str) -> Reader:
 
 
 @pytest.fixture(scope="module")
-def content(gathered: Gathered) -> str:
+def content(gathered: RunSummary) -> str:
     return page(gathered)
 
 
@@ -100,12 +100,12 @@ def test_figures_are_on_it(content: str) -> None:
         assert words in content, words
 
 
-def test_what_the_ros_side_never_reported_is_said_to_be_so(gathered: Gathered) -> None:
+def test_what_the_ros_side_never_reported_is_said_to_be_so(gathered: RunSummary) -> None:
     ((key, words),) = gathered.said.streams.items()
     unknown = words.last | {"reported": "False", "lost": "0", "messages": "0", "missing": "0"}
     unknown |= {"dropped": "0", "sent": "2010"}
-    said = Said()
-    said.streams[key] = StreamWords(unknown)
+    said = RunDiagnostics()
+    said.streams[key] = StreamHistory(unknown)
     cells = re.findall(r"<td[^>]*>(.*?)</td>", page(dataclasses.replace(gathered, said=said)))
     at = cells.index("2010")
     assert cells[at : at + 4] == ["2010", "", "", "not reported"]
@@ -124,21 +124,21 @@ def test_the_same_run_is_the_same_page(recording: Path, content: str) -> None:
     assert page(gathered_from(recording)) == content
 
 
-def test_what_a_run_did_not_have_is_not_there(gathered: Gathered) -> None:
+def test_what_a_run_did_not_have_is_not_there(gathered: RunSummary) -> None:
     from dataclasses import replace as changed
 
-    from groundlink.report.analysis.diagnostics import Said
+    from groundlink.report.analysis.diagnostics import RunDiagnostics
     from groundlink.report.analysis.energy import Energy
-    from groundlink.report.analysis.motion import Motion
+    from groundlink.report.analysis.motion import VehicleMotion
 
     bare = changed(
         gathered,
-        motions=[Motion("rover", 1)],
+        motions=[VehicleMotion("rover", 1)],
         energies=[Energy("rover", 1)],
         readings={"rover": []},
         cameras=[],
         accounts=[],
-        said=Said(),
+        said=RunDiagnostics(),
         streams=gathered.streams[:0],
         run=replace(gathered.run, epoch_nanos=0),
     )
@@ -182,10 +182,13 @@ def test_a_file_that_is_no_recording_is_one_line(
     assert error.count("\n") == 1
 
 
-def test_faults_have_a_section_where_there_were_some(gathered: Gathered) -> None:
+def test_faults_have_a_section_where_there_were_some(gathered: RunSummary) -> None:
     assert "Faults" not in read(page(gathered)).headings
-    failures = Failures("rover/imu")
-    failures.all = [Failure(Stuck(at_s=1.5, for_s=1.0), 1.5, 2.5), Failure(Off(at_s=3.0), 3.0)]
+    failures = FaultHistory("rover/imu")
+    failures.all = [
+        FaultPeriod(Stuck(at_s=1.5, for_s=1.0), 1.5, 2.5),
+        FaultPeriod(Off(at_s=3.0), 3.0),
+    ]
     content = page(dataclasses.replace(gathered, failures=[failures]))
     assert "Faults" in read(content).headings
     assert "rover/imu was made to fail: stuck, off" in content

@@ -10,15 +10,15 @@ from typing import Any
 import pytest
 
 from groundlink.core.clock import NANOS
-from groundlink.report.analysis.gather import Gathered
-from groundlink.report.analysis.streams import StreamTrack
-from groundlink.report.page.verdict import faults, verdict
+from groundlink.report.analysis.gather import RunSummary
+from groundlink.report.analysis.streams import StreamTimes
+from groundlink.report.page.verdict import problems, verdict
 
 SECONDS = 10
 
 
-def track(seconds: list[float], declared_hz: float = 10.0) -> StreamTrack:
-    found = StreamTrack(
+def track(seconds: list[float], declared_hz: float = 10.0) -> StreamTimes:
+    found = StreamTimes(
         "/imu", "sensor_msgs/msg/Imu", declared_hz, first_nanos=0, last_nanos=SECONDS * NANOS
     )
     for each in seconds:
@@ -26,7 +26,7 @@ def track(seconds: list[float], declared_hz: float = 10.0) -> StreamTrack:
     return found
 
 
-def run_of(gathered: Gathered, stream: StreamTrack) -> Gathered:
+def run_of(gathered: RunSummary, stream: StreamTimes) -> RunSummary:
     quiet: Any = SimpleNamespace(streams={})
     return replace(
         gathered,
@@ -51,24 +51,24 @@ def every(begin_s: float, end_s: float, hz: float = 10.0) -> list[float]:
     ],
     ids=["ends early", "begins late", "too many, too few"],
 )
-def test_what_is_not_green_is_told(gathered: Gathered, seconds: list[float], words: str) -> None:
+def test_what_is_not_green_is_told(gathered: RunSummary, seconds: list[float], words: str) -> None:
     stream = track(seconds)
     bins = stream.bins()
     assert bins is not None
     assert not bins.kept.all()
     run = run_of(gathered, stream)
-    assert faults(run) == [f"/imu: {words}"]
+    assert problems(run) == [f"/imu: {words}"]
     assert "without a gap" not in verdict(run)
 
 
-def test_where_all_is_green_all_is_well(gathered: Gathered) -> None:
+def test_where_all_is_green_all_is_well(gathered: RunSummary) -> None:
     run = run_of(gathered, track(every(0, 10)))
-    assert faults(run) == []
+    assert problems(run) == []
     assert "without a gap" in verdict(run)
 
 
-def test_of_many_times_some_are_named(gathered: Gathered) -> None:
+def test_of_many_times_some_are_named(gathered: RunSummary) -> None:
     rates = (12.0, 10.0, 8.0, 10.0, 12.0, 10.0, 8.0, 10.0, 10.0, 10.0)
     seconds = [each for i, hz in enumerate(rates) for each in every(i, i + 1, hz)]
-    (line,) = faults(run_of(gathered, track(seconds)))
+    (line,) = problems(run_of(gathered, track(seconds)))
     assert line.endswith("from 4.0 to 5.0 s and 1 more")

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from groundlink.bus.inbox import BusInbox
 from groundlink.core.clock import TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Message, WheelEncoders, encode
 from groundlink.scenario.schema import Time
 from services.gateway.bus_session import RunStatus

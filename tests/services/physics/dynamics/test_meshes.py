@@ -14,7 +14,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.scenario.schema import Placement
 from groundlink.world import assets
-from groundlink.world.mesh_asset import asset_of, surface
+from groundlink.world.mesh_asset import encode_mesh, load_mesh
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.triangles import merged
 from services.physics.dynamics import bullet
@@ -30,7 +30,7 @@ def mesh(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     """Return a mesh whose asset is in the store."""
     vertices = np.asarray(vertices, np.float32)
     low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()
-    asset = assets.keep(asset_of(vertices, np.asarray(faces, np.uint32)))
+    asset = assets.put(encode_mesh(vertices, np.asarray(faces, np.uint32)))
     return Mesh(asset=asset, low_m=tuple(low), high_m=tuple(high))
 
 
@@ -102,7 +102,7 @@ def test_one_mesh_stands_in_many_places(backend: BulletBackend) -> None:
 def test_faces_without_an_area_do_no_harm() -> None:
     heights = hills(41, cell_m=0.5)
     whole = yard(heights, 0.5)
-    found = surface(whole.asset)
+    found = load_mesh(whole.asset)
     spoilt = np.concatenate([found.faces, found.faces[:, [0, 0, 1]], found.faces[:, [2, 2, 2]]])
     solid = Solid("yard", mesh(found.vertices, spoilt), "ground", drivable=True)
     with put(None, shipped("rover"), solid, at=Placement(z_m=float(heights.max()))) as simulation:

@@ -16,8 +16,8 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import Command, State, encode, floats
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Box, Material, Solid, Sphere
-from groundlink.world.spawn_pose import start
-from groundlink.world.terrain import BODY, Ground, Terrain, ground
+from groundlink.world.spawn_pose import spawn_pose
+from groundlink.world.terrain import BODY, Ground, Terrain, load_ground
 from groundlink.world.triangles import merged
 from services.physics.dynamics.backend import BASE, FREE, Backend, Surface
 from services.physics.dynamics.bullet import BulletBackend
@@ -72,7 +72,7 @@ def test_rays_of_physics_and_of_sensors_meet_the_same_triangles(cell_m: float, c
     """At places all over a large map, the window moved to each: within 1 mm of each other."""
     random = np.random.default_rng(3)
     heights = random.normal(100, cell_m / 4, (401, 501)) + hills(501, cell_m=cell_m)[:401]
-    here = ground(terrain(heights, cell_m, at_m=(40.0, -70.0, 5.0)))
+    here = load_ground(terrain(heights, cell_m, at_m=(40.0, -70.0, 5.0)))
     half = np.array([500, 400]) * cell_m / 2 - 1e-3
     places = random.uniform(-half, half, (count, 2)) + np.array([40.0, -70.0])
     # A LiDAR's ray starts near the ground, as float32 says it.
@@ -96,7 +96,7 @@ def test_rays_of_physics_and_of_sensors_meet_the_same_triangles(cell_m: float, c
 
 
 def test_beside_the_map_the_ground_goes_on_as_high_as_its_edge() -> None:
-    here = ground(rolling())
+    here = load_ground(rolling())
     backend = BulletBackend()
     try:
         landscape, pin = pinned(backend, here)
@@ -218,7 +218,7 @@ def test_vehicles_far_apart_and_a_window_at_top_speed() -> None:
     model = shipped("tank")
     places = [Placement(x_m=x, y_m=y) for x, y in ((-120.0, -120.0), (120.0, 120.0))]
     scenario = world(rolling(), (model, places[0]), (model, replace(places[1], yaw_deg=180.0)))
-    here = ground(rolling())
+    here = load_ground(rolling())
     fastest = dict.fromkeys((vehicle.name for vehicle in scenario.vehicles), 0.0)
     with Simulation(scenario, ()) as simulation:
         for tick in range(4000):
@@ -259,7 +259,7 @@ def test_what_lies_under_a_wheel_says_how_it_grips(y_m: float, holds: bool) -> N
 def test_each_place_has_the_material_of_its_cell() -> None:
     """A checkerboard: off by a cell along either axis is another material."""
     surface = (np.indices((6, 8)).sum(axis=0) % 2).astype(np.uint8)
-    here = ground(
+    here = load_ground(
         terrain(
             *(np.zeros((7, 9)), 0.5), surface=surface, materials=("grass", "mud"), at_m=(3, -2, 0)
         )
@@ -274,7 +274,7 @@ def test_each_place_has_the_material_of_its_cell() -> None:
 
 def test_a_chassis_rubs_on_what_it_is_over() -> None:
     backend = FreeBodies()
-    windows = TerrainWindows(backend, ground(striped()), MATERIALS)
+    windows = TerrainWindows(backend, load_ground(striped()), MATERIALS)
     pin = Pin(0, (0.0, -1.0, 0.0))
     window = windows.carry(pin, "rover", 1.0)
     frictions = []
@@ -317,7 +317,7 @@ def test_what_is_low_above_the_terrain_is_rolled_over(above_m: float, rolled: bo
 def test_random_commands_on_rough_steep_cells_break_nothing(name: str) -> None:
     random = np.random.default_rng(5)
     rough = hills(201, steepest=0.8, cell_m=0.5) + random.normal(0, 0.05, (201, 201))
-    here = ground(terrain(rough, 0.5))
+    here = load_ground(terrain(rough, 0.5))
     model, twist, rows = shipped(name), (0.0, 0.0), []
     with put(terrain(rough, 0.5), model) as simulation:
         for tick in range(4000):
@@ -342,7 +342,7 @@ def test_random_commands_on_rough_steep_cells_break_nothing(name: str) -> None:
 def test_starts_where_start_says(name: str, yaw_deg: float) -> None:
     place = Placement(x_m=20.3, y_m=-7.7, z_m=0.25, yaw_deg=yaw_deg)
     scenario = world(rolling(), (shipped(name), place))
-    origin, turn = start(scenario.vehicles[0], ground(rolling()))
+    origin, turn = spawn_pose(scenario.vehicles[0], load_ground(rolling()))
     with Simulation(scenario, ()) as simulation:
         pose = simulation.vehicle_states()[NAME].poses()[0]
     np.testing.assert_allclose(pose, [*origin, *turn], atol=1e-9)

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.loader.spawned import KINDS
+from groundlink.loader.additions import KINDS
 from groundlink.messages.control import (
     AnyRunCommand,
     ControlAnswer,

@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, decode
 from groundlink.scenario.schema import Time
 from services.physics.run.episode import Episode

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
-from groundlink.loader.spawned import At, addition
+from groundlink.loader.additions import SpawnPlace, addition
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more
@@ -171,7 +171,7 @@ def test_the_bodies_are_all_links_and_all_solids_where_they_are(lab: Scenario) -
 def test_a_changed_world_has_its_bodies_told_at_the_same_instants(lab: Scenario) -> None:
     truth = BodyTruth(replace(lab, bodies=BodyPoses(rate_hz=100.0)), solids(lab))
     told = [truth.poses(state(tick)) for tick in range(4)]
-    _, more = addition("crate", at=At(1.0, 0.0), name=None, taken=(), ground=None)
+    _, more = addition("crate", at=SpawnPlace(1.0, 0.0), name=None, taken=(), ground=None)
     changed = with_more(lab, more, (), seconds=0.0)
     truth.change(changed, solids(changed))
     where = [7.0, 8.0, 9.0, *LEFT]

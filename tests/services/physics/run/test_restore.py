@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.errors import UserError
-from groundlink.loader.spawned import At, addition
+from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, Command, Message, State, WheelCommand, decode, encode
 from groundlink.messages.control import Remove, Spawn
 from groundlink.run.journal import Journal, Machine, dumped, loaded
@@ -51,7 +51,7 @@ def episode_of(
 
 
 def spawn(what: str, *at: float) -> Spawn:
-    return Spawn(addition(what, at=At(*at), name=None, taken=(), ground=None)[1])
+    return Spawn(addition(what, at=SpawnPlace(*at), name=None, taken=(), ground=None)[1])
 
 
 def drive(episode: Episode, until_tick: int) -> None:

@@ -15,11 +15,21 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import State, encode, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
-from groundlink.world.actors import Actor, Along, Crate, Door, Free, Hinge, Parts, Person, Swing
+from groundlink.world.actor_motion import mover
+from groundlink.world.actors import (
+    Actor,
+    CrateForm,
+    DoorForm,
+    FreeMotion,
+    HingeMotion,
+    PartsForm,
+    PathMotion,
+    PersonForm,
+    Swing,
+)
 from groundlink.world.build import solids
-from groundlink.world.motion import mover
 from groundlink.world.solids import Box, Solid
-from groundlink.world.terrain import ground
+from groundlink.world.terrain import load_ground
 from services.physics.dynamics.backend import GRAVITY_MPS2, Backend
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.simulation.simulation import Simulation
@@ -30,15 +40,19 @@ from tests.services.physics.terrains import hills, terrain, world
 
 Put = Callable[..., Simulation]
 
-PERSON = Person(shirt="plastic", trousers="cardboard", skin="plaster")
+PERSON = PersonForm(shirt="plastic", trousers="cardboard", skin="plaster")
 CRATE = Actor(
-    name="crate", form=Crate(material="cardboard"), motion=Free(at_m=(1.5, 0.0, 0.0), mass_kg=8.0)
+    name="crate",
+    form=CrateForm(material="cardboard"),
+    motion=FreeMotion(at_m=(1.5, 0.0, 0.0), mass_kg=8.0),
 )
 DOOR = Actor(
     name="gate",
-    form=Door(material="wood", width_m=1.4),
+    form=DoorForm(material="wood", width_m=1.4),
     # Across the rover's way, its hinge to the right; it opens away from the rover.
-    motion=Hinge(at_m=(1.5, -0.7, 0.0), yaw_deg=90.0, swings=(Swing(at_s=5.5, angle_deg=-95.0),)),
+    motion=HingeMotion(
+        at_m=(1.5, -0.7, 0.0), yaw_deg=90.0, swings=(Swing(at_s=5.5, angle_deg=-95.0),)
+    ),
 )
 
 
@@ -94,7 +108,7 @@ def test_a_crate_is_pushed_and_stops(put: Put) -> None:
 
 @pytest.mark.parametrize("mass_kg", [2.0, 40.0])
 def test_what_is_heavy_stops_who_strikes_it(put: Put, mass_kg: float) -> None:
-    motion = Free(at_m=(0.8, 0.0, 0.0), mass_kg=mass_kg, friction=0.3)
+    motion = FreeMotion(at_m=(0.8, 0.0, 0.0), mass_kg=mass_kg, friction=0.3)
     simulation = put(replace(CRATE, motion=motion))
     speeds = run(simulation, 2.0, (1.0, 0.0)).velocity[:, 0]
     lost_mps = (np.maximum.accumulate(speeds) - speeds).max()
@@ -103,10 +117,10 @@ def test_what_is_heavy_stops_who_strikes_it(put: Put, mass_kg: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.1, 0.5])
 def test_friction_stops_what_slides(lab: Scenario, put: Put, friction: float) -> None:
-    cart = Along(points_m=((-1.0, 1.5), (0.0, 1.5)), speed_mps=1.5, pause_s=100.0)
-    struck = Free(at_m=(-0.2, 1.5, 0.0), mass_kg=2.0, friction=friction)
+    cart = PathMotion(points_m=((-1.0, 1.5), (0.0, 1.5)), speed_mps=1.5, pause_s=100.0)
+    struck = FreeMotion(at_m=(-0.2, 1.5, 0.0), mass_kg=2.0, friction=friction)
     simulation = put(
-        Actor(name="cart", form=Crate(material="metal"), motion=cart),
+        Actor(name="cart", form=CrateForm(material="metal"), motion=cart),
         replace(CRATE, motion=struck),
     )
     run(simulation, 4.0)
@@ -117,7 +131,7 @@ def test_friction_stops_what_slides(lab: Scenario, put: Put, friction: float) ->
 
 @pytest.mark.parametrize("restitution", [0.0, 0.7])
 def test_what_falls_bounces_as_it_is_told(put: Put, restitution: float) -> None:
-    motion = Free(at_m=(1.5, 0.0, 0.5), mass_kg=1.0, restitution=restitution)
+    motion = FreeMotion(at_m=(1.5, 0.0, 0.5), mass_kg=1.0, restitution=restitution)
     simulation = put(replace(CRATE, motion=motion))
     heights = []
     for _ in range(400):
@@ -130,7 +144,7 @@ def test_what_falls_bounces_as_it_is_told(put: Put, restitution: float) -> None:
 
 
 def test_a_person_blocks_a_vehicle_and_gives_way_to_nothing(put: Put) -> None:
-    motion = Along(points_m=((3.0, 0.0), (-3.0, 0.0)), speed_mps=0.8)
+    motion = PathMotion(points_m=((3.0, 0.0), (-3.0, 0.0)), speed_mps=0.8)
     simulation = put(Actor(name="visitor", form=PERSON, motion=motion))
     trace = run(simulation, 3.5, (0.5, 0.0))
     assert "visitor" in touched(simulation)
@@ -141,7 +155,7 @@ def test_a_person_blocks_a_vehicle_and_gives_way_to_nothing(put: Put) -> None:
 
 
 def test_who_goes_his_way_is_where_his_motion_says(put: Put) -> None:
-    motion = Along(points_m=((3.0, 0.0), (3.0, 2.0), (4.0, 2.0)), pause_s=0.2)
+    motion = PathMotion(points_m=((3.0, 0.0), (3.0, 2.0), (4.0, 2.0)), pause_s=0.2)
     visitor = Actor(name="visitor", form=PERSON, motion=motion)
     simulation = put(visitor, DOOR, new_backend=FreeBodies)
     movers = [mover(motion, None), mover(DOOR.motion, None)]  # type: ignore[arg-type]
@@ -154,8 +168,8 @@ def test_who_goes_his_way_is_where_his_motion_says(put: Put) -> None:
 
 
 def test_a_walker_meets_a_crate(put: Put) -> None:
-    motion = Along(points_m=((3.0, 1.0), (5.0, 1.0)))
-    crate = replace(CRATE, motion=Free(at_m=(4.0, 1.0, 0.0), mass_kg=8.0))
+    motion = PathMotion(points_m=((3.0, 1.0), (5.0, 1.0)))
+    crate = replace(CRATE, motion=FreeMotion(at_m=(4.0, 1.0, 0.0), mass_kg=8.0))
     simulation = put(Actor(name="visitor", form=PERSON, motion=motion), crate)
     run(simulation, 1.6)
     assert poses(simulation)[1, 0] > 4.3
@@ -164,8 +178,8 @@ def test_a_walker_meets_a_crate(put: Put) -> None:
 def test_the_center_of_mass_is_amid_the_body(put: Put) -> None:
     # A plank whose frame is at one end falls flat when it stands, and does not turn otherwise.
     plank = Solid("plank", Box(size_m=(1.0, 0.2, 0.05)), "wood", (0.5, 0.0, 0.025))
-    motion = Free(at_m=(1.0, 1.5, 0.3), mass_kg=3.0)
-    simulation = put(Actor(name="plank", form=Parts(parts=(plank,)), motion=motion))
+    motion = FreeMotion(at_m=(1.0, 1.5, 0.3), mass_kg=3.0)
+    simulation = put(Actor(name="plank", form=PartsForm(parts=(plank,)), motion=motion))
     run(simulation, 1.0)
     np.testing.assert_allclose(poses(simulation)[0], [1, 1.5, 0, 0, 0, 0, 1], atol=5e-3)
 
@@ -174,15 +188,15 @@ def test_crates_lie_on_terrain_and_people_walk_on_it() -> None:
     empty = world(terrain(hills(60)), (shipped("rover"), Placement(x_m=-20.0)))
     crate = Actor(
         name="crate",
-        form=Crate(material="ground"),
-        motion=Free(at_m=(8.0, 3.0, 0.3), mass_kg=8.0, friction=3.0),
+        form=CrateForm(material="ground"),
+        motion=FreeMotion(at_m=(8.0, 3.0, 0.3), mass_kg=8.0, friction=3.0),
     )
-    walk = Along(points_m=((10.0, -5.0), (10.0, 5.0)), speed_mps=2.0)
-    person = Person(shirt="ground", trousers="ground", skin="ground")
+    walk = PathMotion(points_m=((10.0, -5.0), (10.0, 5.0)), speed_mps=2.0)
+    person = PersonForm(shirt="ground", trousers="ground", skin="ground")
     walker = Actor(name="visitor", form=person, motion=walk)
     made = replace(empty, world=replace(empty.world, actors=(crate, walker)))
     assert made.world.terrain
-    here = ground(made.world.terrain)
+    here = load_ground(made.world.terrain)
     with Simulation(made, solids(made)) as simulation:
         for _ in range(1000):
             simulation.step()
@@ -195,7 +209,7 @@ def test_crates_lie_on_terrain_and_people_walk_on_it() -> None:
 
 
 def test_the_same_run_has_the_same_bytes(put: Put) -> None:
-    walk = Along(points_m=((1.0, -2.0), (1.0, 2.0)))
+    walk = PathMotion(points_m=((1.0, -2.0), (1.0, 2.0)))
     begin = partial(put, Actor(name="visitor", form=PERSON, motion=walk), DOOR, CRATE)
 
     def payloads(simulation: Simulation) -> list[bytes]:
@@ -211,7 +225,7 @@ def test_the_same_run_has_the_same_bytes(put: Put) -> None:
 
 
 def test_a_run_without_meetings_is_as_if_there_were_no_actors(put: Put) -> None:
-    far = replace(CRATE, motion=Free(at_m=(-4.0, 3.0, 0.0), mass_kg=5.0))
+    far = replace(CRATE, motion=FreeMotion(at_m=(-4.0, 3.0, 0.0), mass_kg=5.0))
     alone, beside = put(), put(far)
     first, second = (run(simulation, 1.0, (0.5, 0.3)) for simulation in (alone, beside))
     np.testing.assert_allclose(first.pose, second.pose, atol=1e-6)

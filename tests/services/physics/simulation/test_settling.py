@@ -14,8 +14,8 @@ from groundlink.messages.base import State
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.sensors import Imu
 from groundlink.world.solids import Material
-from groundlink.world.spawn_pose import start
-from groundlink.world.terrain import Terrain, ground
+from groundlink.world.spawn_pose import spawn_pose
+from groundlink.world.terrain import Terrain, load_ground
 from services.physics.simulation.settling import settled
 from services.physics.simulation.simulation import Simulation
 from services.sensors.imu.model import ImuModel
@@ -74,7 +74,7 @@ def test_on_a_slope_it_rests_from_the_start(name: str, steepness: float, yaw_deg
 def test_what_slides_starts_where_it_is_put() -> None:
     run = world(slope(0.3), (shipped("rover"), Placement()))
     assert run.world.terrain is not None
-    here = ground(run.world.terrain)
+    here = load_ground(run.world.terrain)
     assert settled(run.vehicles[0], here, {"ground": Material(friction=0.01)}) is None
     assert settled(run.vehicles[0], here, {"ground": Material(friction=0.8)}) is not None
 
@@ -82,7 +82,7 @@ def test_what_slides_starts_where_it_is_put() -> None:
 def test_what_starts_above_the_ground_falls() -> None:
     at = Placement(z_m=0.5)
     with closing(put(slope(0.1), shipped("rover"), at=at)) as simulation:
-        expected, _ = start(
+        expected, _ = spawn_pose(
             world(None, (shipped("rover"), at)).vehicles[0], simulation._terrain.ground
         )
         state = simulation.vehicle_states()[NAME].poses()[0]

@@ -15,8 +15,8 @@ from groundlink.messages.base import Command, State, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement, Vehicle
 from groundlink.world.build import solids
-from groundlink.world.objects.indoor_objects import furnish
-from groundlink.world.objects.room import Table
+from groundlink.world.objects.indoor_objects import build_furniture
+from groundlink.world.objects.indoor_specs import Table
 from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import ROVER, Start, Trace, run
 
@@ -160,7 +160,7 @@ def test_a_wall_stops_it(start: Start) -> None:
 
 def test_a_table_stops_its_mast(start: Start) -> None:
     # Crosswise, wide enough for the rover to pass between its legs: its near edge is at x = 1.4.
-    table, _ = furnish(0, Table(at_m=(1.8, 0.0), yaw_deg=90.0))
+    table, _ = build_furniture(0, Table(at_m=(1.8, 0.0), yaw_deg=90.0))
     simulation = start(Placement(x_m=1.0), extra=tuple(table), only=FLOOR)
     trace = run(simulation, 4.0, (0.2, 0.0))
     assert 1.3 < trace.pose[:, 0].max() < 1.42

@@ -14,7 +14,7 @@ from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.world import assets
-from groundlink.world.mesh_asset import asset_of
+from groundlink.world.mesh_asset import encode_mesh
 from groundlink.world.solids import Box, Mesh, Solid
 from services.physics.vehicle.urdf import HULL_DIRECTIONS, convex_hull, urdf
 from tests.services.physics.grounds import drive, put, shipped, wall
@@ -126,7 +126,7 @@ def test_a_ball_of_many_vertices_becomes_one_of_few_that_is_as_large() -> None:
 
 
 def test_a_vehicle_stops_where_its_mesh_meets_the_wall() -> None:
-    digest = assets.keep(asset_of(CORNERS, np.array([[0, 1, 2], [5, 6, 7]], np.uint32)))
+    digest = assets.put(encode_mesh(CORNERS, np.array([[0, 1, 2], [5, 6, 7]], np.uint32)))
     ram = Solid("ram", Mesh(asset=digest, low_m=(0, -0.2, 0.1), high_m=(2, 0.2, 0.3)), "ground")
     model = replace(shipped("rover"), collisions=(ram,))
     with put(model, wall(3.0), at=Placement(x_m=-0.5)) as simulation:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.imagery import CameraInfo
 from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel

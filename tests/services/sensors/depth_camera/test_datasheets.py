@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.depth_cameras import DepthCamera, StereoCamera
 from groundlink.scenario.sensors import Optics
 from services.sensors.depth_camera.measured import measured

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from groundlink.loader.document import read
 from groundlink.loader.explain import convert
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages.base import BadMessage, State, encode
 from groundlink.scenario import sensors

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Gnss
 from services.sensors.gnss.errors import GnssErrors
 from services.sensors.noise.random_streams import RandomStreams

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from msgspec.structs import replace
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.sensors import Imu
 

@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import BadMessage, PointCloud, State, packed
 from groundlink.scenario.schema import Scenario
-from groundlink.world.actors import Actor, Along, Parts
+from groundlink.world.actor_motion import mover
+from groundlink.world.actors import Actor, PartsForm, PathMotion
 from groundlink.world.bodies import link_bodies
-from groundlink.world.motion import mover
 from groundlink.world.solids import Box, Solid
 from services.sensors.rays.replica import Replica
 
@@ -22,7 +22,7 @@ from . import rooms
 
 SPEED_MPS = 10.0
 BOARD = Solid("board", Box(size_m=(0.2, 3.0, 1.2)), "dark", (0.0, 0.0, 0.6))
-MOTION = Along(points_m=((4.5, 0.0), (-4.5, 0.0)), speed_mps=SPEED_MPS)
+MOTION = PathMotion(points_m=((4.5, 0.0), (-4.5, 0.0)), speed_mps=SPEED_MPS)
 TICKS = 160
 
 
@@ -31,8 +31,8 @@ def room(*actors: Actor) -> Scenario:
     return replace(made, world=replace(made.world, actors=actors))
 
 
-def board(motion: Along = MOTION) -> Actor:
-    return Actor(name="board", form=Parts(parts=(BOARD,)), motion=motion)
+def board(motion: PathMotion = MOTION) -> Actor:
+    return Actor(name="board", form=PartsForm(parts=(BOARD,)), motion=motion)
 
 
 def told(made: Scenario) -> Iterator[State]:

@@ -14,7 +14,7 @@ import pytest
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS, Schedule
 from groundlink.core.frames import multiply, quaternion_from_rpy
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar

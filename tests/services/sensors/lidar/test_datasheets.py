@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Lidar
 from services.sensors.scanning.sweep import Sweep
 

@@ -17,8 +17,8 @@ import pytest
 from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world.build import solids
-from groundlink.world.links import links
 from groundlink.world.triangles import Triangles, merged
+from groundlink.world.vehicle_links import link_solids
 from services.sensors.rays import scene
 from services.sensors.rays.builtin import BuiltinEngine
 from services.sensors.rays.embree import EmbreeEngine
@@ -73,7 +73,7 @@ def meshes(made: Scenario) -> tuple[Triangles, list[Triangles]]:
     label = len(static)
     bodies = []
     for vehicle in made.vehicles:
-        for link in links(vehicle.model):
+        for link in link_solids(vehicle.model):
             bodies.append(merged(link, first_label=label))
             label += len(link)
     return merged(static), bodies

@@ -13,7 +13,7 @@ import yaml
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import PointCloud
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar

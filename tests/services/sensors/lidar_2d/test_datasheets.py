@@ -12,7 +12,7 @@ import pytest
 import yaml
 from msgspec.structs import asdict
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Lidar2d
 from tests.services.sensors.lidar import rooms
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from msgspec.structs import replace
 
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Mount, Range
 from services.sensors.range.model import RangeModel
 from tests.services.sensors.yards import box, resting, yard

@@ -13,7 +13,7 @@ from groundlink.world import assets
 from groundlink.world.bodies import NO_BODY, body_names
 from groundlink.world.build import solids
 from groundlink.world.solids import Material
-from groundlink.world.terrain import Terrain, asset_of
+from groundlink.world.terrain import Terrain, encode_grid
 from services.sensors.rays.probe import Probe
 from services.sensors.rays.replica import Replica
 from tests.services.sensors.lidar import rooms
@@ -30,8 +30,8 @@ def hillside(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monke
     heights = np.tile(SLOPE * east - 0.5, (21, 1)).astype(np.float32)
     surface = np.repeat([0, 1], 10)[:, None].repeat(20, axis=1).astype(np.uint8)
     terrain = Terrain(
-        heights=assets.keep(asset_of(heights)),
-        surface=assets.keep(asset_of(surface)),
+        heights=assets.put(encode_grid(heights)),
+        surface=assets.put(encode_grid(surface)),
         cell_m=1.0,
         at_m=(0.0, 0.0, 0.25),
         low_m=(-10.0, -10.0, -3.0),

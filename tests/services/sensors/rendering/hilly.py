@@ -11,7 +11,7 @@ from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world import assets
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Material, Solid
-from groundlink.world.terrain import Terrain, asset_of
+from groundlink.world.terrain import Terrain, encode_grid
 from tests.services.sensors.yards import yard
 
 MATERIALS = {
@@ -42,8 +42,8 @@ def hilly(
         surface = np.zeros((rows - 1, columns - 1), np.uint8)
     east, north = (columns - 1) * cell_m / 2, (rows - 1) * cell_m / 2
     terrain = Terrain(
-        heights=assets.keep(asset_of(heights)),
-        surface=assets.keep(asset_of(np.asarray(surface, np.uint8))),
+        heights=assets.put(encode_grid(heights)),
+        surface=assets.put(encode_grid(np.asarray(surface, np.uint8))),
         cell_m=cell_m,
         at_m=(0.0, 0.0, 0.0),
         low_m=(-east, -north, float(heights.min())),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS

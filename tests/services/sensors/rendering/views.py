@@ -10,7 +10,7 @@ import numpy as np
 
 from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from services.sensors.rendering.gl.renderer import Renderer

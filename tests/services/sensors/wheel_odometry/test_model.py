@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BadMessage, Command, Imu, State, VehicleState, encode, floats
 from groundlink.messages.navigation import Odometry
 from groundlink.scenario import Scenario, sensors

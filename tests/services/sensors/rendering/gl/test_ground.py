@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
-from groundlink.loader.part import load_part
+from groundlink.loader.partial_scenario import load_partial
 from groundlink.scenario.schema import Scenario
 from groundlink.world.light import Lamps, Sun
-from groundlink.world.terrain import Ground, ground
+from groundlink.world.terrain import Ground, load_ground
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl import ground_levels
 from services.sensors.rendering.gl.ground_levels import EXACT_M, HALF_PIXEL, SIDE, Levels
@@ -35,7 +35,7 @@ EVERYWHERE = np.diag([0.0, 0.0, 0.0, 1.0])
 
 def relief(scenario: Scenario) -> Ground:
     assert scenario.world.terrain
-    return ground(scenario.world.terrain)
+    return load_ground(scenario.world.terrain)
 
 
 def above(scenario: Scenario, x: float, y: float, up: float, **turn: float) -> Floats:
@@ -238,7 +238,7 @@ def test_a_vehicle_throws_a_shadow_wherever_it_is() -> None:
 def test_bare_terrain_is_lit_but_for_the_shadow_of_the_vehicle(away_m: float) -> None:
     """Where nothing stands, the sun's map is smaller than the car that starts at the origin."""
     bare = hilly(np.zeros((401, 401)), light=Sun(azimuth_deg=120.0, elevation_deg=25.0))
-    _, shown = load_part("car")
+    _, shown = load_partial("car")
     materials = {**shown.world.materials, **bare.world.materials}
     scenario = replace(
         bare, world=replace(bare.world, materials=materials), vehicles=shown.vehicles

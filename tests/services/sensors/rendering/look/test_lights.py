@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.world.bounds import bounds
 from groundlink.world.build import solids
 from groundlink.world.light import Lamps, Sun

@@ -13,7 +13,7 @@ from groundlink.core.errors import UserError
 from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world import assets
 from groundlink.world.light import Sun
-from groundlink.world.mesh_asset import Part, asset_of
+from groundlink.world.mesh_asset import MeshPart, encode_mesh
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.triangles import merged
 from services.sensors.rendering.gl.target import ALL_LAYERS
@@ -44,13 +44,13 @@ def flag() -> bytes:
 
 
 def mesh(vertices: NDArray[np.float32], *rest: object, **more: object) -> Mesh:
-    asset = assets.keep(asset_of(vertices, *rest, **more))  # type: ignore[arg-type]
+    asset = assets.put(encode_mesh(vertices, *rest, **more))  # type: ignore[arg-type]
     low, high = (tuple(f(axis=0).tolist()) for f in (vertices.min, vertices.max))
     return Mesh(asset=asset, low_m=low, high_m=high)
 
 
 def wall(**part: object) -> Mesh:
-    return mesh(WALL, WALL_FACES, WALL_UV, (Part(first=0, count=2, **part),))  # type: ignore[arg-type]
+    return mesh(WALL, WALL_FACES, WALL_UV, (MeshPart(first=0, count=2, **part),))  # type: ignore[arg-type]
 
 
 def scenario(*solids: Solid, light: Sun | None = None) -> Scenario:

@@ -13,8 +13,8 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.loader.load import SHIPPED
-from groundlink.loader.part import Kind, load_part
+from groundlink.loader.partial_scenario import FileKind, load_partial
+from groundlink.loader.scenario_files import SHIPPED
 from services.sensors.rendering.portrait.__main__ import FROM_DEG
 from services.sensors.rendering.portrait.marks import BLUE, GREEN, RED, mark
 from services.sensors.rendering.portrait.picture import portrait
@@ -33,8 +33,8 @@ def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> int:
 
 @pytest.mark.parametrize("name", [*WORLDS, *VEHICLES])
 def test_everything_shipped_has_a_picture(name: str) -> None:
-    kind, scenario = load_part(name)
-    assert kind is (Kind.WORLD if name in WORLDS else Kind.VEHICLE)
+    kind, scenario = load_partial(name)
+    assert kind is (FileKind.WORLD if name in WORLDS else FileKind.VEHICLE)
     picture = portrait(kind, scenario, FROM_DEG[kind], SIZE)
     assert picture.shape == (SIZE[1], SIZE[0], 3)
     assert picture.std(axis=(0, 1)).min() > 5
@@ -100,9 +100,9 @@ def test_names_do_not_cover_each_other() -> None:
 
 
 def test_a_room_is_open_towards_the_eye() -> None:
-    _, scenario = load_part("lab")
+    _, scenario = load_partial("lab")
     for azimuth, hidden in ((180.0, {"south"}), (45.0, {"north", "east"})):
-        shown = scene(Kind.WORLD, scenario, direction(azimuth, 35.0)).static
+        shown = scene(FileKind.WORLD, scenario, direction(azimuth, 35.0)).static
         names = [solid.name for solid in shown]
         walls = {name.split("_")[1] for name in names if name.startswith("wall_")}
         assert walls == {"north", "east", "south", "west"} - hidden
@@ -111,8 +111,8 @@ def test_a_room_is_open_towards_the_eye() -> None:
 
 
 def test_a_scenario_shows_its_vehicles_where_they_start() -> None:
-    kind, scenario = load_part("indoor_lab")
-    assert kind is Kind.SCENARIO
+    kind, scenario = load_partial("indoor_lab")
+    assert kind is FileKind.SCENARIO
     with_rover = portrait(kind, scenario, FROM_DEG[kind], SIZE)
     shown = scene(kind, scenario, direction(200.0, 38.0))
     assert [frame.name for frame in shown.frames] == ["world", "rover"]

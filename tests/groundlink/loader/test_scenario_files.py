@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.loader import ScenarioError, load
 from groundlink.loader.document import read
-from groundlink.loader.load import SHIPPED, load_route
+from groundlink.loader.scenario_files import SHIPPED, load_route
 from groundlink.scenario.route import Circle, FigureEight
 from groundlink.scenario.sensors import Imu, Lidar
 

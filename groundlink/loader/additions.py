@@ -18,15 +18,23 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
-from groundlink.importing.files import Tell, silent
+from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.scenario.addition import Addition
 from groundlink.scenario.schema import Placement, Scenario, World
-from groundlink.world.actors import Actor, Along, Crate, Free, Hinge, Person, parts
+from groundlink.world.actors import (
+    Actor,
+    CrateForm,
+    FreeMotion,
+    HingeMotion,
+    PathMotion,
+    PersonForm,
+    form_solids,
+)
 from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.terrain import Ground
 
 from .document import ScenarioError, read
-from .part import Kind, load_part, part_file
+from .partial_scenario import FileKind, load_partial, partial_file
 
 _MATERIALS = {
     "cardboard": Material(reflectivity=0.5, friction=0.6, color=(0.45, 0.30, 0.16)),
@@ -37,11 +45,11 @@ _MATERIALS = {
 }
 _CUBE = Solid("box", Box(size_m=(0.5, 0.5, 0.5)), "cardboard", (0.0, 0.0, 0.25))
 _DRUM = Solid("barrel", Cylinder(radius_m=0.29, length_m=0.88), "steel", (0.0, 0.0, 0.44))
-_FIGURE = parts(Person(shirt="cloth", trousers="denim", skin="skin"))
+_FIGURE = form_solids(PersonForm(shirt="cloth", trousers="denim", skin="skin"))
 _CRATE = Actor(
     name="crate",
-    form=Crate(material="cardboard"),
-    motion=Free(at_m=(0.0, 0.0, 0.0), mass_kg=10.0),
+    form=CrateForm(material="cardboard"),
+    motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=10.0),
 )
 
 KINDS: dict[str, Addition] = {
@@ -53,7 +61,7 @@ KINDS: dict[str, Addition] = {
 """What needs no file: boxes, barrels and people who stand, a crate that can be pushed."""
 
 
-class At(NamedTuple):
+class SpawnPlace(NamedTuple):
     """A place in the world: x, y, height above the ground in metres, heading in degrees."""
 
     x_m: float = 0.0
@@ -62,7 +70,7 @@ class At(NamedTuple):
     yaw_deg: float = 0.0
 
 
-def check_given(given: str) -> None:
+def check_addition(given: str) -> None:
     """Refuse a word or a file that means nothing, before a run is asked for.
 
     Raises
@@ -71,24 +79,24 @@ def check_given(given: str) -> None:
         when it does.
     """
     if given not in KINDS:
-        read(part_file(given, KINDS))
+        read(partial_file(given, KINDS))
 
 
 def addition(
     given: str,
     *,
-    at: At,
+    at: SpawnPlace,
     name: str | None,
     taken: Collection[str],
     ground: Ground | None,
-    tell: Tell = silent,
+    tell: Warn = ignore_warning,
 ) -> tuple[str, Addition]:
     """Return what a word or a file means at a place, and what it is called.
 
     Parameters
     ----------
     given
-        one of `KINDS`, or a vehicle or world as `load_part` takes it.
+        one of `KINDS`, or a vehicle or world as `load_partial` takes it.
     name
         of a single thing; of several, it begins their names. None: after what was given, with a
         number where that is taken.
@@ -101,8 +109,8 @@ def addition(
     if given in KINDS:
         more, called = KINDS[given], given
     else:
-        kind, part = load_part(given, words=KINDS, tell=tell)
-        if kind is Kind.SCENARIO:
+        kind, part = load_partial(given, words=KINDS, tell=tell)
+        if kind is FileKind.SCENARIO:
             raise ScenarioError(f"`{given}` is a scenario; expected a vehicle or a world's things")
         called = part.vehicles[0].model.name if part.vehicles else part.world.name
         more = _of(part, given)
@@ -158,7 +166,7 @@ def _named(more: Addition, name: str) -> Addition:
     )
 
 
-def _placed(more: Addition, at: At, ground: Ground | None) -> Addition:
+def _placed(more: Addition, at: SpawnPlace, ground: Ground | None) -> Addition:
     """Put the origin of some things on the ground at a place."""
     height_m = 0.0 if ground is None else float(ground.height_at(at.x_m, at.y_m))
     if isnan(height_m):
@@ -173,10 +181,10 @@ def _placed(more: Addition, at: At, ground: Ground | None) -> Addition:
 
     def moved(actor: Actor) -> Actor:
         motion = actor.motion
-        if isinstance(motion, Along):
+        if isinstance(motion, PathMotion):
             points = tuple(put((*point, 0.0))[:2] for point in motion.points_m)
             return replace(actor, motion=replace(motion, points_m=points, z_m=motion.z_m + at.z_m))
-        assert isinstance(motion, Free | Hinge)
+        assert isinstance(motion, FreeMotion | HingeMotion)
         yaw_deg = motion.yaw_deg + at.yaw_deg
         return replace(actor, motion=replace(motion, at_m=put(motion.at_m), yaw_deg=yaw_deg))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from groundlink.core.errors import RequirementError, UserError
 
-Tell = Callable[[str], None]
+Warn = Callable[[str], None]
 """Takes one line about a file that a person should know of."""
 
 
@@ -21,7 +21,7 @@ class BadFile(UserError):
     """A file of others that cannot be used."""
 
 
-def silent(line: str) -> None:
+def ignore_warning(line: str) -> None:
     """Drop a line, where nobody wants to know."""
 
 

@@ -13,12 +13,12 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from .mesh_files import Piece
+from .mesh_files import MeshPiece
 
 LEVELS = 32
 
 
-def painted(piece: Piece) -> Piece:
+def with_color_picture(piece: MeshPiece) -> MeshPiece:
     """Return a piece whose vertices have colours as one with a picture."""
     from PIL import Image
 
@@ -36,7 +36,7 @@ def painted(piece: Piece) -> Piece:
     column, row = place % side, place // side
     at = np.stack([(column + 0.5) / side, 1 - (row + 0.5) / side], axis=-1)
     vertices = piece.vertices[piece.faces].reshape(-1, 3)
-    return Piece(
+    return MeshPiece(
         vertices=vertices,
         faces=np.arange(len(vertices)).reshape(-1, 3),
         uv=at.repeat(3, axis=0),

@@ -36,7 +36,7 @@ from .metadata import (
 )
 
 
-class Recorded(NamedTuple):
+class RecordedMessage(NamedTuple):
     """A message of a recording."""
 
     nanos: int
@@ -142,7 +142,7 @@ class Recording:
 
     def read(
         self, topics: Sequence[str] | None = None, *, from_nanos: int | None = None
-    ) -> Iterator[Recorded]:
+    ) -> Iterator[RecordedMessage]:
         """Return the messages of some topics, or of all, in the order of their times.
 
         Raises
@@ -155,7 +155,7 @@ class Recording:
                 topics, starting_at=from_nanos
             ):
                 name = schema.name if schema else ""
-                yield Recorded(message.log_time, channel.topic, name, message.data)
+                yield RecordedMessage(message.log_time, channel.topic, name, message.data)
         except (McapError, ZstdError, struct.error, ValueError) as error:
             raise UserError(f"{self.path}: damaged: {_reason(error)}") from None
 

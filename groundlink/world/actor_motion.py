@@ -14,14 +14,14 @@ from typing import NamedTuple, Protocol
 
 from groundlink.core.fields import Quaternion, Vector3
 
-from .actors import Along, Free, Hinge, Motion, Point
+from .actors import FreeMotion, HingeMotion, Motion, PathMotion, Point
 from .terrain import Ground
 
 TURN_RADPS = pi
 """How fast what goes along points turns on the spot: about-face in a second."""
 
 
-class Place(NamedTuple):
+class ActorPose(NamedTuple):
     """Where an actor is, upright as all that go their own way are."""
 
     position_m: Vector3
@@ -36,7 +36,7 @@ class Place(NamedTuple):
 class Mover(Protocol):
     """A motion in a world."""
 
-    def at(self, seconds: float) -> Place:
+    def at(self, seconds: float) -> ActorPose:
         """Return world_from_actor at a sim time."""
 
 
@@ -52,10 +52,10 @@ class _Leg(NamedTuple):
     """To the heading of the next leg."""
 
 
-class Walk:
+class PathMover:
     """Along points, there and back or round."""
 
-    def __init__(self, motion: Along, ground: Ground | None) -> None:
+    def __init__(self, motion: PathMotion, ground: Ground | None) -> None:
         self._motion, self._ground = motion, ground
         points = motion.points_m
         way = (*points, points[0]) if motion.closed else (*points, *points[-2::-1])
@@ -69,7 +69,7 @@ class Walk:
             self._round_s += walk_s + motion.pause_s + abs(turn) / TURN_RADPS
         self._begins = [leg.begin_s for leg in self._legs]
 
-    def at(self, seconds: float) -> Place:
+    def at(self, seconds: float) -> ActorPose:
         """Return world_from_actor at a sim time."""
         motion = self._motion
         since = max(0.0, seconds - motion.start_s) % self._round_s
@@ -79,17 +79,17 @@ class Walk:
         x, y = (a + share * (b - a) for a, b in zip(leg.start, leg.end, strict=True))
         turned = min(max(0.0, since - leg.walk_s - motion.pause_s) * TURN_RADPS, abs(leg.turn_rad))
         yaw = leg.yaw_rad + (turned if leg.turn_rad > 0 else -turned)
-        return Place((x, y, motion.z_m + _height(self._ground, x, y)), yaw)
+        return ActorPose((x, y, motion.z_m + _height(self._ground, x, y)), yaw)
 
 
-class Swinging:
+class HingeMover:
     """About a hinge."""
 
-    def __init__(self, motion: Hinge, ground: Ground | None) -> None:
+    def __init__(self, motion: HingeMotion, ground: Ground | None) -> None:
         self._motion = motion
         self._position_m = on_ground(motion.at_m, ground)
 
-    def at(self, seconds: float) -> Place:
+    def at(self, seconds: float) -> ActorPose:
         """Return world_from_actor at a sim time."""
         motion = self._motion
         since = seconds if motion.every_s is None else seconds % motion.every_s
@@ -100,24 +100,26 @@ class Swinging:
             share = min((since - swing.at_s) / swing.for_s, 1.0)
             # Begins and ends gently: its speed is continuous, too.
             angle_deg += (swing.angle_deg - angle_deg) * (1 - cos(pi * share)) / 2
-        return Place(self._position_m, radians(motion.yaw_deg + angle_deg))
+        return ActorPose(self._position_m, radians(motion.yaw_deg + angle_deg))
 
 
-def mover(motion: Along | Hinge, ground: Ground | None) -> Mover:
+def mover(motion: PathMotion | HingeMotion, ground: Ground | None) -> Mover:
     """Return how an actor moves in a world with this terrain; None: flat ground at z = 0."""
-    return Walk(motion, ground) if isinstance(motion, Along) else Swinging(motion, ground)
+    return (
+        PathMover(motion, ground) if isinstance(motion, PathMotion) else HingeMover(motion, ground)
+    )
 
 
-def start(motion: Motion, ground: Ground | None, seconds: float = 0.0) -> Place:
+def initial_pose(motion: Motion, ground: Ground | None, seconds: float = 0.0) -> ActorPose:
     """Return world_from_actor at the sim time at which the actor comes into the world."""
-    if isinstance(motion, Free):
-        return Place(on_ground(motion.at_m, ground), radians(motion.yaw_deg))
+    if isinstance(motion, FreeMotion):
+        return ActorPose(on_ground(motion.at_m, ground), radians(motion.yaw_deg))
     return mover(motion, ground).at(seconds)
 
 
-def places(motion: Motion) -> list[Point]:
+def waypoints(motion: Motion) -> list[Point]:
     """Return x and y of all the points that an actor's own motion leads through."""
-    return list(motion.points_m) if isinstance(motion, Along) else [motion.at_m[:2]]
+    return list(motion.points_m) if isinstance(motion, PathMotion) else [motion.at_m[:2]]
 
 
 def on_ground(at_m: Vector3, ground: Ground | None) -> Vector3:

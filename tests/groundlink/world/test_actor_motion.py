@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundlink.world.actors import Along, Free, Hinge, Swing
-from groundlink.world.motion import TURN_RADPS, Place, mover, start
+from groundlink.world.actor_motion import TURN_RADPS, ActorPose, initial_pose, mover
+from groundlink.world.actors import FreeMotion, HingeMotion, PathMotion, Swing
 from groundlink.world.terrain import Ground
 
-LINE = Along(points_m=((0.0, 0.0), (3.0, 4.0)), speed_mps=2.0, pause_s=0.5, start_s=1.0)
-SQUARE = Along(
+LINE = PathMotion(points_m=((0.0, 0.0), (3.0, 4.0)), speed_mps=2.0, pause_s=0.5, start_s=1.0)
+SQUARE = PathMotion(
     points_m=((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), speed_mps=1.0, closed=True
 )
 SWINGS = (Swing(at_s=2.0, angle_deg=90.0, for_s=2.0), Swing(at_s=6.0, angle_deg=0.0))
-DOOR = Hinge(at_m=(1.0, 2.0, 0.1), yaw_deg=30.0, swings=SWINGS)
+DOOR = HingeMotion(at_m=(1.0, 2.0, 0.1), yaw_deg=30.0, swings=SWINGS)
 
 
 def slope() -> Ground:
@@ -57,7 +57,7 @@ def test_goes_round() -> None:
 
 
 def test_goes_over_hill_and_dale() -> None:
-    walk = mover(Along(points_m=((-5.0, 0.0), (5.0, 0.0)), speed_mps=1.0, z_m=0.2), slope())
+    walk = mover(PathMotion(points_m=((-5.0, 0.0), (5.0, 0.0)), speed_mps=1.0, z_m=0.2), slope())
     assert walk.at(0.0).position_m[2] == pytest.approx(0.7, abs=1e-6)
     assert walk.at(7.5).position_m[2] == pytest.approx(1.45, abs=1e-6)
 
@@ -82,11 +82,11 @@ points = st.lists(st.tuples(coordinates, coordinates), min_size=2, max_size=6)
 
 
 @st.composite
-def walks(draw: st.DrawFn) -> Along:
+def walks(draw: st.DrawFn) -> PathMotion:
     way = draw(
         points.filter(lambda p: all(dist(a, b) > 0 for a, b in zip(p, p[1:] + p[:1], strict=True)))
     )
-    return Along(
+    return PathMotion(
         points_m=tuple(way),
         speed_mps=draw(st.floats(0.1, 5.0)),
         closed=draw(st.booleans()),
@@ -95,7 +95,7 @@ def walks(draw: st.DrawFn) -> Along:
 
 
 @given(walks(), st.floats(0.0, 1000.0), st.floats(1e-3, 0.05))
-def test_nobody_jumps(along: Along, seconds: float, after: float) -> None:
+def test_nobody_jumps(along: PathMotion, seconds: float, after: float) -> None:
     walk = mover(along, None)
     first, second = walk.at(seconds), walk.at(seconds + after)
     moved = hypot(*np.subtract(second.position_m, first.position_m))
@@ -105,7 +105,7 @@ def test_nobody_jumps(along: Along, seconds: float, after: float) -> None:
 
 
 @given(walks(), st.floats(0.0, 1000.0))
-def test_everybody_stays_on_the_way(along: Along, seconds: float) -> None:
+def test_everybody_stays_on_the_way(along: PathMotion, seconds: float) -> None:
     way = [*along.points_m, *along.points_m[:1]] if along.closed else along.points_m
     at = np.array(mover(along, None).at(seconds).position_m[:2])
     nearest = inf
@@ -116,8 +116,8 @@ def test_everybody_stays_on_the_way(along: Along, seconds: float) -> None:
 
 
 def test_what_is_free_starts_on_the_ground() -> None:
-    place = start(Free(at_m=(5.0, 0.0, 0.25), yaw_deg=180.0, mass_kg=1.0), slope())
-    assert place == Place(pytest.approx((5.0, 0.0, 1.75), abs=1e-6), pytest.approx(pi))
+    place = initial_pose(FreeMotion(at_m=(5.0, 0.0, 0.25), yaw_deg=180.0, mass_kg=1.0), slope())
+    assert place == ActorPose(pytest.approx((5.0, 0.0, 1.75), abs=1e-6), pytest.approx(pi))
 
 
 HINGE = {"kind": "hinge", "at_m": [0, 0, 0]}
@@ -136,4 +136,4 @@ OPEN = {"at_s": 1, "angle_deg": 9}
 )
 def test_what_makes_no_motion_is_refused(fields: dict[str, object], problem: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=problem):
-        msgspec.convert(fields, Along | Hinge)
+        msgspec.convert(fields, PathMotion | HingeMotion)

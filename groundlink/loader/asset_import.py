@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from groundlink.importing import meshes, terrain
-from groundlink.importing.files import BadFile, Tell
+from groundlink.importing.file_errors import BadFile, Warn
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
 
@@ -33,7 +33,7 @@ class _Shape(msgspec.Struct):
     shape: MeshFile
 
 
-def bring_assets(document: Document, tell: Tell) -> None:
+def import_assets(document: Document, tell: Warn) -> None:
     """Import everything that is to be imported; `tell` takes what is doubtful.
 
     Raises
@@ -60,7 +60,9 @@ def bring_assets(document: Document, tell: Tell) -> None:
         key = str(mark.file.parent), mesh
         if key not in known:
             try:
-                known[key] = msgspec.to_builtins(meshes.make(mesh, mark.file.parent, tell).shape())
+                known[key] = msgspec.to_builtins(
+                    meshes.import_mesh(mesh, mark.file.parent, tell).shape()
+                )
             except BadFile as error:
                 raise ScenarioError(f"{mark}: `{dotted(path)}`: {error}") from None
         document.put(path, Document(known[key]))

@@ -21,13 +21,13 @@ from groundlink.core.errors import UserError
 from groundlink.ros.streams import outgoing
 from groundlink.scenario import Scenario
 
-UNDER_WAY_NANOS = NANOS // 4
+IN_TRANSIT_NANOS = NANOS // 4
 """At the end, what was measured so late may not have been sent; at the begin, DDS may not have
 brought the bag and the bridge's node together."""
 
 
 @dataclass(frozen=True)
-class Account:
+class TopicDelivery:
     """One topic."""
 
     topic: str
@@ -46,7 +46,7 @@ class Account:
         return self.sent - self.arrived
 
 
-def compare(bus: Path, bag: Path, scenario: Scenario) -> list[Account]:
+def compare_delivery(bus: Path, bag: Path, scenario: Scenario) -> list[TopicDelivery]:
     """Return an account of each topic that goes to ROS unasked.
 
     Parameters
@@ -58,10 +58,10 @@ def compare(bus: Path, bag: Path, scenario: Scenario) -> list[Account]:
     """
     topics = [stream.topic for stream in outgoing(scenario, "") if stream.push]
     first, last = zip(*(_clocks(file) for file in (bus, bag)), strict=True)
-    span = range(max(first) + UNDER_WAY_NANOS, min(last) - UNDER_WAY_NANOS)
+    span = range(max(first) + IN_TRANSIT_NANOS, min(last) - IN_TRANSIT_NANOS)
     sent, got = (_digests(file, topics, span) for file in (bus, bag))
     return [
-        Account(
+        TopicDelivery(
             topic,
             sent=sent[topic].total(),
             arrived=(sent[topic] & got[topic]).total(),
@@ -97,7 +97,7 @@ def _digest(cdr: bytes) -> bytes:
     return hashlib.blake2b(cdr + bytes(-len(cdr) % 4), digest_size=12).digest()
 
 
-def lost(accounts: Sequence[Account]) -> str:
+def loss_summary(accounts: Sequence[TopicDelivery]) -> str:
     """Return in words what did not arrive in ROS; empty for nothing."""
     return ", ".join(
         f"{account.topic}: {account.lost} of {account.sent} lost, {account.other} of other bytes"
@@ -106,18 +106,18 @@ def lost(accounts: Sequence[Account]) -> str:
     )
 
 
-def write_accounts(file: Path, accounts: Iterable[Account]) -> None:
+def write_deliveries(file: Path, accounts: Iterable[TopicDelivery]) -> None:
     """Write accounts as CSV."""
     with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, [field.name for field in fields(Account)])
+        writer = csv.DictWriter(stream, [field.name for field in fields(TopicDelivery)])
         writer.writeheader()
         writer.writerows(map(asdict, accounts))
 
 
-def read_accounts(file: Path) -> list[Account]:
+def read_deliveries(file: Path) -> list[TopicDelivery]:
     """Return accounts as they were written."""
     with file.open(encoding="utf-8", newline="") as stream:
         return [
-            Account(row["topic"], int(row["sent"]), int(row["arrived"]), int(row["other"]))
+            TopicDelivery(row["topic"], int(row["sent"]), int(row["arrived"]), int(row["other"]))
             for row in csv.DictReader(stream)
         ]

@@ -7,7 +7,12 @@ import pytest
 
 from groundlink.core.clock import NANOS
 from groundlink.messages.missing_readings import Cause, Gap, Gaps
-from groundlink.report.analysis.accounts import NOT_TOLD, RECORDER, UNDER_WAY, StreamAccount
+from groundlink.report.analysis.completeness import (
+    IN_TRANSIT,
+    RECORDER_BEHIND,
+    UNEXPLAINED,
+    StreamCompleteness,
+)
 from groundlink.scenario.sensors import Range
 
 EPOCH = 1_700_000_000 * NANOS
@@ -21,9 +26,9 @@ SONAR = Range(
 )
 
 
-def account(*published: int, first: int = 0, last: int = 99, told: int = 90) -> StreamAccount:
+def account(*published: int, first: int = 0, last: int = 99, told: int = 90) -> StreamCompleteness:
     """Return one of a recording from one reading to another, with these in it."""
-    made = StreamAccount(
+    made = StreamCompleteness(
         *("rover/sonar", "", "/sonar", SONAR),
         first_nanos=first * PERIOD,
         last_nanos=last * PERIOD,
@@ -44,7 +49,7 @@ def gaps(*told: tuple[Cause, int, int], outputs: tuple[str, ...] = ("",)) -> Gap
     )
 
 
-def holes(made: StreamAccount) -> list[tuple[str, int, int, int]]:
+def holes(made: StreamCompleteness) -> list[tuple[str, int, int, int]]:
     """Return them with the numbers of their readings."""
     assert made.due == made.published + made.missing().total()
     return [
@@ -66,14 +71,18 @@ def test_each_gap_has_its_cause_wherever_it_is() -> None:
         ("not there", 0, 9, 10),
         ("overloaded", 40, 41, 2),
         ("states lost", 42, 42, 1),
-        (UNDER_WAY, 99, 99, 1),
+        (IN_TRANSIT, 99, 99, 1),
     ]
     assert (made.due, made.published) == (100, 86)
 
 
 def test_what_nobody_told_is_seen() -> None:
     made = account(*range(20), *range(25, 60))
-    assert holes(made) == [(NOT_TOLD, 20, 24, 5), (NOT_TOLD, 60, 89, 30), (UNDER_WAY, 90, 99, 10)]
+    assert holes(made) == [
+        (UNEXPLAINED, 20, 24, 5),
+        (UNEXPLAINED, 60, 89, 30),
+        (IN_TRANSIT, 90, 99, 10),
+    ]
 
 
 def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
@@ -92,10 +101,10 @@ def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
 def test_other_streams_of_the_sensor_have_gaps_of_their_own() -> None:
     made = account(*range(5), *range(6, 100))
     made.add_told(gaps(("off", 5, 5), outputs=("truth",)), EPOCH)
-    assert holes(made) == [(NOT_TOLD, 5, 5, 1)]
+    assert holes(made) == [(UNEXPLAINED, 5, 5, 1)]
 
 
-@pytest.mark.parametrize(("dropped", "cause"), [(4, RECORDER), (3, NOT_TOLD)])
+@pytest.mark.parametrize(("dropped", "cause"), [(4, RECORDER_BEHIND), (3, UNEXPLAINED)])
 def test_what_the_recorder_could_not_take_is_its_own_fault(dropped: int, cause: str) -> None:
     made = account(*range(30), *range(34, 100))
     made.dropped(dropped)

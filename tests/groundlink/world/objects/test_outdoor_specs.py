@@ -8,14 +8,20 @@ import pytest
 
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.world.bounds import bounds, half_extents
-from groundlink.world.objects.outdoor_objects import BURIED_M, EAVES_M, FOOTING_M, KINDS, erect
-from groundlink.world.objects.outdoors import Fence, House, Outdoor, Tree
+from groundlink.world.objects.outdoor_objects import (
+    BURIED_M,
+    EAVES_M,
+    FOOTING_M,
+    KINDS,
+    build_outdoor_object,
+)
+from groundlink.world.objects.outdoor_specs import Fence, House, OutdoorObject, Tree
 from groundlink.world.solids import Box, Cylinder, Solid
 
 AT = (12.0, -7.0)
 GROUND_M = 3.25
 
-THINGS: list[Outdoor] = [
+THINGS: list[OutdoorObject] = [
     *(kind(at_m=AT, yaw_deg=30.0, z_m=GROUND_M) for kind in KINDS),
     *(
         Tree(at_m=AT, z_m=GROUND_M, species=species, height_m=10.0)
@@ -37,10 +43,10 @@ def named(solids: list[Solid]) -> dict[str, Solid]:
 
 
 @pytest.mark.parametrize("thing", THINGS, ids=lambda thing: type(thing).__name__)
-def test_a_thing_stands_at_its_place_and_on_its_ground(thing: Outdoor) -> None:
-    built = erect(4, thing)
+def test_a_thing_stands_at_its_place_and_on_its_ground(thing: OutdoorObject) -> None:
+    built = build_outdoor_object(4, thing)
     assert len({solid.name for solid in built}) == len(built)
-    kind = type(thing).__name__.lower()
+    kind = thing.__struct_config__.tag
     assert all(solid.name.startswith(f"{kind}_4_") for solid in built)
     lows, highs = (np.array([bounds(solid)[i] for solid in built]) for i in (0, 1))
     lowest = lows[:, 2].min()
@@ -51,8 +57,8 @@ def test_a_thing_stands_at_its_place_and_on_its_ground(thing: Outdoor) -> None:
 
 
 @pytest.mark.parametrize("thing", THINGS, ids=lambda thing: type(thing).__name__)
-def test_no_part_hangs_in_the_air(thing: Outdoor) -> None:
-    built = erect(0, thing)
+def test_no_part_hangs_in_the_air(thing: OutdoorObject) -> None:
+    built = build_outdoor_object(0, thing)
     boxes = [bounds(solid) for solid in built]
     held = {i for i, (low, _) in enumerate(boxes) if low[2] <= GROUND_M + 1e-6}
     for _ in built:
@@ -67,7 +73,7 @@ def test_no_part_hangs_in_the_air(thing: Outdoor) -> None:
 @pytest.mark.parametrize("roof_deg", [20.0, 38.0, 44.0])
 def test_a_roof_meets_at_the_ridge_and_covers_the_gables(roof_deg: float) -> None:
     house = House(at_m=(0.0, 0.0), z_m=0.0, roof_deg=roof_deg, chimney=False)
-    parts = named(erect(0, house))
+    parts = named(build_outdoor_object(0, house))
     length, width, eaves = house.size_m
     ridge = eaves + width / 2 * np.tan(np.radians(roof_deg))
     for side, name in ((-1, "front"), (1, "back")):
@@ -91,7 +97,7 @@ def test_a_roof_meets_at_the_ridge_and_covers_the_gables(roof_deg: float) -> Non
 @pytest.mark.parametrize("length_m", [9.0, 12.0])
 def test_windows_keep_off_the_door_and_within_the_walls(length_m: float) -> None:
     house = House(at_m=(0.0, 0.0), z_m=0.0, size_m=(length_m, 8.0, 6.0))
-    parts = named(erect(0, house))
+    parts = named(build_outdoor_object(0, house))
     low, high = bounds(parts["door_frame"])
     windows = [solid for name, solid in parts.items() if name.startswith("window")]
     assert len(windows) > 30
@@ -108,7 +114,7 @@ def test_a_fence_follows_the_ground() -> None:
     assert feet == [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (6.0, 2.0), (6.0, 4.0)]
     heights = (1.0, 1.5, 2.5, 2.5, 1.0)
     told = Fence(points_m=fence.points_m, ground_m=heights)
-    parts = named(erect(0, told))
+    parts = named(build_outdoor_object(0, told))
     posts = [solid for name, solid in parts.items() if name.startswith("post")]
     for post, (x, y), z in zip(posts, feet, heights, strict=True):
         low, high = bounds(post)
@@ -127,7 +133,7 @@ def test_a_fence_follows_the_ground() -> None:
 
 def test_a_spruce_is_pointed() -> None:
     tree = Tree(at_m=(0.0, 0.0), z_m=0.0, species="spruce", height_m=10.0)
-    parts = named(erect(0, tree))
+    parts = named(build_outdoor_object(0, tree))
     cubes = [parts[f"crown_{i}"] for i in range(7)]
     assert all(isinstance(cube.shape, Box) for cube in cubes)
     tops = [corners(cube)[:, 2].max() for cube in cubes]

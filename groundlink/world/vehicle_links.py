@@ -19,7 +19,7 @@ _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Turns a cylinder's axis from z to y."""
 
 
-def links(model: VehicleModel) -> list[list[Solid]]:
+def link_solids(model: VehicleModel) -> list[list[Solid]]:
     """Return the solids of each link in its frame, in the order of `VehicleState.link_poses`."""
     wheels = (list(wheel.visuals) or [_tyre(wheel)] for wheel in model.wheels)
     return [list(model.visuals), *wheels, *(list(joint.visuals) for joint in model.joints)]

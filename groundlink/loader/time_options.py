@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{field}", **how, help="instead of the scenario's")
 
 
-def chosen(scenario: Scenario, options: argparse.Namespace) -> Scenario:
+def with_time_options(scenario: Scenario, options: argparse.Namespace) -> Scenario:
     """Return a scenario in the time that was asked for.
 
     Raises
@@ -54,7 +54,7 @@ def chosen(scenario: Scenario, options: argparse.Namespace) -> Scenario:
     return replace(scenario, time=time)
 
 
-def handed_on(options: argparse.Namespace) -> list[str]:
+def forwarded(options: argparse.Namespace) -> list[str]:
     """Return the options as they were given, for another command."""
     given = ((field, getattr(options, field)) for field in OPTIONS)
     return [word for f, value in given if value is not None for word in (f"--{f}", str(value))]

@@ -12,20 +12,20 @@ from typing import Any
 
 import msgspec
 
-from groundlink.core.errors import nearest
-from groundlink.importing.files import Tell, silent
+from groundlink.core.errors import did_you_mean
+from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.loader.namespaces import into_namespaces
 from groundlink.scenario.route import FIGURES, Route
 from groundlink.scenario.schema import Scenario, Vehicle
 
 from . import urdf
-from .checks import check, check_speeds
+from .asset_import import import_assets
+from .checks import check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
 from .explain import convert
-from .imported import bring_assets
-from .scatter import sow
+from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
-from .vehicle_materials import bring_materials
+from .vehicle_materials import merge_materials
 
 SHIPPED = (Path(__file__).parents[1] / "shipped").resolve()
 """Worlds, vehicles and data sheets that come with Groundlink: in a checkout a link to its folder
@@ -38,7 +38,7 @@ class _RouteFile(msgspec.Struct):
     route: Route
 
 
-def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
+def load(file: str | Path, *, tell: Warn = ignore_warning) -> Scenario:
     """Return the scenario that `file` and the files it names describe.
 
     `file` may be the name of a shipped scenario; see `scenario_file`.
@@ -52,7 +52,7 @@ def load(file: str | Path, *, tell: Tell = silent) -> Scenario:
     """
     document = read(scenario_file(file))
     scenario = resolved(document, tell)
-    check(scenario, document)
+    check_scenario(scenario, document)
     return scenario
 
 
@@ -72,11 +72,11 @@ def scenario_file(given: str | Path) -> Path:
     names = [shipped.stem for shipped in SHIPPED.glob("*.yaml")]
     raise ScenarioError(
         f"{file}: no such file or directory; expected a file, or the name of a shipped scenario: "
-        f"{nearest(file.stem, names)}"
+        f"{did_you_mean(file.stem, names)}"
     )
 
 
-def resolved(document: Document, tell: Tell = silent) -> Scenario:
+def resolved(document: Document, tell: Warn = ignore_warning) -> Scenario:
     """Return the scenario that a document and the files it names describe; not all is checked.
 
     Raises
@@ -85,8 +85,8 @@ def resolved(document: Document, tell: Tell = silent) -> Scenario:
         as `load` does.
     """
     _follow_references(document, tell)
-    bring_assets(document, tell)
-    sow(document)
+    import_assets(document, tell)
+    place_scatter(document)
     place_outdoors(document)
     place_solids(document)
     into_namespaces(document)
@@ -103,7 +103,7 @@ def read_route(given: str) -> Document:
     """
     if not given.endswith((".yaml", ".yml")):
         raise ScenarioError(
-            f"no figure `{given}`; {nearest(given, FIGURES)}, or a file with a `.yaml` name"
+            f"no figure `{given}`; {did_you_mean(given, FIGURES)}, or a file with a `.yaml` name"
         )
     return read(Path(given))
 
@@ -126,12 +126,12 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     return route
 
 
-def _follow_references(document: Document, tell: Tell) -> None:
+def _follow_references(document: Document, tell: Warn) -> None:
     """Put in the place of every reference what it refers to."""
     _include(document, ("world",), "worlds")
     for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
         here: DataPath = ("vehicles", v)
-        urdf.must_not_be_alone(document, (*here, "model"))
+        urdf.refuse_bare_urdf(document, (*here, "model"))
         _include(document, (*here, "model"), "vehicles")
         urdf.expand(document, (*here, "model"), tell)
         _include(document, (*here, "route"), "routes")
@@ -140,7 +140,7 @@ def _follow_references(document: Document, tell: Tell) -> None:
         for s, sensor in enumerate(_sequence(vehicle.get("sensors"))):
             _fill_from_datasheet(document, (*here, "sensors", s), sensor)
             _place_on_mount(document, (*here, "sensors", s), vehicle.get("model"))
-    bring_materials(document)
+    merge_materials(document)
 
 
 def _sequence(value: Any) -> list[Any]:
@@ -157,12 +157,12 @@ def _find(document: Document, path: DataPath, reference: str, folder: str) -> Pa
     """Return the file that a reference names: beside the file that names it, or shipped."""
     mark = document.mark(path)
     try:
-        return find(reference, folder, mark.file.parent)
+        return find_file(reference, folder, mark.file.parent)
     except ScenarioError as error:
         raise ScenarioError(f"{mark}: `{path[-1]}`: {error}") from None
 
 
-def find(reference: str, folder: str, beside: Path) -> Path:
+def find_file(reference: str, folder: str, beside: Path) -> Path:
     """Return the file that a reference names: in a folder `beside`, or shipped.
 
     Raises
@@ -177,9 +177,8 @@ def find(reference: str, folder: str, beside: Path) -> Path:
     if Path(name).is_absolute():
         raise ScenarioError(f"there is no file `{name}`")
     shipped = [file.stem for file in (SHIPPED / folder).glob("*.yaml")]
-    raise ScenarioError(
-        f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {nearest(Path(name).stem, shipped)}"
-    )
+    hint = did_you_mean(Path(name).stem, shipped)
+    raise ScenarioError(f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {hint}")
 
 
 def read_datasheet(file: Path) -> Document:
@@ -224,5 +223,7 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
     elif isinstance(mount, str):
         if mount not in mounts:
             mark = document.mark((*path, "mount"))
-            raise ScenarioError(f"{mark}: `mount`: no mount `{mount}`; {nearest(mount, mounts)}")
+            raise ScenarioError(
+                f"{mark}: `mount`: no mount `{mount}`; {did_you_mean(mount, mounts)}"
+            )
         document.at(path)["mount"] = mounts[mount]

@@ -13,7 +13,7 @@ from groundlink.scenario.faults import Fault
 
 
 @dataclass
-class Failure:
+class FaultPeriod:
     """One fault."""
 
     fault: Fault
@@ -21,13 +21,13 @@ class Failure:
     end_seconds: float | None = None
 
 
-class Failures:
+class FaultHistory:
     """Those of one sensor, in the order in which they began."""
 
     def __init__(self, sensor: str) -> None:
         self.sensor = sensor
-        self.all: list[Failure] = []
-        self._open: list[Failure] = []
+        self.all: list[FaultPeriod] = []
+        self._open: list[FaultPeriod] = []
 
     def add(self, seconds: float, told: Faults) -> None:
         """Take what its process told at an instant."""
@@ -36,6 +36,6 @@ class Failures:
                 failure.end_seconds = seconds
         known = [failure.fault for failure in self._open]
         self._open = [failure for failure in self._open if failure.end_seconds is None]
-        begun = [Failure(fault, seconds) for fault in told.active if fault not in known]
+        begun = [FaultPeriod(fault, seconds) for fault in told.active if fault not in known]
         self._open += begun
         self.all += begun

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Level places and roads in terrain: heights and materials changed along discs and lines.
 
-Rule: a `Canvas` is changed in place, no further away than a thing reaches, so that a road costs its
-own length and not the map's size. What reaches beyond the map is cut off there.
+Rule: a `TerrainGrid` is changed in place, no further away than a thing reaches, so that a road
+costs its own length and not the map's size. What reaches beyond the map is cut off there.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 
-from .terrain_specs import Level, Road
+from .terrain_specs import LevelArea, Road
 
 _Window = tuple[slice, slice]
 
 
 @dataclass(frozen=True, eq=False)
-class Canvas:
+class TerrainGrid:
     """Terrain in the making."""
 
     heights: NDArray[np.float32]
@@ -62,7 +62,7 @@ class Canvas:
         return heights
 
 
-def level(canvas: Canvas, spec: Level, number: int | None) -> None:
+def add_level(canvas: TerrainGrid, spec: LevelArea, number: int | None) -> None:
     """Make a level disc, of material `number` unless it is None."""
     middle = np.array([spec.at_m])
     window = canvas.window(middle, spec.radius_m + spec.shore_m)
@@ -80,7 +80,7 @@ def level(canvas: Canvas, spec: Level, number: int | None) -> None:
         canvas.surface[window][on_it] = number
 
 
-def road(canvas: Canvas, spec: Road, number: int) -> None:
+def add_road(canvas: TerrainGrid, spec: Road, number: int) -> None:
     """Make a road of material `number`."""
     line = np.array(spec.points_m, np.float64)
     ends_m = np.cumsum([0.0, *_length(np.diff(line, axis=0))])
@@ -106,7 +106,7 @@ def road(canvas: Canvas, spec: Road, number: int) -> None:
 
 
 def _profile(
-    canvas: Canvas, line: Floats, ends_m: Floats, smooth_m: float
+    canvas: TerrainGrid, line: Floats, ends_m: Floats, smooth_m: float
 ) -> tuple[Floats, Floats]:
     """Return lengths along a line and the ground's heights there, smoothed."""
     step_m = min(canvas.cell_m, smooth_m / 4)

@@ -22,7 +22,7 @@ POST_M = 0.14
 """Thickness of a fence's posts."""
 
 
-class Thing(Spec, frozen=True, tag_field="kind", kw_only=True):
+class PlacedObject(Spec, frozen=True, tag_field="kind", kw_only=True):
     """What stands at one place."""
 
     at_m: Place2
@@ -47,7 +47,7 @@ class Thing(Spec, frozen=True, tag_field="kind", kw_only=True):
         return {"z_m": round(min(heights), 3)}
 
 
-class House(Thing, frozen=True, tag="house", kw_only=True):
+class House(PlacedObject, frozen=True, tag="house", kw_only=True):
     """Four walls under a gabled roof, closed, on a footing. Its door is amid its -y side."""
 
     size_m: Size3 = (10.0, 8.0, 3.2)
@@ -72,7 +72,7 @@ class House(Thing, frozen=True, tag="house", kw_only=True):
         return math.hypot(*self.size_m[:2]) / 2
 
 
-class Tree(Thing, frozen=True, tag="tree", kw_only=True):
+class Tree(PlacedObject, frozen=True, tag="tree", kw_only=True):
     """A trunk and a crown."""
 
     species: Literal["oak", "birch", "spruce"] = "oak"
@@ -87,7 +87,7 @@ class Tree(Thing, frozen=True, tag="tree", kw_only=True):
         return 0.035 * self.height_m
 
 
-class Bush(Thing, frozen=True, tag="bush", kw_only=True):
+class Bush(PlacedObject, frozen=True, tag="bush", kw_only=True):
     """A few balls of leaves."""
 
     height_m: Positive = 1.2
@@ -98,7 +98,7 @@ class Bush(Thing, frozen=True, tag="bush", kw_only=True):
         return 0.4 * self.height_m
 
 
-class Rock(Thing, frozen=True, tag="rock", kw_only=True):
+class Rock(PlacedObject, frozen=True, tag="rock", kw_only=True):
     """A boulder, a part of it in the ground."""
 
     height_m: Positive = 0.6
@@ -109,7 +109,7 @@ class Rock(Thing, frozen=True, tag="rock", kw_only=True):
         return 0.7 * self.height_m
 
 
-class Pole(Thing, frozen=True, tag="pole", kw_only=True):
+class Pole(PlacedObject, frozen=True, tag="pole", kw_only=True):
     """A wooden telegraph pole with a crossarm along its y."""
 
     height_m: Positive = 7.5
@@ -121,7 +121,7 @@ class Pole(Thing, frozen=True, tag="pole", kw_only=True):
         return 0.13
 
 
-class Lamp(Thing, frozen=True, tag="lamp", kw_only=True):
+class Lamp(PlacedObject, frozen=True, tag="lamp", kw_only=True):
     """A street lamp whose head is out along its x."""
 
     height_m: Positive = 5.0
@@ -133,7 +133,7 @@ class Lamp(Thing, frozen=True, tag="lamp", kw_only=True):
         return 0.12
 
 
-class Bale(Thing, frozen=True, tag="bale", kw_only=True):
+class Bale(PlacedObject, frozen=True, tag="bale", kw_only=True):
     """A round bale of hay on its side, its axis along y."""
 
     radius_m: Positive = 0.7
@@ -145,7 +145,7 @@ class Bale(Thing, frozen=True, tag="bale", kw_only=True):
         return self.length_m / 2
 
 
-class Crate(Thing, frozen=True, tag="crate", kw_only=True):
+class Crate(PlacedObject, frozen=True, tag="crate", kw_only=True):
     """A wooden crate with battens along its edges."""
 
     size_m: Size3 = (1.0, 0.8, 0.7)
@@ -186,4 +186,4 @@ class Fence(Spec, frozen=True, tag_field="kind", tag="fence", kw_only=True):
         return {"ground_m": [round(height, 3) for height in heights]}
 
 
-Outdoor = House | Tree | Bush | Rock | Pole | Lamp | Bale | Crate | Fence
+OutdoorObject = House | Tree | Bush | Rock | Pole | Lamp | Bale | Crate | Fence

@@ -17,7 +17,7 @@ from groundlink.messages.base import POINT, Imu, Message, PointCloud, WheelEncod
 from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages.imagery import CompressedImage, Image, LaserScan
 from groundlink.messages.navigation import JointState, Odometry
-from groundlink.recording.fields import first_difference, message_difference
+from groundlink.recording.differences import first_difference, message_difference
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.types import STORE
 from tests.groundlink.ros.test_recorded_cdr import ANY

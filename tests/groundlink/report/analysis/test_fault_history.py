@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from groundlink.messages.faults import Faults
-from groundlink.report.analysis.failures import Failure, Failures
+from groundlink.report.analysis.fault_history import FaultHistory, FaultPeriod
 from groundlink.scenario.faults import Bias, Fault, Off, Stuck
 
 
@@ -14,12 +14,12 @@ def test_each_fault_has_its_begin_and_its_end() -> None:
         *((1.0, (off,)), (2.0, (off, stuck)), (3.0, (stuck,))),
         *((4.0, (bias,)), (5.0, ()), (6.0, (off,))),
     ]
-    failures = Failures("rover/imu")
+    failures = FaultHistory("rover/imu")
     for seconds, active in told:
         failures.add(seconds, Faults(0, "rover/imu", 0, active))
     assert failures.all == [
-        Failure(off, 1.0, 3.0),
-        Failure(stuck, 2.0, 4.0),
-        Failure(bias, 4.0, 5.0),
-        Failure(off, 6.0, None),
+        FaultPeriod(off, 1.0, 3.0),
+        FaultPeriod(stuck, 2.0, 4.0),
+        FaultPeriod(bias, 4.0, 5.0),
+        FaultPeriod(off, 6.0, None),
     ]

@@ -10,7 +10,7 @@ EVERY_S = 10.0
 """Where lines cannot move, a progress is printed as often."""
 
 
-class Say:
+class Console:
     """Prints lines; call it with one."""
 
     def __init__(self) -> None:

@@ -5,7 +5,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.recording.accounts import Account, compare, read_accounts, write_accounts
+from experiments.recording.deliveries import (
+    TopicDelivery,
+    compare_delivery,
+    read_deliveries,
+    write_deliveries,
+)
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
 from groundlink.messages.base import Clock
@@ -46,18 +51,22 @@ def test_all_lost_and_changed_messages_are_found(tmp_path: Path) -> None:
     arrived = {nanos: body for nanos, body in sent.items() if nanos not in late}
     bus = write(tmp_path / "bus.mcap", sent)
     arrived = {nanos: body + b"\0\0" for nanos, body in arrived.items()}  # as DDS fills up
-    accounts = {a.topic: a for a in compare(bus, write(tmp_path / "a.mcap", arrived), scenario)}
-    assert accounts["/imu"] == Account("/imu", sent=150, arrived=150, other=0)
+    accounts = {
+        a.topic: a for a in compare_delivery(bus, write(tmp_path / "a.mcap", arrived), scenario)
+    }
+    assert accounts["/imu"] == TopicDelivery("/imu", sent=150, arrived=150, other=0)
     assert accounts["/clock"].lost == 0
 
     del arrived[NANOS // 2]
     arrived[NANOS] = b"something other"
-    accounts = {a.topic: a for a in compare(bus, write(tmp_path / "b.mcap", arrived), scenario)}
-    assert accounts["/imu"] == Account("/imu", sent=150, arrived=148, other=1)
+    accounts = {
+        a.topic: a for a in compare_delivery(bus, write(tmp_path / "b.mcap", arrived), scenario)
+    }
+    assert accounts["/imu"] == TopicDelivery("/imu", sent=150, arrived=148, other=1)
     assert accounts["/imu"].lost == 2
 
 
 def test_accounts_are_read_as_they_were_written(tmp_path: Path) -> None:
-    accounts = [Account("/imu", 10, 9, 1), Account("/scan", 4, 4, 0)]
-    write_accounts(tmp_path / "accounts.csv", accounts)
-    assert read_accounts(tmp_path / "accounts.csv") == accounts
+    accounts = [TopicDelivery("/imu", 10, 9, 1), TopicDelivery("/scan", 4, 4, 0)]
+    write_deliveries(tmp_path / "accounts.csv", accounts)
+    assert read_deliveries(tmp_path / "accounts.csv") == accounts

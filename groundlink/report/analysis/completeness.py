@@ -21,13 +21,13 @@ from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import SensorSpec
 
-UNDER_WAY = "under way"
+IN_TRANSIT = "under way"
 """Too near to the recording's end for its word to be in the file."""
 
-RECORDER = "recorder behind"
+RECORDER_BEHIND = "recorder behind"
 """Came faster than the recorder could write."""
 
-NOT_TOLD = "not told"
+UNEXPLAINED = "not told"
 """Nobody said why: its process had ended, or something is wrong."""
 
 _KNOWN = ("", "published", *CAUSES)
@@ -35,7 +35,7 @@ _PUBLISHED = _KNOWN.index("published")
 
 
 @dataclass(frozen=True)
-class Hole:
+class MissingSpan:
     """Readings of a stream that follow one another and are missing for one cause."""
 
     cause: str
@@ -44,7 +44,7 @@ class Hole:
     readings: int
 
 
-class StreamAccount:
+class StreamCompleteness:
     """The account of one stream.
 
     Parameters
@@ -113,7 +113,7 @@ class StreamAccount:
             counts[hole.cause] += hole.readings
         return counts
 
-    def holes(self) -> list[Hole]:
+    def holes(self) -> list[MissingSpan]:
         """Return all that is missing, in the order of time."""
         begins = np.flatnonzero(np.diff(self._found, prepend=self._found[:1] + 1))
         # What is told up to the end and what is not are two.
@@ -127,25 +127,25 @@ class StreamAccount:
                 continue
             if not cause:
                 if begin >= told:
-                    cause = UNDER_WAY
+                    cause = IN_TRANSIT
                 elif dropped >= end - begin:
-                    cause, dropped = RECORDER, dropped - (end - begin)
+                    cause, dropped = RECORDER_BEHIND, dropped - (end - begin)
                 else:
-                    cause = NOT_TOLD
+                    cause = UNEXPLAINED
             first, last = (self._calendar.nanos(self._first + i) for i in (begin, end - 1))
-            found.append(Hole(cause, first, last, end - begin))
+            found.append(MissingSpan(cause, first, last, end - begin))
         return found
 
 
-def accounts(
+def stream_completeness(
     scenario: Scenario, *, first_nanos: int, last_nanos: int, epoch_nanos: int
-) -> list[StreamAccount]:
+) -> list[StreamCompleteness]:
     """Return the accounts of all streams of a scenario's sensors, for a recording of this span."""
     time = scenario.time
     # Sensors tell with their progress, and may be a window behind.
     told_nanos = last_nanos - (time.window_ticks + time.ack_ticks) * TICK_NANOS
     return [
-        StreamAccount(
+        StreamCompleteness(
             *(f"{vehicle.name}/{sensor.name}", output.name, output.ros_topic, sensor),
             first_nanos=first_nanos - epoch_nanos,
             last_nanos=last_nanos - epoch_nanos,

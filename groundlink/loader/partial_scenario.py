@@ -12,13 +12,13 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from groundlink.core.errors import nearest
-from groundlink.importing.files import Tell, silent
+from groundlink.core.errors import did_you_mean
+from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.scenario.schema import Scenario
 
 from . import urdf
-from .document import Document, Mark, ScenarioError, read
-from .load import SHIPPED, load, resolved
+from .document import Document, ScenarioError, SourceLine, read
+from .scenario_files import SHIPPED, load, resolved
 
 FOLDERS = ("worlds", "vehicles", "")
 """Of what is shipped, in the order in which names are looked for."""
@@ -33,7 +33,7 @@ _PLAIN = {
 }
 
 
-class Kind(Enum):
+class FileKind(Enum):
     """What a file describes."""
 
     WORLD = "world"
@@ -41,9 +41,9 @@ class Kind(Enum):
     SCENARIO = "scenario"
 
 
-def load_part(
-    given: str, *, words: Iterable[str] = (), tell: Tell = silent
-) -> tuple[Kind, Scenario]:
+def load_partial(
+    given: str, *, words: Iterable[str] = (), tell: Warn = ignore_warning
+) -> tuple[FileKind, Scenario]:
     """Return the world, vehicle or scenario in a file, or the shipped one of this name.
 
     `words` are what else the user could have given, for the hint where there is none.
@@ -56,18 +56,18 @@ def load_part(
     ScenarioError
         as `load` does.
     """
-    file = part_file(given, words).resolve()
+    file = partial_file(given, words).resolve()
     document = read(file)
     kind = _kind(document)
-    if kind is Kind.SCENARIO:
+    if kind is FileKind.SCENARIO:
         return kind, load(file, tell=tell)
     content: dict[str, Any] = {"name": "part", "world": str(file), "vehicles": []}
-    if kind is Kind.VEHICLE:
+    if kind is FileKind.VEHICLE:
         content |= {"world": _PLAIN, "vehicles": [{"name": "vehicle", "model": str(file)}]}
-    return kind, resolved(Document(content, {(): Mark(file, 1)}), tell)
+    return kind, resolved(Document(content, {(): SourceLine(file, 1)}), tell)
 
 
-def part_file(given: str, words: Iterable[str] = ()) -> Path:
+def partial_file(given: str, words: Iterable[str] = ()) -> Path:
     """Return the file of a world, vehicle or scenario: the given one, or the shipped one.
 
     Raises
@@ -77,8 +77,8 @@ def part_file(given: str, words: Iterable[str] = ()) -> Path:
     """
     if given.endswith((".yaml", ".yml")):
         return Path(given)
-    urdf.must_not_be_alone(
-        Document({"model": given}, {(): Mark(Path(Path(given).name), 1)}), ("model",)
+    urdf.refuse_bare_urdf(
+        Document({"model": given}, {(): SourceLine(Path(Path(given).name), 1)}), ("model",)
     )
     for folder in FOLDERS:
         if (file := SHIPPED / folder / f"{given}.yaml").is_file():
@@ -86,16 +86,16 @@ def part_file(given: str, words: Iterable[str] = ()) -> Path:
     shipped = {file.stem for folder in FOLDERS for file in (SHIPPED / folder).glob("*.yaml")}
     raise ScenarioError(
         f"no world, vehicle or scenario `{given}` is shipped; "
-        f"{nearest(given, shipped | {*words})}; or give a file with a `.yaml` name"
+        f"{did_you_mean(given, shipped | {*words})}; or give a file with a `.yaml` name"
     )
 
 
-def _kind(document: Document) -> Kind:
+def _kind(document: Document) -> FileKind:
     keys = set(document.value) if isinstance(document.value, dict) else set()
     for kind, telling in (
-        (Kind.SCENARIO, {"world", "vehicles"}),
-        (Kind.VEHICLE, {"drive", "wheels", "urdf", "chassis"}),
-        (Kind.WORLD, {"materials", "solids", "room", "terrain"}),
+        (FileKind.SCENARIO, {"world", "vehicles"}),
+        (FileKind.VEHICLE, {"drive", "wheels", "urdf", "chassis"}),
+        (FileKind.WORLD, {"materials", "solids", "room", "terrain"}),
     ):
         if keys & telling:
             return kind

@@ -19,8 +19,8 @@ from groundlink.world import assets
 from groundlink.world.bodies import body_names
 from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Mesh
-from groundlink.world.terrain import ground
-from tests.groundlink.importing.files import glb, npy, write
+from groundlink.world.terrain import load_ground
+from tests.groundlink.importing.file_errors import glb, npy, write
 
 SLOPE = np.add.outer(np.zeros(41), 0.1 * np.arange(81)).astype(np.float32)
 """Rises to the east by 1 in 10; 80 x 40 m at cells of 1 m."""
@@ -66,7 +66,7 @@ def test_files_become_assets_that_are_in_the_store(tmp_path: Path) -> None:
     assert isinstance(house.shape, Mesh)
     assert house.shape == shed.shape
     assert scenario.world.terrain is not None
-    assert (ground(scenario.world.terrain).heights == SLOPE).all()
+    assert (load_ground(scenario.world.terrain).heights == SLOPE).all()
     assert len(needed(scenario)) == 2
     assert assets.missing(needed(scenario)) == []
     packed = msgspec.msgpack.encode(scenario)
@@ -88,7 +88,7 @@ def test_who_keeps_records_needs_no_assets(tmp_path: Path, monkeypatch: pytest.M
     digest, names = world_hash(scenario), body_names(scenario, solids(scenario))
     monkeypatch.setenv(assets.VARIABLE, str(tmp_path / "nothing"))
     assert assets.missing(needed(scenario)) == needed(scenario)
-    ground.cache_clear()
+    load_ground.cache_clear()
     assert world_hash(scenario) == digest
     assert body_names(scenario, solids(scenario)) == names
     assert [o.name for o in outlines(solids(scenario), level=False)] == ["shed", "house"]

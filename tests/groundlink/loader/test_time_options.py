@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.load import SHIPPED
-from groundlink.loader.time_choice import add_arguments, chosen, handed_on
+from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.time_options import add_arguments, forwarded, with_time_options
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Time
 
@@ -32,14 +32,14 @@ WORDS = ("--mode", "lockstep", "--factor", "0.5", "--lockstep", "ros", "--overlo
 
 def test_what_is_given_is_taken_and_the_rest_is_left(lab: Scenario) -> None:
     patient = replace(lab, time=Time(deadline_s=9.0))
-    assert chosen(patient, options()) == patient
+    assert with_time_options(patient, options()) == patient
     expected = Time("lockstep", "ros", 0.5, "skip", deadline_s=9.0)
-    assert chosen(patient, options(*WORDS)).time == expected
+    assert with_time_options(patient, options(*WORDS)).time == expected
 
 
 def test_it_is_handed_on_as_it_was_given() -> None:
-    assert handed_on(options()) == []
-    assert handed_on(options(*WORDS)) == list(WORDS)
+    assert forwarded(options()) == []
+    assert forwarded(options(*WORDS)) == list(WORDS)
 
 
 @pytest.mark.parametrize(
@@ -54,4 +54,4 @@ def test_what_cannot_be_is_one_line(
     lab: Scenario, words: tuple[str, ...], time: Time, told: str
 ) -> None:
     with pytest.raises(UserError, match=told):
-        chosen(replace(lab, time=time), options(*words))
+        with_time_options(replace(lab, time=time), options(*words))
