@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a gateway keeps while vehicles come into its run and go.
+"""The gateway's side of the bus: publishers, subscriptions and queries, each declared once.
 
-Rule: what is declared on the bus is declared once; whether there are other vehicles is asked when
-physics says that the world has changed, and not before.
+It outlives the carriers, which are replaced when vehicles join or leave the run.
 """
 
 from __future__ import annotations
@@ -13,11 +12,11 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 from groundlink.bus.control_client import send_command
-from groundlink.bus.core_topics import ACK, HEALTH, ROOT, STATE, Delivery
+from groundlink.bus.core_topics import ACK, GATEWAY, HEALTH, PHYSICS, ROOT, STATE, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
-from groundlink.messages.base import Ack, Health, Message, State, decode
+from groundlink.messages.base import Ack, Clock, Health, Message, State, decode
 from groundlink.process.joining import Heartbeat, join
 from groundlink.process.name_claim import NameClaim
 from groundlink.scenario import Scenario
@@ -26,10 +25,11 @@ from .emulated_socket import EmulatedSocket
 from .gateway import Gateway
 from .run_commands import RunCommandQueue
 
-NAME = "gateway"
-
-MESSAGES_KEPT = 4096
+INBOX_MESSAGES = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
+
+HISTORY_SECONDS = 20.0
+"""Timeout for the memory of a predecessor."""
 
 
 class RunStatus(NamedTuple):
@@ -43,45 +43,53 @@ class RunStatus(NamedTuple):
 
 
 class BusSession:
-    """What a gateway keeps of a run whose vehicles change: what it has declared on the bus."""
+    """What a gateway has declared on the bus, and what it got from there."""
 
     def __init__(self, bus: Bus, run: str, claim: NameClaim) -> None:
         self.bus, self.run, self._claim = bus, run, claim
-        self.inbox: BusInbox[Message] = BusInbox(depth=MESSAGES_KEPT)
-        self.publishers: dict[str, Callable[[Message], bytes]] = {}
-        self.acknowledge = bus.publisher(ACK.key_in(run, process=NAME), ACK.delivery)
-        self.wishes = RunCommandQueue(
-            partial(send_command, bus, run), backlog=lambda: len(self.inbox)
-        )
-        self.emulated: EmulatedSocket | None = None
-        self.left: tuple[int | None, bytes] = (None, b"")
-        """What the last gateway in this process left to the next: in which life, its memory."""
+        self.inbox: BusInbox[Message] = BusInbox(depth=INBOX_MESSAGES)
+        self.acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), ACK.delivery)
+        self.run_commands = RunCommandQueue(partial(send_command, bus, run), backlog=self.inbox)
+        self.handed_over: tuple[int | None, bytes] = (None, b"")
+        """Episode and memory of the last carrier."""
 
+        self._publishers: dict[str, Callable[[Message], bytes]] = {}
+        self._emulated: EmulatedSocket | None = None
         self._types: dict[str, type[Message]] = {}
         self._physics: BusInbox[Health] = BusInbox(depth=16)
         self._worlds: int | None = None
-        bus.subscribe(HEALTH.key_in(run, process="physics"), Health, self._physics)
+        bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, self._physics)
 
     @cached_property
     def heartbeat(self) -> Heartbeat:
-        """By which others know that it is there: to be asked for when it hears all."""
-        return Heartbeat(self.bus, self.run, NAME, self._claim)
+        """The gateway's heartbeat. Access it only after all subscriptions are active."""
+        return Heartbeat(self.bus, self.run, GATEWAY, self._claim)
 
     def declare(self, gateway: Gateway) -> None:
-        """Publish and subscribe what a gateway carries, where that is not done yet."""
-        for wish in gateway.incoming:
-            if wish.key not in self.publishers:
-                self.publishers[wish.key] = self.bus.publisher(wish.key, Delivery.ALL)
+        """Declare publishers for what a gateway receives from ROS."""
+        for each in gateway.subscriptions:
+            if each.key not in self._publishers:
+                self._publishers[each.key] = self.bus.publisher(each.key, Delivery.ALL)
 
-    def subscribe(self, gateway: Gateway) -> None:
-        """Hear what a gateway carries to ROS."""
-        for key, stream in gateway.streams.items():
-            if key not in self._types:
-                self._types[key] = stream.message
-                self.bus.subscribe(key, stream.message, self.inbox)
+    def publish(self, key: str, message: Message) -> None:
+        """Publish a message from ROS."""
+        self._publishers[key](message)
 
-    def subscribe_in_order(self, gateway: Gateway, scenario: Scenario) -> None:
-        """Hear that and how far sensors have come, or where there are none, physics; in order."""
+    def subscribe(self, gateway: Gateway, scenario: Scenario, *, in_order: bool) -> None:
+        """Subscribe to what a gateway sends to ROS.
+
+        Parameters
+        ----------
+        in_order
+            keep the order of all messages, and subscribe to acknowledgements of the sensors, too;
+            to states of physics in a run without sensors.
+        """
+        if not in_order:
+            for key, stream in gateway.streams.items():
+                if key not in self._types:
+                    self._types[key] = stream.message
+                    self.bus.subscribe(key, stream.message, self.inbox)
+            return
         is_first = not self._types
         self._types |= {key: stream.message for key, stream in gateway.streams.items()}
         if not scenario.sensor_names():
@@ -93,22 +101,34 @@ class BusSession:
         is_ack = key.startswith(ACK.key_in(self.run, process=""))
         return Ack if is_ack else self._types.get(key)
 
-    def resumed(self, process: str = NAME) -> RunStatus | None:
-        """Return where the run is, as told to a process; None before its first state."""
-        told = list(self.bus.query(history_key(self.run), process, seconds=2.0).values())
-        return RunStatus(decode(told[0], Ack), decode(told[-1], State)) if told[1:] else None
+    def status(self, process: str = GATEWAY) -> RunStatus | None:
+        """Return where the run stands for a process; None before its first state."""
+        replies = list(self.bus.query(history_key(self.run), process, seconds=2.0).values())
+        return (
+            RunStatus(decode(replies[0], Ack), decode(replies[-1], State)) if replies[1:] else None
+        )
 
-    def emulates(self, emulated: EmulatedSocket) -> None:
-        """Let the emulated link be changed and told by queries."""
-        if self.emulated is None:
+    def memory_at(self, clock: Clock) -> bytes:
+        """Return the memory of this gateway's predecessor, at the first clock of an episode."""
+        life, memory = self.handed_over
+        if life == clock.life:
+            return memory
+        return predecessor_memory(self.bus, self.run) if clock.tick else b""
+
+    def serve_link(self, emulated: EmulatedSocket) -> None:
+        """Answer queries for the emulated link's settings, which may change them."""
+        if self._emulated is None:
             self.bus.serve(link_key(self.run), self._answer)
-        self.emulated = emulated
+        self._emulated = emulated
 
-    def _answer(self, wish: str) -> list[bytes]:
-        return self.emulated.answer(wish) if self.emulated is not None else []
+    def _answer(self, changes: str) -> list[bytes]:
+        return self._emulated.answer(changes) if self._emulated is not None else []
 
     def changed(self, scenario: Scenario, stop: threading.Event) -> Scenario | None:
-        """Return the run's scenario where other vehicles are in it now."""
+        """Return the run's scenario if it has other vehicles now.
+
+        Physics is asked only after its health has reported another world.
+        """
         worlds = self._worlds
         while len(self._physics) and (arrived := self._physics.get(seconds=0)):
             worlds = arrived[1].counters.get("worlds")
@@ -117,6 +137,13 @@ class BusSession:
         self._worlds = worlds
         _, now = join(self.bus, self.run, stop)
         return None if _names(now) == _names(scenario) else now
+
+
+def predecessor_memory(bus: Bus, run: str) -> bytes:
+    """Return the memory of the gateway process before this one; empty if there was none."""
+    for payload in bus.query(history_key(run), GATEWAY, seconds=HISTORY_SECONDS).values():
+        return decode(payload, Ack).memory
+    return b""
 
 
 def _names(scenario: Scenario) -> list[str]:

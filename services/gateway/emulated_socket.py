@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The link emulation around the gateway's socket; what it does is in `groundlink.emulation`.
+"""Socket wrapper that emulates an impaired link with the models of `groundlink.emulation`.
 
-Rule: the only place of the gateway where datagrams are lost, held up or spoilt on purpose. Two
-threads: one takes from the socket below, one sends what is due. Where nothing is to be done to it,
-a datagram goes out at once in the sender's thread.
+Two threads: one receives from the socket below, one sends delayed datagrams when they are due. A
+datagram without a delay is sent at once by the caller's thread.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ from udp_bridge.wire.header import Buffer, Refused
 from .subscribers import Address
 
 WAIT_SECONDS = 0.1
-"""How long a receiver waits at most."""
+"""Longest time that a receiver waits."""
 
 REFUSALS_KEPT = 1024
-"""Refused datagrams that wait to be told; beyond it the socket below has to wait."""
+"""Refused datagrams that wait to be reported; with more, the receiving thread waits."""
 
 
 class EmulatedSocket(Around):
-    """A socket whose datagrams take an emulated link.
+    """A socket whose datagrams pass an emulated link.
 
     Parameters
     ----------
@@ -66,34 +65,34 @@ class EmulatedSocket(Around):
             thread.start()
 
     def at(self, sim_nanos: int) -> None:
-        """Do what the script says for this instant of sim time."""
+        """Apply the script's settings for an instant of simulation time."""
         with self._changing:
             self._set(self._script.at(sim_nanos / NANOS))
 
     def change(self, changes: dict[str, Changes]) -> None:
-        """Change fields by direction, now.
+        """Change settings now, by direction and field.
 
         Raises
         ------
         ValueError
-            when there is no such direction or field, or the value is none for it.
+            when a direction or field does not exist, or a value is invalid.
         """
         with self._changing:
             self._script.change_all(changes)
             self._set(self._script.now())
 
-    def answer(self, wish: str) -> list[bytes]:
-        """Do what a query on the link's key says; reply an error's line and the settings."""
+    def answer(self, changes: str) -> list[bytes]:
+        """Apply the changes of a query on the link's key; reply an error line and the settings."""
         error = ""
         try:
-            self.change(parse_changes(wish))
+            self.change(parse_changes(changes))
         except ValueError as mistake:
             error = str(mistake)
         with self._changing:
             return [msgspec.json.encode((error, self._script.now()))]
 
     def counters(self) -> dict[str, int]:
-        """Return what the link did, by direction and name."""
+        """Return the counters of both directions."""
         with self._outgoing, self._incoming:
             ways = {"to_ros": self._to_ros, "from_ros": self._from_ros}
             return {"link_errors": self._errors.count} | {
@@ -102,20 +101,20 @@ class EmulatedSocket(Around):
                 for name, count in (*way.counts.items(), ("waiting", way.waiting))
             }
 
-    def courses(self) -> dict[str, DirectionState]:
-        """Return by direction how far the link has come."""
+    def direction_states(self) -> dict[str, DirectionState]:
+        """Return the state of the random numbers, by direction."""
         with self._outgoing, self._incoming:
             return {"to_ros": self._to_ros.course, "from_ros": self._from_ros.course}
 
-    def take_up(self, courses: dict[str, DirectionState]) -> None:
-        """Go on with the random numbers of an earlier link of the same script."""
+    def restore(self, states: dict[str, DirectionState]) -> None:
+        """Continue the random numbers of an earlier link with the same script."""
         with self._outgoing, self._incoming:
             for direction, way in (("to_ros", self._to_ros), ("from_ros", self._from_ros)):
-                if direction in courses:
-                    way.course = courses[direction]
+                if direction in states:
+                    way.course = states[direction]
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
-        """Give a datagram to the link; whether it arrives is not known here."""
+        """Put a datagram into the link; return True, as its delivery is not known here."""
         with self._outgoing:
             self._to_ros.put(b"".join(buffers), to, time.monotonic_ns())
             self._send_due()
@@ -123,7 +122,7 @@ class EmulatedSocket(Around):
         return True
 
     def receive_into(self, buffer: bytearray) -> tuple[int, Address] | None:
-        """Wait for a datagram that has come through the link."""
+        """Wait for a datagram that has passed the link."""
         until_nanos = time.monotonic_ns() + int(WAIT_SECONDS * NANOS)
         with self._incoming:
             while not self._is_shut:
@@ -142,7 +141,7 @@ class EmulatedSocket(Around):
         return None
 
     def shut(self) -> None:
-        """Wake every thread; what is on the way stays there."""
+        """Wake every thread; datagrams in the link are dropped."""
         self._is_shut = True
         super().shut()
         for waiting in (self._outgoing, self._incoming):
@@ -150,7 +149,7 @@ class EmulatedSocket(Around):
                 waiting.notify_all()
 
     def close(self) -> None:
-        """End the threads and give the socket back."""
+        """End the threads and close the socket."""
         self.shut()
         for thread in self._threads:
             thread.join()

@@ -1,46 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a gateway follows a run that does not wait for ROS; one that does is in `lockstep`.
+"""Forwarder: sends the streams of a run that does not wait for ROS.
 
-Rule: what comes goes on at once; of what has piled up while this process was cut off or stood
-still, only what is not stale. It tells how far it has come with each message of the clock.
+Messages are forwarded as they arrive. If many have piled up, because this process was disconnected
+or suspended, stale ones are dropped. Each clock message is acknowledged to physics. `lockstep` has
+the follower of runs that wait for ROS.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from groundlink.bus.inbox import BusInbox
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.messages.base import Ack, Clock, Message, measured_nanos
 from groundlink.scenario import Scenario
+from udp_bridge.io.link import Link
 
-if TYPE_CHECKING:
-    from groundlink.bus.inbox import BusInbox
-    from udp_bridge.io.link import Link
-
-    from .gateway import Gateway
+from .gateway import Gateway
 
 FLUSH_SECONDS = 1.0
-"""How long the link may take to send what waits before progress is told anyway."""
+"""How long the link may take to send what waits before the clock is acknowledged anyway."""
 
 LISTEN_SECONDS = 0.05
 
-PILE = 128
-"""So many messages never wait where the gateway keeps up."""
+PILE_MESSAGES = 128
+"""A gateway that keeps up never has so many waiting."""
 
 STALE_NANOS = 3 * NANOS
-"""What is this much behind the newest clock that has come is stale. As long as a router waits for
-who takes nothing: a gateway that stands still for less makes up for it."""
+"""Messages this much behind the newest clock are stale. A router waits as long for a receiver that
+takes nothing, so a gateway that was suspended for less than that catches up."""
 
 
 class Forwarder:
-    """Carries the streams of a run to ROS as they come.
+    """Sends the streams of a run to ROS as they arrive.
 
     Parameters
     ----------
     acknowledge
-        tells physics how far this has come.
+        publishes an acknowledgement to physics.
     """
 
     def __init__(
@@ -52,29 +50,29 @@ class Forwarder:
         acknowledge: Callable[[Ack], object],
     ) -> None:
         self._gateway, self._link, self._acknowledge = gateway, link, acknowledge
-        # In real time the newest supersedes what waits; otherwise physics is held up.
+        # In real time new messages supersede waiting ones; otherwise physics waits.
         self._is_waited_for = scenario.time.mode != "realtime"
         self._clocks = Schedule.at(scenario.time.clock_rate_hz)
         self._life = 0
         self.tick = -1
-        self._piled: deque[tuple[str, Message]] = deque()
+        self._pile: deque[tuple[str, Message]] = deque()
         self._newest: Clock | None = None
-        """Clock of what has piled up."""
+        """Newest clock in the pile."""
 
         self.counts = {"clocks_missed": 0}
 
     def listen(self, inbox: BusInbox[Message]) -> tuple[str, Message] | None:
-        """Return what has arrived from the bus, if anything does."""
-        if not self._piled and len(inbox) > PILE and not self._is_waited_for:
+        """Return the next message of the bus, if one arrives in time."""
+        if not self._pile and len(inbox) > PILE_MESSAGES and not self._is_waited_for:
             self._newest = None
             while len(inbox) and (arrived := inbox.get(seconds=0)):
-                self._piled.append(arrived)
+                self._pile.append(arrived)
                 if isinstance(arrived[1], Clock):
                     self._newest = arrived[1]
-        return self._piled.popleft() if self._piled else inbox.get(seconds=LISTEN_SECONDS)
+        return self._pile.popleft() if self._pile else inbox.get(seconds=LISTEN_SECONDS)
 
     def hear(self, key: str, message: Message) -> None:
-        """Take a message of the bus."""
+        """Handle a message of the bus."""
         if self._is_stale(message):
             self._gateway.counts["stale"] += 1
         elif key in self._gateway.streams:
@@ -88,7 +86,7 @@ class Forwarder:
             self._acknowledge(Ack(message.life, message.tick, message.tick))
 
     def _is_stale(self, message: Message) -> bool:
-        """Return whether a message waited for long in what has piled up; one of the clock, too."""
+        """Return whether a message, which may be a clock, has waited too long in the pile."""
         newest = self._newest
         if newest is None or newest.life != self._life:
             return False
@@ -98,4 +96,4 @@ class Forwarder:
         return min(waited_nanos, newest.stamp_nanos - measured_nanos(message)) > STALE_NANOS
 
     def turn(self, now_seconds: float) -> None:
-        """Do nothing: nobody is waited for."""
+        """Do nothing: only lockstep waits for ROS."""

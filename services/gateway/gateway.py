@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between the bus and the UDP Bridge: readings out, commands in.
+"""Gateway: sends messages of the bus to ROS over the link, and publishes messages from ROS.
 
-Rule: holds no physics and no sensor; what it cannot carry it counts. Everything here happens on two
-threads: the main one takes from the bus, the link's receiving one takes from the wire.
+Messages that cannot be sent or read are counted. The main thread handles messages of the bus, the
+receive thread of the link handles those of the wire.
 """
 
 from __future__ import annotations
@@ -42,24 +42,23 @@ from .streams import wire_type
 from .subscribers import Address, Subscribers, TopicKey
 
 STALE_SLACK_NANOS = 100_000_000
-"""A stream may be this much ahead of the clock that the gateway has heard."""
-
+"""A stream may be this much ahead of the newest clock message."""
 
 ToRos = tuple[TopicKey, Message]
-"""A message with its place in ROS."""
+"""A message with its wire type and topic."""
 
 
 class Gateway:
-    """A run's door to ROS.
+    """Sends a run's streams to ROS and receives messages from there.
 
     Parameters
     ----------
     publish
-        called with a key and a message when something has come from ROS.
-    on_wish
-        called when the peer wishes something of the run; must not block.
-    words
-        where to put what the peer says in lockstep; None where nobody waits for it.
+        publishes a message from ROS on the bus, by its key.
+    on_run_command
+        called with each run command of the peer; must not block.
+    replies
+        gets the messages of the peer in lockstep; None in other runs.
     """
 
     def __init__(
@@ -69,18 +68,18 @@ class Gateway:
         *,
         peer: Address,
         publish: Callable[[str, Message], object],
-        on_wish: Callable[[RunCommand], object] = lambda wish: None,
-        words: ReplyMailbox | None = None,
+        on_run_command: Callable[[RunCommand], object] = lambda command: None,
+        replies: ReplyMailbox | None = None,
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
         self._place_in_ros = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
         self.peer = peer
-        self._publish, self._on_wish, self._words = publish, on_wish, words
+        self._publish, self._on_run_command, self._replies = publish, on_run_command, replies
         self._scenario = scenario
-        self.incoming = RosSubscriptions(scenario, run)
-        self._has_wished = False
+        self.subscriptions = RosSubscriptions(scenario, run)
+        self._has_subscribed = False
         self._bases = Bases(scenario, run)
-        # What is not pushed may never arrive, and then nothing is wrong.
+        # A stream that is not pushed may never be subscribed to, so no rate is expected of it.
         rates = {self._place_in_ros[s.key]: s.declared_hz for s in self.streams.values() if s.push}
         for topic, message, declared_hz in self._bases.places:
             place = wire_type(message), topic
@@ -97,36 +96,36 @@ class Gateway:
         self.latched = frozenset(
             (wire_type(message), topic) for topic, message in self._bases.latched.items()
         )
-        """Wire type and topic of what hardly changes and is repeated for who comes late."""
+        """Wire type and topic of what hardly changes and is repeated for late subscribers."""
 
         self.pushed: tuple[TopicKey, ...] = (*rates, *sorted(self.latched))
-        """Wire type and topic of all that goes to ROS unasked."""
+        """Wire type and topic of all that is sent without a subscription."""
 
-        self._subscriptions = Subscribers(self.places | self.latched)
+        self._subscribers = Subscribers(self.places | self.latched)
         for place in self.pushed:
-            self._subscriptions.push(place, peer)
+            self._subscribers.push(place, peer)
         self.newest: dict[str, int] = {}
-        """By stream: the stamp of the newest message that went to ROS."""
+        """By stream: stamp of the newest message that was sent to ROS."""
 
         self.missing_readings = MissingReadingCounter(scenario, run)
         self.clock_nanos: int | None = None
         """Stamp of the newest clock message; None before the first."""
 
         self.native: RmwZenohBridge | NoRmwZenohBridge = NoRmwZenohBridge()
-        """Where what is pushed goes besides the wire."""
+        """Where pushed topics go besides the wire."""
 
         self.epoch_nanos = 0
         self.life: int | None = None
-        """Of which the newest clock message is."""
+        """Episode of the newest clock message."""
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
 
     def forward(self, key: str, message: Message, link: Link) -> list[ToRos]:
-        """Send a message of the bus, and what follows from it, to all that want it.
+        """Send a message of the bus, and the messages derived from it, to all subscribers.
 
         Returns
         -------
-        What the peer was sent.
+        The messages that were sent to the peer.
         """
         if isinstance(message, Clock):
             self.note_time(message)
@@ -140,20 +139,20 @@ class Gateway:
         return [(place, m) for place, m in told if self.peer in self._send(place, m, link)]
 
     def forward_again(self, told: Sequence[ToRos], link: Link) -> None:
-        """Send to the peer what a predecessor of it may have got."""
+        """Send messages to the peer again, after it was restarted."""
         for place, message in told:
             self._send(place, message, link, to=[self.peer])
 
     def hear_native(self) -> None:
-        """Take what has come from ROS besides the wire."""
+        """Handle messages from ROS that did not come over the wire."""
         for message in self.native.arrived():
             self.take(message)
 
     def note_time(self, clock: Clock) -> bool:
-        """Take note of what time it is; return whether a life of the run has begun."""
+        """Record the time of the run; return whether an episode has begun."""
         has_begun = clock.life != self.life
         if has_begun:
-            # Sim time begins again: nothing repeats itself.
+            # Simulation time begins again: earlier stamps are not repetitions.
             self.life = clock.life
             self.newest.clear()
             self._bases.restart()
@@ -162,45 +161,46 @@ class Gateway:
         return has_begun
 
     def repeat(self, link: Link) -> None:
-        """Send what is repeated every second: wishes for commands, and static transforms."""
-        if self.clock_nanos is None and self._words is None:
+        """Send what is repeated every second: subscriptions to ROS topics and static transforms."""
+        if self.clock_nanos is None and self._replies is None:
             return
-        now = self.clock_nanos or 0  # in lockstep time begins when ROS is heard
-        for wish in self.incoming:
-            if wish.msg_type in LATCHED and not self._has_wished:
-                # The node may still serve the wish of a predecessor, and what is latched comes
-                # only with a new one.
-                link.send(SUBSCRIBE, wish.topic, "", now, wish.forget(), to=self.peer)
-            link.send(SUBSCRIBE, wish.topic, "", now, wish.subscribe(), to=self.peer)
-        self._has_wished = True
+        now = self.clock_nanos or 0  # in lockstep the run begins after the node has replied
+        for each in self.subscriptions:
+            if each.msg_type in LATCHED and not self._has_subscribed:
+                # The node may still serve a predecessor's subscription, and sends latched messages
+                # only for a new one.
+                link.send(SUBSCRIBE, each.topic, "", now, each.unsubscribe(), to=self.peer)
+            link.send(SUBSCRIBE, each.topic, "", now, each.subscribe(), to=self.peer)
+        self._has_subscribed = True
         if self.clock_nanos is None:
             return
-        # What never changes has the stamp of the run's begin, so that repetitions are equal.
+        # Static messages are stamped with the start of the run, so that repetitions are equal.
         for topic, told, _ in self._bases.still(self.epoch_nanos):
             self._send((wire_type(type(told)), topic), told, link)
 
     def on_message(self, message: WireMessage, sender: Address) -> None:
-        """Take a message of the wire; called on the link's receiving thread."""
+        """Handle a message of the wire; called on the link's receive thread."""
         try:
             if message.msg_type == SUBSCRIBE:
-                wish = Subscribe.parse(message.body)
-                if not self._subscriptions.request(sender, message.topic, wish, time.monotonic()):
+                request = Subscribe.parse(message.body)
+                now = time.monotonic()
+                if not self._subscribers.request(sender, message.topic, request, now):
                     self.counts["refused"] += 1
             elif message.msg_type == CONTROL:
                 self._on_control(message, sender)
-            elif self._words is None:
+            elif self._replies is None:
                 self.take(message)
             elif sender == self.peer:
-                self._words.put(message)
+                self._replies.put(message)
             else:
                 self.counts["refused"] += 1
         except Refused:
             self.counts["refused"] += 1
 
     def take(self, message: WireMessage) -> tuple[str, Message] | None:
-        """Publish on the bus what has come from ROS; return it with its key if it could be read."""
+        """Publish a message from ROS on the bus; return it with its key if it could be read."""
         try:
-            key, taken = self.incoming.read(message, self.clock_nanos)
+            key, taken = self.subscriptions.read(message, self.clock_nanos)
         except BadMessage:
             self.counts["refused"] += 1
             return None
@@ -211,12 +211,12 @@ class Gateway:
     def report(
         self, link: Link, dropped: Mapping[str, int] = MappingProxyType({})
     ) -> tuple[list[StreamReport], dict[str, int]]:
-        """Return what became of what was sent to the peer and back, and the gateway's counters.
+        """Return the delivery of each topic to the peer and back, and the gateway's counters.
 
         Parameters
         ----------
         dropped
-            messages by key that newer ones pushed out before they were forwarded.
+            by key: messages that newer ones replaced before they were forwarded.
         """
         came = [(topic, report) for of, topic, _, report in link.arrivals() if of == self.peer]
         rows = self._reports.streams(link.accounts(self.peer), came)
@@ -229,11 +229,11 @@ class Gateway:
     def _send(
         self, place: TopicKey, message: Message, link: Link, *, to: Sequence[Address] | None = None
     ) -> Sequence[Address]:
-        """Send a message to some, or to all that want it; return to whom."""
+        """Send a message to some receivers, or to all subscribers; return to whom."""
         stamp_nanos = measured_nanos(message)
         is_news = to is None
         if to is None:
-            to = self._subscriptions.receivers(place, stamp_nanos, time.monotonic())
+            to = self._subscribers.receivers(place, stamp_nanos, time.monotonic())
         if not to and not self.native.offers(place):
             return to
         try:
@@ -243,7 +243,7 @@ class Gateway:
             return ()
         msg_type, topic = place
         frame = getattr(message, "frame", "")
-        if isinstance(message, Reading):  # on the wire stands what the sensor's clock says
+        if isinstance(message, Reading):  # the wire carries the time of the sensor's own clock
             stamp_nanos += message.clock_error_nanos
         if is_news:
             self.native.publish(place, stamp_nanos, cdr)
@@ -257,9 +257,9 @@ class Gateway:
         return to
 
     def _is_stale(self, key: str, stamp_nanos: int) -> bool:
-        """Return whether a stream repeats itself: a sensor came back and caught up.
+        """Return whether a stream repeats itself, as after a restart of its sensor.
 
-        A stamp behind the newest one is new all the same when the clock has jumped back too.
+        A stamp behind the newest one is new if the clock has jumped back, too.
         """
         newest = self.newest.get(key)
         clock = self.clock_nanos
@@ -271,13 +271,13 @@ class Gateway:
         return False
 
     def _on_control(self, message: WireMessage, sender: Address) -> None:
-        said = control.parse(message.body)
+        body = control.parse(message.body)
         if sender != self.peer:
-            # Whoever subscribes may report, but time is the peer's alone.
-            self.counts["refused"] += isinstance(said, RunCommand | BarrierReply)
-        elif isinstance(said, BarrierReply) and self._words is not None:
-            self._words.put_reply(said, message.topic)
-        elif isinstance(said, RunCommand):
-            self._on_wish(said)
-        elif isinstance(said, LinkReport):
-            self._reports.link = said
+            # Other subscribers may report, but only the peer controls time.
+            self.counts["refused"] += isinstance(body, RunCommand | BarrierReply)
+        elif isinstance(body, BarrierReply) and self._replies is not None:
+            self._replies.put_reply(body, message.topic)
+        elif isinstance(body, RunCommand):
+            self._on_run_command(body)
+        elif isinstance(body, LinkReport):
+            self._reports.link = body

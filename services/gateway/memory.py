@@ -1,60 +1,65 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a gateway remembers, so that one after it, or after a restore, goes on where it was.
+"""Memory of a gateway: what a successor, or a restored run, continues from.
 
-Rule: it goes with the gateway's acknowledgements, as every process's memory does. What is on the
-wire or waits in the emulated link belongs to the wall clock and is not in it.
+It is part of the gateway's acknowledgements. Datagrams on the wire or in the emulated link are not.
 """
 
 from __future__ import annotations
 
-import msgspec
+from collections.abc import Callable
 
-from groundlink.bus.core_topics import GATEWAY
-from groundlink.bus.queries import history_key
-from groundlink.bus.session import Bus
+import msgspec
+from msgspec.structs import replace
+
 from groundlink.emulation.model import DirectionState
-from groundlink.messages.base import Ack, decode
+from groundlink.messages.base import Ack
 
 from .emulated_socket import EmulatedSocket
 from .gateway import Gateway
 
-ANSWER_SECONDS = 20.0
-
 
 class _Memory(msgspec.Struct, array_like=True):
     newest: dict[str, int]
-    """By stream: the stamp of its newest message that went to ROS."""
+    """By stream: stamp of the newest message that was sent to ROS."""
 
     counts: dict[str, int]
     link: dict[str, DirectionState]
-    """By direction: how far the emulated link has come with its random numbers."""
+    """By direction: state of the emulated link's random numbers."""
 
     next_due: dict[str, int] = {}
     not_come: dict[str, int] = {}
     """See `MissingReadingCounter.memory`."""
 
 
-def memory_of(gateway: Gateway, emulated: EmulatedSocket | None) -> bytes:
-    """Return what a successor has to know."""
-    link = {} if emulated is None else emulated.courses()
-    missing_readings = gateway.missing_readings.memory()
-    return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link, *missing_readings))
+class GatewayMemory:
+    """Packs and restores the memory of a gateway and its emulated link."""
 
+    def __init__(
+        self,
+        gateway: Gateway,
+        emulated: EmulatedSocket | None,
+        publish: Callable[[Ack], object],
+    ) -> None:
+        self._gateway, self._emulated, self._publish = gateway, emulated, publish
 
-def known_of(bus: Bus, run: str) -> bytes:
-    """Return what physics knows of a predecessor; nothing where it knows of none."""
-    for payload in bus.query(history_key(run), GATEWAY, seconds=ANSWER_SECONDS).values():
-        return decode(payload, Ack).memory
-    return b""
+    def acknowledge(self, ack: Ack) -> None:
+        """Publish an acknowledgement with the memory."""
+        self._publish(replace(ack, memory=self.pack()))
 
+    def pack(self) -> bytes:
+        """Return the memory."""
+        gateway, emulated = self._gateway, self._emulated
+        link = {} if emulated is None else emulated.direction_states()
+        missing = gateway.missing_readings.memory()
+        return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link, *missing))
 
-def recall(memory: bytes, gateway: Gateway, emulated: EmulatedSocket | None) -> None:
-    """Go on from a predecessor's memory, in a life whose first clock was heard."""
-    if not memory:
-        return
-    known = msgspec.msgpack.decode(memory, type=_Memory)
-    gateway.newest = known.newest
-    gateway.counts |= known.counts
-    gateway.missing_readings.remember(known.next_due, known.not_come)
-    if emulated is not None:
-        emulated.take_up(known.link)
+    def recall(self, memory: bytes) -> None:
+        """Continue from a predecessor's memory, after the first clock of an episode."""
+        if not memory:
+            return
+        known = msgspec.msgpack.decode(memory, type=_Memory)
+        self._gateway.newest = known.newest
+        self._gateway.counts |= known.counts
+        self._gateway.missing_readings.remember(known.next_due, known.not_come)
+        if self._emulated is not None:
+            self._emulated.restore(known.link)

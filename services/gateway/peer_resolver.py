@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the peer is now, whose name may come to mean another address, or has none yet.
+"""Peer resolver: keeps the IP address of the peer's host name up to date.
 
-Rule: names are looked up on a thread of its own, since one failed look-up can take ten seconds, and
-while it fails the last address holds.
+A thread of its own looks the name up, since a failing look-up can take ten seconds. While look-ups
+fail, the last known address stays in use.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from groundlink.process.runner import NoSuchHost
 
 from .subscribers import Address
 
-LOOK_UP_SECONDS = 2.0
-"""Between two look-ups: a container that was made anew may have another address."""
+PERIOD_SECONDS = 2.0
+"""Between two look-ups: a container that was created again may have another address."""
 
 WAIT_SECONDS = 0.02
 
@@ -32,50 +32,47 @@ class PeerResolver:
     """
 
     def __init__(
-        self, text: str, look_up: Callable[[str], Address], period_seconds: float = LOOK_UP_SECONDS
+        self, text: str, look_up: Callable[[str], Address], period_seconds: float = PERIOD_SECONDS
     ) -> None:
         self.address: Address | None = None
-        """The last one; None before the first."""
+        """The last known address; None before the first."""
 
         self._text, self._look_up, self._period_seconds = text, look_up, period_seconds
-        self._mistake: UserError | None = None
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._keep_looking, daemon=True)
+        self._error: UserError | None = None
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="peer resolver", daemon=True)
         self._thread.start()
 
-    def known(self, stop: threading.Event, tell: Callable[[str], object]) -> Address | None:
-        """Return the address as soon as there is one, None if `stop` is set before.
+    def wait(self, stop: threading.Event, say: Callable[[str], object]) -> Address | None:
+        """Wait for an address and return it; None if `stop` is set before.
 
         Parameters
         ----------
-        tell
-            is called once where that takes longer than the time between two look-ups.
+        say
+            prints a line; called once if the wait is longer than the time between two look-ups.
 
         Raises
         ------
         UserError
-            when the text is no address.
+            when the text is not an address.
         """
-        waits, patience = 0, ceil(self._period_seconds / WAIT_SECONDS)
+        waits, most_waits = 0, ceil(self._period_seconds / WAIT_SECONDS)
         while self.address is None and not stop.wait(WAIT_SECONDS):
-            if self._mistake is not None and not isinstance(self._mistake, NoSuchHost):
-                raise self._mistake
+            if self._error is not None and not isinstance(self._error, NoSuchHost):
+                raise self._error
             waits += 1
-            if waits == patience:
-                tell(
-                    f"no address is known of `{self._text}`, which is looked up again and again; "
-                    "ROS gets nothing until there is one"
-                )
+            if waits == most_waits:
+                say(f"`{self._text}` has no address yet; retrying, ROS gets nothing until then")
         return self.address
 
-    def _keep_looking(self) -> None:
-        while not self._end.is_set():
+    def _run(self) -> None:
+        while not self._closed.is_set():
             try:
                 self.address = self._look_up(self._text)
-            except UserError as mistake:
-                self._mistake = mistake
-            self._end.wait(self._period_seconds)
+            except UserError as error:
+                self._error = error
+            self._closed.wait(self._period_seconds)
 
     def close(self) -> None:
-        """Look no more; a look-up under way ends with the process."""
-        self._end.set()
+        """Stop looking up; a look-up in progress ends with the process."""
+        self._closed.set()

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes from ROS: which topics are wished for, and what each message is on the bus.
+"""Topics of ROS that a run subscribes to, and how their messages are read.
 
-Rule: derived from the scenario and the tables of types alone; the way out is `streams`. What comes
-from ROS is wished for as long as the gateway lives, and nothing comes that was not wished for.
+Derived from the scenario and the tables of types. `streams` has the other direction.
 """
 
 from __future__ import annotations
@@ -21,54 +20,54 @@ from udp_bridge.wire.types import MSG_TYPES, type_number
 from .streams import wire_type
 
 LATCHED = frozenset({type_number("OccupancyGrid")})
-"""Published once and kept for those that come late."""
+"""Published once and kept for late subscribers."""
 
 LEASE_SECONDS = 10
-"""Of the gateway's wishes, which are repeated every second, on a machine that may be busy. In
-lockstep an answer that comes while nobody subscribes would be waited for in vain."""
+"""Lease of a subscription. The gateway renews it every second, but its machine may be busy; in
+lockstep, a message that is published without a subscription would be missing for good."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RosSubscription:
-    """A topic of ROS that has a place on the bus."""
+    """A topic of ROS with its key on the bus."""
 
     msg_type: int
     topic: str
     key: str
     reader: Callable[[Body, int], Message]
-    """Of bodies, at the run's time."""
+    """Reads a body, received at a time of the run."""
 
     def subscribe(self) -> bytes:
-        """Return the body of the Subscribe that asks for it."""
+        """Return the body of a Subscribe message that begins or renews it."""
         return Subscribe(self.msg_type, lease_s=LEASE_SECONDS).pack()
 
-    def forget(self) -> bytes:
-        """Return the body of the Subscribe that ends it."""
+    def unsubscribe(self) -> bytes:
+        """Return the body of a Subscribe message that ends it."""
         return Subscribe(self.msg_type, action=0).pack()
 
     def read(self, message: WireMessage, now_nanos: int) -> Message:
-        """Return what a message is on the bus.
+        """Return a message as the bus has it.
 
         Raises
         ------
         BadMessage
-            when the body is not what its type says.
+            when the body does not fit its type.
         """
         return self.reader(message.body, now_nanos)
 
 
 class RosSubscriptions:
-    """All that a run wishes from ROS."""
+    """All topics that a run subscribes to in ROS."""
 
     def __init__(self, scenario: Scenario, run: str) -> None:
-        wishes = []
+        subscriptions = []
         for stream in incoming(scenario, run):
             msg_type = wire_type(stream.message, stream.ros_type)
             read = reader(stream.message, str(MSG_TYPES[msg_type].ros_type))
-            wishes.append(
+            subscriptions.append(
                 RosSubscription(msg_type=msg_type, topic=stream.topic, key=stream.key, reader=read)
             )
-        self._by_topic = {(wish.msg_type, wish.topic): wish for wish in wishes}
+        self._by_topic = {(each.msg_type, each.topic): each for each in subscriptions}
 
     def __iter__(self) -> Iterator[RosSubscription]:
         return iter(self._by_topic.values())
@@ -79,9 +78,9 @@ class RosSubscriptions:
         Raises
         ------
         BadMessage
-            when nobody wished for it, it is not what its type says, or the run has no time yet.
+            when it was not subscribed to, does not fit its type, or the run has no time yet.
         """
-        wish = self._by_topic.get((message.msg_type, message.topic))
-        if wish is None or now_nanos is None:
-            raise BadMessage(f"nobody wishes {message.topic} yet")
-        return wish.key, wish.read(message, now_nanos)
+        each = self._by_topic.get((message.msg_type, message.topic))
+        if each is None or now_nanos is None:
+            raise BadMessage(f"{message.topic} is not subscribed to, or the run has no time yet")
+        return each.key, each.read(message, now_nanos)

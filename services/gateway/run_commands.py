@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run commands from ROS: forwarded to physics one after the other, each executed once.
+"""Run commands from ROS: sent to physics one after the other, each executed once.
 
-Rule: physics may take seconds to answer, so it is asked on a thread of this module's own, and
-neither the bus nor the wire waits for it. A wish that comes again is one whose answer was lost, or
-that is still under way: it is answered, not done.
+Physics may take seconds to answer, so a thread of its own waits for it. A command that arrives
+again was not answered yet, or its reply was lost: it is answered again and not executed again.
 """
 
 from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 
 from groundlink.core.errors import UserError
 from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
@@ -27,81 +26,82 @@ from udp_bridge.wire.run_commands import (
     RunCommandReply,
 )
 
-ANSWERS_KEPT = 256
-"""Of these, answers are told again; a wish is repeated for seconds, and people are slow."""
+REPLIES_KEPT = 256
+"""Replies that can be sent again; a command is repeated for some seconds."""
 
-WISHES_WAITING = 64
-"""More are left to be repeated."""
+COMMANDS_WAITING = 64
+"""Further commands are dropped; the peer repeats them."""
 
-BACKLOG_LOOKS = 500
-"""So often, every millisecond, it is looked whether what physics has published before an answer was
-sent: clocks go first."""
+BACKLOG_CHECKS = 500
+"""Most checks, one each millisecond, whether the messages that physics published before its answer
+were sent. The reply follows them."""
 
-ON_THE_BUS: dict[int, AnyRunCommand] = {PAUSE: Pause(), RESUME: Resume(), RESET: Reset()}
-"""What physics is told for each wish; for a step how far, and for a question nothing."""
+BUS_COMMANDS: dict[int, AnyRunCommand] = {PAUSE: Pause(), RESUME: Resume(), RESET: Reset()}
+"""By action of the wire: the command for physics. Steps have an argument, queries no command."""
 
 
 class RunCommandQueue:
-    """What ROS has wished, and what became of it.
+    """Commands that were received, and their replies.
 
     Parameters
     ----------
-    ask
-        returns physics' answer, or raises a UserError that says why there is none.
+    execute
+        returns the answer of physics, or raises a UserError that says why there is none.
     backlog
-        returns how many messages of the bus wait for being sent.
+        messages of the bus that wait to be sent.
     """
 
     def __init__(
-        self, ask: Callable[[AnyRunCommand | None], ControlAnswer], *, backlog: Callable[[], int]
+        self, execute: Callable[[AnyRunCommand | None], ControlAnswer], *, backlog: Sized
     ) -> None:
-        self._ask, self._backlog = ask, backlog
-        self._tell: Callable[[RunCommandReply], object] | None = None
+        self._execute, self._backlog = execute, backlog
+        self._send: Callable[[RunCommandReply], object] | None = None
         self._is_over = threading.Event()
         self._waiting: queue.SimpleQueue[RunCommand | None] = queue.SimpleQueue()
-        self._answers: dict[int, RunCommandReply | None] = {}
-        """By number, from the moment on that a wish is taken."""
+        self._replies: dict[int, RunCommandReply | None] = {}
+        """By the command's number; None while it is executed."""
 
-        self._thread = threading.Thread(target=self._run, name="wishes", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="run commands", daemon=True)
         self._thread.start()
 
-    def tell_by(self, tell: Callable[[RunCommandReply], object]) -> None:
-        """Say how the peer is told, from now on."""
-        self._tell = tell
+    def reply_with(self, send: Callable[[RunCommandReply], object]) -> None:
+        """Set the function that sends replies to the peer."""
+        self._send = send
 
-    def take(self, wish: RunCommand) -> None:
-        """Take a wish of the peer; from the link's receiving thread, never blocks."""
-        if wish.number in self._answers:
-            answer = self._answers[wish.number]
-            if answer is not None and self._tell is not None:
-                self._tell(answer)
-        elif self._waiting.qsize() < WISHES_WAITING:
-            self._answers[wish.number] = None
-            while len(self._answers) > ANSWERS_KEPT:
-                del self._answers[next(iter(self._answers))]
-            self._waiting.put(wish)
+    def put(self, command: RunCommand) -> None:
+        """Take a command of the peer; called on the link's receive thread, never blocks."""
+        if command.number in self._replies:
+            reply = self._replies[command.number]
+            if reply is not None and self._send is not None:
+                self._send(reply)
+        elif self._waiting.qsize() < COMMANDS_WAITING:
+            self._replies[command.number] = None
+            while len(self._replies) > REPLIES_KEPT:
+                del self._replies[next(iter(self._replies))]
+            self._waiting.put(command)
 
     def close(self) -> None:
-        """End the thread when physics has answered; what waits is not done."""
+        """End the thread after the present command; drop those that wait."""
         self._is_over.set()
         self._waiting.put(None)
         self._thread.join()
 
     def _run(self) -> None:
-        while (wish := self._waiting.get()) is not None and not self._is_over.is_set():
-            answer = self._answers[wish.number] = self._answer(wish)
-            if self._tell is not None:
-                self._tell(answer)
+        while (command := self._waiting.get()) is not None and not self._is_over.is_set():
+            reply = self._replies[command.number] = self._executed(command)
+            if self._send is not None:
+                self._send(reply)
 
-    def _answer(self, wish: RunCommand) -> RunCommandReply:
+    def _executed(self, command: RunCommand) -> RunCommandReply:
+        is_step = command.action == STEP
         try:
-            said = self._ask(
-                Step(wish.ticks) if wish.action == STEP else ON_THE_BUS.get(wish.action)
+            answer = self._execute(
+                Step(command.ticks) if is_step else BUS_COMMANDS.get(command.action)
             )
         except UserError as problem:
             error = str(problem).encode()[:ERROR_BYTES].decode(errors="ignore")
-            return RunCommandReply(wish.number, STOPPED, -1, error)
-        looks = 0
-        while self._backlog() and looks < BACKLOG_LOOKS and not self._is_over.wait(0.001):
-            looks += 1
-        return RunCommandReply(wish.number, PAUSED if said.paused else RUNNING, said.tick)
+            return RunCommandReply(command.number, STOPPED, -1, error)
+        checks = 0
+        while len(self._backlog) and checks < BACKLOG_CHECKS and not self._is_over.wait(0.001):
+            checks += 1
+        return RunCommandReply(command.number, PAUSED if answer.paused else RUNNING, answer.tick)

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which types of the wire the streams of a run have, and how each is treated on its way.
-
-Rule: derived from the run's streams and the wire's table of types alone. This is where the
-vocabulary of the bus meets the vocabulary of the wire.
-"""
+"""Wire types of the run's streams, and how the link repairs and queues each of them."""
 
 from __future__ import annotations
 
@@ -29,14 +25,14 @@ TF_MESSAGE = type_number("TFMessage")
 
 
 def wire_type(message: type[Message], ros_type: str = "") -> int:
-    """Return the wire's number of the ROS type that a message of the bus becomes, or is read of."""
+    """Return the wire type of the ROS message that corresponds to a message of the bus."""
     return NUMBER_OF_ROS_TYPE[ros_type or ROS_CODECS[message].ros_type]
 
 
 def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
-    """Return the bytes of each stream in blocks that may wait, by wire type and topic.
+    """Return the bytes that may wait of each stream sent in blocks, by wire type and topic.
 
-    A block may be held up as long as a whole revolution would be: no data get older by it.
+    These are the bytes of a revolution, so a block waits no longer than a whole cloud would.
     """
     table = {}
     for stream in streams:
@@ -49,31 +45,31 @@ def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
 
 
 def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:
-    """Return how what is lost of each stream is made good, by wire type and topic."""
+    """Return the repair mode of each stream, by wire type and topic."""
     table = {}
     for stream in streams:
-        said = stream.repair
-        if isinstance(said, RepairBy):
-            share = {"fec": said.fec} if said.fec is not None else {"resend": said.resend}
+        repair = stream.repair
+        if isinstance(repair, RepairBy):
+            share = {"fec": repair.fec} if repair.fec is not None else {"resend": repair.resend}
             mode = parse_mode(share)
         else:
-            mode = parse_mode(said)
+            mode = parse_mode(repair)
         if mode is not None:
             table[wire_type(stream.message), stream.topic] = mode
     return table
 
 
 def answers(scenario: Scenario, gateway: Gateway) -> tuple[ExpectedResponse, ...]:
-    """Return which topics ROS has to answer in lockstep.
+    """Return the messages that the ROS node must send before it replies to a barrier.
 
     Raises
     ------
     UserError
-        when one of them does not go to ROS.
+        when one of them answers a topic that is not sent to ROS.
     """
     if mistake := answers_mistake(scenario):
         raise UserError(mistake)
-    types = {wish.topic: wish.msg_type for wish in gateway.incoming}
+    types = {each.topic: each.msg_type for each in gateway.subscriptions}
     return tuple(
         ExpectedResponse(topic, of, types.get(topic, 0))
         for topic, of in scenario.time.answers.items()

@@ -18,7 +18,7 @@ from groundlink.core.errors import UserError
 from groundlink.emulation import Impairment, LinkEvent, LinkScript
 from groundlink.emulation.model import OUTCOMES
 from groundlink.scenario.ros_side import Gateway as Settings
-from services.gateway.__main__ import sockets
+from services.gateway.carrier import sockets
 from services.gateway.emulated_socket import EmulatedSocket
 from udp_bridge import Link, Message
 from udp_bridge.io.socket_wrappers import Sealed
@@ -238,7 +238,7 @@ def test_a_receive_buffer_that_is_too_small_is_told_in_one_line(
         bare.receive_buffer = receive_buffer - missing_bytes
         return bare
 
-    monkeypatch.setattr("services.gateway.__main__.UdpSocket", granted)
+    monkeypatch.setattr("services.gateway.carrier.UdpSocket", granted)
     around, _ = sockets(Settings(), LOCAL, ("127.0.0.1", 9), None)
     around.close()
     lines = capsys.readouterr().err.splitlines()

@@ -12,7 +12,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Message, encode
-from services.gateway.forwarder import PILE, Forwarder
+from services.gateway.forwarder import PILE_MESSAGES, Forwarder
 
 from .test_gateway import RUN, Bench
 from .test_memory import IMU_KEY, sample
@@ -26,23 +26,23 @@ def test_it_tells_how_far_it_is_and_counts_clocks_that_the_bus_has_lost() -> Non
     gateway: Any = SimpleNamespace(streams={})
     link: Any = None
     scenario = load(SHIPPED / "indoor_lab.yaml")
-    following = Forwarder(scenario, gateway, link, acknowledge=acks.append)
+    forwarder = Forwarder(scenario, gateway, link, acknowledge=acks.append)
     for life, tick in ((5, 300), (5, 304), (5, 312), (6, 0), (6, 4)):  # at 100 Hz
-        following.hear("clock", Clock(0, 0, tick, life))
+        forwarder.hear("clock", Clock(0, 0, tick, life))
     assert [(ack.life, ack.tick) for ack in acks][-1] == (6, 4)
-    assert following.counts == {"clocks_missed": 1}
+    assert forwarder.counts == {"clocks_missed": 1}
 
 
 @pytest.mark.parametrize(
     ("seconds", "stale_seconds"), [(2.5, 0.0), (8.0, 5.0)], ids=["stood still", "cut off"]
 )
-def test_of_what_has_piled_up_the_stale_is_dropped_by_stamp_and_counted(
+def test_of_what_has_pile_up_the_stale_is_dropped_by_stamp_and_counted(
     seconds: float, stale_seconds: float
 ) -> None:
     """Samples of 100 a second, each behind its clock, and all of them waiting."""
     bench, inbox = Bench(), BusInbox[Message](depth=8192)
     link: Any = bench.link
-    following = Forwarder(
+    forwarder = Forwarder(
         load(SHIPPED / "indoor_lab.yaml"), bench.gateway, link, acknowledge=lambda ack: None
     )
 
@@ -52,15 +52,15 @@ def test_of_what_has_piled_up_the_stale_is_dropped_by_stamp_and_counted(
         inbox.put(IMU_KEY, encode(sample(stamp)), type(sample(0)))
 
     def hears() -> None:
-        while len(inbox) or following._piled:
-            arrived = following.listen(inbox)
+        while len(inbox) or forwarder._pile:
+            arrived = forwarder.listen(inbox)
             assert arrived is not None
-            following.hear(*arrived)
+            forwarder.hear(*arrived)
 
     arrives(1)
     hears()
     count = round(seconds * 100)
-    assert count > PILE
+    assert count > PILE_MESSAGES
     for hundredth in range(2, 2 + count):
         arrives(hundredth)
     hears()

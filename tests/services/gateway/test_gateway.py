@@ -92,7 +92,7 @@ class Bench:
             RUN,
             peer=PEER,
             publish=lambda key, message: self.commands.append((key, message)),
-            on_wish=self.wishes.append,
+            on_run_command=self.wishes.append,
         )
 
     def forward(self, name: str, message: Message) -> None:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 from groundlink.messages.base import Ack, Clock, Imu, encode
-from services.gateway.memory import known_of, memory_of, recall
+from services.gateway.bus_session import predecessor_memory
+from services.gateway.memory import GatewayMemory
 
 from .test_gateway import RUN, Bench
 
@@ -22,6 +23,10 @@ class Archive:
     def query(self, key: str, parameters: str, *, seconds: float) -> dict[str, bytes]:
         assert (key, parameters) == (f"groundlink/{RUN}/state/history", "gateway")
         return {str(i): reply for i, reply in enumerate(self._replies)}
+
+
+def memory(bench: Bench) -> GatewayMemory:
+    return GatewayMemory(bench.gateway, None, publish=lambda ack: None)
 
 
 def sample(stamp_nanos: int) -> Imu:
@@ -41,10 +46,10 @@ def test_what_went_to_ros_before_does_not_go_again() -> None:
     first, second = Bench(), Bench()
     assert forwarded(first, 1, 2, 3) == [1, 2, 3]
     first.gateway.counts["commands"] = 17
-    ack = Ack(9, 40, 40, memory_of(first.gateway, None))
+    ack = Ack(9, 40, 40, memory(first).pack())
     bus: Any = Archive(encode(ack), b"a state")
     second.gateway.forward(f"groundlink/{RUN}/clock", Clock(100_000_000, 0, 40, 9), second.link)
-    recall(known_of(bus, RUN), second.gateway, None)
+    memory(second).recall(predecessor_memory(bus, RUN))
     assert forwarded(second, 2, 3, 4) == [4]
     assert second.gateway.counts["commands"] == 17
 
@@ -53,5 +58,5 @@ def test_who_has_no_predecessor_begins_anew() -> None:
     for replies in ((), (encode(Ack(9, -1, -1)), b"a state")):
         bench = Bench()
         bus: Any = Archive(*replies)
-        recall(known_of(bus, RUN), bench.gateway, None)
+        memory(bench).recall(predecessor_memory(bus, RUN))
         assert forwarded(bench, 1, 2) == [1, 2]

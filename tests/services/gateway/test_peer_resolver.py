@@ -62,7 +62,7 @@ def peer(names: Names) -> Iterator[PeerResolver]:
 def test_another_address_is_taken_and_a_failed_look_up_changes_nothing(
     names: Names, peer: PeerResolver, stop: threading.Event, lines: list[str]
 ) -> None:
-    assert peer.known(stop, lines.append) == ("10.0.0.1", 7511)
+    assert peer.wait(stop, lines.append) == ("10.0.0.1", 7511)
     names.host = None
     before = names.looked_up
     wait_for(lambda: names.looked_up > before + 1, 5, "a look-up")
@@ -89,12 +89,12 @@ def test_a_peer_without_an_address_is_told_once_and_taken_when_it_has_one(
     appears = threading.Thread(target=appear)
     appears.start()
     try:
-        assert peer.known(stop, lines.append) == ("10.0.0.3", 7511)
+        assert peer.wait(stop, lines.append) == ("10.0.0.3", 7511)
     finally:
         appears.join()
         peer.close()
     (line,) = lines
-    assert "no address is known of `ros2:7511`" in line
+    assert "`ros2:7511` has no address yet" in line
 
 
 def test_who_is_asked_to_end_waits_for_no_name(
@@ -103,7 +103,7 @@ def test_who_is_asked_to_end_waits_for_no_name(
     names.host = None
     never = PeerResolver("ros2:7511", names.look_up, period_seconds=0.001)
     stop.set()
-    assert never.known(stop, lines.append) is None
+    assert never.wait(stop, lines.append) is None
     never.close()
 
 
@@ -113,5 +113,5 @@ def test_what_is_no_address_is_the_users_mistake(
     names.host, names.no_host = None, UserError("`ros2` is no address")
     peer = PeerResolver("ros2", names.look_up)
     with pytest.raises(UserError, match="is no address"):
-        peer.known(stop, lines.append)
+        peer.wait(stop, lines.append)
     peer.close()

@@ -18,7 +18,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load as load_scenario
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.ros_side import RmwZenoh
-from services.gateway.__main__ import native as native_of
+from services.gateway.carrier import rmw_zenoh as native_of
 from services.gateway.gateway import Gateway
 from services.gateway.rmw_zenoh import (
     QOS,

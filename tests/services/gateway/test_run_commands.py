@@ -13,8 +13,8 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import Gateway as GatewaySettings
-from services.gateway.__main__ import sockets
-from services.gateway.run_commands import ANSWERS_KEPT, WISHES_WAITING, RunCommandQueue
+from services.gateway.carrier import sockets
+from services.gateway.run_commands import COMMANDS_WAITING, REPLIES_KEPT, RunCommandQueue
 from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.wire import run_commands as wishing
@@ -32,10 +32,10 @@ class Bench:
         self.error = ""
         self.answers = threading.Event()
         self.answers.set()
-        self.backlog = 0
+        self.backlog: list[int] = []
         self._told = threading.Condition()
-        self.wishes = RunCommandQueue(self._ask, backlog=lambda: self.backlog)
-        self.wishes.tell_by(self._tell)
+        self.wishes = RunCommandQueue(self._ask, backlog=self.backlog)
+        self.wishes.reply_with(self._tell)
 
     def _ask(self, wish: AnyRunCommand | None) -> ControlAnswer:
         self.asked.append(wish)
@@ -75,7 +75,7 @@ def bench() -> Iterator[Bench]:
 def test_what_is_wished_and_answered(
     bench: Bench, wish: RunCommand, on_the_bus: AnyRunCommand | None, state: int
 ) -> None:
-    bench.wishes.take(wish)
+    bench.wishes.put(wish)
     bench.wait(lambda: len(bench.told) == 1)
     assert bench.asked == [on_the_bus]
     assert bench.told == [RunCommandReply(5, state, 41)]
@@ -83,9 +83,9 @@ def test_what_is_wished_and_answered(
 
 def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
     for _ in range(3):
-        bench.wishes.take(RunCommand(5, wishing.RESET))
+        bench.wishes.put(RunCommand(5, wishing.RESET))
     bench.wait(lambda: len(bench.told) == 1)
-    bench.wishes.take(RunCommand(5, wishing.RESET))
+    bench.wishes.put(RunCommand(5, wishing.RESET))
     bench.wait(lambda: len(bench.told) == 2)
     assert bench.asked == [Reset()]
     assert bench.told[0] == bench.told[1]
@@ -94,7 +94,7 @@ def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
 def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Bench) -> None:
     bench.answers.clear()
     for number in (5, 5, 6, 5):
-        bench.wishes.take(RunCommand(number, wishing.RESET))  # returns while physics is silent
+        bench.wishes.put(RunCommand(number, wishing.RESET))  # returns while physics is silent
     assert bench.told == []
     bench.answers.set()
     bench.wait(lambda: len(bench.told) == 2)
@@ -104,7 +104,7 @@ def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Benc
 
 def test_why_it_could_not_be_done(bench: Bench) -> None:
     bench.error = "physics of run `lab` does not answer " + 2000 * "ä"
-    bench.wishes.take(RunCommand(5, wishing.PAUSE))
+    bench.wishes.put(RunCommand(5, wishing.PAUSE))
     bench.wait(lambda: len(bench.told) == 1)
     answer = RunCommandReply.parse(bench.told[0].pack())
     assert (answer.state, answer.tick) == (STOPPED, -1)
@@ -112,43 +112,43 @@ def test_why_it_could_not_be_done(bench: Bench) -> None:
 
 
 def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
-    bench.backlog = 3
-    began = threading.Timer(0.1, lambda: setattr(bench, "backlog", 0))
+    bench.backlog += [1, 2, 3]
+    began = threading.Timer(0.1, bench.backlog.clear)
     began.start()
-    bench.wishes.take(RunCommand(5, wishing.PAUSE))
+    bench.wishes.put(RunCommand(5, wishing.PAUSE))
     bench.wait(lambda: len(bench.told) == 1)
-    assert bench.backlog == 0
+    assert bench.backlog == []
     began.join()
 
 
 def test_so_many_wait_and_no_more(bench: Bench) -> None:
     bench.answers.clear()
-    bench.wishes.take(RunCommand(0, wishing.PAUSE))
+    bench.wishes.put(RunCommand(0, wishing.PAUSE))
     while not bench.asked:  # until it is with physics and waits no longer
         time.sleep(0.001)
-    for number in range(1, WISHES_WAITING + 10):
-        bench.wishes.take(RunCommand(number, wishing.PAUSE))
+    for number in range(1, COMMANDS_WAITING + 10):
+        bench.wishes.put(RunCommand(number, wishing.PAUSE))
     bench.answers.set()
-    bench.wait(lambda: len(bench.told) == WISHES_WAITING + 1)
-    bench.wishes.take(RunCommand(5000, wishing.PAUSE))
+    bench.wait(lambda: len(bench.told) == COMMANDS_WAITING + 1)
+    bench.wishes.put(RunCommand(5000, wishing.PAUSE))
     bench.wait(lambda: bench.told[-1].number == 5000)
-    assert [answer.number for answer in bench.told[:-1]] == list(range(WISHES_WAITING + 1))
+    assert [answer.number for answer in bench.told[:-1]] == list(range(COMMANDS_WAITING + 1))
 
 
 def test_what_is_kept_is_bounded(bench: Bench) -> None:
     bench.answers.clear()
     for number in range(1000):
-        bench.wishes.take(RunCommand(number, wishing.PAUSE))
+        bench.wishes.put(RunCommand(number, wishing.PAUSE))
     bench.answers.set()
-    bench.wait(lambda: len(bench.told) >= WISHES_WAITING)
-    assert len(bench.told) <= WISHES_WAITING + 1  # one is with physics
+    bench.wait(lambda: len(bench.told) >= COMMANDS_WAITING)
+    assert len(bench.told) <= COMMANDS_WAITING + 1  # one is with physics
     first = bench.told[0].number
-    for number in range(2000, 2000 + ANSWERS_KEPT):
+    for number in range(2000, 2000 + REPLIES_KEPT):
         sent = len(bench.told)
-        bench.wishes.take(RunCommand(number, wishing.PAUSE))
+        bench.wishes.put(RunCommand(number, wishing.PAUSE))
         bench.wait(lambda sent=sent: len(bench.told) > sent)  # type: ignore[misc]
     asked = len(bench.asked)
-    bench.wishes.take(RunCommand(first, wishing.PAUSE))
+    bench.wishes.put(RunCommand(first, wishing.PAUSE))
     bench.wait(lambda: bench.told[-1].number == first)
     assert len(bench.asked) == asked + 1, "it was forgotten"
 

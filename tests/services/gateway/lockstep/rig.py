@@ -69,7 +69,7 @@ class Rig:
     def __post_init__(self) -> None:
         scenario = replace(LAB, time=self.time)
         self.link: Any = StandIn()
-        self.words = ReplyMailbox()
+        self.replies = ReplyMailbox()
         self.published: list[tuple[str, Message]] = []
         self.acks: list[Ack] = []
         self.said: list[str] = []
@@ -80,10 +80,10 @@ class Rig:
             RUN,
             peer=PEER,
             publish=lambda key, message: self.published.append((key, message)),
-            words=self.words,
+            replies=self.replies,
         )
         self.lockstep = Lockstep(
-            *(scenario, self.gateway, self.link, self.words),
+            *(scenario, self.gateway, self.link, self.replies),
             acknowledge=self.acks.append,
             resume=self.resume,
             say=self.said.append,

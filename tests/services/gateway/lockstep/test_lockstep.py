@@ -10,8 +10,8 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, Command, State
 from groundlink.scenario.schema import Time
-from services.gateway.__main__ import _say
 from services.gateway.bus_session import RunStatus
+from services.gateway.carrier import say
 from services.gateway.lockstep.lockstep import LIMIT_MS
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox
 from udp_bridge.wire.lockstep import (
@@ -298,6 +298,6 @@ def test_a_topic_that_ros_does_not_get_cannot_be_answered() -> None:
 def test_a_name_of_the_peer_forges_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     words = ReplyMailbox()
     words.put_reply(BarrierReply(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
-    _say(words.lacking("the node", 1, 0))
+    say(words.lacking("the node", 1, 0))
     (line,) = capsys.readouterr().err.splitlines()
     assert line.isprintable()
