@@ -167,7 +167,7 @@ class Conversation:
         came = 0
         while (datagram := fresh.take(self.now_nanos)) is not None:
             data = memoryview(datagram.header + bytes(datagram.part))
-            message, _ = self.inbox.receive(data, ("192.0.2.8", 8), self.now_nanos, 0)
+            message, _ = self.inbox.receive(data, ("192.0.2.8", 8), self.now_nanos)
             came += message is not None
         assert came == 1
         self.inbox.reports(self.now_nanos, START_NANOS)
@@ -190,9 +190,7 @@ class Conversation:
 
     def _arrive(self, index: int, data: bytes, *, is_answered: bool = True) -> None:
         sender = self.senders[index]
-        message, credit = self.inbox.receive(
-            memoryview(data), sender.address, self.now_nanos, START_NANOS + self.now_nanos
-        )
+        message, credit = self.inbox.receive(memoryview(data), sender.address, self.now_nanos)
         if message is not None and index == HONEST and message.msg_type == 1:
             body = bytes(message.body)
             assert body in sender.bodies, "a body that nobody sent"
@@ -207,4 +205,4 @@ class Conversation:
         for answer, to in [*answers, *([credit] if credit is not None else [])]:
             if is_answered:
                 back = next(s.back for s in self.senders if s.address == to)
-                back.receive(memoryview(answer), RECEIVER, self.now_nanos, 0)
+                back.receive(memoryview(answer), RECEIVER, self.now_nanos)

@@ -88,7 +88,7 @@ class Pair:
             run = self._socket.receive_run(place, credits)
             assert run is not None, "a datagram was lost on loopback"
             self.in_runs += run.parts_count
-            taken = self._runs.receive_run(place, run, self._now_nanos)
+            taken = self._runs.receive_batch(place, run, self._now_nanos)
             found += [one for one, _, _ in taken if one is not None]
         return found
 
@@ -96,7 +96,7 @@ class Pair:
         found = []
         for raw, sender in chunk:
             address = self._addresses[sender]
-            one, _ = self._singles.receive(memoryview(raw), address, self._now_nanos, 0)
+            one, _ = self._singles.receive(memoryview(raw), address, self._now_nanos)
             if one is not None:
                 found.append(one)
         return found

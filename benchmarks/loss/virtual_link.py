@@ -108,7 +108,7 @@ class VirtualLink:
 
     def _take(self, datagram: bytes) -> None:
         now = self.now_nanos
-        message, credit = self.receiver.receive(memoryview(datagram), SENDER, now, now)
+        message, credit = self.receiver.receive(memoryview(datagram), SENDER, now)
         answers = self.receiver.requests(now)
         for answer, _ in answers if credit is None else [credit, *answers]:
             self.back.put(answer, None, now)

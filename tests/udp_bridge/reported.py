@@ -68,17 +68,17 @@ def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = Tru
             continue
         before = dict(refused)
         address = "127.0.0.1", sender
-        message, answer = inbox.receive(memoryview(datagram), address, now, 0)
+        message, answer = inbox.receive(memoryview(datagram), address, now)
         if answer is not None:
             found.credits.append(credited(sender, answer[0]))
         if message is not None and message.msg_type == SUBSCRIBE:
             found.subscribes.append(Subscribe.parse(message.body))
         if message is not None and message.msg_type != CONTROL:
             if drops and message.link == REFUSED:
-                inbox.dropped(message, address)
+                inbox.mark_dropped(message, address)
             else:
-                inbox.published(message, address, WALL_NANOS + now)
-            inbox.take_note()
+                inbox.mark_published(message, address, WALL_NANOS + now)
+            inbox.update_logs()
         found.refused.extend(why for why, n in refused.items() if n > before.get(why, 0))
     return found
 

@@ -135,7 +135,7 @@ class Simulation:
         self.at(when, pump)
 
     def _arrive(self, data: bytes) -> None:
-        message, credit = self.inbox.receive(memoryview(data), SENDER, self.now, WALL + self.now)
+        message, credit = self.inbox.receive(memoryview(data), SENDER, self.now)
         if message is not None:
             self.delivered.append((self.now, message))
         answers = self.inbox.requests(self.now)
@@ -144,5 +144,5 @@ class Simulation:
                 self.at(self.now + self._delay, functools.partial(self._return, answer[0]))
 
     def _return(self, data: bytes) -> None:
-        self.back.receive(memoryview(data), RECEIVER, self.now, WALL + self.now)
+        self.back.receive(memoryview(data), RECEIVER, self.now)
         self._pump()

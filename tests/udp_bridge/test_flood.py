@@ -47,12 +47,12 @@ def test_a_flood_of_first_parts_stays_within_the_memory(senders: int, size: int)
     tracemalloc.start()
     came = 0
     for came in flood(reassembler, senders, size):  # noqa: B007
-        assert reassembler.memory_bytes <= LIMITS.most_of_a_sender
+        assert reassembler.memory_bytes <= LIMITS.memory_per_sender
     _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert came == FLOOD // IMU_EVERY
     names_bytes = 20_000 * LIMITS.topics  # what is known of topics is bounded by their number
-    assert peak_bytes <= LIMITS.most_of_a_sender + KEPT_BYTES + names_bytes
+    assert peak_bytes <= LIMITS.memory_per_sender + KEPT_BYTES + names_bytes
     # What is counted is what is held: small messages take little indeed.
     if size == 1:
         assert peak_bytes < 4 << 20 if senders == 1 else names_bytes

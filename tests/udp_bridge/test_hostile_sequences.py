@@ -28,7 +28,7 @@ def requested(datagrams: list[bytes]) -> set[tuple[int, int, int, tuple[int, ...
     found = set()
     for index, datagram in enumerate(datagrams):
         now_nanos = index * 2 * MS
-        inbox.receive(memoryview(datagram), SENDER, now_nanos, 0)
+        inbox.receive(memoryview(datagram), SENDER, now_nanos)
         for answer, _ in inbox.requests(now_nanos):
             header, offset = parse(answer)
             request = parse_resend(answer[offset:])

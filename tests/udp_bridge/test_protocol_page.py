@@ -11,8 +11,8 @@ import pytest
 
 import udp_bridge
 from udp_bridge import Limits, parse
-from udp_bridge.receiver import fec as fec_parts
-from udp_bridge.receiver import nack as resend_asking
+from udp_bridge.receiver import assembly
+from udp_bridge.receiver import nack
 from udp_bridge.receiver import round_trip
 from udp_bridge.sender import credit_window as flow
 from udp_bridge.sender import resend, resend_budget, resend_offers, token_bucket
@@ -144,10 +144,10 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"within any {resend_budget.WINDOW_S} s and for",
         f"up to {resend_budget.BURST_BYTES:,}; and in".replace(",", " "),
         f"in any case {resend_budget.LEAST_BYTES:,}.".replace(",", " "),
-        f"below {resend_asking.WANTS}, the messages from 0 on",
+        f"below {nack.MAX_ENTRIES}, the messages from 0 on",
         f"again within {resend.DEBOUNCE_NANOS / 1e6} ms",
-        f"the {resend_asking.WANTS} newest such messages",
-        f"at most {resend_asking.TRIES} times",
+        f"the {nack.MAX_ENTRIES} newest such messages",
+        f"at most {nack.MAX_TRIES} times",
         f"asks {round_trip.DEBOUNCE_NANOS // 10**6} ms later, or after"
         f" {round_trip.DEBOUNCE_SHARE} of the round trip",
         f"at least {round_trip.SHORTEST_WAIT_NANOS // 10**6} ms more than measured",
@@ -155,7 +155,7 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"then {round_trip.BACK_OFF} times later each time, up to"
         f" {round_trip.LONGEST_BACK_OFF:.0f} times",
         f"up to {limits.open_per_offered_topic} open messages of such a topic",
-        f"tries at most {fec_parts.ATTEMPTS} times",
+        f"tries at most {assembly.RECOVERY_ATTEMPTS} times",
         f"ends {address_validation.VALIDATION_NANOS // 10**9} s after the newest",
         f"older than {address_validation.RENEWAL_NANOS // 10**9} s",
         f"At most {address_validation.VALIDATED_MAX} addresses are validated at a time,"

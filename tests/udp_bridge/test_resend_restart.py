@@ -87,7 +87,7 @@ class Topic:
     def asked(self) -> list[tuple[int, tuple[int, ...], int]]:
         return [
             (asked.seq_number, asked.request.parts, asked.request.messages)
-            for _, _, asked in self.reassembler.asked()
+            for _, _, asked in self.reassembler.take_nacks()
         ]
 
     @property

@@ -26,7 +26,7 @@ from services.gateway.bus_session import RunStatus
 from services.gateway.gateway import Gateway, ToRos
 from services.gateway.streams import answers
 from udp_bridge.io.link import Link
-from udp_bridge.receiver.gathering import Tally
+from udp_bridge.receiver.barrier_buffer import AnnouncedCounts
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.lockstep import DONE, RESTARTED, Barrier, BarrierReply, SentMessages
 from udp_bridge.wire.message import Message as WireMessage
@@ -157,7 +157,7 @@ class Lockstep:
         self._acknowledge, self._resume, self._say = acknowledge, resume, say
         self._clock_key = next(s.key for s in gateway.streams.values() if s.message is Clock)
         self._sensors = SensorProgress(scenario.sensor_names() or [PHYSICS])
-        self._machine, self._tally = Machine(), Tally()
+        self._machine, self._announced = Machine(), AnnouncedCounts()
         self._forwarded: list[ToRos] = []
         """What was sent to ROS since the last barrier."""
 
@@ -251,7 +251,7 @@ class Lockstep:
             return
         if clock.life != known.life:
             # Messages of the episode before that no barrier has listed are never listed.
-            self._tally.tell(self._link.left(self._gateway.peer))
+            self._announced.mark_announced(self._link.left(self._gateway.peer))
             self._forwarded.clear()
             known.life, known.commanded = clock.life, {}
         known.tick = clock.tick
@@ -328,8 +328,8 @@ class Lockstep:
     def _newly_sent(self) -> tuple[SentMessages, ...]:
         """Return the ranges of messages that were sent to ROS since the last call."""
         left = self._link.left(self._gateway.peer)
-        sent = self._tally.since({k: n for k, n in left.items() if k in self._gateway.places})
-        self._tally.tell(left)
+        sent = self._announced.unannounced({k: n for k, n in left.items() if k in self._gateway.places})
+        self._announced.mark_announced(left)
         return sent
 
     def _resend_readings(self) -> None:

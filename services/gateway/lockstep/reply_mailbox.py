@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
-from udp_bridge.receiver.gathering import Gathering
+from udp_bridge.receiver.barrier_buffer import BarrierBuffer
 from udp_bridge.wire.lockstep import RESTARTED, WAITING, BarrierReply, SentMessages
 from udp_bridge.wire.message import Message
 
@@ -20,20 +20,20 @@ class ReplyMailbox:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._has_news = False
-        self._gathering = Gathering()
+        self._buffer = BarrierBuffer()
         self._reply: tuple[BarrierReply, str] | None = None
 
     def put(self, message: Message) -> None:
         """Store a message that a reply will list."""
         with self._changed:
-            self._gathering.put(message)
+            self._buffer.put(message)
             self._notify()
 
     def put_reply(self, reply: BarrierReply, topic: str) -> None:
         """Store a reply and the topic in its header."""
         with self._changed:
             if reply.state == RESTARTED:
-                self._gathering.take_all()  # sequence numbers of a restarted node begin again
+                self._buffer.take_all()  # sequence numbers of a restarted node begin again
             self._reply = reply, topic
             self._notify()
 
@@ -66,12 +66,12 @@ class ReplyMailbox:
     def missing(self, sent: Sequence[SentMessages]) -> int:
         """Return how many of these messages have not arrived."""
         with self._changed:
-            return self._gathering.missing(sent)
+            return self._buffer.missing(sent)
 
     def take(self, sent: Sequence[SentMessages]) -> list[Message]:
         """Remove and return those of these messages that have arrived, in order."""
         with self._changed:
-            return self._gathering.take(sent)
+            return self._buffer.take(sent)
 
     def _notify(self) -> None:
         self._has_news = True

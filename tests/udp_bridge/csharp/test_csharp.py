@@ -308,7 +308,7 @@ def means_the_same(exchange: Exchange, arrivals: list[Arrival]) -> None:
     messages, credits_ = [], set()
     for now, who, datagram in arrivals:
         address = "127.0.0.1", who
-        message, answer = inbox.receive(memoryview(datagram), address, now, 0)
+        message, answer = inbox.receive(memoryview(datagram), address, now)
         if message is not None:
             messages.append(told(message))
         if answer is not None:

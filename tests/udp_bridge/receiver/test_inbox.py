@@ -31,7 +31,7 @@ class Bench:
         credits = []
         for index, (head, part) in enumerate(fragments(message, size)):
             datagram = memoryview(head + bytes(part))
-            _, answer = self.inbox.receive(datagram, sender, now, WALL)
+            _, answer = self.inbox.receive(datagram, sender, now)
             if answer is None:
                 continue
             header, offset = parse(answer[0])
@@ -56,7 +56,7 @@ def test_a_request_for_a_credit_is_answered_and_handed_to_nobody() -> None:
     bench = Bench()
     head = Header(64, 17, 0, 1, 0, 0).pack()
     request = memoryview(head + CreditRequest().pack())
-    message, answer = bench.inbox.receive(request, OTHER, 0, WALL)
+    message, answer = bench.inbox.receive(request, OTHER, 0)
     assert message is None
     assert answer is not None
     assert answer[1] == OTHER
@@ -82,7 +82,7 @@ def test_credit_is_counted_by_sender() -> None:
     answers = []
     for datagram in datagrams[:30]:
         for sender in (SENDER, OTHER):
-            _, answer = bench.inbox.receive(memoryview(datagram), sender, 0, WALL)
+            _, answer = bench.inbox.receive(memoryview(datagram), sender, 0)
             answers.append(answer)
     assert [index for index, answer in enumerate(answers) if answer] == [36, 37]
 
@@ -98,8 +98,8 @@ def test_a_late_message_that_becomes_whole_amid_its_parts_is_acknowledged() -> N
     first, *rest = [head + bytes(part) for head, part in fragments(cloud(5000), 1472)]
     ahead = [head + bytes(part) for head, part in fragments(cloud(5000, 5), 1472)]
     for datagram in (*rest, *ahead):
-        bench.inbox.receive(memoryview(datagram), SENDER, 0, WALL)
-    message, answer = bench.inbox.receive(memoryview(first), SENDER, 0, WALL)
+        bench.inbox.receive(memoryview(datagram), SENDER, 0)
+    message, answer = bench.inbox.receive(memoryview(first), SENDER, 0)
     assert message is None
     assert answer is not None
     assert control.parse(answer[0][parse(answer[0])[1] :]) == Credit(1, 0, 4, 212_992)
@@ -108,7 +108,7 @@ def test_a_late_message_that_becomes_whole_amid_its_parts_is_acknowledged() -> N
 def test_the_end_of_an_incomplete_message_is_acknowledged() -> None:
     bench = Bench()
     last = [head + bytes(part) for head, part in fragments(cloud(5000), 1472)][-1]
-    _, answer = bench.inbox.receive(memoryview(last), SENDER, 0, WALL)
+    _, answer = bench.inbox.receive(memoryview(last), SENDER, 0)
     assert answer is not None
 
 
@@ -124,7 +124,7 @@ def test_reports_that_come_in_are_handed_over() -> None:
     bench = Bench()
     body = LinkReport(1, 2, 3, 4, 5).pack()
     ((head, part),) = fragments(Message(64, "", "", 123, 0, body))
-    message, answer = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0, WALL)
+    message, answer = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0)
     assert answer is None
     assert message is not None
     assert control.parse(message.body) == LinkReport(1, 2, 3, 4, 5)
@@ -133,7 +133,7 @@ def test_reports_that_come_in_are_handed_over() -> None:
 def test_refused_datagrams_are_counted_and_get_no_answer() -> None:
     bench = Bench()
     for datagram in (b"", b"garbage", bytes(100)):
-        assert bench.inbox.receive(memoryview(datagram), SENDER, 0, WALL) == (None, None)
+        assert bench.inbox.receive(memoryview(datagram), SENDER, 0) == (None, None)
     assert sum(bench.inbox.reassembler.counters.refused.values()) == 3
     assert bench.inbox.datagrams == 3
     assert bench.inbox.reports(0, WALL) == []
@@ -155,7 +155,7 @@ def test_each_sender_is_told_what_came_from_it() -> None:
     bench.receive(cloud(5000, 6)._replace(stamp_nanos=223))
     bench.receive(Message(2, "/imu", "imu", 7, 0, b"x"), sender=OTHER)
     bench.inbox.kernel_drops = 9
-    bench.inbox.receive(memoryview(b"bad"), OTHER, 0, WALL)
+    bench.inbox.receive(memoryview(b"bad"), OTHER, 0)
     rows = reported(bench, SECOND)
     received = bench.inbox.bytes_received
     total = LinkReport(212_992, bench.inbox.datagrams, received, 1, 9, (("short", 1),))
@@ -168,7 +168,7 @@ def test_each_sender_is_told_what_came_from_it() -> None:
         OTHER: [("/imu", "imu", imu), ("", "", total)],
     }
     assert points.missing == 1
-    assert bench.inbox.told == [
+    assert bench.inbox.last_reports == [
         (SENDER, "/points", "lidar", points),
         (OTHER, "/imu", "imu", imu),
     ]
@@ -180,12 +180,12 @@ def test_what_was_published_is_reported() -> None:
     messages = []
     for number in range(3):
         ((head, part),) = fragments(Message(2, "/imu", "imu", 7 + number, number, b"x"))
-        message, _ = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0, WALL)
+        message, _ = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0)
         assert message is not None
         messages.append(message)
-    bench.inbox.published(messages[0], SENDER, WALL)
-    bench.inbox.dropped(messages[1], SENDER)
-    bench.inbox.published(messages[2], OTHER, WALL)  # nobody that was heard of
+    bench.inbox.mark_published(messages[0], SENDER, WALL)
+    bench.inbox.mark_dropped(messages[1], SENDER)
+    bench.inbox.mark_published(messages[2], OTHER, WALL)  # nobody that was heard of
     report = reported(bench, SECOND)[SENDER][0][2]
     assert isinstance(report, TopicReport)
     assert (report.published, report.dropped, report.pending) == (1, 1, 1)
@@ -215,6 +215,6 @@ def test_peers_are_bounded() -> None:
 def test_control_bodies_are_refused_before_they_are_acted_on() -> None:
     bench = Bench()
     ((head, _),) = fragments(Message(64, "/points", "", 123, 0, b""))
-    bench.inbox.receive(memoryview(head + b"\0\0"), SENDER, 0, WALL)
+    bench.inbox.receive(memoryview(head + b"\0\0"), SENDER, 0)
     assert bench.inbox.reassembler.counters.refused == {"body_size": 1}
     assert bench.credits_taken == []

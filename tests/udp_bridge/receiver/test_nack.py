@@ -9,7 +9,7 @@ import pytest
 
 from tests.udp_bridge.simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
 from udp_bridge import Message
-from udp_bridge.receiver.nack import TRIES, WANTS, Asking
+from udp_bridge.receiver.nack import MAX_ENTRIES, MAX_TRIES, NackTracker
 from udp_bridge.sender.repair import Fec, Mode, Resend
 from udp_bridge.wire.header import Header
 from udp_bridge.wire.repair import Offer
@@ -26,23 +26,23 @@ class Bench:
     """What is asked of one topic."""
 
     def __init__(self) -> None:
-        self.asking = Asking()
+        self.tracker = NackTracker()
         self.came: dict[int, set[int]] = {}
 
     def saw(self, now: int, *numbers: int, seq: int = 0) -> None:
         for number in numbers:
             came = self.came.setdefault(seq, set())
             came.add(number)
-            self.asking.saw(part(number, seq), is_whole=len(came) == PARTS, now_nanos=now)
+            self.tracker.on_parts(part(number, seq), is_complete=len(came) == PARTS, now_nanos=now)
 
     def offered(self, now: int, seq: int = 0, *, is_finished: bool = False) -> None:
-        self.asking.offered(part(0, seq), OFFER, is_finished=is_finished, now_nanos=now)
+        self.tracker.on_offer(part(0, seq), OFFER, is_finished=is_finished, now_nanos=now)
 
     def due(self, now: int) -> list[tuple[int, tuple[int, ...]]]:
         """Return seq_number and parts, or the number of whole messages."""
         return [
             (asked.seq_number, asked.request.parts or (-asked.request.messages,))
-            for asked in self.asking.due(1, now)
+            for asked in self.tracker.take_due(1, now)
         ]
 
 
@@ -127,7 +127,7 @@ def test_repetitions_come_more_slowly_and_in_more_copies(bench: Bench) -> None:
     bench.offered(0, 100)
     times, copies = [], []
     for now in range(0, 600 * MS, MS):
-        for asked in bench.asking.due(1, now):
+        for asked in bench.tracker.take_due(1, now):
             times.append(now // MS)
             copies.append(asked.copies)
     assert times == [0, 50, 125, 238, 388]  # 50 ms times 1, 1.5, 2.25, 3, and then too old
@@ -202,44 +202,44 @@ def test_an_offer_when_the_round_trip_is_over_repeats_a_request_once(bench: Benc
 
 
 def test_parts_in_a_row_are_taken_together(bench: Bench) -> None:
-    bench.asking.saw(part(2, 100), is_whole=False, now_nanos=0, count=3)
+    bench.tracker.on_parts(part(2, 100), is_complete=False, now_nanos=0, count=3)
     assert bench.due(MS) == [(100, (0, 1))]
     bench.offered(MS, 100)
     assert bench.due(MS) == [(100, (5, 6, 7))]
-    bench.asking.saw(part(5, 100), is_whole=False, now_nanos=2 * MS, count=2)
+    bench.tracker.on_parts(part(5, 100), is_complete=False, now_nanos=2 * MS, count=2)
     assert bench.due(500 * MS) == [(100, (0, 1, 7))]
 
 
 def test_a_stale_message_is_not_asked_for_any_more(bench: Bench) -> None:
     bench.saw(0, 0, seq=100)
     bench.offered(500 * MS, 100)
-    assert bench.asking.is_wanted(part(1, 100), 500 * MS)
-    assert not bench.asking.is_wanted(part(1, 100), 500 * MS + 1)
+    assert bench.tracker.is_missing(part(1, 100), 500 * MS)
+    assert not bench.tracker.is_missing(part(1, 100), 500 * MS + 1)
     assert bench.due(500 * MS + 1) == []
 
 
 def test_what_is_kept_in_mind_is_bounded(bench: Bench) -> None:
     bench.saw(0, *range(PARTS), seq=100_000)
-    assert bench.due(MS) == [(100_000 - WANTS + 1, (1 - WANTS,))]
+    assert bench.due(MS) == [(100_000 - MAX_ENTRIES + 1, (1 - MAX_ENTRIES,))]
     asked = 1
     for now in range(2 * MS, 400 * SECOND, SECOND // 2):
         bench.offered(now, 100_000, is_finished=True)
         asked += len(bench.due(now))
-    assert asked <= TRIES
+    assert asked <= MAX_TRIES
     assert bench.due(400 * SECOND) == []
 
 
 def test_a_part_is_asked_for_so_often_and_no_more(bench: Bench) -> None:
     bench.saw(0, *range(7), seq=100)
     offer = OFFER._replace(limit_ms=100_000)
-    bench.asking.offered(part(0, 100), offer, is_finished=False, now_nanos=0)
+    bench.tracker.on_offer(part(0, 100), offer, is_finished=False, now_nanos=0)
     asked = sum(len(bench.due(now)) for now in range(0, 90 * SECOND, SECOND // 10))
-    assert asked == TRIES
+    assert asked == MAX_TRIES
 
 
 def test_a_restarted_sender_is_asked_for_nothing_old(bench: Bench) -> None:
     bench.saw(0, 0, seq=100)
-    bench.asking.forget()
+    bench.tracker.reset()
     bench.saw(MS, *range(PARTS), seq=0)
     assert bench.due(SECOND // 4) == []
 
@@ -363,9 +363,9 @@ def test_memory_of_a_hostile_sender_is_bounded() -> None:
     for topic in range(300):
         offer = Header(65, 10, 0, 1, 0, 0, f"/{topic}").pack() + Offer(1, 255, 1 << 31).pack()
         sim._arrive(offer)
-    holdings = sim.inbox.reassembler._holdings
-    topics = [topic for _, topic in holdings.topics(("192.0.2.1", 1))]
-    assert sum(topic.asking is not None for topic in topics) == 128
+    senders = sim.inbox.reassembler._senders
+    topics = [topic for _, topic in senders.topics(("192.0.2.1", 1))]
+    assert sum(topic.nacks is not None for topic in topics) == 128
 
 
 def test_fec_and_resend_stand_side_by_side() -> None:

@@ -3,11 +3,11 @@ from __future__ import annotations
 
 import pytest
 
-from udp_bridge.receiver.pool import KEPT_BYTES, Pool, is_free
+from udp_bridge.receiver.pool import KEPT_BYTES, BlockPool, is_free
 
 
 def test_a_block_is_used_again_when_nobody_looks_into_it() -> None:
-    pool = Pool()
+    pool = BlockPool()
     block = pool.lease(100_000)
     assert pool.lease(100_000) is block
     view = memoryview(block)[10:20].toreadonly()
@@ -20,7 +20,7 @@ def test_a_block_is_used_again_when_nobody_looks_into_it() -> None:
 
 
 def test_the_block_that_was_used_last_is_used_next() -> None:
-    pool = Pool()
+    pool = BlockPool()
     views = [memoryview(pool.lease(100_000)) for _ in range(3)]
     blocks = [view.obj for view in views]
     for view in views:
@@ -39,20 +39,20 @@ def test_what_is_in_a_block_stays_when_it_is_asked_for() -> None:
 
 @pytest.mark.parametrize("size", [1, 70_000, 16_700_000])
 def test_a_block_is_large_enough_and_not_wasteful(size: int) -> None:
-    pool = Pool()
+    pool = BlockPool()
     pool.lease(16_700_000)
     assert size <= len(pool.lease(size)) <= 2 * size + 65_536
 
 
 def test_what_is_kept_is_bounded() -> None:
-    pool = Pool()
+    pool = BlockPool()
     views = [memoryview(pool.lease(16_000_000)) for _ in range(6)]
     assert len({id(view.obj) for view in views}) == 6
     assert pool.kept_bytes <= KEPT_BYTES
 
 
 def test_an_offered_block_is_given_away_once_and_only_if_it_fits() -> None:
-    pool = Pool()
+    pool = BlockPool()
     block = pool.offer(200_000)
     assert pool.offer(200_000) is block
     assert pool.lease(200_000) is not block

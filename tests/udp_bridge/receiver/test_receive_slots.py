@@ -77,7 +77,7 @@ def by_itself(datagrams: list[Datagram]) -> dict[str, Any]:
     inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     messages = []
     for now, (raw, sender) in enumerate(datagrams):
-        message, _ = inbox.receive(memoryview(raw), sender, now, 0)
+        message, _ = inbox.receive(memoryview(raw), sender, now)
         if message is not None:
             messages.append((message, sender))
     return outcome(inbox, messages)
@@ -92,7 +92,7 @@ def in_runs(datagrams: list[Datagram], rng: random.Random) -> tuple[dict[str, An
         now = len(datagrams) - len(kernel.left)
         place, credits = inbox.predict_slots()
         run = kernel.receive(place, credits, rng.randint(1, 20))
-        taken = inbox.receive_run(place, run, now)
+        taken = inbox.receive_batch(place, run, now)
         runs += run.parts_count > 1
         messages += [(message, sender) for message, _, sender in taken if message is not None]
     return outcome(inbox, messages), runs
@@ -139,7 +139,7 @@ def test_in_order_a_message_is_one_run() -> None:
         while kernel.left:
             place, credits = inbox.predict_slots()
             run = kernel.receive(place, credits, 255)
-            messages += [one for one, _, _ in inbox.receive_run(place, run, 0) if one is not None]
+            messages += [one for one, _, _ in inbox.receive_batch(place, run, 0) if one is not None]
             turns += 1
         assert [bytes(one.body) for one in messages] == [body]
         assert turns == (2 if seq == 0 else 1)  # of the first one the first part is unexpected
@@ -155,7 +155,7 @@ def test_a_message_that_was_handed_over_is_never_written_to() -> None:
         while kernel.left:
             place, credits = inbox.predict_slots()
             run = kernel.receive(place, credits, 255)
-            kept += [(m, seq) for m, _, _ in inbox.receive_run(place, run, 0) if m is not None]
+            kept += [(m, seq) for m, _, _ in inbox.receive_batch(place, run, 0) if m is not None]
     assert len(kept) == 20
     for received, seq in kept:
         assert received.body == random.Random(seq).randbytes(5000)
@@ -166,7 +166,7 @@ def run_of(inbox: Inbox, datagrams: list[Datagram], now: int = 0) -> list[Any]:
     taken: list[Any] = []
     while kernel.left:
         place, credits = inbox.predict_slots()
-        taken += inbox.receive_run(place, kernel.receive(place, credits, 255), now)
+        taken += inbox.receive_batch(place, kernel.receive(place, credits, 255), now)
     return taken
 
 
@@ -200,7 +200,7 @@ def test_a_message_that_announces_too_much_is_given_up_in_a_run_too() -> None:
 
 def one_by_one(inbox: Inbox, datagrams: list[Datagram]) -> None:
     for raw, sender in datagrams:
-        inbox.receive(memoryview(raw), sender, 0, 0)
+        inbox.receive(memoryview(raw), sender, 0)
 
 
 def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
@@ -209,10 +209,10 @@ def test_credits_that_went_out_beside_a_run_are_not_sent_again() -> None:
     place, credits = inbox.predict_slots()
     run = Kernel(cut(1)).receive(place, credits, 255)
     credited = run._replace(credits_sent=2, uncredited_bytes=0)
-    ((message, answer, _),) = inbox.receive_run(place, credited, 0)
+    ((message, answer, _),) = inbox.receive_batch(place, credited, 0)
     assert message is not None
     assert answer is None
-    assert (inbox.answers_sent, inbox.answer_bytes_sent) == (2, 2 * (28 + 12))
+    assert (inbox.socket_answers, inbox.socket_answer_bytes) == (2, 2 * (28 + 12))
     assert inbox.predict_slots()[1] == CreditState(0, 1 << 16, credits.seq_number + 2)
 
 
@@ -244,10 +244,10 @@ def test_what_was_asked_for_in_a_run_is_not_asked_for_again_before_its_time() ->
     place, credits = inbox.predict_slots()
     assert place.may_nack
     run = Kernel([*datagrams[:2], *datagrams[3:]]).receive(place, credits, 255)
-    inbox.receive_run(place, run._replace(nack_bitmap=b"\4\0", nack_nanos=5), 10)
+    inbox.receive_batch(place, run._replace(nack_bitmap=b"\4\0", nack_nanos=5), 10)
     assert inbox.requests(10) == []
     assert inbox.requests_sent == 1
-    assert inbox.answer_bytes_sent == 28 + 8 + 2
+    assert inbox.socket_answer_bytes == 28 + 8 + 2
     place, _ = inbox.predict_slots()
     assert not place.may_nack
     assert place.nack_due_nanos == 5 + FIRST_WAIT_NANOS
@@ -265,7 +265,7 @@ def test_what_was_asked_for_in_a_run_may_come_in_it() -> None:
     place, credits = inbox.predict_slots()
     run = Kernel([*datagrams[:2], *datagrams[3:], datagrams[2]]).receive(place, credits, 255)
     asked = run._replace(nack_bitmap=b"\4\0", nack_nanos=5)
-    ((message, _, _),) = inbox.receive_run(place, asked, 10)
+    ((message, _, _),) = inbox.receive_batch(place, asked, 10)
     assert message is not None
     assert inbox.reassembler.counters.repaired == 1
     assert inbox.requests(10**9) == []
@@ -277,7 +277,7 @@ def test_for_copies_of_what_was_handed_over_nothing_is_asked_again() -> None:
     place, credits = inbox.predict_slots()
     datagrams = cut(1)
     run = Kernel([*datagrams[:2], *datagrams[3:]]).receive(place, credits, 255)
-    inbox.receive_run(place, run._replace(nack_bitmap=b"\4\0", nack_nanos=5), 10)
+    inbox.receive_batch(place, run._replace(nack_bitmap=b"\4\0", nack_nanos=5), 10)
     run_of(inbox, cut(2), 10**8)
     assert inbox.requests(10**8) == []
     assert inbox.predict_slots()[0].may_nack

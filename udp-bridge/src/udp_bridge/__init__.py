@@ -8,7 +8,7 @@ time come in as arguments. The format itself is described in PROTOCOL.md.
 from __future__ import annotations
 
 from udp_bridge.io.link import Link
-from udp_bridge.receiver.counters import Counters
+from udp_bridge.receiver.delivery_log import Counters
 from udp_bridge.receiver.limits import Limits
 from udp_bridge.receiver.reassembly import Reassembler
 from udp_bridge.wire.fragments import TooLarge, fragments

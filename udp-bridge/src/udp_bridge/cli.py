@@ -20,7 +20,7 @@ from typing import Any, Dict, List, NoReturn, Optional
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.io.link import Link
 from udp_bridge.io.udp_socket import buffer_hint
-from udp_bridge.receiver.counters import Counters
+from udp_bridge.receiver.delivery_log import Counters
 from udp_bridge.receiver.reassembly import Reassembler
 from udp_bridge.wire.capture import BadRecording, datagrams
 from udp_bridge.wire.fragments import DatagramSize, check_datagram_size, plan

@@ -12,7 +12,7 @@ import time
 from types import TracebackType
 from typing import Any, Dict, List, Optional, Tuple, Type
 
-from udp_bridge.receiver.counters import Counters
+from udp_bridge.receiver.delivery_log import Counters
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.receiver.limits import Limits
 from udp_bridge.sender.accounts import Account
@@ -118,7 +118,7 @@ class Link(Departures):
             on_credit=self._credited,
             on_report=self._reported,
             on_request=self._requested,
-            on_order=self._order_is_over,
+            on_send_order_done=self._order_is_over,
             on_challenge=self._challenged,
             limits=limits,
         )
@@ -252,9 +252,9 @@ class Link(Departures):
                 "resent": sum(outbox.resender.resent for outbox in outboxes),
                 "resend_refused": sum(outbox.resender.over_budget for outbox in outboxes),
             }
-        counts["sent_messages"] += self._inbox.answers_sent
-        counts["sent_datagrams"] += self._inbox.answers_sent
-        counts["sent_bytes"] += self._inbox.answer_bytes_sent
+        counts["sent_messages"] += self._inbox.socket_answers
+        counts["sent_datagrams"] += self._inbox.socket_answers
+        counts["sent_bytes"] += self._inbox.socket_answer_bytes
         counts["errors"] = self._errors.count
         counts["deaf"] = int(self._listening.is_deaf)
         counts["received_datagrams"] = self._inbox.datagrams
@@ -274,15 +274,15 @@ class Link(Departures):
 
     def arrivals(self) -> List[Tuple[Address, str, str, TopicReport]]:
         """Return sender, topic, link and report of what arrived, as told with `report` last."""
-        return list(self._inbox.told)
+        return list(self._inbox.last_reports)
 
     def published(self, message: Message, sender: Address) -> None:
         """Tell, from any thread, that a message that was handed over has reached its user."""
-        self._inbox.published(message, sender, time.time_ns())
+        self._inbox.mark_published(message, sender, time.time_ns())
 
     def dropped(self, message: Message, sender: Address) -> None:
         """Tell, from any thread, that a message that was handed over won't reach its user."""
-        self._inbox.dropped(message, sender)
+        self._inbox.mark_dropped(message, sender)
 
     def close(self) -> None:
         """End both threads at once; what waits is dropped, what is open counts as incomplete.

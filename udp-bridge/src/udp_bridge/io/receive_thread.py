@@ -88,9 +88,9 @@ class Listening:
             else:
                 self._receive_many()
         except Exception:
-            self._inbox.expect_nothing()  # what was expected may be what failed
+            self._inbox.reset_prediction()  # what was expected may be what failed
             raise
-        self._inbox.take_note()  # behind the messages, which should not wait for it
+        self._inbox.update_logs()  # behind the messages, which should not wait for it
         return not self._is_ended
 
     def tell_last(self) -> None:
@@ -107,7 +107,7 @@ class Listening:
         if run is None:
             self._inbox.reassembler.expire(now_nanos)
         elif not self._is_ended:  # a socket that is shut gives empty datagrams
-            for taken in self._inbox.receive_run(place, run, now_nanos):
+            for taken in self._inbox.receive_batch(place, run, now_nanos):
                 self._hand_over(*taken, now_nanos)
 
     def _receive_one(self) -> None:
@@ -122,7 +122,7 @@ class Listening:
         elif not self._is_ended:
             size, sender = received
             datagram = memoryview(self._buffer)[:size]
-            taken = self._inbox.receive(datagram, sender, now_nanos, time.time_ns())
+            taken = self._inbox.receive(datagram, sender, now_nanos)
             self._hand_over(*taken, sender, now_nanos)
 
     def _tell(self, now_nanos: int) -> None:
@@ -137,7 +137,7 @@ class Listening:
         sender: Address,
         now_nanos: int,
     ) -> None:
-        if self._inbox.reassembler.to_ask:
+        if self._inbox.reassembler.pending_nacks:
             for request in self._inbox.requests(now_nanos):  # a message waits for what they ask for
                 self._answer(*request)
         if credit is not None:
@@ -149,10 +149,10 @@ class Listening:
                 self._on_message(message, sender)
         except Exception:
             self._errors.caught(f"on_message of {message}")
-            self._inbox.dropped(message, sender)
+            self._inbox.mark_dropped(message, sender)
             return
         if not self._confirmed or MSG_TYPES[message.msg_type].ros_type is None:
-            self._inbox.published(message, sender, time.time_ns())
+            self._inbox.mark_published(message, sender, time.time_ns())
 
 
 def _to_nobody(_: bytes, __: Address) -> None:

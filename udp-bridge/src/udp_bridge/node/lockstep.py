@@ -23,7 +23,7 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
 
 from udp_bridge import MSG_TYPES
-from udp_bridge.receiver.gathering import Gathering, Tally, in_order
+from udp_bridge.receiver.barrier_buffer import BarrierBuffer, AnnouncedCounts, in_order
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.lockstep import (
     DONE,
@@ -68,8 +68,8 @@ class _Run:
     """One gateway in lockstep: what is held, and how far its Barrier is."""
 
     def __init__(self, drop: Callable[[Message], object], now_s: float) -> None:
-        self.gathering = Gathering(drop)
-        self.tally = Tally()
+        self.buffer = BarrierBuffer(drop)
+        self.announced = AnnouncedCounts()
         self.barrier: Barrier | None = None
         self.begun_s = now_s
         self.heard_s = now_s
@@ -151,7 +151,7 @@ class BarrierResponder:
         if published(row.name, message.topic).is_latched:
             return False
         with self._lock:
-            run.gathering.put(message)
+            run.buffer.put(message)
             barrier = run.barrier
             if barrier is not None and run.word is None and not run.is_handed:
                 self._go_on(sender, run, barrier)
@@ -178,11 +178,11 @@ class BarrierResponder:
                 return
             known = run.barrier
             if known is None:
-                run.tally.tell(link.left(sender))
+                run.announced.mark_announced(link.left(sender))
             if known is None or (known.life, known.tick) != (barrier.life, barrier.tick):
                 run.take(barrier, now_s)
                 if barrier.tick < 0:
-                    for message in run.gathering.take_all():
+                    for message in run.buffer.take_all():
                         self._drop(message, sender)
                 self._answers.expect(barrier.answers)
                 self._go_on(sender, run, barrier)
@@ -205,14 +205,14 @@ class BarrierResponder:
 
     def _go_on(self, sender: Address, run: _Run, barrier: Barrier) -> None:
         """Hand all to the outlet if it is there and can be heard; else `turn` will."""
-        missing = run.gathering.missing(barrier.sent)
+        missing = run.buffer.missing(barrier.sent)
         if missing and time.monotonic() - run.begun_s < barrier.limit_ms / 1e3:
             return
         if barrier.sent and not self._can_be_heard(run, barrier):
             self._wake()
             return
         run.lost = missing
-        messages = in_order(run.gathering.take(barrier.sent))
+        messages = in_order(run.buffer.take(barrier.sent))
         run.has_due = self._answers.due(
             message.topic
             for message in messages
@@ -224,7 +224,7 @@ class BarrierResponder:
     def _can_be_heard(self, run: _Run, barrier: Barrier) -> bool:
         if time.monotonic() < self._settled_s:
             return False
-        topics_held = {message.topic for message in run.gathering.samples(barrier.sent)}
+        topics_held = {message.topic for message in run.buffer.samples(barrier.sent)}
         return all(map(self._outlet.publishes, topics_held)) and not self._answers.absent(
             topics_held
         )
@@ -242,7 +242,7 @@ class BarrierResponder:
             self._mended.add(key)
         if run.is_handed:
             return
-        for message in run.gathering.samples(barrier.sent):
+        for message in run.buffer.samples(barrier.sent):
             if self._outlet.prepare(message, sender):
                 self._settled_s = now_s + SETTLE_S
         if self._answers.look({sent.topic for sent in barrier.sent}, self._inlet.topics):
@@ -262,8 +262,8 @@ class BarrierResponder:
             for key, count in link.left(sender).items()
             if MSG_TYPES[key[0]].ros_type is not None
         }
-        run.word = BarrierReply(barrier.life, barrier.tick, DONE, run.lost, run.tally.since(left))
-        run.tally.tell(left)
+        run.word = BarrierReply(barrier.life, barrier.tick, DONE, run.lost, run.announced.unannounced(left))
+        run.announced.mark_announced(left)
         run.is_unsure = run.is_unsure and not run.has_due
         self._tell(sender, run, link)
 
@@ -292,7 +292,7 @@ class BarrierResponder:
     def _waits_for(self, run: _Run, barrier: Barrier) -> str:
         if run.is_handed:
             return self._answers.owed()
-        if run.gathering.missing(barrier.sent):
+        if run.buffer.missing(barrier.sent):
             return ""
         return self._answers.absent({sent.topic for sent in barrier.sent})
 
@@ -314,5 +314,5 @@ class BarrierResponder:
 
     def _end(self, sender: Address, run: _Run) -> None:
         del self._runs[sender]
-        self._outlet.put_all(in_order(run.gathering.take_all()), sender, lambda: None)
+        self._outlet.put_all(in_order(run.buffer.take_all()), sender, lambda: None)
         self._log.info(f"no longer in lockstep with {sender[0]}:{sender[1]}")

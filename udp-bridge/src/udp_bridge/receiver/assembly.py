@@ -1,205 +1,254 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One message's parts on their way to a body. No other message, no order, no time limit.
+"""Assembly of one message: its parts and repair symbols, until its body is complete.
 
-The first copy of a part counts, and the first part that is not the last fixes the part size.
-The body lies in a block of a pool, as large as the message announces; `holdings` bounds what is
-held.
-A part that was received into its place in this very block is not moved.
+The first copy of a part counts, and the first part that is not the last one fixes the part size.
+The body lies in a block of the pool that is as large as the message announces; a part that was
+received into this very block is not copied. Other messages, order and limits are not known here.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Optional
+from typing import Dict, NamedTuple, Optional
 
+from udp_bridge.wire import fec
 from udp_bridge.wire.header import Buffer, Header, Refused
+from udp_bridge.wire.repair import Symbol
 
-from .pool import Pool, block_bytes
-
-if TYPE_CHECKING:
-    from .fec import Symbols
-
+from .pool import BlockPool, block_bytes
 
 OVERHEAD_BYTES = 1536
-"""What an open message takes besides bodies: its objects here and its places in `holdings`."""
+"""Memory of an open message besides its body: the objects here and in `limits`."""
+RECOVERY_ATTEMPTS = 8
+"""Attempts to decode one message. With as many symbols as parts, one in 256 attempts fails; each
+further symbol makes failures 256 times rarer."""
 
 
-class Added(NamedTuple):
-    """What became of a part that was not refused itself."""
+class AddedPart(NamedTuple):
+    """Result of adding a part that was not refused."""
 
     is_duplicate: bool = False
     refused: str = ""
-    """Why the last part, which had come before this one, was refused now."""
+    """Why the last part, which arrived before this one, was refused now."""
+
+
+class RepairSymbols:
+    """Repair symbols of one message, at most as many as it has parts."""
+
+    __slots__ = ("attempts", "body_size", "by_number", "symbol_size")
+
+    def __init__(self, body_size: int, symbol_size: int) -> None:
+        self.body_size = body_size
+        self.symbol_size = symbol_size
+        self.by_number: Dict[int, bytes] = {}
+        """Symbols by their index among those that were sent."""
+        self.attempts = 0
 
 
 class Assembly:
-    """The parts of one message of more than one part."""
+    """Parts and repair symbols of one message of several parts."""
 
     __slots__ = (
-        "_arrived",
-        "_aside",
-        "_block",
         "_body_bytes",
+        "_early_last_part",
         "_part_size",
         "_pool",
         "_size",
+        "_symbols",
         "_view",
+        "arrived",
+        "block",
         "header",
         "parts_in",
         "since_nanos",
-        "symbols",
     )
 
-    def __init__(self, header: Header, since_nanos: int, pool: Optional[Pool] = None) -> None:
+    def __init__(self, header: Header, since_nanos: int, pool: Optional[BlockPool] = None) -> None:
         self.header = header
         self.since_nanos = since_nanos
-        """When its first part came."""
+        """When the first part arrived."""
         self.parts_in = 0
-        self._arrived = bytearray(header.parts_max)
-        self._pool = pool if pool is not None else Pool()
-        self._block: Optional[bytearray] = None
-        self._view = memoryview(b"")  # of the block, which stays taken as long as there is one
-        self._size = 0  # of the whole body; known with the last part
+        self.arrived = bytearray(header.parts_max)
+        """One byte per part: 1 if it has arrived, else 0."""
+        self.block: Optional[bytearray] = None
+        """Where the parts lie, once their size is known."""
+        self._pool = pool if pool is not None else BlockPool()
+        self._view = memoryview(b"")  # of the block, which stays in use as long as this exists
+        self._size = 0  # of the whole body; known once the last part has arrived
         self._part_size: Optional[int] = None
-        self._body_bytes = 0  # that the body's block takes, once the part size is known
-        self._aside: Optional[bytes] = None  # a last part that came before the size was known
-        self.symbols: Optional[Symbols] = None
-        """Repair symbols that came for it; `fec_parts` keeps and uses them."""
+        self._body_bytes = 0  # size of the block, once the part size is known
+        self._early_last_part: Optional[bytes] = None  # arrived before the part size was known
+        self._symbols: Optional[RepairSymbols] = None
 
     @property
-    def complete(self) -> bool:
-        """Whether all parts are in."""
+    def is_complete(self) -> bool:
+        """Whether all parts have arrived."""
         return self.parts_in == self.header.parts_max
 
     @property
     def held_bytes(self) -> int:
-        """Memory that the message takes now: its whole block as soon as the part size is known."""
-        body = self._body_bytes or len(self._aside or b"")
-        symbols = self.symbols.bytes_held if self.symbols is not None else 0
-        return OVERHEAD_BYTES + body + symbols
+        """Memory of the message; its whole block once the part size is known."""
+        body = self._body_bytes or len(self._early_last_part or b"")
+        symbols = self._symbols
+        if symbols is not None:
+            body += len(symbols.by_number) * symbols.symbol_size
+        return OVERHEAD_BYTES + body
 
     @property
     def body(self) -> memoryview:
-        """The whole body, read-only; of use once `complete`."""
+        """The whole body, read-only; valid once `is_complete`."""
         return self._view[: self._size].toreadonly()
 
+    @property
+    def part_size(self) -> int:
+        """Body bytes of every part but the last; 0 until it is known."""
+        return self._part_size or 0
+
+    @property
+    def has_symbols(self) -> bool:
+        """Whether a repair symbol has arrived."""
+        return self._symbols is not None
+
+    def next_missing(self, first: int) -> int:
+        """Return the first missing part from `first` on, or else from 0 on."""
+        number = self.arrived.find(0, first)
+        return number if number >= 0 else self.arrived.find(0)
+
     def check(self, header: Header, size: int) -> None:
-        """Raise `Refused` when a part of `size` bytes contradicts what is known of its message."""
+        """Raise `Refused` if a part of `size` bytes contradicts earlier parts."""
         if header.parts_max != self.header.parts_max:
             raise Refused("parts_max")
         if header.link != self.header.link:
             raise Refused("link")
-        if not self._arrived[header.part_number] and self._part_size is not None:
+        if not self.arrived[header.part_number] and self._part_size is not None:
             self._check_size(size, header.part_number == header.parts_max - 1)
 
-    def add(self, header: Header, part: Buffer) -> Added:
-        """Take one part.
+    def add(self, header: Header, part: Buffer) -> AddedPart:
+        """Add one part.
 
         Raises
         ------
         Refused
-            When the part contradicts what is known of its message.
+            If the part contradicts earlier parts.
         """
         if header.parts_max != self.header.parts_max:
             raise Refused("parts_max")
         if header.link != self.header.link:
             raise Refused("link")
         number = header.part_number
-        if self._arrived[number]:
-            return Added(is_duplicate=True)
+        if self.arrived[number]:
+            return AddedPart(is_duplicate=True)
         is_last = number == header.parts_max - 1
         refused = ""
         if self._part_size is None and is_last:
-            self._aside = bytes(part)
+            self._early_last_part = bytes(part)
         else:
             if self._part_size is None:
                 self._fix_part_size(len(part))
-                refused = self._place_aside()
+                refused = self._place_early_last_part()
             self._check_size(len(part), is_last)
             self._place(number, part)
-        self._arrived[number] = 1
+        self.arrived[number] = 1
         self.parts_in += 1
-        return Added(refused=refused)
+        return AddedPart(refused=refused)
 
-    @property
-    def block(self) -> Optional[bytearray]:
-        """Where the parts lie, as soon as their size is known."""
-        return self._block
-
-    @property
-    def part_size(self) -> int:
-        """Body bytes of every part but the last; 0 while they are not known."""
-        return self._part_size or 0
-
-    def missing(self, first: int) -> int:
-        """Return the first missing part from `first` on, or else from 0 on."""
-        number = self._arrived.find(0, first)
-        return number if number >= 0 else self._arrived.find(0)
-
-    @property
-    def arrived(self) -> bytearray:
-        """One byte for each part: 1 where it is in, else 0."""
-        return self._arrived
-
-    def adopt(self, block: bytearray, part_size: int) -> bool:
-        """Take the offered block, where parts lie already; return whether `block` is it."""
+    def adopt_block(self, block: bytearray, part_size: int) -> bool:
+        """Take the block that the pool offered, if it is `block`; return whether it is."""
         if self._pool.take_offered(block, part_size * self.header.parts_max) is None:
             return False
-        self._block, self._view = block, memoryview(block)
+        self.block, self._view = block, memoryview(block)
         self._fix_part_size(part_size)
         return True
 
-    def placed(self, first: int, count: int, last_size: int) -> None:
-        """Take note of missing parts that lie in their places; the sender's word is checked."""
+    def mark_received(self, first: int, count: int, last_part_size: int) -> None:
+        """Record missing parts that lie in the block already; the caller has checked them."""
         assert self._part_size is not None
         end = first + count
-        self._arrived[first:end] = b"\1" * count
+        self.arrived[first:end] = b"\1" * count
         self.parts_in += count
         if end == self.header.parts_max:
-            self._size = (end - 1) * self._part_size + last_size
+            self._size = (end - 1) * self._part_size + last_part_size
 
-    def has(self, number: int) -> bool:
-        """Tell whether a part is in."""
-        return bool(self._arrived[number])
+    def check_symbol(self, symbol: Symbol, data: Buffer) -> None:
+        """Raise `Refused` if a repair symbol contradicts earlier parts or symbols."""
+        if symbol.parts_max != self.header.parts_max:
+            raise Refused("parts_max")
+        known = self._symbols
+        if known is None:
+            self._expect_part_size(len(data))
+        elif known.body_size != symbol.body_size or known.symbol_size != len(data):
+            raise Refused("part_size")
 
-    def part(self, number: int) -> memoryview:
-        """Return the bytes of a part that is in, once the part size is known."""
+    def add_symbol(self, number: int, symbol: Symbol, data: Buffer) -> bool:
+        """Keep a symbol that passed `check_symbol`; return whether it is new."""
+        known = self._symbols
+        if known is None:
+            self._expect_part_size(len(data))
+            known = self._symbols = RepairSymbols(symbol.body_size, len(data))
+        if number in known.by_number:
+            return False
+        if len(known.by_number) < symbol.parts_max:
+            known.by_number[number] = bytes(data)
+        return True
+
+    def recover(self) -> bool:
+        """Recover the missing parts if there are enough symbols; return whether it is complete."""
+        symbols, parts_max = self._symbols, self.header.parts_max
+        if symbols is None or symbols.attempts >= RECOVERY_ATTEMPTS:
+            return False
+        if self.parts_in + len(symbols.by_number) < parts_max:
+            return False
+        size = symbols.symbol_size
+        known: Dict[int, Buffer] = {}
+        missing = []
+        for number in range(parts_max):
+            if self.arrived[number]:
+                known[number] = bytes(self._part(number)).ljust(size, b"\0")
+            else:
+                missing.append(number)
+        known.update({parts_max + number: data for number, data in symbols.by_number.items()})
+        body = fec.recover(known, parts_max, size)
+        if body is None:
+            symbols.attempts += 1
+            return False
+        view = memoryview(body)[: symbols.body_size]
+        for number in missing:
+            part = view[number * size : (number + 1) * size]
+            self.add(self.header._replace(part_number=number), part)
+        return self.is_complete
+
+    def _part(self, number: int) -> memoryview:
+        """Return the bytes of a part that has arrived, once the part size is known."""
         assert self._part_size is not None
         start = number * self._part_size
-        size = self._size if number == self.header.parts_max - 1 else start + self._part_size
-        return self._view[start:size]
+        end = self._size if number == self.header.parts_max - 1 else start + self._part_size
+        return self._view[start:end]
 
-    def expect(self, part_size: int) -> None:
-        """Take the part size from elsewhere than a part.
-
-        Raises
-        ------
-        Refused
-            When it is known to be another one, or a last part that came is larger.
-        """
+    def _expect_part_size(self, part_size: int) -> None:
+        """Take the part size from a symbol; raise `Refused` if a part contradicts it."""
         if self._part_size is not None:
             if self._part_size != part_size:
                 raise Refused("part_size")
             return
-        if self._aside is not None and len(self._aside) > part_size:
+        if self._early_last_part is not None and len(self._early_last_part) > part_size:
             raise Refused("part_size")
         self._fix_part_size(part_size)
-        self._place_aside()
+        self._place_early_last_part()
 
     def _fix_part_size(self, part_size: int) -> None:
         self._part_size = part_size
         self._body_bytes = block_bytes(part_size * self.header.parts_max)
 
-    def _place_aside(self) -> str:
-        """Judge a last part that came before the size was known; return why it is refused."""
-        aside, self._aside = self._aside, None
+    def _place_early_last_part(self) -> str:
+        """Place a last part that arrived before the size was known; return why it is refused."""
+        part, self._early_last_part = self._early_last_part, None
         assert self._part_size is not None
         last = self.header.parts_max - 1
-        if aside is None:
+        if part is None:
             return ""
-        if len(aside) <= self._part_size:
-            self._place(last, aside)
+        if len(part) <= self._part_size:
+            self._place(last, part)
             return ""
-        self._arrived[last] = 0  # a right one may still come
+        self.arrived[last] = 0  # a valid one may still arrive
         self.parts_in -= 1
         return "part_size"
 
@@ -212,12 +261,12 @@ class Assembly:
         assert self._part_size is not None
         start = number * self._part_size
         end = start + len(part)
-        whose = part.obj if isinstance(part, memoryview) else None
-        if self._block is None:
-            wanted = self._part_size * self.header.parts_max
-            self._block = self._pool.take_offered(whose, wanted) or self._pool.lease(wanted)
-            self._view = memoryview(self._block)
-        if whose is not self._block:
+        owner = part.obj if isinstance(part, memoryview) else None
+        if self.block is None:
+            size = self._part_size * self.header.parts_max
+            self.block = self._pool.take_offered(owner, size) or self._pool.lease(size)
+            self._view = memoryview(self.block)
+        if owner is not self.block:
             self._view[start:end] = part
         if number == self.header.parts_max - 1:
             self._size = end

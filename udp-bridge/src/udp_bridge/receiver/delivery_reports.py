@@ -1,88 +1,77 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users say became of their messages, and what senders are told about what arrived.
+"""Delivery reports: take what users did with their messages, and report it to the senders.
 
-Users speak in any thread; what they said is taken note of in the thread that receives, which also
-makes the reports. No socket and no clock here.
+Users call from any thread. The receiving thread updates the delivery logs and makes the reports.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from typing import Deque, List, Optional, Tuple, Union
+from typing import Deque, List, Optional, Tuple
 
-from udp_bridge.wire.control import Credit, LinkReport, TopicReport
-from udp_bridge.wire.header import NANOS, Header
+from udp_bridge.wire.control import LinkReport, TopicReport
+from udp_bridge.wire.header import NANOS
 from udp_bridge.wire.message import Address, Message
-from udp_bridge.wire.types import CONTROL
 
-from .arrivals import Key, key_of
-from .peers import Peer, Peers
+from .ordering import MessageKey, key_of
+from .peers import Peers
 from .reassembly import Reassembler
 
-HEARD_NANOS = 5 * NANOS
-"""A sender is reported to for this long after its last datagram."""
+REPORTED_NANOS = 5 * NANOS
+"""A sender gets reports for this long after its last datagram."""
 
 Answer = Tuple[bytes, Address]
-Told = Tuple[Address, str, str, TopicReport]
-_Fate = Tuple[Address, int, str, Key, Optional[int]]
+SentReport = Tuple[Address, str, str, TopicReport]
+"""Sender, topic, link and report."""
+_Outcome = Tuple[Address, int, str, MessageKey, Optional[int]]
+"""Sender, msg_type, topic, message and time of publication; None if it was dropped."""
 
 
-class Telling:
-    """The fates of messages on their way from users to reports."""
+class DeliveryReports:
+    """Outcomes of messages on their way from users to the reports."""
 
     def __init__(self, reassembler: Reassembler) -> None:
-        self.told: List[Told] = []
-        """Sender, topic, link and report: what `reports` told last."""
+        self.last: List[SentReport] = []
+        """The topic reports that `reports` returned last."""
         self._reassembler = reassembler
-        self._fates: Deque[_Fate] = deque()  # appended to by any thread, taken by ours
+        self._outcomes: Deque[_Outcome] = deque()  # appended in any thread
 
-    def published(self, message: Message, sender: Address, wall_nanos: int) -> None:
-        """Take note, from any thread, that a message reached its user at this time."""
-        self._fates.append((sender, message.msg_type, message.topic, key_of(message), wall_nanos))
+    def mark_published(self, message: Message, sender: Address, wall_nanos: int) -> None:
+        """Record, in any thread, that a message reached its user at this time."""
+        key = key_of(message)
+        self._outcomes.append((sender, message.msg_type, message.topic, key, wall_nanos))
 
-    def dropped(self, message: Message, sender: Address) -> None:
-        """Take note, from any thread, that a message will not reach its user."""
-        self._fates.append((sender, message.msg_type, message.topic, key_of(message), None))
+    def mark_dropped(self, message: Message, sender: Address) -> None:
+        """Record, in any thread, that a message will not reach its user."""
+        key = key_of(message)
+        self._outcomes.append((sender, message.msg_type, message.topic, key, None))
 
-    def take_note(self) -> None:
-        """Count what was handed over, and what users said of it."""
-        self._reassembler.take_note()
-        while self._fates:
-            sender, msg_type, topic, key, wall_nanos = self._fates.popleft()
-            arrived = self._reassembler.arrived(sender, msg_type, topic)
-            if arrived is None:
+    def update_logs(self) -> None:
+        """Enter delivered messages and their outcomes into the delivery logs."""
+        self._reassembler.log_delivered()
+        while self._outcomes:
+            sender, msg_type, topic, key, wall_nanos = self._outcomes.popleft()
+            log = self._reassembler.delivery_log(sender, msg_type, topic)
+            if log is None:
                 continue
             if wall_nanos is None:
-                arrived.drop(key)
+                log.mark_dropped(key)
             else:
-                arrived.published(key, wall_nanos)
+                log.mark_published(key, wall_nanos)
 
     def reports(
         self, peers: Peers, link_report: LinkReport, now_nanos: int, wall_nanos: int
     ) -> List[Answer]:
-        """Return what to tell the senders that were heard lately about what arrived."""
-        self.take_note()
+        """Return the reports to all senders that sent something lately, as datagrams."""
+        self.update_logs()
         answers = []
-        told = []
+        last = []
         for sender, peer in peers:
-            if now_nanos - peer.heard_nanos > HEARD_NANOS:
+            if now_nanos - peer.last_heard_nanos > REPORTED_NANOS:
                 continue
             for topic, link, report in self._reassembler.reports(sender, wall_nanos):
-                told.append((sender, topic, link, report))
-                answers.append((control_of(peer, topic, link, wall_nanos, report), sender))
-            answers.append((control_of(peer, "", "", wall_nanos, link_report), sender))
-        self.told = told
+                last.append((sender, topic, link, report))
+                answers.append((peer.pack_control(topic, link, wall_nanos, report), sender))
+            answers.append((peer.pack_control("", "", wall_nanos, link_report), sender))
+        self.last = last  # read by other threads, so it is replaced as a whole
         return answers
-
-
-def control_of(
-    peer: Peer,
-    topic: str,
-    link: str,
-    stamp_nanos: int,
-    body: Union[Credit, TopicReport, LinkReport],
-) -> bytes:
-    """Return the datagram of a Control message to a peer."""
-    number = peer.numbering.next(CONTROL, topic)
-    sec, nsec = divmod(stamp_nanos, NANOS)
-    return Header(CONTROL, number, 0, 1, sec, nsec, topic, link).pack() + body.pack()

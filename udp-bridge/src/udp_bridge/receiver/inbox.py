@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a link does with a datagram that came in: messages out, credits taken, answers written.
+"""Inbox: takes the datagrams of a socket; returns messages to deliver and datagrams to answer.
 
-No socket, no thread, no clock: answers are returned as bytes to send. Credits go back for
-multi-part messages without being asked for; reports only where they are wanted.
+No socket, no thread, no clock. Credits for messages of several parts are returned at once; requests
+and reports are returned when the caller asks for them.
 """
 
 from __future__ import annotations
@@ -16,29 +16,30 @@ from udp_bridge.wire.message import Address, DatagramKey, Message
 from udp_bridge.wire.repair import Request, parse_resend
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND
 
-from .batch_reassembly import RunReassembler
-from .delivery_reports import Answer, Telling, Told, control_of
+from .delivery import message_of
+from .delivery_reports import Answer, DeliveryReports, SentReport
 from .limits import Limits
 from .peers import Peer, Peers
-from .receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots, SlotPredictor
-from .verdicts import message_of
+from .reassembly import Reassembler
+from .receive_slots import CreditState, PartBatch, ReceiveSlots, SlotPredictor
 
 CREDIT_SHARE = 8
-"""A credit goes out at the latest when one part in this many of the receive buffer was taken."""
+"""A Credit is due at the latest when one part in this many of the receive buffer has arrived."""
 _CREDIT_BODY = 12
 _REQUEST_BODY = 8
-"""Before its bitmap."""
+"""Without its bitmap."""
 
-Taken = Tuple[Optional[Message], Optional[Answer], Address]
+Received = Tuple[Optional[Message], Optional[Answer]]
+"""A complete message and a Credit to send."""
 OnCredit = Callable[[Address, DatagramKey, int], None]
 OnRequest = Callable[[Address, Header, Request], None]
 OnReport = Callable[[Address, str, TopicReport, int], None]
-OnOrder = Callable[[], None]
+OnSendOrderDone = Callable[[], None]
 OnChallenge = Callable[[Address, AddressChallenge], None]
 
 
 class Inbox:
-    """Everything between a socket that receives and the messages that came in."""
+    """Receiving half of a link, without its socket."""
 
     def __init__(
         self,
@@ -47,53 +48,49 @@ class Inbox:
         on_credit: OnCredit,
         on_report: OnReport = lambda *_: None,
         on_request: OnRequest = lambda *_: None,
-        on_order: OnOrder = lambda: None,
+        on_send_order_done: OnSendOrderDone = lambda: None,
         on_challenge: OnChallenge = lambda *_: None,
         limits: Optional[Limits] = None,
     ) -> None:
         self.receive_buffer = receive_buffer
-        """Bytes of the socket's receive buffer, as the kernel accounts them."""
-        self.reassembler = RunReassembler(limits)
+        """Size of the socket's receive buffer, as the kernel accounts it."""
+        self.reassembler = Reassembler(limits)
         self.datagrams = 0
         self.bytes_received = 0
         self.kernel_drops = 0
-        """Datagrams that the kernel dropped for want of buffer; the socket's owner sets it."""
+        """Datagrams that the kernel dropped because the buffer was full; set by the caller."""
         self.requests_sent = 0
-        """Requests to send something again."""
-        self.answers_sent = self.answer_bytes_sent = 0
-        """Credits and requests that went out where parts are received, not by who called us."""
+        """Requests to resend something."""
+        self.socket_answers = self.socket_answer_bytes = 0
+        """Credits and requests that the socket sent itself while it received a batch."""
         self._on_credit = on_credit
         self._on_report = on_report
         self._on_request = on_request
-        self._on_order = on_order
+        self._on_send_order_done = on_send_order_done
         self._on_challenge = on_challenge
-        self._telling = Telling(self.reassembler)
-        self.take_note = self._telling.take_note
-        self.published = self._telling.published
-        self.dropped = self._telling.dropped
+        self._reports = DeliveryReports(self.reassembler)
+        self.update_logs = self._reports.update_logs
+        self.mark_published = self._reports.mark_published
+        self.mark_dropped = self._reports.mark_dropped
         self._peers = Peers(self.reassembler.limits.senders)
         self._predictor = SlotPredictor(self.reassembler.pool)
 
     @property
-    def told(self) -> List[Told]:
-        """Sender, topic, link and report: what `reports` told last."""
-        return self._telling.told
+    def last_reports(self) -> List[SentReport]:
+        """The topic reports that `reports` returned last."""
+        return self._reports.last
 
-    def receive(
-        self, datagram: memoryview, sender: Address, now_nanos: int, wall_nanos: int
-    ) -> Tuple[Optional[Message], Optional[Answer]]:
-        """Take one datagram; return the message that it completed and the credit to send.
+    def receive(self, datagram: memoryview, sender: Address, now_nanos: int) -> Received:
+        """Take one datagram; return the message that it completed, and the Credit to send.
 
         Parameters
         ----------
         datagram
-            Its bytes; the buffer may be reused once this returns.
+            The received bytes; the buffer may be reused after this call.
         sender
-            Where it came from.
+            The sender's address.
         now_nanos
-            A clock that never goes back.
-        wall_nanos
-            The wall clock, for the ages of messages.
+            A monotonic clock.
         """
         self.datagrams += 1
         size = len(datagram)
@@ -102,108 +99,108 @@ class Inbox:
         try:
             header, offset = parse(datagram)
             if header.msg_type == CONTROL:
-                return self._take_control(header, datagram[offset:], sender, now_nanos)
+                return self._receive_control(header, datagram[offset:], sender, now_nanos)
             message = self.reassembler.accept(header, datagram[offset:], sender, now_nanos)
         except Refused as refused:
             self.reassembler.counters.refuse(refused.reason)
             return None, None
-        peer = self._peers.heard(sender, now_nanos)
+        peer = self._peers.record(sender, now_nanos)
         peer.goodput_bytes += size
         if header.msg_type == RESEND:
             peer.goodput(now_nanos)
             if message is not None:
-                self._take_request(header, message, sender)
+                self._receive_request(header, message, sender)
             return None, None
         if header.parts_max == 1:
             return message, None
         if message is None and header.msg_type != REPAIR:
-            self._follow(header, datagram[:offset], sender, now_nanos)
+            assembly = self.reassembler.open_message(header, sender, now_nanos)
+            nacks = self.reassembler.nack_tracker(header, sender)
+            self._predictor.follow(header, bytes(datagram[:offset]), sender, assembly, nacks)
         peer.uncredited_bytes += size
-        is_whole = message is not None or self.reassembler.counters.late != late
-        return message, self._credit_if_due(header, is_whole, sender, peer)
+        is_complete = message is not None or self.reassembler.counters.late != late
+        return message, self._credit_if_due(header, is_complete, sender, peer)
 
     def predict_slots(self) -> Tuple[ReceiveSlots, CreditState]:
-        """Return where to put what comes next, and how to acknowledge it; for `receive_run`."""
-        place = self._predictor.predict()
-        if not place.arrived:
-            return NO_SLOTS, CreditState(0, self.receive_buffer, 0)
-        peer = self._peers.get(place.sender)
+        """Return where to receive the next parts, and how to acknowledge them: for a batch."""
+        slots = self._predictor.predict()
+        peer = self._peers.get(slots.sender) if slots.arrived else None
         if peer is None:
-            return place, CreditState(0, self.receive_buffer, 0)
+            return slots, CreditState(0, self.receive_buffer, 0)
         number = peer.numbering.next(CONTROL, self._predictor.topic, 0)
-        return place, CreditState(
-            peer.uncredited_bytes, self.receive_buffer, number, peer.goodput_told
+        return slots, CreditState(
+            peer.uncredited_bytes, self.receive_buffer, number, peer.last_goodput
         )
 
-    def receive_run(self, place: ReceiveSlots, run: PartBatch, now_nanos: int) -> List[Taken]:
-        """Take what came at a place; return what `receive` returns, and the sender.
+    def receive_batch(
+        self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
+    ) -> List[Tuple[Optional[Message], Optional[Answer], Address]]:
+        """Take a batch that was received into slots; return message, Credit and sender of each.
 
-        Parts that lie in their places are taken together.
+        All parts that lie in their slots are one element, the unmatched datagram is another one.
         """
-        taken: List[Taken] = []
-        if run.mailbox_credits:
-            self._count_parked(run, now_nanos)
-        if run.is_send_order_done:
-            self._on_order()
-        if run.part_ranges:
-            taken.append(self._receive_placed(place, run, now_nanos))
-        if run.refused:
-            self.refuse(run.refused)
-        elif run.unmatched is not None:
-            assert run.unmatched_sender is not None
-            one = self.receive(memoryview(run.unmatched), run.unmatched_sender, now_nanos, 0)
-            taken.append((*one, run.unmatched_sender))
-        return taken
+        received = []
+        if batch.mailbox_credits:
+            self._count_mailbox_credits(batch, now_nanos)
+        if batch.is_send_order_done:
+            self._on_send_order_done()
+        if batch.part_ranges:
+            received.append((*self._receive_parts(slots, batch, now_nanos), slots.sender))
+        if batch.refused:
+            self.refuse(batch.refused)
+        elif batch.unmatched is not None:
+            assert batch.unmatched_sender is not None
+            one = self.receive(memoryview(batch.unmatched), batch.unmatched_sender, now_nanos)
+            received.append((*one, batch.unmatched_sender))
+        return received
 
-    def _count_parked(self, run: PartBatch, now_nanos: int) -> None:
-        """Count credits that went to the sender without us, as `_take_control` does with others."""
+    def _count_mailbox_credits(self, batch: PartBatch, now_nanos: int) -> None:
+        """Count Credits that the socket put into the sender's mailbox like all others."""
         self.reassembler.expire(now_nanos)
-        self.datagrams += run.mailbox_credits
-        self.bytes_received += run.mailbox_bytes
-        self.reassembler.counters.messages += run.mailbox_credits
+        self.datagrams += batch.mailbox_credits
+        self.bytes_received += batch.mailbox_bytes
+        self.reassembler.counters.messages += batch.mailbox_credits
 
-    def _receive_placed(self, place: ReceiveSlots, run: PartBatch, now_nanos: int) -> Taken:
-        sender = place.sender
-        header = self._predictor.header_of(run)
-        count, (first, in_row) = run.parts_count, run.part_ranges[-1]
-        size = count * (len(run.header) + place.part_size) - (place.part_size - run.last_part_size)
+    def _receive_parts(self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int) -> Received:
+        sender = slots.sender
+        header = self._predictor.header_of(batch)
+        count, (first, last_count) = batch.parts_count, batch.part_ranges[-1]
+        size = count * (len(batch.header) + slots.part_size)
+        size -= slots.part_size - batch.last_part_size
         self.datagrams += count
         self.bytes_received += size
         late = self.reassembler.counters.late
-        message = self.reassembler.accept_run(header, place, run, sender, now_nanos)
+        message = self.reassembler.accept_batch(header, slots, batch, sender, now_nanos)
         if message is None:
-            known = self.reassembler.open_message(header, sender, now_nanos)
-            self._predictor.on_incomplete(run, known, self.reassembler.asking(header, sender))
+            assembly = self.reassembler.open_message(header, sender, now_nanos)
+            nacks = self.reassembler.nack_tracker(header, sender)
+            self._predictor.on_incomplete(batch, assembly, nacks)
         else:
-            self._predictor.on_complete(run)
-        peer = self._peers.heard(sender, now_nanos)
+            self._predictor.on_complete(batch)
+        peer = self._peers.record(sender, now_nanos)
         peer.goodput_bytes += size
-        if place.debounce_nanos:
-            peer.goodput_told = peer.goodput(now_nanos)
-        if run.credits_sent:
-            peer.numbering.next(CONTROL, header.topic, run.credits_sent)
-            self.answers_sent += run.credits_sent
-            self.answer_bytes_sent += run.credits_sent * (_head_size(header) + _CREDIT_BODY)
-        if run.nack_bitmap:
+        if slots.debounce_nanos:
+            peer.last_goodput = peer.goodput(now_nanos)
+        if batch.credits_sent:
+            peer.numbering.next(CONTROL, header.topic, batch.credits_sent)
+            self.socket_answers += batch.credits_sent
+            self.socket_answer_bytes += batch.credits_sent * (_header_size(header) + _CREDIT_BODY)
+        if batch.nack_bitmap:
             self.requests_sent += 1
-            self.answers_sent += 1
-            self.answer_bytes_sent += _head_size(header) + _REQUEST_BODY + len(run.nack_bitmap)
-        peer.uncredited_bytes = run.uncredited_bytes
-        if not run.uncredited_bytes:
-            return message, None, sender
-        last = header._replace(part_number=first + in_row - 1)
-        is_whole = message is not None or self.reassembler.counters.late != late
-        return message, self._credit_if_due(last, is_whole, sender, peer), sender
-
-    def _follow(self, header: Header, head: memoryview, sender: Address, now_nanos: int) -> None:
-        known = self.reassembler.open_message(header, sender, now_nanos)
-        asking = self.reassembler.asking(header, sender)
-        self._predictor.follow(header, bytes(head), sender, known, asking)
+            self.socket_answers += 1
+            self.socket_answer_bytes += _header_size(header) + _REQUEST_BODY
+            self.socket_answer_bytes += len(batch.nack_bitmap)
+        peer.uncredited_bytes = batch.uncredited_bytes
+        if not batch.uncredited_bytes:
+            return message, None
+        last = header._replace(part_number=first + last_count - 1)
+        is_complete = message is not None or self.reassembler.counters.late != late
+        return message, self._credit_if_due(last, is_complete, sender, peer)
 
     def _credit_if_due(
-        self, header: Header, is_whole: bool, sender: Address, peer: Peer
+        self, header: Header, is_complete: bool, sender: Address, peer: Peer
     ) -> Optional[Answer]:
-        is_end = is_whole or header.part_number == header.parts_max - 1
+        is_end = is_complete or header.part_number == header.parts_max - 1
         if not is_end and peer.uncredited_bytes <= self.receive_buffer // CREDIT_SHARE:
             return None
         return self._credit(header, sender, peer)
@@ -211,22 +208,27 @@ class Inbox:
     def _credit(self, header: Header, sender: Address, peer: Peer) -> Answer:
         peer.uncredited_bytes = 0
         credit = Credit(header.msg_type, header.part_number, header.seq_number, self.receive_buffer)
-        return control_of(peer, header.topic, "", header.stamp_nanos, credit), sender
+        return peer.pack_control(header.topic, "", header.stamp_nanos, credit), sender
 
     def requests(self, now_nanos: int) -> List[Answer]:
-        """Return what is missed and to be asked for now, as datagrams to send."""
+        """Return the requests for lost parts that are due now, as datagrams to send."""
         answers: List[Answer] = []
-        for sender, topic, (seq_number, (sec, nsec), request, copies) in self.reassembler.asked():
-            to = cast(Address, sender)
-            peer = self._peers.get(to)
+        for address, topic, (
+            seq_number,
+            (sec, nsec),
+            request,
+            copies,
+        ) in self.reassembler.take_nacks():
+            sender = cast(Address, address)
+            peer = self._peers.get(sender)
             goodput = peer.goodput(now_nanos) if peer is not None else 0
-            head = Header(RESEND, seq_number, 0, 1, sec, nsec, topic).pack()
-            answers += [(head + request._replace(goodput=goodput).pack(), to)] * copies
+            header = Header(RESEND, seq_number, 0, 1, sec, nsec, topic).pack()
+            answers += [(header + request._replace(goodput=goodput).pack(), sender)] * copies
             self.requests_sent += 1
         return answers
 
-    def expect_nothing(self) -> None:
-        """Forget what is expected next; `predict_slots` begins anew with what comes."""
+    def reset_prediction(self) -> None:
+        """Predict nothing until the next part arrives."""
         self._predictor = SlotPredictor(self.reassembler.pool)
 
     def refuse(self, reason: str) -> None:
@@ -235,7 +237,7 @@ class Inbox:
         self.reassembler.counters.refuse(reason)
 
     def reports(self, now_nanos: int, wall_nanos: int) -> List[Answer]:
-        """Return what to tell the senders that were heard lately about what arrived."""
+        """Return reports to all senders that sent something lately, as datagrams to send."""
         link_report = LinkReport.of(
             self.receive_buffer,
             self.datagrams,
@@ -243,48 +245,51 @@ class Inbox:
             self.kernel_drops,
             self.reassembler.counters.refused,
         )
-        return self._telling.reports(self._peers, link_report, now_nanos, wall_nanos)
+        return self._reports.reports(self._peers, link_report, now_nanos, wall_nanos)
 
     def close(self) -> None:
-        """Let go of buffers, of what was known of senders and of whom to tell; the counters stay.
+        """Free buffers, senders and callbacks; the counters stay.
 
-        Who is told refers to us again: without this, both would wait for the garbage collector.
+        The callbacks refer to the owner of this inbox. Without this, both would wait for the
+        garbage collector.
         """
-        self._on_credit = self._on_report = self._on_request = self._on_order = _nobody
-        self._on_challenge = _nobody
+        self._on_credit = self._on_report = self._on_request = _ignore
+        self._on_send_order_done = self._on_challenge = _ignore
         self.reassembler.close()
-        self.expect_nothing()
+        self.reset_prediction()
 
-    def _take_request(self, header: Header, message: Message, sender: Address) -> None:
+    def _receive_request(self, header: Header, message: Message, sender: Address) -> None:
         request = parse_resend(message.body)
         if isinstance(request, Request):
             self._on_request(sender, header, request)
 
-    def _take_control(
+    def _receive_control(
         self, header: Header, body: memoryview, sender: Address, now_nanos: int
-    ) -> Tuple[Optional[Message], Optional[Answer]]:
+    ) -> Received:
         self.reassembler.expire(now_nanos)
-        told = self.reassembler.accept_control(header, body)
-        if isinstance(told, CreditRequest):
-            return None, self._credit(header, sender, self._peers.heard(sender, now_nanos))
-        if isinstance(told, Credit):
-            key = DatagramKey(told.msg_type, header.topic, told.seq_number, told.part_number)
-            self._on_credit(sender, key, told.receive_buffer)
+        control = self.reassembler.accept_control(header, body)
+        if isinstance(control, CreditRequest):
+            return None, self._credit(header, sender, self._peers.record(sender, now_nanos))
+        if isinstance(control, Credit):
+            key = DatagramKey(
+                control.msg_type, header.topic, control.seq_number, control.part_number
+            )
+            self._on_credit(sender, key, control.receive_buffer)
             return None, None
-        if isinstance(told, AddressChallenge):
-            self._on_challenge(sender, told)
-        if isinstance(told, (AddressChallenge, AddressResponse)):
+        if isinstance(control, AddressChallenge):
+            self._on_challenge(sender, control)
+        if isinstance(control, (AddressChallenge, AddressResponse)):
             return None, None
-        if isinstance(told, TopicReport):
-            self._on_report(sender, header.topic, told, header.stamp_nanos)
+        if isinstance(control, TopicReport):
+            self._on_report(sender, header.topic, control, header.stamp_nanos)
         return message_of(header, body), None
 
 
-def _head_size(header: Header) -> int:
+def _header_size(header: Header) -> int:
     """Return the size of an answer's header."""
     size = FIXED_SIZE + len(header.topic.encode())
     return size + -size % 4
 
 
-def _nobody(*_: object) -> None:
-    """Tell nobody."""
+def _ignore(*_: object) -> None:
+    """Do nothing."""

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Buffers for bodies that are used again: fresh memory costs more than the copy into it.
+"""Block pool: reusable buffers for message bodies. Fresh memory costs more than the copy into it.
 
-A block is free again when nothing looks into it any more: views of a message that was handed
-over keep its block, and none is ever written to while somebody may read it. Not here: how much a
-receiver may hold (`holdings`). A user who keeps messages keeps their memory; the pool then
-forgets those blocks and they are freed like any other memory. To lease takes the same time
-however many blocks there are: only a few of the right size are tried.
+A block is free when no view of it is left: the body of a delivered message keeps its block in use,
+so no block is overwritten while it can be read. If a user keeps messages, the pool forgets their
+blocks, and they are freed like other memory. Leasing takes constant time: only a few blocks of the
+right size are tried. `limits` bounds how much open messages may take.
 """
 
 from __future__ import annotations
@@ -15,43 +14,40 @@ from itertools import islice
 from typing import Dict, Optional
 
 KEPT_BYTES = 40 << 20
-"""What a pool keeps: the largest message that was handed over, the next one, and some."""
+"""Bytes of all blocks in a pool: the largest message that was delivered, the next one, and some."""
 SMALLEST_KEPT = 1 << 16
-"""Smaller blocks are as large as is asked for, and not kept: fresh ones are cheap."""
+"""Smaller blocks are allocated exactly and not kept: allocating them is cheap."""
 PROBES = 4
-"""Blocks of a class that are tried: the last ones used, which are in the cache."""
+"""Blocks of a size class that are tried: the last ones used, which are in the cache."""
 _WASTE = 2
-"""A block may be this many times larger than what is asked for."""
+"""A block may be this many times larger than requested."""
 
 
-class Pool:
-    """Blocks of one receiver; to be used by one thread."""
+class BlockPool:
+    """Blocks of one receiver, for use in one thread."""
 
     def __init__(self, kept_bytes: int = KEPT_BYTES) -> None:
         self.kept_bytes = 0
-        """Bytes of all blocks that the pool knows, in use or not."""
-        self._most_bytes = kept_bytes
+        """Bytes of all blocks in the pool, in use or not."""
+        self._limit_bytes = kept_bytes
         self._blocks: OrderedDict[int, bytearray] = OrderedDict()  # by id; the last one used last
         self._classes: Dict[int, OrderedDict[int, bytearray]] = {}  # the same, by size
         self._offered: Optional[bytearray] = None
         self._offered_view = memoryview(b"")
 
     def lease(self, size: int) -> bytearray:
-        """Return a block of at least `size` bytes, with whatever is in it.
-
-        It stays taken while there are views of it.
-        """
+        """Return a block of at least `size` bytes; it is in use while there are views of it."""
         if size < SMALLEST_KEPT:
             return bytearray(block_bytes(size))
         for size_class in (_class_of(size), _class_of(size) + 1):
-            alike = self._classes.get(size_class)
-            for block in islice(reversed(alike.values()), PROBES) if alike else ():
+            blocks = self._classes.get(size_class)
+            for block in islice(reversed(blocks.values()), PROBES) if blocks else ():
                 if _fits(block, size) and is_free(block):
                     self._blocks.move_to_end(id(block))
                     self._classes[size_class].move_to_end(id(block))
                     return block
         block = bytearray(block_bytes(size))
-        if len(block) <= self._most_bytes:
+        if len(block) <= self._limit_bytes:
             self._keep(block)
         return block
 
@@ -59,13 +55,13 @@ class Pool:
         self._blocks[id(block)] = block
         self._classes.setdefault(_class_of(len(block)), OrderedDict())[id(block)] = block
         self.kept_bytes += len(block)
-        while self.kept_bytes > self._most_bytes:
-            place, oldest = self._blocks.popitem(last=False)
-            del self._classes[_class_of(len(oldest))][place]
+        while self.kept_bytes > self._limit_bytes:
+            key, oldest = self._blocks.popitem(last=False)
+            del self._classes[_class_of(len(oldest))][key]
             self.kept_bytes -= len(oldest)
 
     def offer(self, size: int) -> bytearray:
-        """Return a block to receive a message into that nobody knows yet; one at a time."""
+        """Return the block to receive the next message into; there is one such block at a time."""
         offered = self._offered
         if offered is None or not _fits(offered, size):
             self._offered_view = memoryview(b"")
@@ -74,7 +70,7 @@ class Pool:
         return offered
 
     def take_offered(self, block: object, size: int) -> Optional[bytearray]:
-        """Give the offered block away, if it is `block` and fits; the taker must view it."""
+        """Return the offered block if it is `block` and fits; the caller must keep a view of it."""
         offered = self._offered
         if offered is None or offered is not block or not _fits(offered, size):
             return None
@@ -84,7 +80,7 @@ class Pool:
 
 
 def block_bytes(size: int) -> int:
-    """Return the bytes of a fresh block; one that is used again may be larger, but is known."""
+    """Return the size of a new block for `size` bytes; a reused one may be larger."""
     return size if size < SMALLEST_KEPT else -(-size // SMALLEST_KEPT) * SMALLEST_KEPT
 
 
@@ -93,12 +89,12 @@ def _fits(block: bytearray, size: int) -> bool:
 
 
 def _class_of(size: int) -> int:
-    """Return the class of blocks of a size; those of up to twice the size are in it or the next."""
+    """Return the size class; blocks of up to twice the size are in this class or the next one."""
     return size.bit_length()
 
 
 def is_free(block: bytearray) -> bool:
-    """Tell whether no view of a block is left: only then may a bytearray change its size."""
+    """Tell whether no view of a block is left: only then can a bytearray change its size."""
     try:
         block.append(block.pop())
     except BufferError:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Datagrams in, whole messages out: the receiving rules of PROTOCOL.md.
+"""Reassembly: datagrams in, complete messages out, by the receiving rules of PROTOCOL.md.
 
-Whatever arrives, nothing is raised: a bad datagram is counted by reason and changes nothing
-else. Time is an argument, a sender is anything hashable, and no reference to a datagram's
-buffer is kept. Not here: bounds (`holdings`), what becomes of a whole message (`verdicts`),
-sockets, credits, and who may send at all.
+A bad datagram is counted by reason and changes nothing else. Time is an argument, a sender is any
+hashable object, and no reference to a datagram's buffer is kept. `limits` bounds what is held,
+`delivery` decides about complete messages, `inbox` handles credits and control messages.
 """
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Hashable, List, Optional, Tuple
 
 from udp_bridge.wire import control, fec
@@ -18,39 +18,37 @@ from udp_bridge.wire.repair import Offer, parse_resend, parse_symbol
 from udp_bridge.wire.reports import TopicReport
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SUBSCRIBE
 
-from . import fec as fec_parts
-from .arrivals import TopicArrivals
 from .assembly import Assembly
-from .counters import Counters
-from .limits import Holdings, Limits, Topic
-from .nack import Asked, Asking
-from .ordering import key_of
-from .pool import Pool
-from .verdicts import Verdicts, message_of
+from .delivery import DeliveryRules, message_of
+from .delivery_log import Counters, DeliveryLog
+from .limits import Limits, SenderTable, TopicState
+from .nack import Nack, NackTracker
+from .ordering import MessageKey, key_of
+from .pool import BlockPool
+from .receive_slots import PartBatch, ReceiveSlots
 
-_NOT_HANDED_OVER = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
+_NOT_DELIVERED = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
 
 
 class Reassembler:
     """Joins datagrams of any number of senders into messages.
 
-    Call `receive` for every datagram, and `expire` now and then while none comes.
+    Call `receive` for every datagram, and `expire` from time to time while none arrives.
     """
 
     def __init__(self, limits: Optional[Limits] = None) -> None:
         self.limits = limits if limits is not None else Limits()
         self.counters = Counters()
-        self.pool = Pool()
-        """Where bodies lie."""
-        self._holdings = Holdings(self.limits, self.counters)
-        self._verdicts = Verdicts(self._holdings, self.counters, keep_late=self.limits.keep_late)
-        self.to_ask: List[Tuple[Hashable, str, Asked]] = []
-        """What `asked` returns next."""
+        self.pool = BlockPool()
+        self._senders = SenderTable(self.limits, self.counters)
+        self._rules = DeliveryRules(self._senders, self.counters, keep_late=self.limits.keep_late)
+        self.pending_nacks: List[Tuple[Hashable, str, Nack]] = []
+        """What `take_nacks` returns next."""
 
     @property
     def memory_bytes(self) -> int:
-        """What all open messages take."""
-        return self._holdings.memory_bytes
+        """Memory of all open messages."""
+        return self._senders.memory_bytes
 
     def receive(self, datagram: Buffer, sender: Hashable, now_nanos: int) -> Optional[Message]:
         """Take one datagram; return the message that it completed, if any.
@@ -58,11 +56,11 @@ class Reassembler:
         Parameters
         ----------
         datagram
-            The bytes as they came; the buffer may be reused once this returns.
+            The received bytes; the buffer may be reused after this call.
         sender
             The sender's address.
         now_nanos
-            Any clock that never goes back, in nanoseconds.
+            A monotonic clock.
         """
         try:
             header, offset = parse(datagram)
@@ -74,14 +72,14 @@ class Reassembler:
     def accept(
         self, header: Header, part: memoryview, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
-        """Do as `receive` does with a datagram that is parsed already.
+        """Take one parsed datagram; return the message that it completed, if any.
 
         Raises
         ------
         Refused
-            When the part contradicts its message; the caller counts it.
+            If the part contradicts its message; the caller counts it.
         """
-        if self._holdings.memory_bytes:  # otherwise nothing is open
+        if self._senders.memory_bytes:  # otherwise nothing is open
             self.expire(now_nanos)
         if header.parts_max > 1 and not len(part):
             raise Refused("part_size")
@@ -96,177 +94,309 @@ class Reassembler:
             if header.parts_max != 1:
                 raise Refused("parts_max")
             control.Subscribe.parse(part)
-        if self._holdings.memory_bytes:  # it may contradict what is open
+        if self._senders.memory_bytes:  # it may contradict an open message
             self._check(header, len(part), sender, now_nanos)
-        topic = self._holdings.topic(sender, (header.msg_type, header.topic))
-        is_plain = header.parts_max == 1 and topic.asking is None and not topic.open
-        if is_plain and topic.order.takes_next(header, now_nanos):
+        topic = self._senders.topic(sender, (header.msg_type, header.topic))
+        is_plain = header.parts_max == 1 and topic.nacks is None and not topic.open
+        if is_plain and topic.order.deliver_next(header, now_nanos):
             topic.link = header.link
-            return self._verdicts.handed(topic, header, part)
-        self._verdicts.notice_restart(topic, header, now_nanos)
+            return self._rules.deliver(topic, header, part)
+        self._rules.detect_restart(topic, header, now_nanos)
         if topic.order.is_finished(header):
-            topic.count("duplicates")
+            topic.count_duplicates()
             return None
-        is_open = key_of(header) in topic.open
-        if not is_open and self._verdicts.is_jump(topic, header, now_nanos):
+        key = key_of(header)
+        is_open = key in topic.open
+        if not is_open and self._rules.drops_jump(topic, header, now_nanos):
             return None
         topic.link = header.link
-        topic.arrived.seen(header)
+        topic.log.mark_arrived(header)
         if header.parts_max == 1 and not is_open:
-            message = self._verdicts.finish(topic, header, part, now_nanos)
+            message = self._rules.deliver_in_order(topic, header, part, now_nanos)
         else:
-            message = self._add(topic, header, part, now_nanos)
-        if topic.asking is not None:
-            is_whole = topic.order.is_finished(header)
-            topic.asking.saw(header, is_whole=is_whole, now_nanos=now_nanos)
-            self._ask(topic.asking, header, header.msg_type, sender, now_nanos)
+            message = self._add_part(topic, key, header, part, now_nanos)
+        if topic.nacks is not None:
+            is_complete = topic.order.is_finished(header)
+            topic.nacks.on_parts(header, is_complete=is_complete, now_nanos=now_nanos)
+            self._queue_nacks(topic.nacks, header, header.msg_type, sender, now_nanos)
         return message
 
-    # Control says what is so at this moment and repeats itself; credits carry old stamps and
-    # reports a wall clock, so order has no meaning there, and a dropped one would only harm.
+    # A Control message is valid at once and is repeated. Credits carry old stamps and reports carry
+    # a wall clock, so their order means nothing, and dropping one would only do harm.
     def accept_control(self, header: Header, part: memoryview) -> control.Control:
-        """Return what a Control message says, or raise `Refused`."""
+        """Return the body of a Control message, or raise `Refused`."""
         if header.parts_max != 1:
             raise Refused("parts_max" if len(part) else "part_size")
-        told = control.parse(part)
-        self.counters.messages += not isinstance(told, _NOT_HANDED_OVER)
-        return told
+        body = control.parse(part)
+        self.counters.messages += not isinstance(body, _NOT_DELIVERED)
+        return body
 
-    def asked(self) -> List[Tuple[Hashable, str, Asked]]:
-        """Return what is to be asked since the last call: of which sender, the topic, the rest."""
-        asked, self.to_ask = self.to_ask, []
-        return asked
+    def accept_batch(
+        self,
+        header: Header,
+        slots: ReceiveSlots,
+        batch: PartBatch,
+        sender: Hashable,
+        now_nanos: int,
+    ) -> Optional[Message]:
+        """Take parts that lie in their slots, with the same result as `accept` for each of them.
+
+        `header` is that of the first part. Refused parts are counted; nothing is raised.
+        """
+        if self._senders.memory_bytes:  # otherwise nothing is open
+            self.expire(now_nanos)
+        topic = self._senders.find(sender, (header.msg_type, header.topic))
+        assembly = None
+        if topic is not None:
+            if batch.part_ranges == ((0, header.parts_max),) and not slots.is_open:
+                message = self._accept_whole(topic, header, slots, batch, sender, now_nanos)
+                if message is not None:
+                    return message
+            if topic.nacks is not None:
+                self._rules.detect_restart(topic, header, now_nanos)
+                if batch.nack_bitmap and not topic.order.is_finished(header):
+                    topic.nacks.on_requested(header, batch.nack_bitmap, batch.nack_nanos, now_nanos)
+            if slots.is_open or self._senders.may_begin(sender, now_nanos):
+                assembly = self._assembly_in(topic, header, slots, now_nanos)
+        if topic is None or assembly is None:
+            return self._accept_each(header, slots, batch, sender, now_nanos)
+        self._senders.topic(sender, (header.msg_type, header.topic))  # now the one used last
+        topic.link = header.link
+        topic.log.mark_arrived(header)
+        key = key_of(header)
+        for first, count in batch.part_ranges:
+            assembly.mark_received(first, count, batch.last_part_size)
+        if key not in topic.open:
+            self._senders.hold(topic, key, assembly)
+            if key not in topic.open:  # it was too large and was given up
+                topic.count_duplicates(batch.parts_count - 1)
+                return None
+        message = None
+        if assembly.is_complete:
+            self._senders.release(topic, key)
+            message = self._rules.deliver_in_order(topic, header, assembly.body, now_nanos)
+        if topic.nacks is not None:
+            is_complete = message is not None or topic.order.is_finished(header)
+            for first, count in batch.part_ranges:
+                part = header._replace(part_number=first)
+                topic.nacks.on_parts(
+                    part, is_complete=is_complete, now_nanos=now_nanos, count=count
+                )
+            self._queue_nacks(topic.nacks, header, header.msg_type, sender, now_nanos)
+        return message
+
+    def _accept_whole(
+        self,
+        topic: TopicState,
+        header: Header,
+        slots: ReceiveSlots,
+        batch: PartBatch,
+        sender: Hashable,
+        now_nanos: int,
+    ) -> Optional[Message]:
+        """Fast path: return a message that arrived in one batch, if it is next and nothing is open.
+
+        Then it need not be held, nothing is to be requested, and it cannot be late.
+        """
+        announced_bytes = slots.part_size * header.parts_max
+        nacks = topic.nacks
+        if (
+            not self._senders.fits_alone(announced_bytes)
+            or (nacks is not None and not nacks.is_next(header))
+            or not topic.order.deliver_next(header, now_nanos)
+        ):
+            return None
+        self._senders.topic(sender, (header.msg_type, header.topic))  # now the one used last
+        topic.link = header.link
+        view = memoryview(slots.block)
+        self.pool.take_offered(slots.block, announced_bytes)
+        if nacks is not None:
+            nacks.on_parts(header, is_complete=True, now_nanos=now_nanos)
+        size = announced_bytes - slots.part_size + batch.last_part_size
+        return self._rules.deliver(topic, header, view[:size].toreadonly())
+
+    def _assembly_in(
+        self, topic: TopicState, header: Header, slots: ReceiveSlots, now_nanos: int
+    ) -> Optional[Assembly]:
+        """Return the message that lies in the slots; None if it needs the rules of `accept`."""
+        if topic.order.is_restart_after_silence(header, now_nanos) or topic.is_jump(header):
+            return None
+        assembly = topic.open.get(key_of(header))
+        if assembly is not None:
+            is_there = assembly.block is slots.block and not assembly.has_symbols
+            return assembly if is_there else None
+        if slots.is_open or topic.order.is_finished(header):
+            return None
+        assembly = Assembly(header, now_nanos, self.pool)
+        return assembly if assembly.adopt_block(slots.block, slots.part_size) else None
+
+    def _accept_each(
+        self,
+        header: Header,
+        slots: ReceiveSlots,
+        batch: PartBatch,
+        sender: Hashable,
+        now_nanos: int,
+    ) -> Optional[Message]:
+        message = None
+        for number in chain.from_iterable(
+            range(first, first + n) for first, n in batch.part_ranges
+        ):
+            start = number * slots.part_size
+            is_last = number == header.parts_max - 1
+            end = start + (batch.last_part_size if is_last else slots.part_size)
+            part = memoryview(slots.block)[start:end]
+            try:
+                one = self.accept(header._replace(part_number=number), part, sender, now_nanos)
+            except Refused as refused:
+                self.counters.refuse(refused.reason)
+                continue
+            message = message or one
+        return message
+
+    def take_nacks(self) -> List[Tuple[Hashable, str, Nack]]:
+        """Return the requests that became due since the last call, with sender and topic."""
+        nacks, self.pending_nacks = self.pending_nacks, []
+        return nacks
 
     def expire(self, now_nanos: int) -> None:
-        """Give up the messages whose time is over."""
-        self._holdings.give_up_since(now_nanos - self.limits.time_limit_nanos)
+        """Give up the messages whose time limit has passed."""
+        self._senders.give_up_since(now_nanos - self.limits.time_limit_nanos)
 
     def give_up_all(self) -> None:
-        """Count every open message as incomplete, as at the end of a recording."""
-        self._holdings.give_up_since()
+        """Give up every open message, as at the end of a recording."""
+        self._senders.give_up_since()
 
     def close(self) -> None:
-        """Forget all senders and the buffers; what is open counts as incomplete."""
-        self._holdings.forget_all()
-        self.pool = Pool(0)
+        """Forget all senders and free the blocks; open messages count as incomplete."""
+        self._senders.forget_all()
+        self.pool = BlockPool(0)
 
-    def take_note(self) -> None:
-        """Count what was handed over last, which the next message or report would do, too."""
-        self._verdicts.take_note()
+    def log_delivered(self) -> None:
+        """Enter the last delivered message into its log, before the next message or report does."""
+        self._rules.log_delivered()
 
     def reports(self, sender: Hashable, wall_nanos: int) -> List[Tuple[str, str, TopicReport]]:
-        """Return topic, the link last seen and the report of each topic of a sender."""
-        self.take_note()
+        """Return topic, last link and report for each topic of a sender."""
+        self.log_delivered()
         return [
             (name, topic.link, topic.report(msg_type, wall_nanos))
-            for (msg_type, name), topic in self._holdings.topics(sender)
+            for (msg_type, name), topic in self._senders.topics(sender)
         ]
 
-    def arrived(self, sender: Hashable, msg_type: int, topic: str) -> Optional[TopicArrivals]:
-        """Return what arrived of a topic of a sender, if it is still known."""
-        found = self._holdings.find(sender, (msg_type, topic))
-        return found.arrived if found is not None else None
+    def delivery_log(self, sender: Hashable, msg_type: int, topic: str) -> Optional[DeliveryLog]:
+        """Return the delivery log of a topic, or None if it is unknown."""
+        found = self._senders.find(sender, (msg_type, topic))
+        return found.log if found is not None else None
+
+    def nack_tracker(self, header: Header, sender: Hashable) -> Optional[NackTracker]:
+        """Return the tracker of a message's topic; None where nothing can be requested."""
+        topic = self._senders.find(sender, (header.msg_type, header.topic))
+        return topic.nacks if topic is not None else None
+
+    def open_message(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
+        """Return the open message of a header, or None."""
+        topic = self._senders.find(sender, (header.msg_type, header.topic))
+        if topic is None or topic.order.is_restart_after_silence(header, now_nanos):
+            return None
+        return topic.open.get(key_of(header))
 
     def _check(self, header: Header, size: int, sender: Hashable, now_nanos: int) -> None:
         """Refuse a part that contradicts its message, or that begins one too many."""
-        assembly = self._open(header, sender, now_nanos)
+        assembly = self.open_message(header, sender, now_nanos)
         if assembly is not None:
             assembly.check(header, size)
-        elif header.parts_max > 1 and not self._holdings.may_begin(sender, now_nanos):
+        elif header.parts_max > 1 and not self._senders.may_begin(sender, now_nanos):
             raise Refused("busy")
-
-    def _open(self, header: Header, sender: Hashable, now_nanos: int) -> Optional[Assembly]:
-        """Return what has come of the message in a header, if anything has."""
-        topic = self._holdings.find(sender, (header.msg_type, header.topic))
-        if topic is None or topic.order.is_restart_by_silence(header, now_nanos):
-            return None
-        return topic.open.get(key_of(header))
 
     def _accept_resend(
         self, header: Header, part: memoryview, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
-        """Take an offer; a request is handed over, for it is the sending side's."""
+        """Take an Offer; return a Request as a message, because the sending side handles it."""
         if header.parts_max != 1:
             raise Refused("parts_max")
         body = parse_resend(part)
         if not isinstance(body, Offer):
             return message_of(header, part)
-        topic = self._holdings.topic(sender, (body.msg_type, header.topic))
-        asking = self._holdings.ask(topic)
-        if asking is not None:
-            self._verdicts.notice_new_life(topic, asking, header, now_nanos)
+        topic = self._senders.topic(sender, (body.msg_type, header.topic))
+        nacks = self._senders.track_nacks(topic)
+        if nacks is not None:
+            self._rules.detect_offered_restart(topic, nacks, header, now_nanos)
             is_finished = topic.order.is_finished(header)
-            named = header._replace(parts_max=body.parts_max)
-            if not is_finished and self._verdicts.is_jump(topic, named, now_nanos, is_offer=True):
+            offered = header._replace(parts_max=body.parts_max)
+            if not is_finished and self._rules.drops_jump(topic, offered, now_nanos, is_offer=True):
                 return None
-            asking.offered(header, body, is_finished=is_finished, now_nanos=now_nanos)
-            self._ask(asking, header, body.msg_type, sender, now_nanos)
+            nacks.on_offer(header, body, is_finished=is_finished, now_nanos=now_nanos)
+            self._queue_nacks(nacks, header, body.msg_type, sender, now_nanos)
         return None
 
     def _accept_symbol(
         self, header: Header, part: memoryview, sender: Hashable, now_nanos: int
     ) -> Optional[Message]:
-        """Keep a repair symbol with its message, and mend that if it can be."""
+        """Add a repair symbol to its message; return the message if that completed it."""
         symbol, data = parse_symbol(part)
         if symbol.code != fec.RAPTORQ or not fec.is_available():
             raise Refused("repair_code")
         source = header._replace(
             msg_type=symbol.msg_type, part_number=0, parts_max=symbol.parts_max
         )
-        known = self._open(source, sender, now_nanos)
+        known = self.open_message(source, sender, now_nanos)
         if known is not None:
             if source.link != known.header.link:
                 raise Refused("link")
-            fec_parts.check(known, symbol, data)
-        elif not self._holdings.may_begin(sender, now_nanos):
+            known.check_symbol(symbol, data)
+        elif not self._senders.may_begin(sender, now_nanos):
             raise Refused("busy")
-        topic = self._holdings.topic(sender, (source.msg_type, source.topic))
-        self._verdicts.notice_restart(topic, source, now_nanos)
-        if topic.order.is_finished(source) or self._verdicts.is_jump(topic, source, now_nanos):
+        topic = self._senders.topic(sender, (source.msg_type, source.topic))
+        self._rules.detect_restart(topic, source, now_nanos)
+        if topic.order.is_finished(source) or self._rules.drops_jump(topic, source, now_nanos):
             return None
         key = key_of(source)
         assembly = topic.open.get(key) or Assembly(source, now_nanos, self.pool)
-        if not fec_parts.add(assembly, header.part_number, symbol, data):
-            topic.count("duplicates")
+        if not assembly.add_symbol(header.part_number, symbol, data):
+            topic.count_duplicates()
             return None
         topic.link = source.link
-        topic.arrived.seen(source)
-        return self._mended(topic, assembly, source, now_nanos)
+        topic.log.mark_arrived(source)
+        return self._hold_or_recover(topic, key, assembly, source, now_nanos)
 
-    def _mended(
-        self, topic: Topic, assembly: Assembly, header: Header, now_nanos: int
-    ) -> Optional[Message]:
-        """Hold an unfinished message, or hand it over if its repair symbols make it whole."""
-        key = key_of(header)
-        if not fec_parts.mend(assembly):
-            self._holdings.hold(topic, key, assembly)
-            return None
-        self._holdings.release(topic, key)
-        topic.arrived.fates.mended(header.seq_number)
-        message = self._verdicts.finish(topic, header, assembly.body, now_nanos)
-        if message is not None:
-            topic.count("repaired")
-        return message
-
-    def _ask(
-        self, asking: Asking, header: Header, msg_type: int, sender: Hashable, now_nanos: int
-    ) -> None:
-        for asked in asking.due(msg_type, now_nanos):
-            self.to_ask.append((sender, header.topic, asked))
-
-    def _add(
-        self, topic: Topic, header: Header, part: memoryview, now_nanos: int
+    def _add_part(
+        self, topic: TopicState, key: MessageKey, header: Header, part: memoryview, now_nanos: int
     ) -> Optional[Message]:
         """Add a part to its message, which may be a new one."""
-        key = key_of(header)
         assembly = topic.open.get(key) or Assembly(header, now_nanos, self.pool)
         added = assembly.add(header, part)
         if added.refused:
             self.counters.refuse(added.refused)
         if added.is_duplicate:
-            topic.count("duplicates")
+            topic.count_duplicates()
             return None
-        if not assembly.complete:
-            return self._mended(topic, assembly, header, now_nanos)
-        self._holdings.release(topic, key)
-        return self._verdicts.finish(topic, header, assembly.body, now_nanos)
+        if not assembly.is_complete:
+            return self._hold_or_recover(topic, key, assembly, header, now_nanos)
+        self._senders.release(topic, key)
+        return self._rules.deliver_in_order(topic, header, assembly.body, now_nanos)
+
+    def _hold_or_recover(
+        self,
+        topic: TopicState,
+        key: MessageKey,
+        assembly: Assembly,
+        header: Header,
+        now_nanos: int,
+    ) -> Optional[Message]:
+        """Hold an incomplete message, or deliver it if its repair symbols complete it."""
+        if not assembly.recover():
+            self._senders.hold(topic, key, assembly)
+            return None
+        self._senders.release(topic, key)
+        topic.log.outcomes.mark_repaired(header.seq_number)
+        message = self._rules.deliver_in_order(topic, header, assembly.body, now_nanos)
+        if message is not None:
+            self.counters.repaired += 1
+        return message
+
+    def _queue_nacks(
+        self, nacks: NackTracker, header: Header, msg_type: int, sender: Hashable, now_nanos: int
+    ) -> None:
+        for nack in nacks.take_due(msg_type, now_nanos):
+            self.pending_nacks.append((sender, header.topic, nack))

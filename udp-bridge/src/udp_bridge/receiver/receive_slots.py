@@ -15,8 +15,8 @@ from udp_bridge.wire.header import NANOS, PART_NUMBER_OFFSET, Header
 from udp_bridge.wire.message import Address
 
 from .assembly import Assembly
-from .nack import Asking
-from .pool import Pool
+from .nack import NackTracker
+from .pool import BlockPool
 
 _PARTS_MAX_OFFSET = 7
 _TIME_OFFSET = 8
@@ -126,13 +126,13 @@ class PartBatch(NamedTuple):
 class SlotPredictor:
     """Follows the message in progress and predicts that the next one looks like it."""
 
-    def __init__(self, pool: Pool) -> None:
+    def __init__(self, pool: BlockPool) -> None:
         self._pool = pool
         self._header: Optional[Header] = None  # of the part that arrived last
         self._packed_header = b""
         self._sender = NO_SLOTS.sender
         self._part_size = self._parts_max = 0
-        self._asking: Optional[Asking] = None
+        self._nacks: Optional[NackTracker] = None
         self._assembly: Optional[Assembly] = None  # of that message, while it is open
         self._next_part = 0
 
@@ -144,8 +144,8 @@ class SlotPredictor:
     def predict(self) -> ReceiveSlots:
         """Return the slots of the parts that are expected next."""
         assembly = self._assembly
-        if assembly is not None and not assembly.complete and assembly.block is not None:
-            number, arrived = assembly.missing(self._next_part), assembly.arrived
+        if assembly is not None and not assembly.is_complete and assembly.block is not None:
+            number, arrived = assembly.next_missing(self._next_part), assembly.arrived
             block, is_open = assembly.block, True
         elif self._parts_max:
             number, arrived, is_open = 0, bytearray(self._parts_max), False
@@ -154,11 +154,11 @@ class SlotPredictor:
         else:
             return NO_SLOTS
         due_nanos, debounce_nanos, may_nack = 0, 0, False
-        asking = self._asking
-        if asking is not None:
-            due_nanos, debounce_nanos = asking.patience
+        nacks = self._nacks
+        if nacks is not None:
+            due_nanos, debounce_nanos = nacks.due_nanos, nacks.debounce_nanos
             may_nack = not due_nanos and not (
-                is_open and self._header is not None and asking.is_asked(self._header)
+                is_open and self._header is not None and nacks.is_requested(self._header)
             )
         return ReceiveSlots(
             block,
@@ -179,7 +179,7 @@ class SlotPredictor:
         packed_header: bytes,
         sender: Address,
         assembly: Optional[Assembly],
-        asking: Optional[Asking],
+        nacks: Optional[NackTracker],
     ) -> None:
         """Follow the open message of a part that arrived outside a batch."""
         if assembly is None or not assembly.part_size:
@@ -187,20 +187,20 @@ class SlotPredictor:
         self._advance(header.part_number + 1, assembly)
         self._header, self._packed_header, self._sender = header, packed_header, sender
         self._part_size, self._parts_max = assembly.part_size, header.parts_max
-        self._asking = asking
+        self._nacks = nacks
 
     def on_complete(self, batch: PartBatch) -> None:
         """Update the prediction after a batch that completed its message."""
         self._next_part, self._assembly, self._packed_header = 0, None, batch.header
 
     def on_incomplete(
-        self, batch: PartBatch, assembly: Optional[Assembly], asking: Optional[Asking]
+        self, batch: PartBatch, assembly: Optional[Assembly], nacks: Optional[NackTracker]
     ) -> None:
         """Update the prediction after a batch that left its message incomplete.
 
         `assembly` is None if that message is no longer open.
         """
-        self._asking = asking
+        self._nacks = nacks
         # If the batch contradicted an open message, it was refused; don't follow that message.
         end = max(first + count for first, count in batch.part_ranges)
         self._advance(end, assembly if assembly is not None and self._fits(assembly) else None)

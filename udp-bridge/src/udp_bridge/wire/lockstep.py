@@ -3,7 +3,7 @@
 
 A run stands still between the two: the simulator's side has said what it sent up to a tick, and
 waits until ROS has been given all of that and has sent what it says to it. Each packs itself and
-parses itself. Nothing here waits: what came is compared with what was sent in `gathering`.
+parses itself. Nothing here waits: what came is compared with what was sent in `barrier_buffer`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from udp_bridge import Header, Message, Reassembler
-from udp_bridge.receiver.gathering import HELD_MESSAGES, Gathering, Tally, in_order
+from udp_bridge.receiver.barrier_buffer import HELD_MESSAGES, BarrierBuffer, AnnouncedCounts, in_order
 from udp_bridge.wire.lockstep import SentMessages
 
 ODOM, CLOCK, IMU = 36, 8, 2
@@ -24,27 +24,27 @@ def test_any_order_and_any_copies_give_the_same(first: int, count: int, rng: ran
     come = sent + rng.sample(sent, rng.randrange(count))
     rng.shuffle(come)
     dropped: list[Message] = []
-    gathering = Gathering(dropped.append)
+    buffer = BarrierBuffer(dropped.append)
     for one in come:
-        gathering.put(one)
-    told = (SentMessages(ODOM, "/odom", first, count),)
-    assert gathering.missing(told) == 0
-    assert gathering.take(told) == sent
+        buffer.put(one)
+    ranges = (SentMessages(ODOM, "/odom", first, count),)
+    assert buffer.missing(ranges) == 0
+    assert buffer.take(ranges) == sent
     assert len(dropped) == len(come) - count
-    assert gathering.take_all() == []
+    assert buffer.take_all() == []
 
 
 def test_what_is_told_later_is_held_and_what_nobody_tells_of_any_more_goes() -> None:
     dropped: list[Message] = []
-    gathering = Gathering(dropped.append)
+    buffer = BarrierBuffer(dropped.append)
     for number in (3, 4, 5, 7):
-        gathering.put(message(ODOM, "/odom", number))
-    gathering.put(message(IMU, "/imu", 0))
-    told = (SentMessages(ODOM, "/odom", 5, 2),)
-    assert gathering.missing(told) == 1
-    assert [one.seq_number for one in gathering.take(told)] == [5]
+        buffer.put(message(ODOM, "/odom", number))
+    buffer.put(message(IMU, "/imu", 0))
+    ranges = (SentMessages(ODOM, "/odom", 5, 2),)
+    assert buffer.missing(ranges) == 1
+    assert [one.seq_number for one in buffer.take(ranges)] == [5]
     assert [one.seq_number for one in dropped] == [3, 4]
-    assert {(one.topic, one.seq_number) for one in gathering.take_all()} == {
+    assert {(one.topic, one.seq_number) for one in buffer.take_all()} == {
         ("/odom", 7),
         ("/imu", 0),
     }
@@ -66,41 +66,41 @@ class _Counted(dict[int, Message]):
 
 
 def test_ranges_are_counted_without_counting_to_their_end() -> None:
-    gathering = Gathering()
-    told = tuple(SentMessages(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
-    for sent in told:
-        gathering._held[sent.msg_type, sent.topic] = _Counted()
+    buffer = BarrierBuffer()
+    ranges = tuple(SentMessages(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
+    for sent in announced:
+        buffer._held[sent.msg_type, sent.topic] = _Counted()
         for number in (2**32 - 1, 0, 0xFFFE, 2**31):
-            gathering.put(message(IMU, sent.topic, number))
+            buffer.put(message(IMU, sent.topic, number))
     _Counted.looks = 0
     missing = 255 * (0xFFFF - 2)
-    assert gathering.missing(told) == missing
+    assert buffer.missing(ranges) == missing
     for number in range(1, 100):
-        gathering.put(message(IMU, "/7", number))
-        assert gathering.missing(told) == missing - number
+        buffer.put(message(IMU, "/7", number))
+        assert buffer.missing(ranges) == missing - number
     assert _Counted.looks < 2000
-    assert [one.seq_number for one in gathering.take(told[:1])] == [2**32 - 1, 0]
-    assert gathering.missing(told) == missing - 99 + 2
+    assert [one.seq_number for one in buffer.take(ranges[:1])] == [2**32 - 1, 0]
+    assert buffer.missing(ranges) == missing - 99 + 2
 
 
 def test_small_bodies_keep_no_large_blocks() -> None:
-    gathering, reassembler = Gathering(), Reassembler()
+    buffer, reassembler = BarrierBuffer(), Reassembler()
     for number in range(100):
         for part in range(2):
             header = Header(IMU, number, part, 2, number, 0, "/imu")
             got = reassembler.receive(header.pack() + b"x", "sender", number)
         assert got is not None
-        gathering.put(got)
-    held = gathering.take_all()
+        buffer.put(got)
+    held = buffer.take_all()
     assert [bytes(one.body) for one in held] == [b"xx"] * 100
     assert sum(memoryview(memoryview(one.body).obj).nbytes for one in held) < 1000
 
 
 def test_it_holds_no_more_than_its_bound() -> None:
     dropped: list[Message] = []
-    gathering = Gathering(dropped.append)
+    buffer = BarrierBuffer(dropped.append)
     for number in range(HELD_MESSAGES + 1):
-        gathering.put(message(ODOM, "/odom", number))
+        buffer.put(message(ODOM, "/odom", number))
     assert [one.seq_number for one in dropped] == [HELD_MESSAGES]
 
 
@@ -118,13 +118,13 @@ def test_the_order_of_publishing_is_that_of_stamps_and_clock_comes_last() -> Non
 
 
 def test_a_tally_tells_what_left_since_the_last_time() -> None:
-    tally = Tally()
-    assert tally.since({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (
+    announced = AnnouncedCounts()
+    assert announced.unannounced({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (
         SentMessages(ODOM, "/odom", 0, 2),
     )
-    tally.tell({(ODOM, "/odom"): 2})
-    assert tally.since({(ODOM, "/odom"): 2}) == ()
+    announced.mark_announced({(ODOM, "/odom"): 2})
+    assert announced.unannounced({(ODOM, "/odom"): 2}) == ()
     left = {(ODOM, "/odom"): 5, (IMU, "/imu"): 2**32 + 1}
-    assert tally.since(left)[1] == SentMessages(ODOM, "/odom", 2, 3)
-    tally.tell({(IMU, "/imu"): 2**32 - 1})
-    assert tally.since({(IMU, "/imu"): 2**32 + 1}) == (SentMessages(IMU, "/imu", 2**32 - 1, 2),)
+    assert announced.unannounced(left)[1] == SentMessages(ODOM, "/odom", 2, 3)
+    announced.mark_announced({(IMU, "/imu"): 2**32 - 1})
+    assert announced.unannounced({(IMU, "/imu"): 2**32 + 1}) == (SentMessages(IMU, "/imu", 2**32 - 1, 2),)
