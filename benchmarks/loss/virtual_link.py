@@ -101,7 +101,7 @@ class VirtualLink:
         while (arrived := self.there.take(now)) is not None:
             self._take(arrived[1])
         while (arrived := self.back.take(now)) is not None:
-            self._sender.receive(memoryview(arrived[1]), RECEIVER, now, now)
+            self._sender.receive(memoryview(arrived[1]), RECEIVER, now)
         if now >= self._look_nanos:
             self._look_nanos = now + _EXPIRY_NANOS
             self.receiver.reassembler.expire(now)

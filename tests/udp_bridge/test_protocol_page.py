@@ -11,9 +11,7 @@ import pytest
 
 import udp_bridge
 from udp_bridge import Limits, parse
-from udp_bridge.receiver import assembly
-from udp_bridge.receiver import nack
-from udp_bridge.receiver import round_trip
+from udp_bridge.receiver import assembly, nack, round_trip
 from udp_bridge.sender import credit_window as flow
 from udp_bridge.sender import resend, resend_budget, resend_offers, token_bucket
 from udp_bridge.wire import address_validation, control

@@ -328,7 +328,9 @@ class Lockstep:
     def _newly_sent(self) -> tuple[SentMessages, ...]:
         """Return the ranges of messages that were sent to ROS since the last call."""
         left = self._link.left(self._gateway.peer)
-        sent = self._announced.unannounced({k: n for k, n in left.items() if k in self._gateway.places})
+        sent = self._announced.unannounced(
+            {k: n for k, n in left.items() if k in self._gateway.places}
+        )
         self._announced.mark_announced(left)
         return sent
 

@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from udp_bridge import Header, Message, Reassembler
-from udp_bridge.receiver.barrier_buffer import HELD_MESSAGES, BarrierBuffer, AnnouncedCounts, in_order
+from udp_bridge.receiver.barrier_buffer import (
+    HELD_MESSAGES,
+    AnnouncedCounts,
+    BarrierBuffer,
+    in_order,
+)
 from udp_bridge.wire.lockstep import SentMessages
 
 ODOM, CLOCK, IMU = 36, 8, 2
@@ -68,7 +73,7 @@ class _Counted(dict[int, Message]):
 def test_ranges_are_counted_without_counting_to_their_end() -> None:
     buffer = BarrierBuffer()
     ranges = tuple(SentMessages(IMU, f"/{index}", 2**32 - 1, 0xFFFF) for index in range(255))
-    for sent in announced:
+    for sent in ranges:
         buffer._held[sent.msg_type, sent.topic] = _Counted()
         for number in (2**32 - 1, 0, 0xFFFE, 2**31):
             buffer.put(message(IMU, sent.topic, number))
@@ -127,4 +132,6 @@ def test_a_tally_tells_what_left_since_the_last_time() -> None:
     left = {(ODOM, "/odom"): 5, (IMU, "/imu"): 2**32 + 1}
     assert announced.unannounced(left)[1] == SentMessages(ODOM, "/odom", 2, 3)
     announced.mark_announced({(IMU, "/imu"): 2**32 - 1})
-    assert announced.unannounced({(IMU, "/imu"): 2**32 + 1}) == (SentMessages(IMU, "/imu", 2**32 - 1, 2),)
+    assert announced.unannounced({(IMU, "/imu"): 2**32 + 1}) == (
+        SentMessages(IMU, "/imu", 2**32 - 1, 2),
+    )

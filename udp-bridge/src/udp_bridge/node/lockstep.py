@@ -23,7 +23,7 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
 
 from udp_bridge import MSG_TYPES
-from udp_bridge.receiver.barrier_buffer import BarrierBuffer, AnnouncedCounts, in_order
+from udp_bridge.receiver.barrier_buffer import AnnouncedCounts, BarrierBuffer, in_order
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.lockstep import (
     DONE,
@@ -262,7 +262,9 @@ class BarrierResponder:
             for key, count in link.left(sender).items()
             if MSG_TYPES[key[0]].ros_type is not None
         }
-        run.word = BarrierReply(barrier.life, barrier.tick, DONE, run.lost, run.announced.unannounced(left))
+        run.word = BarrierReply(
+            barrier.life, barrier.tick, DONE, run.lost, run.announced.unannounced(left)
+        )
         run.announced.mark_announced(left)
         run.is_unsure = run.is_unsure and not run.has_due
         self._tell(sender, run, link)
