@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line `groundlink`: one module a command. It starts services only as processes."""
+"""The command line `groundlink`: one module for each command. Starts services as processes only."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All commands, and the parser of the command line."""
+"""Table of commands and parser of the command line."""
 
 from __future__ import annotations
 
@@ -51,9 +51,10 @@ COMMANDS = (
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line; `command` is what to call with its options."""
+    """Return the parser; `command` of its options is the function to call with them."""
     parser = argparse.ArgumentParser(
-        prog="groundlink", description="A distributed real-time test rig for ground vehicles."
+        prog="groundlink",
+        description="A distributed real-time test rig for unmanned ground vehicles.",
     )
     parser.add_argument("--version", action="version", version=f"groundlink {__version__}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")

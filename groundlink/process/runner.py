@@ -27,11 +27,16 @@ class NoSuchHost(UserError):
 def parser(process: str, description: str) -> argparse.ArgumentParser:
     """Return a parser with the arguments that all processes share."""
     arguments = argparse.ArgumentParser(prog=process, description=description)
-    arguments.add_argument(
+    add_run_arguments(arguments)
+    return arguments
+
+
+def add_run_arguments(parser: argparse._ActionsContainer) -> None:
+    """Add the arguments that select a run: `--connect` and `--run`."""
+    parser.add_argument(
         "--connect", metavar="ENDPOINT", help="router of the run, such as tcp/HOST:7447"
     )
-    arguments.add_argument("--run", help="name of the run; required if the bus has several")
-    return arguments
+    parser.add_argument("--run", help="name of the run; required if the router has several")
 
 
 ROUTER_VARIABLE = "GROUNDLINK_ROUTER"

@@ -202,7 +202,7 @@ def _view(
         print(f"view: open {address}", flush=True)
     else:
         destination = rerun_destinations.window(blueprint, _free_port(), whole=whole)
-    return RerunView(scenario, run, coloring=options.colour, destination=destination)
+    return RerunView(scenario, run, coloring=options.color, destination=destination)
 
 
 def _in_words(recording: Recording) -> str:

@@ -85,4 +85,7 @@ def test_the_command_line_says_what_became_of_it(run: tuple[Rig, Bus, BusInbox[I
     assert done.stdout.startswith(f"run `{it.run}` is paused at tick ")
     command[4] = "0"
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
-    assert (done.returncode, done.stderr) == (2, "groundlink: 0 ticks: expected 1 or more\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "groundlink: step: expected 1 or more ticks, got 0\n",
+    )

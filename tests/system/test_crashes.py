@@ -78,4 +78,4 @@ def test_ctrl_c_ends_all_of_it(run: tuple[Rig, Observer, int]) -> None:
         lambda: not any(os.path.exists(f"/proc/{pid}/exe") for pid in children), 5, "no orphan"
     )
     assert time.monotonic() - pressed < 4.0
-    assert "killed, as they did not end in time" not in it.log("up.log")
+    assert "killed after the timeout for a clean exit" not in it.log("up.log")

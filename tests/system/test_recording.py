@@ -266,7 +266,7 @@ def test_a_bag_for_ros_1(run: Path, tmp_path: Path) -> None:
     ("words", "why"),
     [
         (("record", str(TOUR), "--out", "{run}"), "exists already"),
-        (("record", str(TOUR), "--out", "/nowhere/run.mcap"), "there is no folder"),
+        (("record", str(TOUR), "--out", "/nowhere/run.mcap"), "no such folder"),
         (("record", str(TOUR), "--out", "{new}", "--duration", "0"), "more than 0"),
         (("up", str(TOUR), "--record", "{run}"), "exists already"),
         (("convert", "{run}", "{new}"), "ends with .bag"),

@@ -57,7 +57,7 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
             step_to(it, bus, 1 * TICKS)
             done = command(it, "spawn", "box", "--at=-3.0,0")
             assert (done.returncode, done.stderr) == (0, "")
-            assert done.stdout == f"run `{it.run}` has `box` from tick 201 (0.5025 s) on\n"
+            assert done.stdout == f"run `{it.run}`: added `box` at tick 201 (0.5025 s)\n"
             again = command(it, "spawn", "crate", "--at=-3.0,0")
             assert again.returncode == 2
             assert again.stderr == (

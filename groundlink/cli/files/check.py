@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink check SCENARIO`: read a scenario as a run would, and say what it would start.
+"""`groundlink check SCENARIO`: load a scenario and print what a run of it would start.
 
-What would work badly is a line too, with its mend, and no mistake; what would never work is one.
+A setting that would work badly is a warning with a fix; one that cannot work is an error.
 """
 
 from __future__ import annotations
@@ -33,15 +33,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def check(options: argparse.Namespace) -> int:
-    """Print what the scenario holds.
+    """Print the content of the scenario.
 
     Raises
     ------
     UserError
-        when a sensor's messages fit into no datagrams, however large, or ROS is to answer a topic
-        that there is not.
+        if a sensor's messages exceed every datagram size, or `answers` names an unknown topic.
     """
-    scenario = load(options.scenario, tell=_doubt)
+    scenario = load(options.scenario, tell=_warn)
     if mistake := answers_mistake(scenario):
         raise UserError(f"{options.scenario}: {mistake}")
     lines = list(_described(scenario))
@@ -52,7 +51,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def _described(scenario: Scenario) -> Iterator[str]:
-    """Yield what a run of the scenario would start."""
+    """Yield the content of the scenario as lines."""
     world = scenario.world
     yield f"world    {world.name}, {len(solids(scenario))} solids, {world_hash(scenario)[:12]}"
     if terrain := world.terrain:
@@ -63,7 +62,7 @@ def _described(scenario: Scenario) -> Iterator[str]:
         )
     yield f"time     {scenario.time.mode}, seed {scenario.seed}"
     for vehicle in scenario.vehicles:
-        yield f"vehicle  {vehicle.name} ({vehicle.model.name}) obeys {vehicle.command_topic}"
+        yield f"vehicle  {vehicle.name} ({vehicle.model.name}), commands on {vehicle.command_topic}"
         if vehicle.route is not None:
             place = vehicle.placement
             way = routes.line(
@@ -82,7 +81,7 @@ def _described(scenario: Scenario) -> Iterator[str]:
             for fault in sensor.faults:
                 yield f"         fault {fault}"
             if sensor.truth_topic is not None:
-                yield "         the truth behind it:"
+                yield "         ground truth:"
                 for line in _sent(scenario, vehicle, sensor, truth=True):
                     yield f"         {line}"
         for stream in vehicle.streams:
@@ -90,32 +89,32 @@ def _described(scenario: Scenario) -> Iterator[str]:
             yield f"stream   {name}: {stream.topic}, {stream.rate_hz:g} Hz"
         truth = vehicle.ground_truth
         for topic in scenario.true_topics(vehicle):
-            yield f"truth    {topic}, {truth.rate_hz:g} Hz, {_asked(truth.push)}"
+            yield f"truth    {topic}, {truth.rate_hz:g} Hz, {_push_text(truth.push)}"
     bodies = scenario.bodies
-    yield f"truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_asked(bodies.push)}"
+    yield f"truth    {bodies.topic}, {bodies.rate_hz:g} Hz, {_push_text(bodies.push)}"
     yield f"gateway  {scenario.gateway.bind}, sends to {scenario.gateway.peer}"
 
 
-def _doubt(line: str) -> None:
+def _warn(line: str) -> None:
     print(f"groundlink: warning: {line}", file=sys.stderr)
 
 
-def _asked(push: bool) -> str:
-    return "sent" if push else "for those who subscribe"
+def _push_text(push: bool) -> str:
+    return "always sent" if push else "sent to subscribers"
 
 
 def _sent(
     scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False
 ) -> list[str]:
-    """Return how a sensor's largest message is sent, and what to do if that is not as asked."""
+    """Return the size of a sensor's largest message in datagrams, with a fix if it is too large."""
     gateway = scenario.gateway
     try:
         found = cut(vehicle, sensor, gateway, truth=truth)
     except NeverFits as error:
-        mend = _mend(vehicle, sensor, scenario, "make its messages smaller")
-        raise UserError(f"{vehicle.name}/{sensor.name}: {error}; {mend}") from None
+        fix = _fix(vehicle, sensor, scenario, "Fix: make its messages smaller")
+        raise UserError(f"{vehicle.name}/{sensor.name}: {error}. {fix}") from None
     in_parts = "1 datagram" if found.parts == 1 else f"{found.parts} datagrams"
-    lines = [f"a message has up to {found.body_bytes} bytes in {in_parts}"]
+    lines = [f"messages of up to {found.body_bytes} bytes in {in_parts}"]
     if not found.fits:
         lines += _warning(scenario, vehicle, sensor, found)
     return lines
@@ -126,16 +125,17 @@ def _warning(scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, found: Cu
     most = 127 if gateway.signed_peer else 255
     size = f"`{gateway.datagram}`" if isinstance(gateway.datagram, str) else gateway.datagram
     return [
-        f"that does not fit {most} datagrams of {size}: they grow to {found.datagram_bytes} bytes,",
-        "which IP cuts up, and one lost frame loses a whole datagram;",
-        _mend(vehicle, sensor, scenario, "larger datagrams would fit it"),
+        f"warning: exceeds {most} datagrams of {size}: datagrams grow to {found.datagram_bytes} "
+        "bytes,",
+        "which IP fragments: one lost frame loses a whole datagram.",
+        _fix(vehicle, sensor, scenario, "Fix: larger datagrams"),
     ]
 
 
-def _mend(vehicle: Vehicle, sensor: SensorSpec, scenario: Scenario, otherwise: str) -> str:
+def _fix(vehicle: Vehicle, sensor: SensorSpec, scenario: Scenario, otherwise: str) -> str:
     block_deg = None
     if isinstance(sensor, Lidar | Lidar2d):
         block_deg = fitting_block_deg(vehicle, sensor, scenario.gateway)
     if block_deg is None:
         return otherwise
-    return f"`block_deg: {block_deg:g}` for {vehicle.name}/{sensor.name} would fit"
+    return f"Fix: `block_deg: {block_deg:g}` for {vehicle.name}/{sensor.name}"

@@ -20,26 +20,26 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--host",
         metavar="LABEL",
         default=MAIN,
-        help="of the sensors with this `host` in the scenario (default: of all that has none)",
+        help="host whose processes to include, a `host` of sensors in the scenario (%(default)s)",
     )
     parser.add_argument(
         "--router",
         metavar="ENDPOINT",
-        help="where other hosts find the router, such as tcp/sim.example:7447; needed with --host",
+        help="router as seen from that host, such as tcp/sim.example:7447; required with --host",
     )
     parser.add_argument(
         "--overload",
         choices=("slow", "skip", "fail"),
-        help="what gives way when a sensor is slow or cut off (default: as the scenario says)",
+        help="what to do if a sensor is slow or cut off (default: as in the scenario)",
     )
     parser.add_argument(
-        "--sources", metavar="FOLDER", default=".", help="what images are built from (%(default)s)"
+        "--sources", metavar="FOLDER", default=".", help="build context of the images (%(default)s)"
     )
     parser.set_defaults(command=compose)
 
 
 def compose(options: argparse.Namespace) -> int:
-    """Print it."""
+    """Print the Compose file."""
     file = scenario_file(options.scenario)
     deployment = Deployment(
         load(file),
@@ -53,7 +53,7 @@ def compose(options: argparse.Namespace) -> int:
         if label != options.host:
             router = "" if label == MAIN else " --router ENDPOINT"
             print(
-                f"there are processes for the host `{label}`: --host {label}{router}",
+                f"more processes on host `{label}`: run again with --host {label}{router}",
                 file=sys.stderr,
             )
     return 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink convert RUN.mcap RUN.bag`: a recording for ROS 1."""
+"""`groundlink convert RUN.mcap RUN.bag`: convert a recording to a ROS 1 bag."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from groundlink.core.extras import needs
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("convert", help="make a ROS 1 bag of a recording")
-    parser.add_argument("recording", metavar="RUN.mcap", help="file that was recorded")
-    parser.add_argument("bag", metavar="RUN.bag", help="file to write")
+    parser = subparsers.add_parser("convert", help="convert a recording to a ROS 1 bag")
+    parser.add_argument("recording", metavar="RUN.mcap", help="recording to read")
+    parser.add_argument("bag", metavar="RUN.bag", help="bag to write")
     parser.set_defaults(command=convert)
 
 
 def convert(options: argparse.Namespace) -> int:
-    """Write the bag, which gets its name when it is complete."""
+    """Write the bag."""
     with needs("record"):
         from groundlink.recording.reader import Recording
         from groundlink.recording.ros1 import write_bag
 
     out = Path(options.bag)
     if out.suffix != ".bag":
-        raise UserError(f"{out}: expected a name that ends with .bag, as ROS 1 wants it")
+        raise UserError(f"{out}: expected a file name that ends in .bag")
     running.check_new_file("RUN.bag:", out)
     console = Console()
     with Recording(Path(options.recording)) as recording:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink report RUN.mcap`: a recorded run as one HTML page that needs no network."""
+"""`groundlink report RUN.mcap`: write a report of a recorded run as one HTML page."""
 
 from __future__ import annotations
 
@@ -16,22 +16,19 @@ from groundlink.core.extras import needs
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("report", help="make a page of a recorded run")
-    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="what was recorded")
+    parser = subparsers.add_parser("report", help="write an HTML report of a recorded run")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")
     parser.add_argument(
-        "--out", type=Path, metavar="REPORT.html", help="page to write (default: beside the file)"
+        "--out",
+        type=Path,
+        metavar="REPORT.html",
+        help="page to write (default: beside the recording)",
     )
     parser.set_defaults(command=report)
 
 
 def report(options: argparse.Namespace) -> int:
-    """Write the page and say where it is.
-
-    Raises
-    ------
-    UserError
-        when the file cannot be read, the page not written, or a package is missing.
-    """
+    """Write the page."""
     with needs("report"):
         from groundlink.recording.reader import Recording
         from groundlink.report.analysis.gather import gather

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink schema`: what editors need to complete and check the files that people write."""
+"""`groundlink schema KIND`: print the JSON Schema of a kind of file, for editors."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from groundlink.loader.json_schema import KINDS, json_schema
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("schema", help="print the JSON Schema of a kind of file")
-    parser.add_argument("kind", choices=KINDS, help="what the file describes")
+    parser = subparsers.add_parser(
+        "schema", help="print the JSON Schema of a kind of file, for editors"
+    )
+    parser.add_argument("kind", choices=KINDS, help="kind of file")
     parser.set_defaults(command=schema)
 
 

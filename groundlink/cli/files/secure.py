@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink secure SCENARIO FOLDER`: what a run needs that strangers could reach.
+"""`groundlink secure SCENARIO FOLDER`: write certificates and keys for a run on a shared network.
 
-Rule: it writes and starts nothing. What is written is secret but for the Compose file.
+All files are secret except the Compose file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import scenario_file
 
 USER = 65532
-"""Whose files they become where root makes them: the user of the images."""
+"""Owner of files that root writes: the user of the images."""
 
 ROUTER_NAME = "router"
 
@@ -31,32 +31,32 @@ ROUTER_NAME = "router"
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
-        "secure", help="make certificates, access rules and the bridge's key for a scenario"
+        "secure", help="write certificates, access rules and the bridge key of a scenario"
     )
     parser.add_argument("scenario", help=SCENARIO_HELP)
-    parser.add_argument("folder", type=Path, help="where to write them; not there yet")
+    parser.add_argument("folder", type=Path, help="new folder to write")
     parser.add_argument(
         "--name",
         metavar="HOST",
         action="append",
         default=[],
-        help="a name or address of the router's machine, by which others reach it; repeatable",
+        help="host name or address of the router for other machines; repeatable",
     )
     parser.add_argument(
-        "--host", metavar="LABEL", default=MAIN, help="whose Compose file is written (%(default)s)"
+        "--host", metavar="LABEL", default=MAIN, help="host of the Compose file (%(default)s)"
     )
-    parser.add_argument("--router", metavar="ENDPOINT", help="as of `groundlink compose`")
+    parser.add_argument("--router", metavar="ENDPOINT", help="as for `groundlink compose`")
     parser.set_defaults(command=secure)
 
 
 def secure(options: argparse.Namespace) -> int:
-    """Write a folder for each process, the bridge's key, and what is laid over the Compose file."""
+    """Write a folder for each process, the bridge key and a Compose override file."""
     with needs("secure"):
         from groundlink.deploy.certificates import Authority
     file = scenario_file(options.scenario)
     scenario, folder = load(file), options.folder
     if folder.exists():
-        raise UserError(f"{folder}: it exists already; delete it or choose another name")
+        raise UserError(f"{folder}: folder exists. Fix: delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))
     folder.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(folder) as part:
@@ -80,14 +80,15 @@ def secure(options: argparse.Namespace) -> int:
             deployment.secured(str(folder.absolute()), options.host), encoding="utf-8"
         )
     print(
-        f"{folder}: one folder a process, of which each machine needs only its own; {OPERATOR} is "
-        f"for your command line.\ndocker compose -f compose.yaml -f {over} up"
+        f"wrote {folder}: one folder for each process. Copy to each machine only the folders of "
+        f"its processes; `{OPERATOR}` is for the command line. Start with:\ndocker compose -f "
+        f"compose.yaml -f {over} up"
     )
     return 0
 
 
 def _write(file: Path, content: bytes) -> None:
-    """Write a file that nobody else reads."""
+    """Write a file that only its owner can read."""
     with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as handle:
         handle.write(content)
     _give(file)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink sensors [show NAME]`: the kinds of sensors, and the data sheets that there are.
+"""`groundlink sensors [show NAME]`: list kinds of sensors and data sheets, or print a data sheet.
 
 Rule: everything is taken from where it is used: kinds from the table of topics and the classes of
 their fields, sheets from their files. A sheet is shown as it is written, since its comments say
@@ -29,10 +29,10 @@ from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
 
 WIDTH = 110
-"""Of lines where the output is no terminal."""
+"""Line width without a terminal."""
 
 INDENT = 22
-"""Of what is said of a sheet, so that names stand out."""
+"""Indentation of the text beside the name of a sheet."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -46,35 +46,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def sensors(options: argparse.Namespace) -> int:
-    """Print every kind of sensor with its data sheets: title, and the first of their figures.
-
-    Raises
-    ------
-    UserError
-        when a shipped data sheet is wrong.
-    """
+    """Print every kind of sensor with its data sheets: title and first parameters."""
     sheets = shipped_datasheets()
     width = max(shutil.get_terminal_size((WIDTH, 0)).columns, 2 * INDENT) - INDENT
     for kind in sensor_kinds().values():
         print(_kind(kind))
         for sheet in (sheet for sheet in sheets if sheet.kind == kind.name):
             lines = [textwrap.shorten(sheet.title, width, placeholder=" ...")]
-            figures = ", ".join(_told(sheet.figures))
+            figures = ", ".join(_figures_text(sheet.figures))
             lines += textwrap.wrap(figures, width, max_lines=2, placeholder=" ...")
             for head, line in itertools.zip_longest([f"  {sheet.name} "], lines, fillvalue=""):
                 print(f"{head:{INDENT}}{line}")
-    print(f"\nIn full: `groundlink sensors show NAME`. The sheets are files in {SHIPPED / FOLDER}.")
+    print(f"\nDetails: `groundlink sensors show NAME`. Files: {SHIPPED / FOLDER}")
     return 0
 
 
 def show(options: argparse.Namespace) -> int:
-    """Print a data sheet: its kind, its file as it is written, and what it leaves out.
-
-    Raises
-    ------
-    UserError
-        when there is no such sheet, or it is wrong.
-    """
+    """Print a data sheet: its kind, its file with comments, and the defaults that it uses."""
     if options.sheet in sensor_kinds().keys() - {sheet.name for sheet in shipped_datasheets()}:
         sheets = [sheet.name for sheet in shipped_datasheets() if sheet.kind == options.sheet]
         raise UserError(
@@ -85,8 +73,9 @@ def show(options: argparse.Namespace) -> int:
     kind = sensor_kinds()[sheet.kind]
     print(f"{_kind(kind)}\n{sheet.file}\n")
     print(sheet.file.read_text(encoding="utf-8").strip())
-    if left_out := ", ".join(_told(_left_out(kind.spec, sheet))):
-        print(f"\n{textwrap.fill(f'Left out, and so at their defaults: {left_out}.', WIDTH)}")
+    if left_out := ", ".join(_figures_text(_left_out(kind.spec, sheet))):
+        text = f"Defaults of parameters that the sheet does not set: {left_out}."
+        print(f"\n{textwrap.fill(text, WIDTH)}")
     return 0
 
 
@@ -108,16 +97,16 @@ def _left_out(spec: type[SensorSpec], sheet: CheckedDatasheet) -> dict[str, Any]
     }
 
 
-def _told(figures: dict[str, Any], prefix: str = "") -> list[str]:
-    """Return figures, a few words each: a list by its length, a mapping by its parts."""
-    told: list[str] = []
+def _figures_text(figures: dict[str, Any], prefix: str = "") -> list[str]:
+    """Return parameters as short texts: a list by its length, a mapping by its items."""
+    texts: list[str] = []
     for name, value in figures.items():
         if isinstance(value, dict):
-            told += _told(value, f"{prefix}{name}.")
+            texts += _figures_text(value, f"{prefix}{name}.")
         elif isinstance(value, list | tuple):
-            told.append(f"{len(value) or 'no'} {prefix}{name}")
+            texts.append(f"{len(value) or 'no'} {prefix}{name}")
         elif value is None:
-            told.append(f"no {prefix}{name}")
+            texts.append(f"no {prefix}{name}")
         else:
-            told.append(f"{prefix}{name} {value}")
-    return told
+            texts.append(f"{prefix}{name} {value}")
+    return texts

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink snapshot SCENARIO VEHICLE/CAMERA --at S --out DIR`: single pictures, into files.
+"""`groundlink snapshot SCENARIO VEHICLE/CAMERA --at S --out DIR`: write one image of a camera.
 
-Rule: a run with this one sensor, as fast as it goes, that ends when the picture is taken. Drivers
-drive as in any run; nobody else commands.
+Starts a run with this sensor and the drivers, as fast as possible, until the image is taken.
 """
 
 from __future__ import annotations
@@ -21,27 +20,27 @@ from groundlink.loader import load
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario.sensors import Optics
 
-from . import picture_files
+from .world import is_picture
 
 TEND_SECONDS = 0.02
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("snapshot", help="write what a camera sees at an instant")
+    parser = subparsers.add_parser("snapshot", help="write the image of a camera at a sim time")
     parser.add_argument("scenario", help=running.SCENARIO_HELP)
-    parser.add_argument("camera", help="vehicle/sensor, as in rover/camera")
+    parser.add_argument("camera", help="VEHICLE/SENSOR such as rover/camera")
     parser.add_argument(
-        "--at", type=float, default=1.0, metavar="S", help="sim time (default %(default)g s)"
+        "--at", type=float, default=1.0, metavar="S", help="sim time in seconds (%(default)g)"
     )
     parser.add_argument(
-        "--out", type=Path, default=Path(), metavar="DIR", help="folder for the files (default .)"
+        "--out", type=Path, default=Path(), metavar="DIR", help="folder for the files (default: .)"
     )
     parser.set_defaults(command=snapshot)
 
 
 def snapshot(options: argparse.Namespace) -> int:
-    """Write colour, depth and labels of one instant."""
+    """Write color, depth and labels of one sim time."""
     scenario = load(options.scenario)
     found = scenario.sensor(options.camera)
     if found is None or not isinstance(found[1], Optics):
@@ -51,11 +50,12 @@ def snapshot(options: argparse.Namespace) -> int:
             for sensor in vehicle.sensors
             if isinstance(sensor, Optics)
         ]
-        hint = did_you_mean(options.camera, cameras) if cameras else "it has none at all"
+        hint = did_you_mean(options.camera, cameras) if cameras else "it has no cameras"
         raise UserError(f"scenario `{scenario.name}` has no camera `{options.camera}`; {hint}")
-    if picture_files.is_picture(options.out):
+    if is_picture(options.out):
         raise UserError(
-            f"--out {options.out}: expected a folder, in which color, depth and labels become PNGs"
+            f"--out {options.out}: expected a folder; color, depth and labels are written as PNG "
+            "files"
         )
     if not options.at >= 0:
         raise UserError(f"--at {options.at:g}: expected seconds of sim time, 0 or more")

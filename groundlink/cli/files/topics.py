@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink topics`: the table of everything that is said on the bus."""
+"""`groundlink topics`: print the table of streams on the bus."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from groundlink.bus.topics import TOPICS
 from groundlink.cli.terminal.tables import Column, FittingTable
 
 WIDTH = 180
-"""Of lines where the output is no terminal."""
+"""Line width without a terminal."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("topics", help="list the streams of the bus")
     parser.add_argument(
-        "--markdown", action="store_true", help="print keys and messages as in docs/bus.md"
+        "--markdown",
+        action="store_true",
+        help="print keys and messages as Markdown, as in docs/bus.md",
     )
     parser.set_defaults(command=topics)
 

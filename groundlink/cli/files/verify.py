@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink verify RUN.mcap SCENARIO`: runs again and compares byte for byte.
+"""`groundlink verify RUN.mcap SCENARIO`: repeat a recorded run and compare byte for byte.
 
-Rule: starts physics, which follows the recording's journal, those sensors that were recorded, and
-a recorder that compares instead of writing. What differs between then and now is said before;
-what differs between the two runs, after.
+Starts physics with the journal of the recording, the recorded sensors, and a recorder that compares
+instead of writing. Differences of the setup are printed before the run, of the messages after it.
 """
 
 from __future__ import annotations
@@ -34,19 +33,19 @@ if TYPE_CHECKING:
     from groundlink.recording.comparison import TopicComparison
 
 FOLLOWED, VERDICT = "run.journal", "verdict.json"
-"""Files between this command and the processes that it starts."""
+"""Files exchanged with the started processes."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("verify", help="run a recording again, compare byte for byte")
-    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="file that was recorded")
+    parser = subparsers.add_parser("verify", help="repeat a recorded run and compare byte for byte")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")
     parser.add_argument("scenario", help=running.SCENARIO_HELP)
     parser.set_defaults(command=verify)
 
 
 def verify(options: argparse.Namespace) -> int:
-    """Run again; 0 when every message that can be compared is equal, 1 when one is not."""
+    """Repeat the run; return 0 if every comparable message is equal, else 1."""
     with needs("record"):
         from groundlink.recording import missing_readings as missing
         from groundlink.recording import verifying
@@ -92,11 +91,11 @@ def verify(options: argparse.Namespace) -> int:
             say(f"may differ: {_first(one, epoch_nanos)}; {counting_on[one.topic]}")
     different = [(nanos, one) for nanos, one in different if one.topic not in counting_on]
     for number, (_, one) in enumerate(different):
-        say(("and: " if number else "the first difference: ") + _first(one, epoch_nanos))
+        say(("and: " if number else "first difference: ") + _first(one, epoch_nanos))
     if different:
         return 1
     equal = [v for v in verdicts if v.is_equal]
-    say(f"equal to the byte: {sum(v.equal for v in equal)} messages of {len(equal)} topics")
+    say(f"identical: {sum(v.equal for v in equal)} messages of {len(equal)} topics")
     return 0
 
 
@@ -108,7 +107,7 @@ def _run(
     folder: Path,
     seconds: float,
 ) -> int | None:
-    """Run until all has come again; return an exit code where it did not."""
+    """Run until the recording is repeated; return an exit code if that failed."""
     verdict = folder / VERDICT
     run, endpoint = f"verify_{os.getpid()}", running.free_endpoint()
     joining = running.joining(run, endpoint)
@@ -138,13 +137,13 @@ def _run(
     if failed:
         return supervised.exit_code(failed)
     if not verdict.exists():
-        console.print("ended early: nothing is said of the recording")
+        console.print("ended early: no result")
         return 1
     return None
 
 
 def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
-    """Return how far the run is."""
+    """Return the progress of the run."""
     health = monitor.health.get(running.RECORDER)
     if health is None or health.tick < 0:
         return Text("starting")
@@ -154,9 +153,9 @@ def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
 
 
 def _table(verdicts: list[TopicComparison], epoch_nanos: int) -> FittingTable:
-    counted = ("recorded", "equal", "different", "not again", "only again", "first at")
+    counted = ("recorded", "equal", "different", "missing", "new", "first at")
     columns = (Column("topic", "text"), *map(Column, counted))
-    table = FittingTable("the recording and the same run again", columns)
+    table = FittingTable("recording and repeated run", columns)
     for v in verdicts:
         counts = (v.recorded, v.equal, v.different, v.missing, v.new)
         first = "-" if v.first is None else f"{(v.first.nanos - epoch_nanos) / NANOS:.6f} s"
@@ -165,16 +164,16 @@ def _table(verdicts: list[TopicComparison], epoch_nanos: int) -> FittingTable:
 
 
 def _left_out(verdicts: list[TopicComparison]) -> Iterator[str]:
-    """Yield what came again and cannot be in the recording."""
+    """Yield messages of the repeated run that cannot be in the recording."""
     for v in verdicts:
         for cause, count in v.left_out.items():
-            yield f"left out when it was recorded: {v.topic}: {count} messages, {cause}"
+            yield f"not recorded: {v.topic}: {count} messages, {cause}"
         if v.ragged:
-            yield f"under way when the recording began or ended: {v.topic}: {v.ragged} messages"
+            yield f"cut by the start or end of the recording: {v.topic}: {v.ragged} messages"
 
 
 def _first(verdict: TopicComparison, epoch_nanos: int) -> str:
-    """Return where a topic first differs: topic, time, field."""
+    """Return the first difference of a topic: topic, time, field."""
     found = verdict.first
     assert found
     stamp = f"{found.nanos // NANOS}.{found.nanos % NANOS:09d}"

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink view`: show a run that goes on in Rerun or Foxglove, or a recording in Rerun.
+"""`groundlink view`: show a run in Rerun or Foxglove, or a recording in Rerun.
 
-Rule: the viewer is a process of its own, started as ``python -m services.view``; it reads the same
-options.
+The viewer is a separate process, ``python -m services.view``, with the same options.
 """
 
 from __future__ import annotations
@@ -13,67 +12,68 @@ import sys
 from pathlib import Path
 
 from groundlink.core.errors import UserError
+from groundlink.process.runner import add_run_arguments
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("view", help="show a run that goes on, or a recording")
-    parser.add_argument(
-        "--connect", metavar="ENDPOINT", help="router of the run, such as tcp/HOST:7447"
-    )
-    parser.add_argument("--run", help="name of the run; needed only where several run")
+    parser = subparsers.add_parser("view", help="show a run or a recording in a viewer")
+    add_run_arguments(parser)
     add_arguments(parser)
     parser.set_defaults(command=view)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what the viewer can be told."""
+    """Add the options of the viewer."""
     parser.add_argument(
         "recording",
         nargs="?",
         type=Path,
         metavar="RUN.mcap",
-        help="a recording to show whole, instead of a run that goes on",
+        help="recording to show instead of a run",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--web",
         action="store_true",
-        help="show it in a browser, as is done where there's no screen",
+        help="show in a browser; default without a display",
     )
     where.add_argument(
         "--save",
         type=Path,
         metavar="FILE.rrd",
-        help="write it into a file, about 8 MB/s with a VLP-16",
+        help="write to a file; about 8 MB/s with a VLP-16",
     )
     where.add_argument(
         "--foxglove",
         action="store_true",
-        help="serve it to Foxglove or Lichtblick as ROS 2 topics over WebSocket",
+        help="serve ROS 2 topics to Foxglove or Lichtblick over WebSocket",
     )
     parser.add_argument(
-        "--host", default="127.0.0.1", help="where --web and --foxglove listen (%(default)s)"
+        "--host", default="127.0.0.1", help="address of --web and --foxglove (%(default)s)"
     )
     parser.add_argument(
-        "--port", type=int, help="of --web (default 9090) or --foxglove (default 8765)"
+        "--port", type=int, help="port of --web (default 9090) or --foxglove (default 8765)"
     )
     parser.add_argument(
-        "--colour",
+        "--color",
+        "--colour",  # the old spelling
+        dest="color",
         choices=("intensity", "ring"),
         default="intensity",
-        help="what LiDAR points are coloured by (%(default)s)",
+        help="field that colors LiDAR points (%(default)s)",
     )
 
 
 def view(options: argparse.Namespace) -> int:
-    """Become the viewer."""
+    """Start the viewer in place of this process."""
     if options.recording and (options.connect or options.run):
         raise UserError(
-            f"{options.recording}: a recording is read as it is; expected no --connect and no --run"
+            f"{options.recording}: --connect and --run do not apply to a recording. Fix: leave "
+            "them out"
         )
     words = [str(options.recording)] if options.recording else []
-    words += ["--host", options.host, "--colour", options.colour]
+    words += ["--host", options.host, "--color", options.color]
     for name in ("connect", "run", "save", "port"):
         if (value := getattr(options, name)) is not None:
             words += [f"--{name}", str(value)]

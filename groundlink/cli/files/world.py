@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink world import FILE`: make a world of a heightmap or a mesh, and say what it holds.
+"""`groundlink world import FILE`: make a world from a heightmap, mesh or scan.
 
-`groundlink world show WHAT`: a picture of a world, a vehicle or a scenario.
+`groundlink world show WHAT`: draw an image of a world, a vehicle or a scenario.
 """
 
 from __future__ import annotations
@@ -23,55 +23,60 @@ from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain import BadTerrain
 from groundlink.importing.terrain_specs import HeightmapFile
 
-from . import picture_files
-
 S = TypeVar("S", MeshFile, HeightmapFile)
 
-MOST_PIXELS = 4096
-"""Along a side of a picture."""
+MAX_PIXELS = 4096
+"""Maximum width and height of an image."""
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 
 _FORMATS = (*heightmaps.FORMATS, *mesh_files.FORMATS)
 
 _FIELDS = ("heights_m", "cell_m", "size_m", "scale", "up")
-"""Fields of descriptions that are options here."""
+"""Fields of file descriptions that are options here."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("world", help="make worlds of files, draw pictures of them")
+    parser = subparsers.add_parser(
+        "world", help="make a world from a file, or draw an image of a world"
+    )
     more = parser.add_subparsers(required=True, metavar="import|show")
     _add_import(more)
-    shown = more.add_parser("show", help="draw a picture of a world, a vehicle or a scenario")
+    shown = more.add_parser("show", help="draw an image of a world, a vehicle or a scenario")
     add_show_arguments(shown)
     shown.set_defaults(command=show)
 
 
 def add_show_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `show`, which the process that draws takes, too."""
+    """Add the arguments of `show`, which the drawing process shares."""
     parser.add_argument(
-        "what", metavar="WORLD|VEHICLE|SCENARIO", help="file (YAML), or the name of a shipped one"
+        "what", metavar="WORLD|VEHICLE|SCENARIO", help="file (YAML), or name of a shipped one"
     )
     parser.add_argument(
-        *("--out",), type=_picture, metavar="FILE.png|FILE.jpg", help="default WHAT.png"
+        *("--out",),
+        type=_picture,
+        metavar="FILE.png|FILE.jpg",
+        help="image to write (default: WHAT.png)",
     )
     parser.add_argument(
         *("--from",),
         type=_direction,
         dest="point",
         metavar="AZIMUTH,ELEVATION",
-        help="where the eye is: degrees clockwise from north, and up",
+        help="viewpoint: degrees clockwise from north, and elevation in degrees",
     )
     parser.add_argument(
         *("--size",),
         type=_size,
         default=(960, 640),
         metavar="WIDTHxHEIGHT",
-        help="of the picture, pixels (default 960x640)",
+        help="image size in pixels (default: 960x640)",
     )
 
 
 def show(options: argparse.Namespace) -> int:
-    """Have a picture drawn."""
+    """Start the process that draws the image."""
     words = [options.what, "--size", "{}x{}".format(*options.size)]
     words += ["--out", str(options.out)] if options.out else []
     words += ["--from={:g},{:g}".format(*options.point)] if options.point else []
@@ -79,10 +84,16 @@ def show(options: argparse.Namespace) -> int:
     return subprocess.run([sys.executable, "-m", module, *words], check=False).returncode
 
 
+def is_picture(file: Path) -> bool:
+    """Return whether a file name has the suffix of an image."""
+    return file.suffix.lower() in IMAGE_SUFFIXES
+
+
 def _picture(text: str) -> Path:
-    if not picture_files.is_picture(Path(text)):
-        endings = ", ".join(picture_files.ENDINGS)
-        raise argparse.ArgumentTypeError(f"`{text}`: expected a file that ends in {endings}")
+    if not is_picture(Path(text)):
+        raise argparse.ArgumentTypeError(
+            f"`{text}`: expected a file name that ends in {', '.join(IMAGE_SUFFIXES)}"
+        )
     return Path(text)
 
 
@@ -101,51 +112,47 @@ def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and 16 <= min(int(width), int(height))):
         raise argparse.ArgumentTypeError(f"`{text}`: expected WIDTHxHEIGHT such as 960x640")
-    if max(int(width), int(height)) > MOST_PIXELS:
-        raise argparse.ArgumentTypeError(f"`{text}`: at most {MOST_PIXELS} pixels along a side")
+    if max(int(width), int(height)) > MAX_PIXELS:
+        raise argparse.ArgumentTypeError(
+            f"`{text}`: expected at most {MAX_PIXELS} pixels for width and height"
+        )
     return int(width), int(height)
 
 
 def _add_import(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = subparsers.add_parser(
-        "import", help="make a world of a heightmap, a mesh or a scan, and say what it holds"
+        "import", help="make a world from a heightmap, mesh or scan, and print its content"
     )
     parser.add_argument("file", type=Path, help=f"one of {', '.join(_FORMATS)}")
-    parser.add_argument("--out", type=Path, metavar="WORLD.yaml", help="write a world file")
+    parser.add_argument("--out", type=Path, metavar="WORLD.yaml", help="world file to write")
     of_map = parser.add_argument_group("heightmaps")
     of_map.add_argument(
         "--heights-m",
         type=float,
         nargs=2,
         metavar=("LOW", "HIGH"),
-        help="heights that black and white of a PNG stand for",
+        help="heights of black and white in a PNG",
     )
-    of_map.add_argument("--cell-m", type=float, metavar="M", help="side of a cell")
+    of_map.add_argument("--cell-m", type=float, metavar="M", help="side length of a cell")
     of_map.add_argument(
-        "--size-m", type=float, nargs=2, metavar=("X", "Y"), help="instead: lengths of the map"
+        "--size-m", type=float, nargs=2, metavar=("X", "Y"), help="alternative: lengths of the map"
     )
     of_mesh = parser.add_argument_group("meshes and scans")
-    of_mesh.add_argument("--scale", type=float, metavar="S", help="metres in a unit of the file")
-    of_mesh.add_argument("--up", choices=("y", "z"), help="the file's axis that points up")
+    of_mesh.add_argument("--scale", type=float, metavar="S", help="meters in a unit of the file")
+    of_mesh.add_argument("--up", choices=("y", "z"), help="axis of the file that points up")
     parser.set_defaults(command=import_)
 
 
 def import_(options: argparse.Namespace) -> int:
-    """Print what a file holds, and write a world file if that is asked for.
-
-    Raises
-    ------
-    UserError
-        when the file is wrong, or the world's file is there already.
-    """
+    """Print the content of a file; write a world file with `--out`."""
     file, out = options.file, options.out
     folder = Path() if out is None else out.parent
     if out is not None and out.exists():
-        raise UserError(f"--out {out}: is there already; delete it or give another name")
+        raise UserError(f"--out {out}: file exists. Fix: delete it or choose another name")
     if not folder.is_dir():
-        raise UserError(f"--out {out}: there is no folder {folder}")
+        raise UserError(f"--out {out}: no such folder: {folder}")
     if file.suffix.lower() not in _FORMATS:
-        raise UserError(f"{file}: no such file is known; expected one of {', '.join(_FORMATS)}")
+        raise UserError(f"{file}: unknown format; expected one of {', '.join(_FORMATS)}")
     named = os.path.relpath(file, folder)
     print(f"{file}:", flush=True)
     if file.suffix.lower() in mesh_files.FORMATS:
@@ -162,15 +169,17 @@ def import_(options: argparse.Namespace) -> int:
     if out is not None:
         with write_atomically(out) as part:
             part.write_text(text, encoding="utf-8")
-        _say(f"written: {out}; a scenario beside it has it by `world: {out.name}`")
+        _say(f"wrote {out}; use it in a scenario of the same folder: `world: {out.name}`")
     return 0
 
 
 def _spec(options: argparse.Namespace, spec: type[S], fields: tuple[str, ...], **fixed: Any) -> S:
-    """Return what the options ask for; those that do not belong to this kind are refused."""
+    """Return the description from the options; raise UserError for options of another format."""
     given = {name: getattr(options, name) for name in _FIELDS if getattr(options, name) is not None}
     if wrong := given.keys() - set(fields):
-        raise UserError(f"{_option(min(wrong))}: {options.file} has no use for it; leave it out")
+        raise UserError(
+            f"{_option(min(wrong))}: does not apply to {options.file}. Fix: leave it out"
+        )
     kind = spec.__struct_config__.tag
     try:
         return msgspec.convert({"kind": kind, "file": str(options.file)} | given | fixed, spec)

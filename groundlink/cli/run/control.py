@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink pause`, `resume`, `step`, `reset`: a run under way does what a person says.
-
-Rule: one table of commands; what each does is physics' business, whose answer is told.
-"""
+"""`groundlink pause`, `resume`, `step`, `reset`: send a run command and print the answer."""
 
 from __future__ import annotations
 
@@ -24,67 +21,69 @@ from groundlink.process import runner as process
 from groundlink.process.joining import join
 
 POLL_SECONDS = 0.05
-"""How often a run is asked whether its steps are done."""
+"""Poll period while a command is in progress."""
 
-WISHES: dict[str, tuple[type[AnyRunCommand], str]] = {
-    "pause": (Pause, "let the sim time of a run stand still"),
-    "resume": (Resume, "let the sim time of a run go on"),
-    "step": (Step, "let sim time stand still again after some ticks of 2.5 ms"),
-    "reset": (Reset, "begin a run again, everything at its start"),
+COMMANDS: dict[str, tuple[type[AnyRunCommand], str]] = {
+    "pause": (Pause, "pause the sim time of a run"),
+    "resume": (Resume, "resume the sim time of a run"),
+    "step": (Step, "advance a run by some ticks of 2.5 ms, then pause"),
+    "reset": (Reset, "restart a run from its initial state"),
 }
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands to the command line."""
-    for name, (wish, help_text) in WISHES.items():
+    for name, (run_command, help_text) in COMMANDS.items():
         parser = subparsers.add_parser(name, help=help_text)
-        if wish is Step:
-            parser.add_argument("ticks", nargs="?", type=int, default=1, help="how many (1)")
-        parser.add_argument("--run", help="name of the run; needed only where several run")
-        parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
-        parser.set_defaults(command=control, wish=wish)
+        if run_command is Step:
+            parser.add_argument(
+                "ticks", nargs="?", type=int, default=1, help="number of ticks (%(default)s)"
+            )
+        process.add_run_arguments(parser)
+        parser.set_defaults(command=control, run_command=run_command)
 
 
 def control(options: argparse.Namespace) -> int:
-    """Ask a run's physics to do a wish, and tell what became of it."""
-    if options.wish is Step and options.ticks < 1:
-        raise UserError(f"{options.ticks} ticks: expected 1 or more")
-    wish = Step(options.ticks) if options.wish is Step else options.wish()
+    """Send the command; wait until steps are done; print the state of the run."""
+    if options.run_command is Step and options.ticks < 1:
+        raise UserError(f"step: expected 1 or more ticks, got {options.ticks}")
+    command = options.run_command
+    command = Step(options.ticks) if command is Step else command()
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
-        waits = Waits(bus, run)
-        answer = send_command(bus, run, wish)
-        while isinstance(wish, Step) and not answer.paused:
+        stalls = StallReporter(bus, run)
+        answer = send_command(bus, run, command)
+        while isinstance(command, Step) and not answer.paused:
             time.sleep(POLL_SECONDS)
             answer = run_status(bus, run)
-            if line := waits.line(answer.tick):
+            if line := stalls.line(answer.tick):
                 print(line, file=sys.stderr)
-    print(told(run, answer))
+    print(status_line(run, answer))
     return 0
 
 
-class Waits:
-    """Says whom physics waits for, while steps are not done: what its counters say, once each."""
+class StallReporter:
+    """Reports the processes that physics waits for, once for each change."""
 
     def __init__(self, bus: Bus, run: str) -> None:
         self._run = run
         self._health: BusInbox[Health] = BusInbox(depth=16)
-        self._said: tuple[str, ...] = ()
+        self._reported: tuple[str, ...] = ()
         bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, self._health)
 
     def line(self, tick: int) -> str:
-        """Return a line where others are waited for than was said; empty otherwise."""
-        silent = self._said
+        """Return a line if the processes that physics waits for changed, else an empty one."""
+        silent = self._reported
         while len(self._health) and (arrived := self._health.get(seconds=0)):
             silent = Stalls.read(arrived[1].counters).silent_now
-        if silent == self._said:
+        if silent == self._reported:
             return ""
-        self._said = silent
+        self._reported = silent
         names = ", ".join(silent)
-        return f"run `{self._run}` waits at tick {tick} for {names}" if silent else ""
+        return f"run `{self._run}`: waiting at tick {tick} for {names}" if silent else ""
 
 
-def told(run: str, answer: ControlAnswer) -> str:
-    """Return a line on how a run is."""
+def status_line(run: str, answer: ControlAnswer) -> str:
+    """Return the state of a run as a line."""
     state = "paused" if answer.paused else "running"
     return f"run `{run}` is {state} at tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s)"

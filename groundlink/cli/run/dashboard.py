@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a live table: what arrives on the ROS side, and the processes behind it.
+"""Live status of a run: streams to and from the ROS side, and processes.
 
-Rule: shows a `RunMonitor` and the supervisor's children; decides nothing.
+Shows a `RunMonitor` and the children of a supervisor.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from groundlink.monitor.supervisor import Child
 
 
 def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> RenderableType:
-    """Return the whole picture of a run."""
+    """Return the status of a run as tables."""
     factor = monitor.real_time_factor
     pace = "starting" if factor is None else f"real-time factor {factor:.3f}"
     head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
-    if held_up := str(monitor.stalls):
-        head.append(f"\n{held_up}", style="yellow")
+    if stalls := str(monitor.stalls):
+        head.append(f"\n{stalls}", style="yellow")
     return Group(head, streams_table(monitor.streams), _processes(monitor, children))
 
 
 _STREAMS = (
     Column("topic", "text"),
-    Column("type", "text", goes=1),
-    Column("declared", goes=2),
+    Column("type", "text", omit_order=1),
+    Column("declared", omit_order=2),
     *map(Column, ("measured", "age p50", "p99", "sent", "arrived", "repaired")),
     Column("lost", "words"),
 )
 
 _PROCESSES = (
     Column("name", "text"),
-    Column("pid", goes=1),
+    Column("pid", omit_order=1),
     Column("restarts"),
     Column("missing readings", "words"),
     Column("counts", "words"),
@@ -47,7 +47,7 @@ _PROCESSES = (
 
 
 def streams_table(streams: Iterable[StreamReport]) -> FittingTable:
-    """Return what became of each stream between the gateway and the ROS side."""
+    """Return the table of streams between the gateway and the ROS side."""
     table = FittingTable("to and from the ROS side", _STREAMS)
     for stream in streams:
         good = keeps_rate(stream) and not stream.lost
@@ -68,7 +68,7 @@ def streams_table(streams: Iterable[StreamReport]) -> FittingTable:
 
 
 def _losses(stream: StreamReport) -> str:
-    """Return what did not arrive, by cause; 0 when nothing is amiss."""
+    """Return lost messages by cause; 0 without losses."""
     causes = ("missing", "incomplete", "late", "dropped", "superseded")
     counts = [(getattr(stream, cause), cause) for cause in causes]
     return ", ".join(f"{count} {cause}" for count, cause in counts if count) or "0"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink drive`: a vehicle of a run by keyboard, or along a route by the driver process.
+"""`groundlink drive`: drive a vehicle by keyboard, or along a route by the driver process.
 
-Rule: says what any ROS node could say, a velocity; of two that speak at once, the newest counts.
-The terminal is restored whatever happens.
+Publishes velocities like a ROS node; of several sources the newest command applies. The terminal is
+always restored.
 """
 
 from __future__ import annotations
@@ -35,33 +35,34 @@ from groundlink.scenario.schema import Vehicle
 from .running import joining
 
 PERIOD_SECONDS = 0.05
-"""Between two commands."""
+"""Period of commands."""
 
 TIME_SECONDS = 3.0
-"""How long the run may take to say what time it is."""
+"""Timeout of the run's clock."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("drive", help="drive a vehicle by keyboard or along a route")
-    parser.add_argument("vehicle", nargs="?", help="its name; needed only where there are several")
-    parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
-    parser.add_argument("--run", help="name of the run; needed only where several run")
+    parser.add_argument(
+        "vehicle", nargs="?", help="name of the vehicle; required if the run has several"
+    )
+    process.add_run_arguments(parser)
     parser.add_argument(
         "--route",
         metavar="FILE.yaml|FIGURE",
-        help="no keyboard: follow waypoints or a figure of a file, or circle, figure_eight, "
-        "square, there_and_back from where the vehicle stands; ends when it is driven",
+        help="follow the route of a file, or a figure from the current pose: circle, "
+        "figure_eight, square, there_and_back; ends with the route",
     )
     parser.set_defaults(command=drive)
 
 
 def drive(options: argparse.Namespace) -> int:
-    """Drive until `q` or Ctrl-C, or become the driver of a route."""
+    """Drive until `q` or Ctrl-C, or start the driver of a route in place of this process."""
     if not options.route and not sys.stdin.isatty():
         raise UserError(
-            "driving by keyboard needs a terminal; give --route to drive without hands, or "
-            "publish Twist on the vehicle's command topic"
+            "drive: driving by keyboard requires a terminal. Fix: pass --route, or publish Twist "
+            "on the vehicle's command topic"
         )
     if options.route and options.route not in FIGURES:
         read_route(options.route)
@@ -76,9 +77,12 @@ def drive(options: argparse.Namespace) -> int:
             publish = bus.publisher(COMMAND.key_in(run, vehicle=vehicle.name), COMMAND.delivery)
             first = clocks.get(seconds=TIME_SECONDS)
             if first is None:
-                raise UserError(f"run `{run}` says no time; is its physics stepping?")
+                raise UserError(
+                    f"run `{run}`: no clock within {TIME_SECONDS:g} s. Fix: check that physics is "
+                    "stepping"
+                )
             stamp = first[1].stamp_nanos
-            board = Keyboard(most_mps=vehicle.model.top_speed_mps)
+            board = Keyboard(max_mps=vehicle.model.top_speed_mps)
             print(f"{vehicle.name} of run `{run}`: {HELP}")
             with _raw_terminal() as fd:
                 while not stop.is_set():
@@ -95,17 +99,17 @@ def drive(options: argparse.Namespace) -> int:
                     _show(speed, turn, board)
             publish(Command(stamp, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
             return 0
-    load_route(options.route, vehicle)  # a mistake in it is this command's to tell
+    load_route(options.route, vehicle)  # report errors here, before the driver starts
     words = ["--name", driver_name(vehicle), "--route", options.route, "--once"]
     words += joining(run, endpoint)
     os.execv(sys.executable, [sys.executable, "-m", "services.driver", *words])
 
 
 def _vehicle(scenario: Scenario, name: str | None) -> Vehicle:
-    """Return the vehicle that is meant."""
+    """Return the vehicle of that name, or the only one."""
     found = {vehicle.name: vehicle for vehicle in scenario.vehicles}
     if name is None and len(found) > 1:
-        raise UserError(f"which vehicle? the run has {', '.join(found)}")
+        raise UserError(f"drive: expected the name of a vehicle, one of {', '.join(found)}")
     name = name or next(iter(found))
     if name not in found:
         raise UserError(f"the run has no vehicle `{name}`; {did_you_mean(name, found)}")
@@ -114,7 +118,7 @@ def _vehicle(scenario: Scenario, name: str | None) -> Vehicle:
 
 @contextmanager
 def _raw_terminal() -> Iterator[int]:
-    """Have keys come one by one and unseen; afterwards all is as before."""
+    """Read single keys without echo; restore the terminal afterwards."""
     fd = sys.stdin.fileno()
     before = termios.tcgetattr(fd)
     try:
@@ -126,7 +130,7 @@ def _raw_terminal() -> Iterator[int]:
 
 
 def _show(speed: float, turn: float, board: Keyboard) -> None:
-    limits = f"keys ask for {board.speed_mps:.2f} m/s, {board.turn_radps:.2f} rad/s"
+    limits = f"keys set {board.speed_mps:.2f} m/s, {board.turn_radps:.2f} rad/s"
     line = f"\r{speed:+.2f} m/s {turn:+.2f} rad/s   {limits} "
     sys.stdout.write(line)
     sys.stdout.flush()

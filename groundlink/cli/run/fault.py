@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink fault`: a sensor of a run gets a fault, is rid of those it has, or tells of them.
+"""`groundlink fault`: inject a fault into a sensor of a run, clear its faults, or list them.
 
-Rule: all is checked here against the run's scenario before a sensor is asked. What was done is told
-as the line that does the same in a scenario.
+The command checks everything against the scenario of the run before it sends a query. It prints
+faults in the syntax of scenarios.
 """
 
 from __future__ import annotations
@@ -25,32 +25,33 @@ from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 
 ANSWER_SECONDS = 3.0
-"""How long a sensor may take to answer: it may be in the midst of a revolution."""
+"""Timeout of a sensor, which may be busy with a revolution."""
 
 TIMES = FaultSpec.__struct_fields__
-"""What a live fault is not given as a parameter: it begins now, and ends by `--for`."""
+"""Fields that are no parameters here: a live fault begins now and ends by `--for`."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("fault", help="let a sensor of a run fail, at once")
+    parser = subparsers.add_parser("fault", help="inject a fault into a sensor of a run")
     parser.add_argument("sensor", nargs="?", metavar="VEHICLE/SENSOR", help="as in rover/lidar")
-    parser.add_argument("kind", nargs="?", help=f"{', '.join(KINDS)}; or {CLEAR}, to end all")
+    parser.add_argument("kind", nargs="?", help=f"{', '.join(KINDS)}; or {CLEAR} to end all faults")
     parser.add_argument(
         "parameters",
         nargs="*",
         metavar="NAME=VALUE",
-        help="such as value=0,0,0.5 of a bias; as in a scenario",
+        help="parameters as in a scenario, such as value=0,0,0.5 of a bias",
     )
-    parser.add_argument("--for", type=float, dest="seconds", metavar="S", help="end after S s")
-    parser.add_argument("--list", action="store_true", help="tell what is in effect")
-    parser.add_argument("--run", help="name of the run; needed only where several run")
-    parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
+    parser.add_argument(
+        "--for", type=float, dest="seconds", metavar="S", help="end after S seconds of sim time"
+    )
+    parser.add_argument("--list", action="store_true", help="list the active faults of all sensors")
+    process.add_run_arguments(parser)
     parser.set_defaults(command=fault)
 
 
 def fault(options: argparse.Namespace) -> int:
-    """Change or tell the faults of a run's sensors."""
+    """Change or list the faults of the sensors of a run."""
     if options.kind is None and not options.list:
         raise UserError("expected VEHICLE/SENSOR and a kind of fault, or --list")
     wanted = None
@@ -68,22 +69,22 @@ def fault(options: argparse.Namespace) -> int:
         vehicle, spec = found
         if wanted is not None and (wrong := fault_problem(wanted, spec, vehicle)):
             raise UserError(f"{options.sensor}: `{wrong[0]}`: {wrong[1]}")
-        wish = CLEAR if wanted is None else msgspec.json.encode(wanted).decode()
-        print(_ask(bus, run, options.sensor, wish))
+        query = CLEAR if wanted is None else msgspec.json.encode(wanted).decode()
+        print(_query(bus, run, options.sensor, query))
     return 0
 
 
 def parsed(kind: str, words: Sequence[str], seconds: float | None) -> Fault | None:
-    """Return the fault that the words of a command line mean; None to end all faults.
+    """Return the fault of the command line's words; None to end all faults.
 
     Raises
     ------
     UserError
-        when they mean none.
+        if the words are no valid fault.
     """
     if kind == CLEAR:
         if words or seconds is not None:
-            raise UserError("`clear` ends all faults of the sensor; leave out what follows it")
+            raise UserError("`clear` takes no parameters; it ends all faults of the sensor")
         return None
     if kind not in KINDS:
         raise UserError(f"unknown kind of fault `{kind}`; {did_you_mean(kind, [*KINDS, CLEAR])}")
@@ -92,13 +93,13 @@ def parsed(kind: str, words: Sequence[str], seconds: float | None) -> Fault | No
     for word in words:
         name, _, text = word.partition("=")
         if name not in fields or not text:
-            hint = did_you_mean(name, fields) if fields else "it has none"
+            hint = did_you_mean(name, fields) if fields else "this kind has no parameters"
             raise UserError(f"`{word}` is no parameter of `{kind}`; {hint}")
         values = [_value(part) for part in text.strip("[]").split(",")]
         given[name] = values if len(values) > 1 else values[0]
     for name, field in fields.items():
         if field.required and name not in given:
-            raise UserError(f"`{kind}` lacks a parameter; add {name}=VALUE")
+            raise UserError(f"`{kind}`: parameter `{name}` is missing. Fix: add {name}=VALUE")
     try:
         wanted: Fault = msgspec.convert({"kind": kind, **given}, Fault)
     except msgspec.ValidationError as error:
@@ -120,26 +121,28 @@ def _show(bus: Bus, run: str, sensors: Sequence[str]) -> None:
     answers = {key.rpartition("/")[0]: payload for key, payload in replies.items()}
     for sensor in sensors:
         payload = answers.get(faults_key(run, sensor))
-        print(f"{sensor}: no answer" if payload is None else _told(sensor, payload))
+        print(f"{sensor}: does not respond" if payload is None else _answer_text(sensor, payload))
 
 
-def _ask(bus: Bus, run: str, sensor: str, wish: str) -> str:
-    replies = bus.query(faults_key(run, sensor), wish, seconds=ANSWER_SECONDS)
+def _query(bus: Bus, run: str, sensor: str, query: str) -> str:
+    replies = bus.query(faults_key(run, sensor), query, seconds=ANSWER_SECONDS)
     if not replies:
-        raise UserError(f"`{sensor}` of run `{run}` does not answer; is its process running?")
-    return _told(sensor, next(iter(replies.values())))
+        raise UserError(
+            f"run `{run}`: {sensor} does not respond. Fix: check that its process is running"
+        )
+    return _answer_text(sensor, next(iter(replies.values())))
 
 
-def _told(sensor: str, payload: bytes) -> str:
-    """Return a sensor's answer as lines.
+def _answer_text(sensor: str, payload: bytes) -> str:
+    """Return the answer of a sensor as lines.
 
     Raises
     ------
     UserError
-        when it could not do what was wished.
+        if the sensor rejected the query.
     """
     answer = msgspec.json.decode(payload, type=FaultAnswer)
     if answer.error:
         raise UserError(f"{sensor}: {answer.error}")
-    head = f"{sensor}, from tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s) on:"
+    head = f"{sensor}, from tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s):"
     return "\n  ".join([head, *map(str, answer.active)]) if answer.active else f"{head} no fault"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink link`: a relay that is a bad link, or a change of the link in a run.
+"""`groundlink link`: relay datagrams with impairments, or change the emulated link of a run.
 
-Rule: the relay is a process of its own, started as ``python -m services.link``.
+The relay is a separate process: ``python -m services.link``.
 """
 
 from __future__ import annotations
@@ -19,44 +19,47 @@ from groundlink.emulation.arguments import add_arguments, command_line, impairme
 from groundlink.process import runner as process
 
 ANSWER_SECONDS = 3.0
-"""How long the gateway may take to answer."""
+"""Timeout of the gateway."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
-        "link", help="relay datagrams over a bad link, or change the link of a run"
+        "link", help="relay datagrams with impairments, or change the emulated link of a run"
     )
     add_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="tell the relay's counters as JSON")
-    run = parser.add_argument_group("instead of a relay, the link in the gateway of a run")
+    parser.add_argument(
+        "--json", action="store_true", help="print the counters of the relay as JSON"
+    )
+    run = parser.add_argument_group("change the emulated link of a run instead")
     run.add_argument("--run", help="name of the run")
     run.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
     run.add_argument(
         "--set",
         action="append",
         metavar="DIRECTION.FIELD=VALUE",
-        help="such as to_ros.loss=0.1 or from_ros.outage=true; may be repeated",
+        help="such as to_ros.loss=0.1 or from_ros.outage=true; repeatable",
     )
     parser.set_defaults(command=link)
 
 
 def link(options: argparse.Namespace) -> int:
-    """Become the relay, or change a run's link and print what it is now."""
+    """Start the relay in place of this process, or change and print the link of a run."""
     if options.run is None:
         if options.set:
-            raise UserError("--set changes the link of a run; name it with --run")
+            raise UserError("--set: expected --run NAME as well, the run whose link is changed")
         impairments(options)
         if options.listen is None or options.to is None:
             raise UserError("expected --listen HOST:PORT and --to HOST:PORT, or --run NAME")
         words = command_line(options) + (["--json"] if options.json else [])
         os.execv(sys.executable, [sys.executable, "-m", "services.link", *words])
     with Bus(connect=process.endpoint(options)) as bus:
-        wish = ";".join(options.set or ())
-        replies = bus.query(link_key(options.run), wish, seconds=ANSWER_SECONDS)
+        changes = ";".join(options.set or ())
+        replies = bus.query(link_key(options.run), changes, seconds=ANSWER_SECONDS)
     if not replies:
         raise UserError(
-            f"run `{options.run}` has no emulated link; add `link: {{}}` to the scenario's gateway"
+            f"run `{options.run}`: no emulated link. Fix: add `link: {{}}` to the scenario's "
+            "gateway"
         )
     error, settings = msgspec.json.decode(
         next(iter(replies.values())), type=tuple[str, dict[str, dict[str, float | bool]]]

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink record SCENARIO --out RUN.mcap`: a run into a file, as fast as this machine goes.
+"""`groundlink record SCENARIO --out RUN.mcap`: record a run as fast as this machine allows.
 
-Rule: starts physics, sensors, drivers and the recorder, and nothing of ROS. What the file is worth
-is read from the file.
+Starts physics, sensors, drivers and the recorder, without ROS. The summary is read from the file.
 """
 
 from __future__ import annotations
@@ -23,12 +22,14 @@ from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
 from . import running, supervised
 
 SECONDS = 30.0
-"""Of sim time, unless asked otherwise."""
+"""Default duration, sim time."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("record", help="run a scenario into a file, without ROS")
+    parser = subparsers.add_parser(
+        "record", help="record a run of a scenario to a file, without ROS"
+    )
     parser.add_argument("scenario", help=running.SCENARIO_HELP)
     parser.add_argument("--out", required=True, metavar="RUN.mcap", help="file to write")
     parser.add_argument(
@@ -39,7 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="sim time to record (default %(default)g s)",
     )
     parser.add_argument(
-        "--realtime", action="store_true", help="by the wall clock instead of as fast as it goes"
+        "--realtime", action="store_true", help="run in real time instead of as fast as possible"
     )
     parser.add_argument("--run", help="name of the run (default: the scenario's)")
     parser.add_argument(
@@ -49,7 +50,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def record(options: argparse.Namespace) -> int:
-    """Record a run; 0 when the file holds every declared rate."""
+    """Record a run; return 0 if the file has every declared rate."""
     scenario = load(options.scenario)
     out = Path(options.out)
     if not options.duration > 0:
@@ -60,7 +61,7 @@ def record(options: argparse.Namespace) -> int:
     commands = running.commands(scenario, options.scenario, run, options.listen)
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
-    commands["physics"] += ["--lockstep", "sensors"]  # of ROS nothing is started
+    commands["physics"] += ["--lockstep", "sensors"]  # no ROS node takes part
     commands[running.RECORDER] = [
         *running.recorder(options.out, run, options.listen),
         *("--duration", f"{options.duration:g}"),
@@ -83,18 +84,18 @@ def record(options: argparse.Namespace) -> int:
 
 _TOPICS = (
     Column("topic", "text"),
-    Column("type", "text", goes=1),
+    Column("type", "text", omit_order=1),
     Column("messages"),
-    Column("declared", goes=2),
+    Column("declared", omit_order=2),
     Column("measured"),
 )
 
 UNUSUAL = ("/faults/", "/gaps/")
-"""Topics that have messages only where something went wrong."""
+"""Topics that are normally empty."""
 
 
 def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
-    """Return how far the recording is."""
+    """Return the progress of the recording."""
     health = monitor.health.get(running.RECORDER)
     if health is None or health.tick < 0:
         return Text("starting")
@@ -105,12 +106,12 @@ def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
 
 
 def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
-    """Show what the file holds; return 1 where that is less than was declared."""
+    """Show the content of the file; return 1 if a declared rate is missing."""
     with needs("record"):
         from groundlink.recording.reader import Recording
 
     if not out.exists():
-        console.print("nothing was recorded: the run was ended before it began")
+        console.print("nothing recorded: the run ended before its start")
         return 1
     with Recording(out) as recording:
         topics = recording.topics
@@ -126,11 +127,11 @@ def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
             faults.append(f"{name}: declared {declared}, measured {measured}")
     if (health := monitor.health.get(running.RECORDER)) and health.counters["bus_dropped"]:
         faults.append(
-            f"{health.counters['bus_dropped']} messages came faster than could be written"
+            f"{health.counters['bus_dropped']} messages dropped: faster than the recorder writes"
         )
     console.print(table)
     for fault in faults:
-        terminal.say(console, f"not kept: {fault}")
+        terminal.say(console, f"failed: {fault}")
     return 1 if faults else 0
 
 

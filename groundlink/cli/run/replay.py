@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink replay RUN.mcap`: a recorded run to ROS again, through a gateway of its own.
+"""`groundlink replay RUN.mcap`: send a recorded run to ROS through a gateway.
 
-Rule: starts the replay where `up` starts physics and sensors; the gateway and the ROS side are the
-same. What is in the file is the replay's business.
+Like `up`, with the replay process in place of physics and sensors.
 """
 
 from __future__ import annotations
@@ -21,41 +20,54 @@ from groundlink.monitor.supervisor import Child
 from . import running, supervised
 
 START_SECONDS = 3.0
-"""What a ROS node may take to start and be found."""
+"""Time for a ROS node to start and be discovered."""
 
 DRAIN_SECONDS = 2.0
-"""After the last message, until what became of it is known."""
+"""Time after the last message for delivery reports to arrive."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("replay", help="send a recorded run to ROS again")
+    parser = subparsers.add_parser("replay", help="send a recorded run to ROS")
     parser.add_argument("recording", metavar="RUN.mcap", help="file that was recorded")
-    parser.add_argument("--factor", type=float, default=1.0, metavar="F", help="times real time")
     parser.add_argument(
-        "--from", type=float, default=0.0, metavar="S", dest="start", help="begin S s into the run"
+        "--factor",
+        type=float,
+        default=1.0,
+        metavar="F",
+        help="speed relative to real time (%(default)g)",
     )
-    parser.add_argument("--loop", action="store_true", help="begin anew at the end, until Ctrl-C")
-    parser.add_argument("--run", help="name of the run (default: as recorded)")
+    parser.add_argument(
+        "--from",
+        type=float,
+        default=0.0,
+        metavar="S",
+        dest="start",
+        help="start S seconds into the run",
+    )
+    parser.add_argument("--loop", action="store_true", help="repeat until Ctrl-C")
+    parser.add_argument("--run", help="name of the run (default: the recorded name)")
     parser.add_argument(
         "--gateway",
         metavar="SCENARIO",
-        help="take addresses, link and key from this scenario's `gateway` instead of the recorded",
+        help="use the `gateway` section of this scenario instead of the recorded one",
     )
     parser.add_argument(
         "--listen", metavar="ENDPOINT", default=running.LISTEN_DEFAULT, help=running.LISTEN_HELP
     )
     parser.add_argument(
-        "--no-ros", action="store_true", help="start nothing on the ROS side; it runs elsewhere"
+        "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
     )
     parser.add_argument(
-        "--no-gateway", action="store_true", help="on the bus alone, for viewers and recorders"
+        "--no-gateway",
+        action="store_true",
+        help="publish on the bus only, for viewers and recorders",
     )
     parser.set_defaults(command=replay)
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Replay a recording; 0 when everything that was declared arrived at its rate."""
+    """Replay a recording; return 0 if every stream arrived at its declared rate."""
     with needs("record"):
         from groundlink.recording.reader import Recording
 
@@ -87,17 +99,17 @@ def replay(options: argparse.Namespace) -> int:
     if failed:
         return supervised.exit_code(failed)
     console.print(dashboard("summary", monitor, children.values()))
-    # In a loop stamps jump back, and counted in stamps there is no rate.
+    # In a loop stamps jump back, so rates by stamps are undefined.
     if options.loop or options.no_gateway or (options.no_ros and not monitor.streams):
         return 0
     faults = monitor.faults(needs_reports=not options.no_ros)
     for fault in faults:
-        terminal.say(console, f"not kept: {fault}")
+        terminal.say(console, f"failed: {fault}")
     return 1 if faults else 0
 
 
 class _Drained:
-    """Over a while after the replay has ended."""
+    """End condition: `DRAIN_SECONDS` after the replay has ended."""
 
     def __init__(self, replay: Child) -> None:
         self._replay = replay

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands share that start the processes of a run here: how each process is started.
+"""Command lines of the processes of a run, for commands that start a run on this machine.
 
-Rule: services are started only as ``python -m``. Nothing is started here; see `supervised`.
+Services are started as ``python -m`` only. `supervised` starts them.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from groundlink.scenario.ros_side import Gateway
 RECORDER = core_topics.RECORDER
 
 ROS_SIDE = "ros"
-"""Name of the process that receives on the ROS side."""
+"""Name of the ROS node's process."""
 
 SENSORS = "sensors"
-"""Name of the process of all sensors where they share one."""
+"""Name of the shared process of all sensors."""
 
-SCENARIO_HELP = "scenario file (YAML), or the name of a shipped scenario such as indoor_lab"
+SCENARIO_HELP = "scenario file (YAML), or name of a shipped scenario such as indoor_lab"
 
-LISTEN_HELP = "where the run's router listens for its processes and for others (%(default)s)"
+LISTEN_HELP = "endpoint of the run's router (%(default)s)"
 
 LISTEN_DEFAULT = DEFAULT_ENDPOINT
 
@@ -39,7 +39,7 @@ LISTEN_DEFAULT = DEFAULT_ENDPOINT
 def commands(
     scenario: Scenario, file: str, run: str, endpoint: str, *, sensors_together: bool = False
 ) -> dict[str, list[str]]:
-    """Return the command of every process of a run; sensors may share one."""
+    """Return the command line of every process of a run; sensors may share one process."""
     found = {}
     modules = process_names(scenario)
     if sensors_together and (names := scenario.sensor_names()):
@@ -52,23 +52,23 @@ def commands(
 
 
 def free_endpoint() -> str:
-    """Return an endpoint at which nobody listens: other runs may go on beside this one."""
+    """Return a free endpoint of this machine."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         return f"tcp/127.0.0.1:{server.getsockname()[1]}"
 
 
 def joining(run: str, endpoint: str) -> list[str]:
-    """Return the arguments by which a process joins a run."""
+    """Return the arguments of a process that joins a run."""
     return ["--connect", endpoint, "--run", run]
 
 
 def recorder(out: str, run: str, endpoint: str) -> list[str]:
-    """Return the command of a recorder.
+    """Return the command line of a recorder.
 
     Raises
     ------
     RequirementError
-        when a package of the extra `record` is not installed; a run would wait for its recorder.
+        if the extra `record` is not installed; otherwise the run would wait for its recorder.
     """
     for package in ("mcap", "rosbags", "zstandard"):
         if importlib.util.find_spec(package) is None:
@@ -80,25 +80,25 @@ def recorder(out: str, run: str, endpoint: str) -> list[str]:
 
 
 def check_new_file(option: str, path: Path) -> None:
-    """Refuse to write where there is a file already, or no folder.
+    """Check that a file does not exist and its folder does.
 
     Raises
     ------
     UserError
-        when it is so.
+        if the file cannot be created.
     """
     if path.exists():
-        raise UserError(f"{option} {path}: it exists already; delete it or choose another name")
+        raise UserError(f"{option} {path}: file exists. Fix: delete it or choose another name")
     if not path.resolve().parent.is_dir():
-        raise UserError(f"{option} {path}: there is no folder {path.parent}")
+        raise UserError(f"{option} {path}: no such folder: {path.parent}")
 
 
 def ros_side(gateway: Gateway, shown: Console) -> list[str]:
-    """Return the command that receives at the gateway's peer: the ROS 2 node where ROS is."""
+    """Return the command line of the ROS 2 node, or of a plain receiver without ROS 2."""
     bind = ["--bind", gateway.peer]
     receives, sends = (address(text)[0] for text in (gateway.peer, gateway.bind))
     if not ip_address(receives).is_loopback:
-        # What is bound to all addresses sends to one of its own host from that address.
+        # A socket bound to all addresses sends to its own host from the destination address.
         bind += ["--peer", f"{receives if ip_address(sends).is_unspecified else sends}:0"]
     key = {"--key-file": gateway.key_file, "--key-env": gateway.key_env}
     bind += [word for name, value in key.items() if value is not None for word in (name, value)]
@@ -107,7 +107,9 @@ def ros_side(gateway: Gateway, shown: Console) -> list[str]:
     if importlib.util.find_spec("udp_bridge") is None:
         raise RequirementError(
             "the Python package `udp_bridge` is not installed. Fix: pip install "
-            "'groundlink[gateway]', or start without a ROS side: --no-ros"
+            "'groundlink[gateway]', or pass --no-ros"
         )
-    shown.print("no ROS 2 in this environment: a plain receiver stands in for the ROS node")
+    shown.print(
+        "ROS 2 is not installed here: using a plain UDP Bridge receiver instead of the ROS node"
+    )
     return ["-m", "udp_bridge", "listen", *bind, "--report", "--quiet"]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink save FILE` and `restore FILE`: a run as it is now, kept and taken up again.
+"""`groundlink save FILE` and `restore FILE`: write the state of a run to a file, and restore it.
 
-Rule: files are written and read where the command runs, so nobody on the bus can have physics write
-or read one. What a file holds is looked at before anything is asked of a run.
+Files are read and written by the command, never by physics, so nobody on the bus gains access to
+files. The command checks a file before it sends anything.
 """
 
 from __future__ import annotations
@@ -23,46 +23,45 @@ from groundlink.process import runner as process
 from groundlink.process.joining import join
 from groundlink.run import journal
 
-from .control import POLL_SECONDS, told
+from .control import POLL_SECONDS, status_line
 from .running import check_new_file
 
 JOURNAL_SECONDS = 60.0
-"""How long a journal may take to come: that of a day's run is hundreds of megabytes."""
+"""Timeout of a journal: one of a whole day has hundreds of megabytes."""
 
 SHOW_SECONDS = 1.0
-"""Between lines of progress."""
+"""Period of progress lines."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands to the command line."""
-    save_parser = subparsers.add_parser("save", help="write a run, as it is now, to a file")
-    restore_parser = subparsers.add_parser("restore", help="let a run go on from a saved one")
+    save_parser = subparsers.add_parser("save", help="save the state of a run to a file")
+    restore_parser = subparsers.add_parser("restore", help="restore the state of a run from a file")
     for parser, command in ((save_parser, save), (restore_parser, restore)):
         parser.add_argument("file", type=Path, metavar="FILE", help="such as half_way.run")
-        parser.add_argument("--run", help="name of the run; needed only where several run")
-        parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
+        process.add_run_arguments(parser)
         parser.set_defaults(command=command)
 
 
 def save(options: argparse.Namespace) -> int:
-    """Write a run under way to a file."""
+    """Save the state of a run to a file."""
     check_new_file("save", options.file)
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
         content = b"".join(bus.query(journal_key(run), seconds=JOURNAL_SECONDS).values())
     if not content:
         raise UserError(
-            f"physics of run `{run}` gave no journal; has the run begun, and is physics running?"
+            f"run `{run}`: no journal. Fix: check that physics is running and has made a first step"
         )
     saved = journal.loaded(content, f"run `{run}`")
     journal.write(options.file, content)
     at = f"tick {saved.tick} ({saved.tick * TICK_SECONDS:.4f} s)"
-    print(f"run `{run}` at {at} is in {options.file}, {len(content) / 1e6:.1f} MB")
+    print(f"run `{run}`: saved {at} to {options.file}, {len(content) / 1e6:.1f} MB")
     return 0
 
 
 def restore(options: argparse.Namespace) -> int:
-    """Let a run under way go on from where a saved one was."""
+    """Restore the state of a run from a file."""
     content = journal.read(options.file)
     journal.loaded(content, str(options.file))
     with Bus(connect=process.endpoint(options)) as bus:
@@ -76,8 +75,8 @@ def restore(options: argparse.Namespace) -> int:
             time.sleep(POLL_SECONDS)
             answer = run_status(bus, run)
     if answer.failure:
-        raise UserError(f"run `{run}`: {answer.failure}; the run is as it was")
+        raise UserError(f"run `{run}`: {answer.failure}; the run is unchanged")
     if answer.warning:
-        print(f"groundlink: {answer.warning}", file=sys.stderr)
-    print(told(run, answer))
+        print(f"groundlink: warning: {answer.warning}", file=sys.stderr)
+    print(status_line(run, answer))
     return 0

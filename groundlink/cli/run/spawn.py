@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink spawn` and `groundlink remove`: things come into a run under way, and go.
+"""`groundlink spawn` and `remove`: add objects to a run, and remove them.
 
-Rule: files are read here, so physics is sent what they mean. Whether there is room, physics says.
+The command reads the files; physics receives their content and checks for free space.
 """
 
 from __future__ import annotations
@@ -25,30 +25,31 @@ from groundlink.world.spawn_checks import ground_of
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands to the command line."""
-    put = subparsers.add_parser("spawn", help="put a vehicle or an obstacle into a run under way")
+    put = subparsers.add_parser("spawn", help="add a vehicle or an obstacle to a run")
     put.add_argument(
         "what",
         metavar="FILE.yaml|KIND",
         help=f"a vehicle, a world with solids or actors, or one of {', '.join(KINDS)}",
     )
-    put.add_argument("--name", help="what it is to be called (after what it is)")
+    put.add_argument("--name", help="name in the run (default: derived from WHAT)")
     put.add_argument(
         "--at",
         metavar="X,Y[,Z[,YAW]]",
         default="0,0",
-        help="where: metres, z above the ground, degrees; --at=-1,2 where x is negative",
+        help="position in meters, z above the ground, yaw in degrees; --at=-1,2 for a negative x",
     )
     put.set_defaults(command=spawn)
-    take = subparsers.add_parser("remove", help="take a vehicle or an obstacle out of a run")
-    take.add_argument("name", help="of a vehicle, an actor, a solid or what its parts begin with")
+    take = subparsers.add_parser("remove", help="remove a vehicle or an obstacle from a run")
+    take.add_argument(
+        "name", help="name of a vehicle, actor or solid, or the prefix of a group of solids"
+    )
     take.set_defaults(command=remove)
     for parser in (put, take):
-        parser.add_argument("--run", help="name of the run; needed only where several run")
-        parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
+        process.add_run_arguments(parser)
 
 
 def spawn(options: argparse.Namespace) -> int:
-    """Put something into a run."""
+    """Add an object to a run."""
     at = _place(options.at)
     check_addition(options.what)
     with Bus(connect=process.endpoint(options)) as bus:
@@ -64,22 +65,22 @@ def spawn(options: argparse.Namespace) -> int:
             tell=lambda line: print(line, file=sys.stderr),
         )
         answer = send_command(bus, run, Spawn(more))
-    print(f"run `{run}` has `{name}` {_from(answer)}")
+    print(f"run `{run}`: added `{name}` {_from(answer)}")
     return 0
 
 
 def remove(options: argparse.Namespace) -> int:
-    """Take something out of a run."""
+    """Remove an object from a run."""
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
         answer = send_command(bus, run, Remove(options.name))
-    print(f"run `{run}` is without `{options.name}` {_from(answer)}")
+    print(f"run `{run}`: removed `{options.name}` {_from(answer)}")
     return 0
 
 
 def _from(answer: ControlAnswer) -> str:
     tick = answer.tick + 1
-    return f"from tick {tick} ({tick * TICK_SECONDS:.4f} s) on"
+    return f"at tick {tick} ({tick * TICK_SECONDS:.4f} s)"
 
 
 def _place(text: str) -> SpawnPlace:

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run whose processes this command starts: tended, heard, shown, and ended with it.
-
-Rule: says why a run is over that its user did not end. When it is over otherwise, and what it was
-worth, is the command's own business.
-"""
+"""Supervised run: processes that a command starts, monitors, shows and stops."""
 
 from __future__ import annotations
 
@@ -25,31 +21,31 @@ from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import TOLD, Child, Supervisor
 
 LINES_SHOWN = 5
-"""Newest lines of the processes, below the picture of a run."""
+"""Number of log lines below the live status."""
 
 LINES_KEPT = 500
-"""That are printed when the run is over."""
+"""Number of log lines printed after the run."""
 
 
 class SupervisedRun:
-    """Processes of a run on this machine, with the run's router and what they tell of themselves.
+    """Processes of a run on this machine, with the router and a monitor of their health.
 
-    Ctrl-C and SIGTERM end it from the time on that it is made.
+    Handles Ctrl-C and SIGTERM from its construction on.
 
     Parameters
     ----------
     commands
-        by name of the process; see `running.commands`.
+        command lines by process name; see `running.commands`.
     run
         the run's name.
     endpoint
-        where the run's router listens.
+        endpoint of the router.
     shown
-        where lines of the processes and the picture go.
+        console for log lines and the live status.
     finite
-        processes that may end by themselves.
+        processes that end by themselves.
     dispensable
-        processes that may be missing.
+        processes without which the run continues.
     """
 
     def __init__(
@@ -64,33 +60,33 @@ class SupervisedRun:
     ) -> None:
         self.monitor = RunMonitor()
         self.killed: list[str] = []
-        """Processes that did not end in time."""
+        """Processes that did not exit in time."""
         self._run, self._endpoint, self._shown = run, endpoint, shown
-        self._supervisor = Supervisor(commands, self._say, finite=finite, dispensable=dispensable)
+        self._supervisor = Supervisor(commands, self._log, finite=finite, dispensable=dispensable)
         self._stop = stop_on_signals()
         self._lines: deque[str] = deque(maxlen=LINES_KEPT)
-        """What processes said, where it is shown below the picture."""
+        """Log lines of processes, on a terminal."""
 
     @property
     def children(self) -> Mapping[str, Child]:
-        """The processes by their names."""
+        """Processes by name."""
         return self._supervisor.children
 
     def go(
         self, is_over: Callable[[], bool], picture: Callable[[], RenderableType]
     ) -> Child | None:
-        """Run until it is over, and end every process.
+        """Run until `is_over()`; stop every process.
 
         Parameters
         ----------
         is_over
-            asked again and again.
+            polled end condition.
         picture
-            returns how far the run is.
+            returns the live status.
 
         Returns
         -------
-        The process that has ended the run, or that its user must mend; see `exit_code`.
+        The process that ended the run or failed; None otherwise. See `exit_code`.
         """
         with Bus(listen=self._endpoint) as bus:
             inbox: BusInbox[Health] = BusInbox(depth=1024)
@@ -103,7 +99,7 @@ class SupervisedRun:
                 self.killed = self._supervisor.stop()
                 for line in self._lines:
                     say(self._shown, line)
-            self._hear(inbox)
+            self._update_monitor(inbox)
         return failed
 
     def _tend(
@@ -112,45 +108,39 @@ class SupervisedRun:
         failed = None
         while not (failed or self._stop.is_set() or is_over()):
             failed = self._supervisor.tend()
-            self._hear(inbox)
+            self._update_monitor(inbox)
             show(False)
         show(True)
         return self.children[failed] if failed else None
 
-    def _hear(self, inbox: BusInbox[Health]) -> None:
-        """Tell the monitor all that waits; wait a moment where nothing does."""
+    def _update_monitor(self, inbox: BusInbox[Health]) -> None:
+        """Pass waiting health messages to the monitor; wait briefly for the first."""
         while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
             self.monitor.update(arrived[1], time.monotonic())
             if self._stop.is_set():
                 break
 
-    def _say(self, name: str, line: str) -> None:
-        line = line.removeprefix(f"{name}: ")  # Error lines begin with it already.
-        self.tell(f"{name}: {line}")
+    def _log(self, name: str, line: str) -> None:
+        line = line.removeprefix(f"{name}: ")  # error lines start with the name
+        self.log(f"{name}: {line}")
 
-    def tell(self, line: str) -> None:
-        """Show a line: below the picture of a run, or at once where there is no terminal."""
+    def log(self, line: str) -> None:
+        """Show a line: below the live status, or immediately without a terminal."""
         if self._shown.is_terminal:
             self._lines.append(line)
         else:
             say(self._shown, line)
 
     def _with_lines(self, picture: RenderableType) -> RenderableType:
-        """Return the picture above the newest lines."""
+        """Return the live status above the newest log lines."""
         newest = list(self._lines)[-LINES_SHOWN:]
         return Group(picture, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
 
 
 def exit_code(child: Child) -> int:
-    """Say why a run is over that its user did not end; return the command's exit code.
-
-    Parameters
-    ----------
-    child
-        the process that has ended it.
-    """
+    """Print which process ended the run; return the exit code of the command."""
     if child.ended_run:
-        print(f"groundlink: {child.name} has ended the run; see its line above", file=sys.stderr)
+        print(f"groundlink: {child.name} ended the run; see its line above", file=sys.stderr)
         return 1
-    print(f"groundlink: {child.name} cannot run; see its line above", file=sys.stderr)
+    print(f"groundlink: {child.name} failed; see its line above", file=sys.stderr)
     return child.code if child.code in TOLD else UserError.exit_code

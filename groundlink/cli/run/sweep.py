@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink sweep EXPERIMENT --vary SENSOR.FIELD=[...]`: an experiment over sensors and mounts.
+"""`groundlink sweep EXPERIMENT --vary SENSOR.FIELD=[...]`: repeat an experiment with variations.
 
-Rule: only hands its words on, as experiments lie outside of the package: they need a clone of the
-repository, and programs of others in environments of their own.
+Passes its arguments to the experiments, which are not part of the package: they require a clone of
+the repository and third-party programs.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from groundlink.core.errors import UserError
 MODULE = "experiments.studies.sweep"
 REPOSITORY = Path(__file__).resolve().parents[3]
 NO_PREFIX = "\0"
-"""Begins no option: all words are the module's, `--help` too."""
+"""Starts no option: all arguments belong to the module, `--help` too."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "sweep",
-        help="repeat an experiment over sensors and mounts, table errors",
+        help="repeat an experiment with varied sensors and mounts; print a table of errors",
         add_help=False,
         prefix_chars=NO_PREFIX,
     )
@@ -34,16 +34,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def sweep(options: argparse.Namespace) -> int:
-    """Run the sweep; return its exit code.
-
-    Raises
-    ------
-    UserError
-        when the experiments are not here.
-    """
+    """Run the sweep; return its exit code."""
     if not (REPOSITORY / "experiments").is_dir():
         raise UserError(
-            "sweep: there are no experiments here; run it in a clone of Groundlink's repository"
+            "sweep: the experiments are not installed. Fix: run it in a clone of the repository"
         )
     command = [sys.executable, "-m", MODULE, *options.words]
     path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))

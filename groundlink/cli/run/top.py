@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink top`: who is in a run, on which host, how fast and how well, as its bus tells.
+"""`groundlink top`: show the processes of a run with host, state, rates and counters.
 
-Rule: shows an `Overview`; it only listens, so that it can come and go at any time. The one question
-that it asks is how the emulated link is set, where there is one.
+Subscribes only, except for a query for the settings of the emulated link.
 """
 
 from __future__ import annotations
@@ -35,21 +34,20 @@ from groundlink.process.joining import join
 from groundlink.scenario import Scenario
 
 PERIOD_SECONDS = 1.0
-"""Between two JSON objects, and between two questions about the link."""
+"""Period of JSON objects and of queries for the link."""
 
 ONCE_SECONDS = 3.5
-"""How long `--once` listens at most: two words of everybody are enough."""
+"""Maximum wait of `--once` for two health messages of every process."""
 
 STYLES = {"alive": "", "there": "", "silent": "yellow", "missing": "yellow", "gone": "red"}
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("top", help="show who is in a run and how well it goes, live")
-    parser.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
-    parser.add_argument("--run", help="name of the run; needed only where several run")
+    parser = subparsers.add_parser("top", help="show the processes and streams of a run, live")
+    process.add_run_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print a JSON object each second")
-    parser.add_argument("--once", action="store_true", help="show it once and end")
+    parser.add_argument("--once", action="store_true", help="print the state once and exit")
     parser.set_defaults(command=top)
 
 
@@ -87,7 +85,7 @@ def top(options: argparse.Namespace) -> int:
                     live.update(picture(overview, now), refresh=True)
                 if now >= next_second:
                     next_second += PERIOD_SECONDS
-                    _ask_for_link(bus, run, scenario, overview)
+                    _query_link(bus, run, scenario, overview)
                     if options.json:
                         print(json.dumps(overview.snapshot(now)), flush=True)
                     elif not live:
@@ -96,7 +94,7 @@ def top(options: argparse.Namespace) -> int:
             if live:
                 live.stop()
         if options.once and not stop.is_set():
-            _ask_for_link(bus, run, scenario, overview)
+            _query_link(bus, run, scenario, overview)
             now = time.monotonic()
             if options.json:
                 print(json.dumps(overview.snapshot(now)), flush=True)
@@ -115,8 +113,8 @@ def declared_rates(scenario: Scenario) -> dict[str, float | None]:
     return rates
 
 
-def _ask_for_link(bus: Bus, run: str, scenario: Scenario, overview: Overview) -> None:
-    """Ask the gateway how its emulated link is set, where the scenario has one."""
+def _query_link(bus: Bus, run: str, scenario: Scenario, overview: Overview) -> None:
+    """Query the gateway for the settings of the emulated link, if the scenario has one."""
     if scenario.gateway.link is None:
         return
     for reply in bus.query(link_key(run), seconds=PERIOD_SECONDS).values():
@@ -132,12 +130,12 @@ def picture(overview: Overview, now_seconds: float) -> RenderableType:
     pace = "-" if factor is None else f"{factor:.3f}"
     head = f"run `{now['run']}`   sim time {now['sim_seconds']:.1f} s   real-time factor {pace}"
     parts: list[RenderableType] = [Text(head, style="bold"), _processes(now["processes"])]
-    if held_up := str(overview.monitor.stalls):
-        parts.insert(1, Text(held_up, style="yellow"))
+    if stalls := str(overview.monitor.stalls):
+        parts.insert(1, Text(stalls, style="yellow"))
     if overview.monitor.streams:
         parts.append(streams_table(overview.monitor.streams))
     else:
-        parts.append(Text("nothing is known of the ROS side: no gateway speaks"))
+        parts.append(Text("no stream reports: no gateway is running"))
     parts += [Text(line) for line in _link_lines(now["link"])]
     return Group(*parts)
 
@@ -145,9 +143,9 @@ def picture(overview: Overview, now_seconds: float) -> RenderableType:
 _PROCESSES = (
     Column("name", "text"),
     Column("state", "text"),
-    Column("host", "text", goes=1),
-    Column("pid", goes=2),
-    Column("declared", goes=3),
+    Column("host", "text", omit_order=1),
+    Column("pid", omit_order=2),
+    Column("declared", omit_order=3),
     Column("measured"),
     Column("missing readings", "words"),
     Column("counts", "words"),

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink up SCENARIO`: all processes of a run on this machine, supervised, with a live table.
-
-Rule: starts services only as ``python -m``, so that what runs here also runs one by one elsewhere.
-"""
+"""`groundlink up SCENARIO`: run a scenario on this machine, supervised, with live status."""
 
 from __future__ import annotations
 
@@ -30,24 +27,26 @@ from groundlink.scenario import Scenario
 from . import running, supervised
 
 START_SECONDS = 20.0
-"""After this long the duration counts even if a stream has not arrived."""
+"""Maximum wait for streams before the duration starts."""
 
 TELL_SECONDS = 4.0
-"""After this long the user is told what is waited for."""
+"""Time after which the command reports what it waits for."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("up", help="start everything a scenario needs, here")
-    parser.add_argument("scenario", help=f"{running.SCENARIO_HELP}, or a saved run to continue")
+    parser = subparsers.add_parser("up", help="run a scenario on this machine")
+    parser.add_argument("scenario", help=f"{running.SCENARIO_HELP}; or a saved run to continue")
     parser.add_argument(
         "--duration",
         type=float,
         metavar="S",
-        help="end by itself after S seconds of sim time, counted once every stream arrives; with "
-        "--no-ros and a ROS side that does not report, once every stream is sent",
+        help="stop after S seconds of sim time, counted from the arrival of every stream; with "
+        "--no-ros and a ROS side that sends no reports, from the first message of every stream",
     )
-    parser.add_argument("--report", type=Path, metavar="FILE.json", help="write what happened")
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.json", help="write a report of the run"
+    )
     parser.add_argument("--run", help="name of the run (default: the scenario's)")
     parser.add_argument(
         "--listen",
@@ -56,20 +55,20 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help=running.LISTEN_HELP,
     )
     parser.add_argument(
-        "--no-ros", action="store_true", help="start nothing on the ROS side; it runs elsewhere"
+        "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
     )
     parser.add_argument(
         "--sensors-together",
         action="store_true",
-        help="all sensors in one process: less work, but they wait for each other",
+        help="run all sensors in one process: less overhead, but they wait for each other",
     )
-    parser.add_argument("--record", metavar="RUN.mcap", help="write the run to a file, too")
+    parser.add_argument("--record", metavar="RUN.mcap", help="also record the run to a file")
     time_options.add_arguments(parser)
     parser.set_defaults(command=up)
 
 
 def up(options: argparse.Namespace) -> int:
-    """Run a scenario until Ctrl-C or the duration's end; 0 when every declared rate was kept."""
+    """Run a scenario until Ctrl-C or `--duration`; return 0 if every declared rate was kept."""
     if journal.is_saved_run(file := Path(options.scenario)):
         described = journal.loaded(journal.read(file), options.scenario).still_there()
     else:
@@ -78,7 +77,7 @@ def up(options: argparse.Namespace) -> int:
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     if options.report and not options.report.resolve().parent.is_dir():
-        raise UserError(f"--report {options.report}: there is no folder {options.report.parent}")
+        raise UserError(f"--report {options.report}: no such folder: {options.report.parent}")
     if options.record:
         running.check_new_file("--record", Path(options.record))
     run = options.run or scenario.name
@@ -93,7 +92,7 @@ def up(options: argparse.Namespace) -> int:
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
     if not options.no_ros:
         commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
-    # In real time nobody waits for a sensor or a recorder, so one that cannot work may be missing.
+    # In real time no process waits for sensors or recorders, so the run continues without them.
     is_realtime = scenario.time.mode == "realtime"
     dispensable = (*scenario.sensor_names(), running.RECORDER) if is_realtime else ()
     supervised_run = supervised.SupervisedRun(
@@ -104,13 +103,13 @@ def up(options: argparse.Namespace) -> int:
     started = time.time()
     failed = supervised_run.go(
         Duration(
-            monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.tell
+            monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.log
         ).is_over,
         lambda: dashboard(title, monitor, children.values()),
     )
     if supervised_run.killed:
         names = ", ".join(supervised_run.killed)
-        terminal.say(console, f"killed, as they did not end in time: {names}")
+        terminal.say(console, f"killed after the timeout for a clean exit: {names}")
     if failed and not failed.ended_run and monitor.first_tick is None:
         return supervised.exit_code(failed)
     needs_reports = not options.no_ros
@@ -118,8 +117,8 @@ def up(options: argparse.Namespace) -> int:
     if monitor.streams or needs_reports:
         faults = monitor.faults(needs_reports=needs_reports)
     if options.record and children[running.RECORDER].is_left_out:
-        faults.append(f"{options.record} ends before the run; see the recorder's line above")
-    _summarise(console, monitor, children, faults)
+        faults.append(f"{options.record}: incomplete; see the error line of the recorder above")
+    _summarize(console, monitor, children, faults)
     if options.report:
         report = _report(scenario, run, started, monitor, children, faults)
         with write_atomically(options.report) as part:
@@ -130,10 +129,9 @@ def up(options: argparse.Namespace) -> int:
 
 
 class Duration:
-    """Sim time from when every stream arrives, or from `START_SECONDS` after the start.
+    """End condition: sim time since every stream arrived, or since `START_SECONDS` after the start.
 
-    As long as the ROS side has reported nothing and need not, it is counted from when every stream
-    was sent.
+    If reports of the ROS side are optional and missing, since every stream was sent.
     """
 
     def __init__(
@@ -151,10 +149,10 @@ class Duration:
         self._counted_from: float | None = None
         self._sent_from: float | None = None
         self._say = say
-        self._is_told = False
+        self._is_reported = False
 
     def is_over(self) -> bool:
-        """Return whether the run has lasted that long; without a duration it never has."""
+        """Return whether the duration is over; without a duration it never is."""
         monitor = self._monitor
         late = time.monotonic() - self._begun > START_SECONDS
         if self._counted_from is None and (monitor.everything_arrives() or late):
@@ -166,35 +164,35 @@ class Duration:
             counted_from = self._sent_from
         if self._seconds is None:
             return False
-        self._tell(counted_from is not None, late)
+        self._report(counted_from is not None, late)
         if counted_from is None:
             return False
         return monitor.sim_seconds - counted_from >= self._seconds
 
-    def _tell(self, is_counted: bool, late: bool) -> None:
-        """Say once what is waited for, and once what the time is counted without."""
+    def _report(self, is_counted: bool, late: bool) -> None:
+        """Log once which streams are missing, and once if the duration starts without them."""
         monitor = self._monitor
         if self._needs_reports or monitor.is_reported:
-            missing = ", ".join(monitor.not_arrived()) or "the ROS side's first report"
+            missing = ", ".join(monitor.not_arrived()) or "the first report of the ROS side"
         else:
             missing = ", ".join(monitor.not_sent()) or "the gateway"
         waited = time.monotonic() - self._begun
-        if not is_counted and not self._is_told and waited > TELL_SECONDS:
-            self._is_told = True
-            self._say(f"--duration: waiting for {missing}, {START_SECONDS:g} s at most")
-        elif is_counted and late and self._is_told:
-            self._is_told = False
-            self._say(f"--duration: counting without {missing}")
+        if not is_counted and not self._is_reported and waited > TELL_SECONDS:
+            self._is_reported = True
+            self._say(f"--duration: waiting for {missing} (at most {START_SECONDS:g} s)")
+        elif is_counted and late and self._is_reported:
+            self._is_reported = False
+            self._say(f"--duration: started without {missing}")
 
 
-def _summarise(
+def _summarize(
     console: Console, monitor: RunMonitor, children: Mapping[str, Child], faults: list[str]
 ) -> None:
     console.print(dashboard("summary", monitor, children.values()))
     for fault in faults:
-        terminal.say(console, f"not kept: {fault}")
+        terminal.say(console, f"failed: {fault}")
     if monitor.streams and not monitor.is_reported:
-        line = f"{NOT_REPORTED}: the ROS side sent no report of what arrived (TopicReport)"
+        line = f"{NOT_REPORTED}: the ROS side sent no TopicReport"
         terminal.say(console, line)
     elif not faults:
         terminal.say(console, "every declared rate was kept within 2 %")
@@ -208,7 +206,7 @@ def _report(
     children: Mapping[str, Child],
     faults: list[str],
 ) -> dict[str, object]:
-    """Return what happened in a run, as plain data."""
+    """Return the report of a run as plain data."""
     return {
         "groundlink": __version__,
         "run": run,

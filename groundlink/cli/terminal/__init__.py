@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands print and read on a terminal: tables, live displays, keys.
+"""Terminal input and output: tables, live displays, keys.
 
-Imported by commands. Knows no run and no file format.
+Imported by commands. Contains nothing about runs or file formats.
 """

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Driving by keys: which velocity is asked for after which key, and for how long.
+"""Keyboard driving: velocity commands from key presses. Keys and wall time are arguments.
 
-Rule: keys and wall time come in as arguments. A terminal tells no release of a key, so what was
-asked for ends when no key has come for half a second: who lets go stops.
+Terminals do not report key releases, so a command ends half a second after the last key.
 """
 
 from __future__ import annotations
@@ -12,16 +11,16 @@ from collections.abc import Iterator
 DEAD_MAN_SECONDS = 0.5
 
 FASTER = 1.1
-"""What one press of a key for speed changes."""
+"""Change of speed for one key press."""
 
 ARROWS = {b"\x1b[A": "w", b"\x1b[B": "s", b"\x1b[C": "d", b"\x1b[D": "a"}
-"""What terminals send for arrows (ECMA-48's CUU, CUD, CUF, CUB), as the letters beside them."""
+"""Arrow keys (ECMA-48 CUU, CUD, CUF, CUB) as letters."""
 
-HELP = "w a s d or arrows drive, space stops, + - speed, ] [ turning, q ends"
+HELP = "w a s d or arrows: drive, space: stop, + -: speed, ] [: turn rate, q: quit"
 
 
 def keys(typed: bytes) -> Iterator[str]:
-    """Yield the keys that a terminal's bytes stand for; other escape sequences are none."""
+    """Yield the keys of a terminal's bytes; skip other escape sequences."""
     while typed:
         if typed[:1] == b"\x1b":
             sequence, typed = typed[:3], typed[3:]
@@ -33,25 +32,25 @@ def keys(typed: bytes) -> Iterator[str]:
 
 
 class Keyboard:
-    """The velocity that keys ask for.
+    """The commanded velocity.
 
     Parameters
     ----------
     speed_mps, turn_radps
-        what the first press asks for.
-    most_mps
-        what the vehicle can drive.
+        initial speed and turn rate.
+    max_mps
+        top speed of the vehicle.
     """
 
-    def __init__(self, *, speed_mps: float = 0.5, turn_radps: float = 0.8, most_mps: float) -> None:
-        self._most_mps = most_mps
-        self.speed_mps = min(speed_mps, most_mps)
+    def __init__(self, *, speed_mps: float = 0.5, turn_radps: float = 0.8, max_mps: float) -> None:
+        self._max_mps = max_mps
+        self.speed_mps = min(speed_mps, max_mps)
         self.turn_radps = turn_radps
         self._ahead = self._left = 0
         self._pressed_seconds = -DEAD_MAN_SECONDS
 
     def pressed(self, key: str, now_seconds: float) -> None:
-        """Take note of a key; an unknown one changes nothing and holds nothing."""
+        """Process a key; ignore unknown keys."""
         if key in "ws":
             self._ahead, self._left = (1 if key == "w" else -1), 0
         elif key in "ad":
@@ -61,7 +60,7 @@ class Keyboard:
         elif key == " ":
             self._ahead = self._left = 0
         elif key in "+=":
-            self.speed_mps = min(self.speed_mps * FASTER, self._most_mps)
+            self.speed_mps = min(self.speed_mps * FASTER, self._max_mps)
         elif key == "-":
             self.speed_mps /= FASTER
         elif key == "]":
@@ -74,7 +73,7 @@ class Keyboard:
             self._pressed_seconds = now_seconds
 
     def twist(self, now_seconds: float) -> tuple[float, float]:
-        """Return the velocity that is asked for now: m/s ahead, rad/s to the left."""
+        """Return the commanded velocity: m/s forward, rad/s to the left."""
         if self._is_over(now_seconds):
             self._ahead = self._left = 0
         return self._ahead * self.speed_mps, self._left * self.turn_radps

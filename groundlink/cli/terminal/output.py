@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The terminal of whoever started a command: a picture that is kept current, and Ctrl-C.
-
-Rule: knows nothing of runs. Where the output is no terminal, a picture now and then is enough.
-"""
+"""Terminal output: a live display, and Ctrl-C. Without a terminal it prints periodically."""
 
 from __future__ import annotations
 
@@ -17,23 +14,23 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 
 PLAIN_PERIOD_SECONDS = 5.0
-"""Between pictures where the output is no terminal."""
+"""Period of the display without a terminal."""
 
 PLAIN_WIDTH = 110
 
 
 def console() -> Console:
-    """Return where a command shows its picture."""
+    """Return the console of a command."""
     return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
 
 
 def say(shown: Console, line: str) -> None:
-    """Print a line as it is: not wrapped, and nothing in it read as markup."""
+    """Print a line without wrapping and markup."""
     shown.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[bool], None]:
-    """Return a function that shows the run now; its argument says whether it is the last time."""
+    """Return a function that updates the display; its argument is True for the last update."""
     if shown.is_terminal:
         live = Live(console=shown, get_renderable=picture, refresh_per_second=4, transient=True)
         live.start()
@@ -50,7 +47,7 @@ def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[
 
 
 def stop_on_signals() -> threading.Event:
-    """Return an event that Ctrl-C and SIGTERM set."""
+    """Return an event that SIGINT and SIGTERM set."""
     stop = threading.Event()
 
     def on_signal(number: int, frame: FrameType | None) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables that fit the terminal without cutting a number.
+"""Tables that fit the terminal without truncating numbers.
 
-Rule: on a narrow terminal, columns that may go are left out first, in the order that the table
-gives; then text wraps; then the table is split into several that begin with the same column.
+On a narrow terminal a table first omits optional columns, then wraps text, then splits into several
+tables with the same first column.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ class Column(NamedTuple):
 
     name: str
     kind: str = "number"
-    """`number`: to the right, never cut. `text`: never cut, but in the first column. `words`: may
-    wrap between words."""
+    """`number`: right-aligned, never truncated. `text`: truncated in the first column only.
+    `words`: wraps between words."""
 
-    goes: int = 0
-    """When it is left out where there is no room: 1 first, then 2; 0 never."""
+    omit_order: int = 0
+    """Order of omission: 1 first, then 2; 0 never."""
 
 
 class FittingTable:
-    """A table that leaves out or splits columns until all its numbers fit.
+    """A table that omits or splits columns until its numbers fit.
 
     Parameters
     ----------
     columns
-        the first one says what a row is about.
+        the first column identifies a row.
     padding
-        blanks at both sides of each cell.
+        spaces on both sides of each cell.
     """
 
     def __init__(self, title: str, columns: Iterable[Column], *, padding: int = 0) -> None:
@@ -49,17 +49,17 @@ class FittingTable:
         self._rows.append((cells, style))
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Draw it at the width that there is."""
+        """Render at the available width."""
         for number, shown in enumerate(self._parts(options.max_width)):
             yield self._table(shown, "" if number else self._title, options.max_width)
 
     def _parts(self, width: int) -> Iterator[list[int]]:
-        """Yield the columns of each table, by their places."""
+        """Yield the column indices of each table."""
         shown = list(range(len(self._columns)))
-        for goes in sorted({column.goes for column in self._columns if column.goes}):
+        for order in sorted({column.omit_order for column in self._columns if column.omit_order}):
             if self._width(shown) <= width:
                 break
-            shown = [at for at in shown if self._columns[at].goes != goes]
+            shown = [at for at in shown if self._columns[at].omit_order != order]
         if not self._rows:
             yield shown
             return
@@ -73,14 +73,14 @@ class FittingTable:
         yield part
 
     def _width(self, shown: Sequence[int]) -> int:
-        """Return the least width of a table with these columns."""
-        return sum(map(self._least, shown)) + self._frame(len(shown))
+        """Return the minimum width of a table with these columns."""
+        return sum(map(self._min_width, shown)) + self._frame(len(shown))
 
     def _frame(self, count: int) -> int:
         return 1 + count * (1 + 2 * self._padding)
 
-    def _least(self, at: int) -> int:
-        """Return the least width of a column: of its longest cell, or word where it may wrap."""
+    def _min_width(self, at: int) -> int:
+        """Return the minimum width of a column: its longest cell, or word if it wraps."""
         column = self._columns[at]
         cells = [column.name, *(cells[at] for cells, _ in self._rows)]
         if column.kind == "words":
@@ -96,16 +96,16 @@ class FittingTable:
         )
         for at in shown:
             column = self._columns[at]
-            # A first column that alone is too wide folds; what stands beside it stays whole.
+            # Fold a first column that is too wide; keep the other columns complete.
             is_first = at == shown[0]
-            room = width - self._frame(len(shown)) - sum(map(self._least, shown[1:]))
-            folds = is_first and self._least(at) > room
+            room = width - self._frame(len(shown)) - sum(map(self._min_width, shown[1:]))
+            folds = is_first and self._min_width(at) > room
             table.add_column(
                 column.name,
                 justify="right" if column.kind == "number" else "left",
                 no_wrap=column.kind != "words" and not folds,
                 overflow="fold" if is_first else "ellipsis",
-                min_width=None if folds else self._least(at),
+                min_width=None if folds else self._min_width(at),
             )
         for cells, style in self._rows:
             table.add_row(*(cells[at] for at in shown), style=style)

@@ -49,10 +49,10 @@ def test_what_a_duration_waits_for_is_said_once(monkeypatch: pytest.MonkeyPatch)
     monitor.update(Health("gateway", 2, 0, {}, (stream(9), stream(9, arrived=1))), 0.0)
     for clock[0] in (0.0, 3.0, 5.0, 10.0, 19.0):
         assert not duration.is_over()
-    assert said == ["--duration: waiting for /t, 20 s at most"]
+    assert said == ["--duration: waiting for /t (at most 20 s)"]
     for clock[0] in (21.0, 22.0):
         duration.is_over()
-    assert said[1:] == ["--duration: counting without /t"]
+    assert said[1:] == ["--duration: started without /t"]
 
 
 def test_without_a_ros_side_a_duration_waits_for_what_is_not_sent(
@@ -65,7 +65,7 @@ def test_without_a_ros_side_a_duration_waits_for_what_is_not_sent(
     duration = Duration(monitor, 3.0, needs_reports=False, say=said.append)
     clock[0] = 5.0
     assert not duration.is_over()
-    assert said == ["--duration: waiting for the gateway, 20 s at most"]
+    assert said == ["--duration: waiting for the gateway (at most 20 s)"]
     monitor.update(Health("gateway", 2, 0, {}, (stream(9),)), 0.0)
     assert not duration.is_over()
     assert len(said) == 1

@@ -107,11 +107,11 @@ def test_a_command_ends_with_the_code_of_the_process_that_ended_it(
     finally:
         supervisor.stop()
     assert exit_code(supervisor.children[failed]) == code
-    assert capsys.readouterr().err == "groundlink: one cannot run; see its line above\n"
+    assert capsys.readouterr().err == "groundlink: one failed; see its line above\n"
 
 
 def test_a_line_of_a_process_has_its_name_once(capsys: pytest.CaptureFixture[str]) -> None:
     run = SupervisedRun({"gateway": []}, "run", "tcp/127.0.0.1:0", Console(width=80))
     for text in ("gateway: cannot bind", "cannot bind"):
-        run._say("gateway", text)
+        run._log("gateway", text)
     assert capsys.readouterr().out == "gateway: cannot bind\n" * 2

@@ -115,18 +115,18 @@ def test_check_warns_of_a_revolution_in_ethernet_frames(
     capsys: pytest.CaptureFixture[str], tmp_path: Any
 ) -> None:
     text = said(capsys, tmp_path, "gateway: {datagram: mtu}\n")
-    assert "does not fit 255 datagrams of `mtu`" in text
-    assert "`block_deg: 90` for rover/lidar would fit" in text
-    assert text.count("does not fit") == 1
+    assert "exceeds 255 datagrams of `mtu`" in text
+    assert "Fix: `block_deg: 90` for rover/lidar" in text
+    assert text.count("exceeds") == 1
 
 
 def test_check_is_content_with_the_default(
     capsys: pytest.CaptureFixture[str], tmp_path: Any
 ) -> None:
     text = said(capsys, tmp_path, "")
-    assert "does not fit" not in text
+    assert "exceeds" not in text
     assert "up to 1267393 bytes in 20 datagrams" in text
-    assert "/ground_truth/odom, 50 Hz, for those who subscribe" in text
+    assert "/ground_truth/odom, 50 Hz, sent to subscribers" in text
 
 
 def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
@@ -138,9 +138,9 @@ def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert check(argparse.Namespace(scenario=str(file))) == 0
     told = capsys.readouterr().out
     assert "/points, /points/truth, 10 Hz" in told
-    assert "the truth behind it:\n           a message has up to 1497817 bytes" in told
+    assert "ground truth:\n           messages of up to 1497817 bytes" in told
     for topic in ("/ground_truth/wheels, 50 Hz", "/ground_truth/bodies, 10 Hz"):
-        assert f"{topic}, for those who subscribe" in told
+        assert f"{topic}, sent to subscribers" in told
 
 
 def test_check_refuses_what_fits_nowhere(tmp_path: Any) -> None:

@@ -235,7 +235,7 @@ def test_an_outage_of_the_command(stack: ExitStack) -> None:
         ),
         (["--listen", "127.0.0.1:0", "--outage", "5"], "START:LENGTH"),
         (["--listen", "127.0.0.1:0", "--seed", "-1"], "--seed -1"),
-        (["--set", "to_ros.loss=1"], "name it with --run"),
+        (["--set", "to_ros.loss=1"], "expected --run NAME as well"),
     ],
 )
 def test_mistakes_are_one_line(arguments: list[str], words: str) -> None:

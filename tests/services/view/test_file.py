@@ -97,7 +97,7 @@ def test_a_file_is_of_no_bus(recording: Path, more: list[str]) -> None:
         check=False,
     )
     assert done.returncode == 2
-    assert "expected no --connect and no --run" in done.stderr
+    assert "--connect and --run do not apply to a recording" in done.stderr
 
 
 def test_a_file_has_a_slider_and_no_link() -> None:

@@ -62,7 +62,7 @@ def test_a_sheet_is_shown_with_all_its_file_says(
 
 def test_what_a_sheet_leaves_out_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     shown = " ".join(said(capsys, "show", "hc_sr04").split())
-    assert "Left out, and so at their defaults: rays 128, echo nearest," in shown
+    assert "Defaults of parameters that the sheet does not set: rays 128, echo nearest," in shown
     assert "range_stddev_m 0.0" not in shown, "which the sheet states"
     assert "None" not in said(capsys, "show", "vlp16"), "which is no word of a data sheet"
     assert "topic" not in shown.partition("Left out")[2], "which is the scenario's"

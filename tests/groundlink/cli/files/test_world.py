@@ -91,13 +91,13 @@ def test_holes_are_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     ("arguments", "problem"),
     [
         (("map.png",), "--heights-m: is missing"),
-        (("map.png", *MAP, "--scale", "2"), "--scale: map.png has no use for it"),
-        (("box.stl", "--cell-m", "2"), "--cell-m: box.stl has no use for it"),
+        (("map.png", *MAP, "--scale", "2"), "--scale: does not apply to map.png"),
+        (("box.stl", "--cell-m", "2"), "--cell-m: does not apply to box.stl"),
         (("box.stl", "--scale", "-2"), "--scale: expected `float` > 0.0"),
-        (("box.stl", "--out", "box.stl"), "is there already"),
-        (("box.stl", "--out", "none/w.yaml"), "there is no folder none"),
+        (("box.stl", "--out", "box.stl"), "file exists"),
+        (("box.stl", "--out", "none/w.yaml"), "no such folder: none"),
         (("none.stl",), "none.stl: there is no such file"),
-        (("new.yaml",), "new.yaml: no such file is known; expected one of .png"),
+        (("new.yaml",), "new.yaml: unknown format; expected one of .png"),
     ],
 )
 def test_a_mistake_is_one_line(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from groundlink.cli.run.control import Waits
+from groundlink.cli.run.control import StallReporter
 from groundlink.messages.base import Health, encode
 from groundlink.messages.stalls import Stalls
 
@@ -23,13 +23,13 @@ class Bus:
 
 def test_who_holds_up_steps_is_said_once() -> None:
     bus: Any = Bus()
-    waits = Waits(bus, "lab")
+    waits = StallReporter(bus, "lab")
     assert waits.line(12) == ""
     bus.silent("rover/lidar")
-    assert waits.line(12) == "run `lab` waits at tick 12 for rover/lidar"
+    assert waits.line(12) == "run `lab`: waiting at tick 12 for rover/lidar"
     bus.silent("rover/lidar")
     assert waits.line(12) == ""
     bus.silent("rover/lidar", "rover/imu")
-    assert waits.line(12) == "run `lab` waits at tick 12 for rover/lidar, rover/imu"
+    assert waits.line(12) == "run `lab`: waiting at tick 12 for rover/lidar, rover/imu"
     bus.silent()
     assert waits.line(13) == ""

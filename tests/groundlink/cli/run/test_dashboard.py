@@ -125,7 +125,7 @@ def test_lines_of_processes_stand_below_the_picture_of_a_terminal() -> None:
     console = Console(width=80, file=io.StringIO(), force_terminal=True)
     run = SupervisedRun({"gateway": []}, "run", "tcp/127.0.0.1:0", console)
     for number in range(LINES_SHOWN + 8):
-        run.tell(f"line {number}")
+        run.log(f"line {number}")
     assert isinstance(console.file, io.StringIO)
     assert console.file.getvalue() == ""
     with console.capture() as capture:

@@ -36,6 +36,6 @@ def test_no_file_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     file.write_bytes(b"mine")
     assert main(["save", str(file)]) == 2
     assert capsys.readouterr().err == (
-        f"groundlink: save {file}: it exists already; delete it or choose another name\n"
+        f"groundlink: save {file}: file exists. Fix: delete it or choose another name\n"
     )
     assert file.read_bytes() == b"mine"

@@ -12,7 +12,7 @@ SOON, LATE = 0.9 * DEAD_MAN_SECONDS, 1.1 * DEAD_MAN_SECONDS
 
 @pytest.fixture
 def board() -> Keyboard:
-    return Keyboard(speed_mps=0.5, turn_radps=0.8, most_mps=1.5)
+    return Keyboard(speed_mps=0.5, turn_radps=0.8, max_mps=1.5)
 
 
 @pytest.mark.parametrize(

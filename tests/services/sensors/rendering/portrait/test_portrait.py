@@ -153,7 +153,10 @@ def test_the_file_is_what_its_ending_says(name: str, begins: bytes, tmp_path: Pa
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["rover", "--out", "rover.gif"], "`rover.gif`: expected a file that ends in .png, .jpg"),
+        (
+            ["rover", "--out", "rover.gif"],
+            "`rover.gif`: expected a file name that ends in .png, .jpg",
+        ),
         (["labb"], "no world, vehicle or scenario `labb` is shipped; did you mean `lab`?"),
         (["no.yaml"], "no.yaml: no such file"),
         (["odd.yaml"], "odd.yaml:1: this is no scenario (`vehicles`), no vehicle"),
