@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What became of each topic between gateway and peer, put beside what the scenario declares.
+"""Delivery reports: for each topic, what arrived at the peer, beside what the scenario declares.
 
-Rule: rates are counted in stamps, over all that was received. An age only means something where
-stamps follow the wall clock. The sums come from `udp_bridge` and add up there.
+Rates are computed from the stamps of all received messages. Ages are given only where stamps follow
+the wall clock. The sums come from `udp_bridge`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ FROM_ROS = "from ROS"
 
 
 class PeerReports:
-    """Makes the rows of the gateway's table.
+    """Builds the rows of the delivery report.
 
     Parameters
     ----------
     declared_hz
-        by wire type and topic, for the topics that have a declared rate.
+        by wire type and topic, for topics with a declared rate.
     stamps_follow_wall
-        whether an age may be told.
+        whether stamps follow the wall clock, so that ages have a meaning.
     """
 
     def __init__(
@@ -52,14 +52,14 @@ class PeerReports:
             topic and report of what came from it.
         """
         sent = {(row.msg_type, row.topic): row for row in accounts}
-        # A receiver that reports one topic reports every topic of which something arrived.
+        # A receiver that reports one topic reports all topics of which messages arrived.
         reported = self.link is not None or any(row.report is not None for row in sent.values())
         of_ros = (key for key in sorted(sent) if MSG_TYPES[key[0]].ros_type)
         keys = dict.fromkeys([*self._declared_hz, *of_ros])
         back = [row for row in arrivals if MSG_TYPES[row[1].msg_type].ros_type]
         return [
             *(self._sent(key, sent.get(key), reported=reported) for key in keys),
-            *(_row(arrived(topic, report), FROM_ROS, tells_ages=True) for topic, report in back),
+            *(_row(arrived(topic, report), FROM_ROS, has_ages=True) for topic, report in back),
         ]
 
     def _sent(
@@ -70,19 +70,19 @@ class PeerReports:
         if account is None:
             name = MSG_TYPES[msg_type].name
             return StreamReport(topic, name, declared, None, None, 0, 0, reported=reported)
-        # What has no rate is not measured anew each time, so its stamp says nothing of its age.
-        tells_ages = self._stamps_follow_wall and declared is not None
-        row = _row(account, TO_ROS, declared, tells_ages=tells_ages)
+        # A topic without a rate repeats old measurements, so its stamps give no age.
+        has_ages = self._stamps_follow_wall and declared is not None
+        row = _row(account, TO_ROS, declared, has_ages=has_ages)
         if reported:
             return row
         return replace(row, lost=0, missing=0, in_flight=row.sent, reported=False)
 
 
 def _row(
-    account: Account, direction: str, declared_hz: float | None = None, *, tells_ages: bool
+    account: Account, direction: str, declared_hz: float | None = None, *, has_ages: bool
 ) -> StreamReport:
     report = account.report
-    aged = report if tells_ages else None
+    aged = report if has_ages else None
     return StreamReport(
         account.topic,
         MSG_TYPES[account.msg_type].name,
@@ -106,13 +106,13 @@ def _row(
 
 
 def with_pushed_out(row: StreamReport, pushed_out: Mapping[str, int]) -> StreamReport:
-    """Return a row with the messages to ROS that never came as far as the link, by topic."""
+    """Return a row with the messages to ROS, by topic, that were replaced before the link."""
     more = pushed_out.get(row.topic, 0) if row.direction == TO_ROS else 0
     return replace(row, superseded=row.superseded + more) if more else row
 
 
 def peer_counters(link: LinkReport | None) -> dict[str, int]:
-    """Return what the peer's socket lost, by name."""
+    """Return the counters of datagrams that the peer's socket lost or refused."""
     if link is None:
         return {}
     by_reason = {f"peer_refused_{reason}": count for reason, count in link.reasons}

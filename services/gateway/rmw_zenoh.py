@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gateway's topics for ROS 2 nodes that run rmw_zenoh: on their own Zenoh, without a bridge.
+"""Bridge to ROS 2 nodes that run rmw_zenoh: publishes the gateway's topics on their Zenoh session.
 
-Rule: says only what rmw_zenoh's design document says, key by key and byte by byte: tests hold it to
-that document's examples. Experimental: no such node has been met. Zenoh's threads only hand over;
-what came is read by who calls `arrived`. Services, and reports of what arrived, there are none.
+Keys and attachments follow rmw_zenoh's design document; tests compare them with its examples.
+Experimental: not tested against a real node. Zenoh's threads only queue messages; `arrived` yields
+them. Services and delivery reports are not supported.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from udp_bridge.wire.types import MSG_TYPES
 from .subscribers import TopicKey
 
 NODE = "groundlink"
-"""The name under which the gateway stands in the graph of ROS."""
+"""Name of the gateway's node in the ROS graph."""
 
 NO_HASH = "TypeHashNotSupported"
-"""What Humble writes where others write the hash of a type."""
+"""Placeholder that ROS 2 Humble uses instead of a type hash."""
 
 QOS = "::,10:,:,:,,"
-"""Reliable, volatile, the last 10 kept: what is empty is rmw_zenoh's default."""
+"""Reliable, volatile, keep last 10; empty fields have rmw_zenoh's defaults."""
 QOS_LATCHED = ":1:,1:,:,:,,"
-"""Reliable, transient local, the last one kept."""
+"""Reliable, transient local, keep last 1."""
 
 WAITING = 256
-"""Messages from ROS that may wait: the newest are kept."""
+"""Messages from ROS that may wait; beyond it the oldest are dropped."""
 
 _ATTACHMENT = struct.Struct("<qqB16s")
 PUBLISHER, SUBSCRIBER = "MP", "MS"
 
 
 def data_key(domain_id: int, topic: str, ros_type: str, type_hash: str) -> str:
-    """Return the key on which a topic's messages go; `*` as the hash matches all."""
+    """Return the key of a topic's messages; `*` as the hash matches all."""
     return f"{domain_id}/{topic.strip('/')}/{_dds_name(ros_type)}/{type_hash}"
 
 
 def node_token(domain_id: int, session: str, node: str = NODE) -> str:
-    """Return the liveliness key by which a node, the first of its session, is there."""
+    """Return the liveliness key of the first node of a session."""
     return f"@ros2_lv/{domain_id}/{session}/0/0/NN/%/%/{node}"
 
 
@@ -73,7 +73,7 @@ def endpoint_token(
 
 
 def attachment(sequence: int, stamp_nanos: int, gid: bytes) -> bytes:
-    """Return what goes with each message, without which a subscriber discards it: 33 bytes.
+    """Return the attachment of a message, 33 bytes; subscribers discard messages without it.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _dds_name(ros_type: str) -> str:
 
 
 class _Publisher:
-    """One topic on its way to ROS."""
+    """Publisher of one topic."""
 
     def __init__(self, put: Callable[[bytes, bytes], None], token: str, latched: bool) -> None:
         self._put, self._latched = put, latched
@@ -114,16 +114,16 @@ class _Publisher:
 
 
 class RmwZenohBridge:
-    """A node in the graph of ROS that publishes and subscribes what the gateway carries.
+    """A node in the ROS graph that publishes and subscribes to the gateway's topics.
 
     Parameters
     ----------
     bus
-        of the ROS nodes; whoever made it closes it.
+        session of the ROS nodes; the caller closes it.
     to_ros, from_ros
-        wire type and topic of what goes there, and of what is wanted from there.
+        wire type and topic of publishers and subscriptions.
     latched
-        of what goes there: kept for who comes late, published again only when it has changed.
+        topics to ROS that are kept for late subscribers, and published only when they change.
     """
 
     def __init__(
@@ -158,16 +158,16 @@ class RmwZenohBridge:
             bus.announce(token)
 
     def offers(self, place: TopicKey) -> bool:
-        """Return whether a topic goes to ROS here."""
+        """Return whether this bridge publishes a topic."""
         return place in self._publishers
 
     def publish(self, place: TopicKey, stamp_nanos: int, cdr: memoryview) -> None:
-        """Publish a message, if its topic goes to ROS here."""
+        """Publish a message, if this bridge has its topic."""
         if (publisher := self._publishers.get(place)) is not None:
             publisher.publish(stamp_nanos, bytes(cdr))
 
     def arrived(self) -> Iterator[Message]:
-        """Return what has come from ROS, as the wire would bring it."""
+        """Yield messages from ROS, in the form of wire messages."""
         while self._arrived:
             (msg_type, topic), body = self._arrived.popleft()
             yield Message(msg_type, topic, "", 0, 0, body)
@@ -177,10 +177,10 @@ class RmwZenohBridge:
 
 
 class NoRmwZenohBridge:
-    """What stands in its place where no node runs rmw_zenoh."""
+    """Stand-in where the scenario has no `gateway.rmw_zenoh`."""
 
     def offers(self, place: TopicKey) -> bool:
-        """Return that it does not."""
+        """Return False."""
         return False
 
     def publish(self, place: TopicKey, stamp_nanos: int, cdr: memoryview) -> None:

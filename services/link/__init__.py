@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A relay that is a bad link on purpose, for UDP of any kind; it needs no run and no root."""
+"""UDP relay that emulates an impaired link, for any UDP traffic; it needs no run and no root."""

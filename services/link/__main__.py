@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.link`` or ``groundlink link``: a relay that is a bad link."""
+"""Link process, started with ``groundlink link``: relays UDP over an emulated link."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from typing import NoReturn
 
-import msgspec
+from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.emulation.arguments import Outages, add_arguments, impairments
@@ -23,7 +23,7 @@ NAME = "link"
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that tells a mistake in one line."""
+    """Parser that reports an error in one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     """UdpRelay until `stop` is set, then tell what happened to the datagrams."""
     parser = _Parser(prog=NAME, description="UdpRelay datagrams over an emulated link.")
     add_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="tell the counters as JSON")
+    parser.add_argument("--json", action="store_true", help="print the counters as JSON")
     options = parser.parse_args(arguments)
     if options.listen is None or options.to is None:
         raise UserError("expected --listen HOST:PORT and --to HOST:PORT")
@@ -51,35 +51,34 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     )
     host, port = relay.address
     print(f"relaying from {host}:{port} to {options.to}", flush=True)
-    begun = time.monotonic_ns()
+    start_nanos = time.monotonic_ns()
     try:
         while not stop.is_set():
-            now = time.monotonic_ns() - begun
-            for way, one_way in (("forward", relay.forward), ("back", relay.back)):
-                is_out = _is_out(outages[way], now)
-                if one_way.settings.outage != is_out:
-                    one_way.settings = msgspec.structs.replace(one_way.settings, outage=is_out)
+            now = time.monotonic_ns() - start_nanos
+            for name, direction in relay.directions.items():
+                is_out = _is_out(outages[name], now)
+                if direction.settings.outage != is_out:
+                    direction.settings = replace(direction.settings, outage=is_out)
             relay.turn(time.monotonic_ns)
     finally:
         relay.close()
-        _tell(relay, as_json=options.json)
+        _print_counters(relay, as_json=options.json)
 
 
 def _is_out(outages: Outages, now: int) -> bool:
     return any(start <= now < end for start, end in outages)
 
 
-def _tell(relay: UdpRelay, *, as_json: bool) -> None:
-    """Print the counters; each direction's add up."""
-    ways = {
-        name: {**way.counts, "waiting": way.waiting}
-        for name, way in (("forward", relay.forward), ("back", relay.back))
+def _print_counters(relay: UdpRelay, *, as_json: bool) -> None:
+    """Print the counters; those of each direction add up."""
+    directions = {
+        name: {**each.counts, "waiting": each.waiting} for name, each in relay.directions.items()
     }
     rest = {"peers": relay.peers, "kernel_drops": relay.kernel_drops, "unsent": relay.unsent}
     if as_json:
-        print(json.dumps(ways | rest), flush=True)
+        print(json.dumps(directions | rest), flush=True)
         return
-    for name, counts in ways.items():
+    for name, counts in directions.items():
         fates = ", ".join(
             f"{fate} {counts[fate]}" for fate in (*OUTCOMES, "waiting") if counts[fate]
         )

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Datagrams from one side to the other and back, through two emulated directions.
+"""UDP relay with an emulated link in each direction, as `groundlink.emulation` models it.
 
-Rule: sockets and nothing else; the clock comes in as a function, what happens to datagrams is
-`groundlink.emulation`. Every sender in front is a socket of its own behind, so that answers find
-their way back; what the kernel drops here is counted, as it is no part of the link.
+The relay has one front socket, which senders know, and for each sender a back socket, so that
+answers are returned to the right sender. Datagrams that the kernel drops are counted.
 """
 
 from __future__ import annotations
@@ -21,30 +20,30 @@ from groundlink.emulation import Impairment, LinkDirection
 Address = tuple[str, int]
 
 PEERS = 256
-"""Senders that are known at a time; of too many the one silent for the longest is forgotten."""
+"""Known senders; with more, the one that was silent for the longest time is removed."""
 
 BURST = 64
-"""Datagrams taken from a socket before the others have their turn."""
+"""Datagrams read from one socket before the next one."""
 
 RECEIVE_BUFFER = 4 << 20
 LARGEST = 65_535
 WAIT_SECONDS = 0.1
-_SO_RXQ_OVFL = 40  # the number that Linux gives it
+_SO_RXQ_OVFL = 40  # the value on Linux
 
 
 class RelaySocket:
-    """A socket, and whose datagrams it carries."""
+    """A socket and the sender whose datagrams it carries."""
 
     def __init__(self, socket_: socket.socket, peer: Address | None) -> None:
         self.socket = socket_
         self.peer = peer
-        """The sender in front; None for the socket in front itself."""
+        """The sender; None for the front socket."""
 
         self.kernel_drops = 0
 
 
 class UdpRelay:
-    """A relay between `listen` and `to`.
+    """Relays datagrams between `listen` and `to`.
 
     Raises
     ------
@@ -69,13 +68,13 @@ class UdpRelay:
             back, seed=seed, direction="back", flips=flips
         )
         self.kernel_drops = 0
-        """Datagrams that the kernel dropped in front of the link for want of buffer."""
+        """Datagrams that the kernel dropped before the link for lack of buffer space."""
 
         self.unsent = 0
-        """Delivered datagrams that the kernel did not take, or whose sender is forgotten."""
+        """Delivered datagrams that the kernel did not take, or whose sender was removed."""
 
         self._to = to
-        self._selector = selectors.SelectSelector()  # its timeouts are as fine as microseconds
+        self._selector = selectors.SelectSelector()  # timeouts have a resolution of microseconds
         self._behind: OrderedDict[Address, RelaySocket] = OrderedDict()
         try:
             self._front = RelaySocket(_bound(listen), None)
@@ -87,50 +86,55 @@ class UdpRelay:
         self.address: Address = self._front.socket.getsockname()
 
     @property
+    def directions(self) -> dict[str, LinkDirection[Address]]:
+        """Both directions, by name."""
+        return {"forward": self.forward, "back": self.back}
+
+    @property
     def peers(self) -> int:
-        """How many senders are known."""
+        """Number of known senders."""
         return len(self._behind)
 
     def turn(self, clock: Callable[[], int]) -> None:
-        """Wait for datagrams, or until one is due, 0.1 s at most; carry what there is."""
+        """Wait for a datagram to arrive or to be due, 0.1 s at most; relay all there are."""
         for key, _ in self._selector.select(self._wait_seconds(clock())):
             self._take(key.data, clock)
         self._deliver(clock)
 
     def close(self) -> None:
-        """Give all sockets back; what is on the way is dropped."""
-        for way in (self._front, *self._behind.values()):
-            way.socket.close()
+        """Close all sockets; datagrams in the link are dropped."""
+        for each in (self._front, *self._behind.values()):
+            each.socket.close()
         self._selector.close()
 
     def _wait_seconds(self, now_nanos: int) -> float:
-        dues = [due for way in (self.forward, self.back) if (due := way.next_due()) is not None]
+        dues = [due for each in (self.forward, self.back) if (due := each.next_due()) is not None]
         wait_nanos = min(dues) - now_nanos if dues else WAIT_SECONDS * NANOS
         return min(max(wait_nanos / NANOS, 0.0), WAIT_SECONDS)
 
-    def _take(self, way: RelaySocket, clock: Callable[[], int]) -> None:
+    def _take(self, relay_socket: RelaySocket, clock: Callable[[], int]) -> None:
         for _ in range(BURST):
             try:
-                datagram, ancillary, _, sender = way.socket.recvmsg(LARGEST, 64)
+                datagram, ancillary, _, sender = relay_socket.socket.recvmsg(LARGEST, 64)
             except OSError:
-                return  # nothing more, or an absent peer's host answered
+                return  # no more datagrams, or the peer's host reported a closed port
             for _, kind, data in ancillary:
                 if kind == _SO_RXQ_OVFL:
                     (drops,) = struct.unpack("=I", data)
-                    self.kernel_drops += drops - way.kernel_drops
-                    way.kernel_drops = drops
-            if way.peer is None:
+                    self.kernel_drops += drops - relay_socket.kernel_drops
+                    relay_socket.kernel_drops = drops
+            if relay_socket.peer is None:
                 self._known(sender)
                 self.forward.put(datagram, sender, clock())
             else:
-                self.back.put(datagram, way.peer, clock())
+                self.back.put(datagram, relay_socket.peer, clock())
             self._deliver(clock)
 
     def _deliver(self, clock: Callable[[], int]) -> None:
         while taken := self.forward.take(clock()):
             _, datagram, peer = taken
-            way = self._behind.get(peer)
-            self._send(way.socket if way else None, datagram, self._to)
+            relay_socket = self._behind.get(peer)
+            self._send(relay_socket.socket if relay_socket else None, datagram, self._to)
         while taken := self.back.take(clock()):
             _, datagram, peer = taken
             self._send(self._front.socket, datagram, peer)
@@ -145,14 +149,14 @@ class UdpRelay:
             self.unsent += 1
 
     def _known(self, sender: Address) -> None:
-        """Give a new sender a socket behind the link."""
+        """Open a back socket for a new sender."""
         if sender not in self._behind:
             if len(self._behind) >= PEERS:
                 _, oldest = self._behind.popitem(last=False)
                 self._selector.unregister(oldest.socket)
                 oldest.socket.close()
-            way = self._behind[sender] = RelaySocket(_bound(("0.0.0.0", 0)), sender)
-            self._selector.register(way.socket, selectors.EVENT_READ, way)
+            relay_socket = self._behind[sender] = RelaySocket(_bound(("0.0.0.0", 0)), sender)
+            self._selector.register(relay_socket.socket, selectors.EVENT_READ, relay_socket)
         self._behind.move_to_end(sender)
 
 

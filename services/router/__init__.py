@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the processes of runs on several machines, or in containers, meet."""
+"""Router that connects the processes of runs on several machines or in containers."""

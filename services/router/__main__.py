@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.router``: where the processes of runs on several machines meet.
+"""Router process, started with ``python -m services.router``: connects the processes of runs.
 
-Rule: it carries what others say, and says itself only who comes and goes. A zenohd does as well.
+It forwards messages and prints which processes join and leave. A `zenohd` can replace it.
 """
 
 from __future__ import annotations
@@ -18,21 +18,24 @@ NAME = "router"
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """Carry until `stop` is set."""
-    parser = argparse.ArgumentParser(prog=NAME, description="Join the processes of runs.")
+    """Forward messages until `stop` is set."""
+    parser = argparse.ArgumentParser(prog=NAME, description="Connect the processes of runs.")
     parser.add_argument(
-        "--listen", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="where (%(default)s)"
+        "--listen",
+        metavar="ENDPOINT",
+        default=DEFAULT_ENDPOINT,
+        help="endpoint to listen on (%(default)s)",
     )
     options = parser.parse_args(arguments)
     with Bus(listen=options.listen, name=NAME) as bus:
-        bus.watch(HEALTH.key_in("*", process="**"), _tell)
-        print(f"{NAME}: listens at {options.listen}", flush=True)
+        bus.watch(HEALTH.key_in("*", process="**"), _report)
+        print(f"{NAME}: listening at {options.listen}", flush=True)
         stop.wait()
 
 
-def _tell(key: str, there: bool) -> None:
+def _report(key: str, is_there: bool) -> None:
     _, run, _, process_name = key.split("/", 3)
-    print(f"{NAME}: {process_name} of run `{run}` {'came' if there else 'went'}", flush=True)
+    print(f"{NAME}: {process_name} of run `{run}` {'joined' if is_there else 'left'}", flush=True)
 
 
 if __name__ == "__main__":
