@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's experiments as commands, with SLAM programs that others wrote.
+"""Experiments: the studies of the paper as commands, with external SLAM programs.
 
-Rule: knows Groundlink as any user does: scenarios, commands, topics. Programs of others never run
-in this process, and what feeds them knows nothing of Groundlink: it reads a bag.
+Uses Groundlink as a user does: scenarios, commands and topics. External programs run as processes
+of their own; their drivers read bags and know nothing of Groundlink.
 """

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment is: a name, what it shows, how it is run, and what it leaves.
-
-Rule: an experiment returns plain results; tables, verdicts and the page are made of these.
-"""
+"""Experiment: its description, its options, and the evaluation of its estimates."""
 
 from __future__ import annotations
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of experiments: what `python -m experiments` can run.
-
-Rule: one row each; an experiment is a function of its own module.
-"""
+"""Table of experiments for `python -m experiments`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""GenZ-LIO (LiDAR and IMU): a bag into a trajectory of the IMU's frame, by its own loader.
+"""GenZ-LIO (LiDAR and IMU) on a bag: writes the trajectory of the IMU frame.
 
-Rule: settings are the program's own for a Velodyne, but for what every user has to state: topics,
-where the LiDAR is on the IMU (from /tf_static), and the noise of the IMU. The program takes the
-first sweep that it gets for one at rest. A pose holds at the end of a sweep.
+Settings are the program's defaults for a Velodyne, except topics, the mount of the LiDAR on the IMU
+(from /tf_static) and given options. The program assumes rest in the first sweep. A pose holds at
+the end of a sweep.
 """
 
 from __future__ import annotations

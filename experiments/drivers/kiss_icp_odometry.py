@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""KISS-ICP (LiDAR alone): a bag into a trajectory of the LiDAR's frame, by its own loader.
+"""KISS-ICP (LiDAR alone) on a bag: writes the trajectory of the LiDAR frame.
 
-Rule: settings are the program's own. It corrects a sweep by the last motion, and its poses then
-hold at the end of a sweep: that instant is what is written, and not the time at which the bag got
-the cloud, which is what its own command writes. Of its two loaders for MCAP it is `rosbag`: the one
-named `mcap` fails with the mcap-ros2-support of today.
+Settings are the program's defaults. It deskews a sweep by the last motion, so a pose holds at the
+end of a sweep; that instant is written. The loader is `rosbag`: the one named `mcap` fails with the
+current mcap-ros2-support.
 """
 
 from __future__ import annotations

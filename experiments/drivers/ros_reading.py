@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What drivers read of a bag: point clouds, a mount from /tf_static, where trajectories go.
+"""Bag reading and trajectory writing for drivers: clouds, mounts from /tf_static, TUM files.
 
-Rule: it runs in a program's own environment, with numpy and rosbags alone, and knows ROS, nothing
-else. A script beside it finds it, as Python puts a script's folder first.
+Runs in the environment of a program, with numpy and rosbags only.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""small_gicp (LiDAR alone): a bag into a trajectory of the LiDAR's frame.
+"""small_gicp (LiDAR alone) on a bag: writes the trajectory of the LiDAR frame.
 
-Rule: odometry as the library's own example does it: each sweep is registered to a map of Gaussian
-voxels (VGICP), from where the last motion would bring it, and then belongs to the map. A sweep is
-first corrected to its middle by the last motion, and a pose holds there: corrected to its stamp, an
-error of the last motion would come back with the other sign in the next one, undamped. One thread,
-so that a bag gives one trajectory.
+Odometry as in the library's example: each sweep is registered to a Gaussian voxel map (VGICP) from
+the pose predicted by the last motion, then added to the map. A sweep is deskewed to its middle,
+where its pose holds: deskewed to its stamp, an error of the last motion would alternate undamped.
+One thread, so that the result is deterministic.
 """
 
 from __future__ import annotations

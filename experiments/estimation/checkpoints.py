@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's accumulated error: the sum of squared distances at the checkpoints passed so far.
+"""The paper's accumulated error: the sum of squared errors at the checkpoints passed so far.
 
-Rule: pure. The estimate begins at the true pose and is fitted no further, so that errors can
-accumulate; a fit over the whole way would spread them.
+The estimate is aligned at the first pose only, so that errors accumulate.
 """
 
 from __future__ import annotations

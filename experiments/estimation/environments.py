@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An environment of its own for each program of others, made once.
+"""Virtual environments of external programs.
 
-Rule: a file beside the environment says what was installed; where that is what is wanted, nothing
-is done.
+A file in the environment records what was installed; nothing is done if that is up to date.
 """
 
 from __future__ import annotations

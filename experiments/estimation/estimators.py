@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How programs that estimate a way are run on a recording, and judged.
-
-Rule: one place says whose trajectory a program tells and how it is started; every experiment on
-recordings uses it, so that their figures can be compared.
-"""
+"""Estimators: run an external program on a recording and evaluate its trajectory."""
 
 from __future__ import annotations
 

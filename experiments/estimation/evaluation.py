@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a program's trajectory is from the truth: measured by evo, kept as plain records.
+"""Evaluation of trajectories against the ground truth, by evo.
 
-Rule: the truth is interpolated to the times of the estimate, so that no error of time is measured
-as one of place. Estimates are of the frame whose truth is given.
+The truth is interpolated to the times of the estimate, so that time errors do not count as position
+errors. Both trajectories are of the same frame.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The programs of others that the experiments use, each pinned, each in an environment of its own.
+"""External programs of the experiments, each pinned and in an environment of its own.
 
-Rule: one table. None of them is a dependency of Groundlink, nor is any part of them in this
-repository; pip fetches them when an experiment wants them, and they run as processes.
+None of them is a dependency of Groundlink. pip installs them on first use.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far points are from the surfaces of a world.
+"""Distances of points to the surfaces of a world.
 
-Rule: pure geometry of boxes, cylinders and balls, straight from the scenario. It shares nothing
-with what casts the rays, so that it can judge them.
+Exact for boxes, cylinders and spheres. Shares no code with the ray caster, which it checks.
 """
 
 from __future__ import annotations

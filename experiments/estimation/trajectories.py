@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories: poses over time, as TUM files have them.
+"""Trajectories: poses over time, read from and written to TUM files.
 
-Rule: pure but for the two functions that read and write a file. A line of a TUM file is
-``seconds x y z qx qy qz qw``.
+A line of a TUM file is ``seconds x y z qx qy qz qw``.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment tells while it works: lines that stay, and one that moves where it can."""
+"""Console output of experiments: permanent lines and one progress line."""
 
 from __future__ import annotations
 

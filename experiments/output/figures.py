@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of experiments: true and estimated ways over the world, a map beside the plan.
-
-Rule: draws and computes nothing but where things lie.
-"""
+"""Figures of experiments: true and estimated trajectories over the plan, maps beside the plan."""
 
 from __future__ import annotations
 

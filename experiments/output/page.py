@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of docs/experiments.md, from what was measured: `python -m experiments.output.page`.
+"""Update of the tables in docs/experiments.md: `python -m experiments.output.page`.
 
-Rule: a table on the page is that of a CSV file beside it, to the letter; text between tables is
-written by people. Tables and figures that the page shows are copied into docs/experiments, and each
-table stands between two marks, `<!-- NAME -->` and `<!-- end of NAME -->`, with its command.
+Each table of the page is generated from the CSV file beside it, between the marks `<!-- NAME -->`
+and `<!-- end of NAME -->`. Tables and figures that the page shows are copied into docs/experiments.
 """
 
 from __future__ import annotations

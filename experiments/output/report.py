@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One page of all that was run: `experiments.md` beside the tables and figures that it shows.
+"""Summary page `experiments.md` of all tables and figures in an output folder.
 
-Rule: made anew after each experiment, of files alone: what was run before, and is still there, is
-on it too. What it means is said by docs/experiments.md.
+Written anew after each experiment; docs/experiments.md explains the results.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a run arrived in ROS: the bag against a recording of the bus, message by message.
+"""Delivery of messages to ROS: compares a bag with a recording of the bus, byte by byte.
 
-Rule: bytes are compared, not numbers alone. What was under way when the bag was ended counts
-neither way.
+Messages in transit at the edges of the bag are ignored.
 """
 
 from __future__ import annotations

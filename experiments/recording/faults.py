@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Deliberate faults of recorded data, each as a simulator could have it: a bag in, a bag out.
+"""Deliberate faults in recorded data, applied to a copy of a bag.
 
-Rule: a fault changes messages of one type, one by one, by a pure function, and nothing else; the
-rest goes over byte for byte. Nothing here finds a fault.
+A fault changes messages of one type by a pure function; all other bytes stay.
 """
 
 from __future__ import annotations

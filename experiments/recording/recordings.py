@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run through the whole chain into a bag: bus, gateway, UDP Bridge, ROS node, recording node.
+"""Recordings of a run on the ROS side: bus, gateway, UDP Bridge, ROS node, recording node.
 
-Rule: a recording is made once; its folder is named by all that it depends on. On the bus the same
-run is recorded as well, so what is missing in the bag, or has other bytes, is counted and never
-assumed to be nothing.
+A recording is made once; its folder name holds a digest of everything it depends on. The bus is
+recorded as well, so messages missing or changed in the bag are counted.
 """
 
 from __future__ import annotations

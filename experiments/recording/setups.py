@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is recorded: a shipped scenario, and what an experiment has other than that.
-
-Rule: data in, a scenario file out. Nothing is started here.
-"""
+"""Setups: a shipped scenario with the changes of an experiment."""
 
 from __future__ import annotations
 

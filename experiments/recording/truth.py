@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The true way and the mounts of a run, from its recording.
-
-Rule: the only place where the truth is read; no program gets it.
-"""
+"""Ground truth and mounts of a run, from its recording. No estimator gets them."""
 
 from __future__ import annotations
 

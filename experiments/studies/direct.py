@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a SLAM program may forgive, measured without one: a LiDAR and an IMU against the truth.
+"""Direct tests of a LiDAR and an IMU against the ground truth, without a SLAM program.
 
-Rule: sweeps are laid into the world by the true poses at the instants that their points tell, and
-have to lie on its surfaces; a fit says by how much stamps, times or ranges would have to be other.
-The IMU is compared with the true motion. No program and nothing that casts rays takes part.
+Sweeps are transformed into the world by the true poses and must lie on its surfaces; a fit yields
+the error of stamps, point times and ranges. The IMU is compared with the true motion. Shares no
+code with the ray caster.
 """
 
 from __future__ import annotations

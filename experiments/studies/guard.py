@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The guard against wrong data: runs that are spoiled on purpose have to be found out.
+"""Guard: faults put into data on purpose must be detected.
 
-Rule: one recording; each fault is put into a copy of its bag. A program finds a fault when it does
-clearly worse than on the bag as it was; a direct test when a quantity is not what it has to be. A
-fault that nobody finds, or an alarm without a fault, fails the experiment.
+Each fault is applied to a copy of the bag of one recording. A program detects a fault if its error
+grows clearly; a direct test, if a quantity leaves its tolerance. The experiment fails if a fault is
+missed, or reported where there is none.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Section 6.3 of the paper, by cameras: ORB-SLAM3 on one of them, and on one that measures depth.
+"""Section 6.3 of the paper with cameras: ORB-SLAM3 on a monocular and on an RGB-D camera.
 
-Rule: the room and the robot of `indoors`, on a way that suits a camera; what else differs from the
-shipped scenario is the camera.
+Room and robot of `indoors`, on a route with half circles instead of turns on the spot.
 """
 
 from __future__ import annotations

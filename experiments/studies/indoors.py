@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Section 6.3 of the paper: a decontamination robot in a room, by laser scans and by clouds.
+"""Section 6.3 of the paper: a decontamination robot in a room, with laser scans and clouds.
 
-Rule: `indoor_paper` as it is shipped, for a lap and some metres of the next. Each run has the
-sensors that its program takes; the drive is the same.
+The shipped `indoor_paper` for one lap and some meters. Each run has the sensors its program takes.
 """
 
 from __future__ import annotations

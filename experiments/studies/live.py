@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live, as the paper ran it: SLAM is a ROS node beside the bridge, and its results come back.
+"""Live SLAM: a SLAM node beside the bridge in real time; its results return to the bus.
 
-Rule: `indoor_paper` as it is shipped, in real time, and one node that knows nothing of Groundlink.
-What is judged is what came back on the bus, where the viewer takes it from as well.
+The shipped `indoor_paper` in real time. The poses that returned on the bus are evaluated.
 """
 
 from __future__ import annotations

@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bad link costs SLAM: the same drive in real time over links that lose datagrams.
-
-Rule: bus, gateway, UDP Bridge, ROS node, bag, and only then programs; a link in the gateway loses
-datagrams on their way to ROS, with a seed. Without loss the row is what a program makes of whole
-data.
-"""
+"""Effect of a lossy link on SLAM: the same drive in real time over links that lose datagrams."""
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Section 6.4 of the paper: a tank on a road through a hamlet, by LiDAR and IMU, and by a camera.
-
-Rule: `outdoor_paper` as it is shipped, for a part of its way or for a lap. What an experiment
-changes of it stands in its setup.
-"""
+"""Section 6.4 of the paper: a tank on a road through a hamlet, with LiDAR and IMU or a camera."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Section 6.2 of the paper: the error that accumulates on a track of 15 m, there and back.
+"""Section 6.2 of the paper: accumulated error on a track of 15 m, there and back.
 
-Rule: two LiDARs on one rover measure one and the same drive: one without any error, and one as its
-data sheet has it. The paper's real track is not to be had. A second drive, outdoors and fast, shows
-what it does to an error that a sweep takes a tenth of a second.
+An ideal LiDAR and one with the errors of its data sheet measure the same drive. A second, fast
+drive outdoors shows the effect of the duration of a sweep.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Section 6.1 of the paper: what a message takes until ROS publishes it, by its size and the way.
+"""Section 6.1 of the paper: transfer time of a message to ROS, by size and transport.
 
-Rule: nothing is measured here; `benchmarks.bridge` does that, and draws the paper's Figure 9.
+`benchmarks.bridge` measures and draws the paper's Figure 9.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of others (heightmaps, meshes, scans) and recipes, made into assets and world data.
+"""Importers: convert heightmaps, meshes and scans into assets and world data.
 
-Rule: only the process that reads a scenario's files comes here, and only here are libraries of file
-formats used, each imported where its format is met. What comes out needs none of them. Whatever is
-wrong with a file is a `BadFile` of one line; what is merely doubtful is told and goes on.
+Imported by the loader and by `groundlink world`; each library of a file format is imported on first
+use. An unusable file raises `BadFile` with one line; a doubtful one is reported as a warning.
 """

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What reading a file of others has in common: how it fails, and how it tells what it doubts.
+"""Errors and warnings about imported files.
 
-Rule: the libraries that read such files fail in many ways on broken ones, so whatever they raise is
-a `BadFile`. What a file declares is checked against what it can hold before anything is allocated.
+Libraries fail in many ways on broken files; every failure becomes a `BadFile` with one line.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PNG and TIFF pictures of one channel, as arrays of numbers.
+"""Single-channel PNG and TIFF pictures as arrays.
 
-Rule: what a picture declares is weighed before it is unpacked; a colour picture is refused.
+The declared size is checked before a picture is decoded; color pictures are refused.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Heightmaps in files: PNG, GeoTIFF, ESRI ASCII grids and .npy.
+"""Heightmap files: PNG, GeoTIFF, ESRI ASCII grid and .npy.
 
-Rule: what comes out has its rows from south to north, NaN where the file has no height. Pictures,
-GeoTIFFs and ESRI grids have their first row in the north; a .npy file is as arrays here are, its
-first row in the south. A map has 2 x 2 heights or more and 134 million at most.
+The result has its rows from south to north, and NaN where the file has no height. The first row of
+a picture, GeoTIFF or ESRI grid is the northern one; that of a .npy file is the southern one. A map
+has between 2 x 2 and 134 million heights.
 """
 
 from __future__ import annotations

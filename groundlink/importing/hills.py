@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rolling hills by a seed: noise of several wavelengths on one grid.
+"""Generated hills: noise of several wavelengths on a grid, the same bytes on every machine.
 
-Rule: the same bytes on every machine. So nothing but random numbers of a named generator, and sums
-and products of single elements; sines and matrix products differ in the last bit between
-processors. Each octave is white noise on a coarse grid under a uniform cubic B-spline, which is
-smooth to the second derivative and has nearly nothing shorter than its own wavelength.
+Only sums and products of single elements are used: sines and matrix products differ in the last bit
+between processors. Each octave is white noise on a coarse grid under a uniform cubic B-spline,
+which is smooth to the second derivative and has little energy below its own wavelength.
 """
 
 from __future__ import annotations

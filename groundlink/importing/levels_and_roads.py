@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Level places and roads in terrain: heights and materials changed along discs and lines.
+"""Level areas and roads: edits of heights and materials in a terrain grid.
 
-Rule: a `TerrainGrid` is changed in place, no further away than a thing reaches, so that a road
-costs its own length and not the map's size. What reaches beyond the map is cut off there.
+Each edit changes only its own surroundings, so a road costs its length and not the size of the map.
+Parts beyond the map are cut off.
 """
 
 from __future__ import annotations

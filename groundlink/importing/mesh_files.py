@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes and scans in files: OBJ, PLY, STL, glTF and GLB by `trimesh`, PCD by `pcd`.
+"""Mesh and scan files: OBJ, PLY, STL, glTF and GLB with `trimesh`, PCD with `pcd`.
 
-Rule: a file's pieces as it has them, each in the file's own frame and units: nothing is checked or
-changed here but what is needed to read them at all. Pictures stay the bytes that they are. What a
-file names beside itself is taken from its own folder and the one that the caller trusts, and from
-nowhere else, links followed: a mesh from a stranger shall not carry off what is none of its own.
+Pieces stay in the frame and units of the file. Pictures stay encoded. Files that a mesh names are
+read only from its own folder and from the folder that the caller trusts, after following links, so
+an untrusted mesh cannot read other files.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a world or vehicle file describes a mesh that is in a file."""
+"""Schema of a mesh file in a world or vehicle file."""
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a mesh's file to a shape: checked, in metres, z up, with its asset in the store.
-
-Rule: what cannot be right (no faces, no numbers) is a `BadFile`; what may be, such as a size that
-looks like millimetres, is told and goes on.
-"""
+"""Mesh import: checks a mesh file, converts it to meters with z up, and stores its asset."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Point clouds in PCD files: ascii, binary and binary_compressed.
+"""Point clouds in PCD files: ascii, binary and binary_compressed (LZF).
 
-Rule: positions and colours are read, other fields are passed over. The format is as the Point Cloud
-Library's page "The PCD (Point Cloud Data) file format" has it, version 0.7; its compression is LZF.
+Positions and colors are read, other fields ignored. Format: Point Cloud Library, "The PCD (Point
+Cloud Data) file format", version 0.7.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scans without faces: each point becomes a small disc that lies in the surface around it.
+"""Scans without faces: each point becomes a small disc in the surface around it.
 
-Rule: honest and bounded. Nothing is added where there is no point, so what a scanner did not see
-stays open; a scan of too many points is thinned to one a cube, the cubes as large as it takes. The
-normal of a disc is the least principal axis of the points around it (Hoppe et al. 1992), and which
-side is its front does not matter: rays meet both.
+Unseen areas stay open. A scan with too many points is thinned to one point a cube. The normal of a
+disc is the least principal axis of the points around it (Hoppe et al. 1992); its sign is arbitrary,
+since rays meet both sides.
 """
 
 from __future__ import annotations

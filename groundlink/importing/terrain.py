@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a world file's description of its terrain to assets and what a resolved scenario holds.
+"""Terrain import: builds the assets of a terrain from its description.
 
-Rule: first the ground as it comes, then level places, then roads; materials by rules see the ground
-before roads. Everybody else gets numbers that are final.
+Level areas are applied first, then roads. Material rules see the ground before roads.
 """
 
 from __future__ import annotations

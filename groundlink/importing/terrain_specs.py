@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a world file describes its terrain: a heightmap in a file, or hills by a seed.
+"""Schema of terrain in a world file: a heightmap file or generated hills.
 
-Rule: types say what is allowed. All heights are in metres above `at_m`, all places in the world.
+Heights are in meters above `at_m`; positions are in the world.
 """
 
 from __future__ import annotations

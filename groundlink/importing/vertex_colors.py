@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colours of vertices as a picture, so that whoever draws a mesh needs to know pictures only.
+"""Vertex colors as a picture, so that renderers need to know pictures only.
 
-Rule: every face has one colour, the mean of its corners', of 32 levels of each of red, green and
-blue; the picture has a square of 2 x 2 pixels for each colour that occurs. All three corners of a
-face are at one point of it, amid the four pixels, so that no filter mixes in another colour.
+Each face gets the mean color of its corners, with 32 levels a channel. The picture has a square of
+2 x 2 pixels for each color. The corners of a face map to the middle of its square, so filtering
+mixes no colors.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world file for one heightmap or mesh, and what a person should know of it.
+"""World files generated for one heightmap or mesh, with a report about the file.
 
-Rule: nothing is written or printed here; what is found is said as soon as it is known, since a
-large mesh takes its time. The world is as the file is, moved so that the origin is where a vehicle
-can start: on the ground amid the map, or below the middle of the mesh.
+The world is moved so that a vehicle can spawn at the origin: on the ground in the middle of the
+map, or below the middle of the mesh.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a word or a file means that is to be put into a run: an `Addition` at a place.
+"""Additions to a running scenario: a named object, a vehicle or the contents of a world file.
 
-Rule: files are worlds and vehicles as everywhere else, read by the same machinery; of a world its
-solids, actors and materials are taken. Their own origin is put on the ground at the place.
+The origin of the addition is put on the ground at the given place.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terrain and meshes that a scenario describes, in the place of which their assets are put.
+"""Import of the terrain and mesh files that a scenario names.
 
-Rule: what says `file`, or how hills are made, is imported and replaced; what names assets already,
-as a resolved scenario does, stays. Files are looked for beside the file that names them.
+A description with `file`, or one of generated hills, is replaced by its resolved asset. Resolved
+values stay as they are. Files are looked up beside the file that names them.
 """
 
 from __future__ import annotations

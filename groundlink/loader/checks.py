@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks across the fields of a scenario, which types cannot state.
+"""Checks across the fields of a scenario that types cannot express.
 
-Rule: the scenario fits the schema already; the document only says where a mistake was written.
+The scenario fits the schema already; the document only supplies the file and line of a mistake.
 """
 
 from __future__ import annotations

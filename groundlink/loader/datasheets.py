@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data sheets as files of their own: which there are, and whether one is as it has to be.
+"""Data sheets of sensors: list, find and check them.
 
-Rule: a sheet is found by where it lies and listed nowhere. What it states is checked as in a
-scenario; what it leaves out is at its default, or for the scenario to state.
+A data sheet is found by its folder and listed nowhere else. Fields that it leaves out have their
+defaults or are stated by the scenario.
 """
 
 from __future__ import annotations

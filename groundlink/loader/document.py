@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files as plain data that remembers where each value was written.
+"""YAML documents: plain data with the file and line of every value.
 
-Rule: a `Document` knows files and lines and nothing of scenarios. Paths into it are tuples of keys
-and indices; a value taken from another file keeps that file's lines.
+A path is a tuple of keys and indices. A value included from another file keeps that file's lines.
 """
 
 from __future__ import annotations

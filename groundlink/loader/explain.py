@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plain data checked against a schema, and what does not fit told in one line.
-
-Rule: the schema's types say what is allowed; here its first complaint gets the place where it was
-written, and a misspelt word the right one.
-"""
+"""Schema conversion with error lines that name file, line, field and the nearest valid word."""
 
 from __future__ import annotations
 

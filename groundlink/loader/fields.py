@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the schema would have accepted at a place in the data: for hints in error lines.
-
-Rule: reads the schema's types, never the messages of the validator.
-"""
+"""Schema inspection: the keys, tags and literals allowed at a path, for hints in error lines."""
 
 from __future__ import annotations
 

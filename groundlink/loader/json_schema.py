@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON Schemas of the files that people write, for editors that complete and check as one types.
+"""JSON Schemas of scenario, world, vehicle, route and data sheet files, for editors.
 
-Rule: made from the types that check the resolved scenario, so that no two can disagree; what is
-added is what files may say shorter: another file's or a mount's name, a data sheet's fields left
-out, the files of terrain and meshes. Editors find most mistakes by them; `load` finds all.
+Generated from the types that check a resolved scenario, plus the shorter forms that files allow:
+names of other files and mounts, data sheets, terrain and mesh files. An editor finds most mistakes
+with them; `load` finds all.
 """
 
 from __future__ import annotations

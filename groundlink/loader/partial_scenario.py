@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world or a vehicle by itself, as a scenario to look at, or a whole one.
+"""Partial scenario: a world or a vehicle alone, as a scenario that can be drawn but not run.
 
-Rule: which of them a file is, its keys tell. What is added so that it makes a scenario (a plain
-floor under a vehicle) stands here and nowhere else. Such a scenario cannot run.
+The keys of a file decide what it describes. A vehicle alone stands in a plain world.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees, bushes and rocks sown by the scenario's seed, where nothing else is.
+"""Scatter: trees, bushes and rocks placed at random over an area of the terrain.
 
-Rule: what is sown becomes things like those that a file lists, before anything is put on the
-ground, so a resolved scenario has them with their places. A throw that would fall on a road, into a
-pond, on a house, beside a vehicle's start or too near to what grows already is thrown again.
+Scattered objects become entries of `outdoors` before objects are placed on the ground, so a
+resolved scenario holds their places. A random place on a road, in a pond, on a house, near a spawn
+place or too close to another object is drawn again.
 """
 
 from __future__ import annotations

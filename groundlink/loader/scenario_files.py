@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scenario file to a resolved `Scenario`, or to one line that says what is wrong.
+"""Scenario loader: resolves a scenario file and the files it names into a `Scenario`.
 
-Rule: references to other files are followed first, then the whole is checked at once against the
-schema, then what types cannot say. Nothing starts before all of it holds.
+References are followed first, then the whole is checked against the schema, then across fields.
 """
 
 from __future__ import annotations

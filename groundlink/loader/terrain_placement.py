@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Things put on terrain: those outdoors, and solids that say `on_ground`.
+"""Placement on terrain: heights of outdoor objects and of solids with `on_ground`.
 
-Rule: heights become numbers here, once; nobody who reads a resolved scenario asks the ground where
-anything is to stand. Vehicles are not meant: how they start on a slope is `world.start`'s.
+Heights become numbers here, once: no reader of a resolved scenario needs the terrain to place an
+object. `groundlink.world.spawn_pose` places vehicles.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a command line runs a scenario in another time than its file says.
+"""Command-line options that override the `time` section of a scenario.
 
-Rule: one table of options; what they mean is said by the fields of `Time`, which also check them.
+Each option has the name of a field of `Time`, whose type also checks the value.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What vehicles bring along into the world of a scenario: their materials.
+"""Merge of the materials of vehicles into those of the world.
 
-Rule: a vehicle looks like itself in every world, so it may list the materials that it is made of.
-Where the world lists one of that name, the world's counts; two vehicles may share a name only for
-the same material.
+A material of the world takes precedence. Two vehicles may share a name only for the same material.
 """
 
 from __future__ import annotations

@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a file: MCAP with ROS 2 messages, written so that a kill leaves it whole, and read."""
+"""Recordings: MCAP files with the ROS 2 messages of a run; write, read, play and compare them.
+
+Imported by the recorder, replay, the viewer, the report and the command line. Never joins a bus.
+"""

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording against the same run again: which messages are equal, and where they first are not.
+"""Comparison of a recording with the messages of a repeated run.
 
-Rule: messages in, verdicts out; no bus and no clock. Messages belong together that are of one topic
-and one instant, whatever came between them; then each byte counts. The recording is read along with
-what comes, so that memory does not grow with its length. What was left out for a cause, or was
-under way when the recording began or ended, is counted, and is no difference.
+Messages with the same topic and time belong together and are compared byte by byte. The recording
+is read along with the run, so memory does not grow with its length. Messages missing for a recorded
+cause, and messages in transit at the edges of the recording, are counted and are no difference.
 """
 
 from __future__ import annotations

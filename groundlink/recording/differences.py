@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where two ROS messages of a type, or two scenarios, differ: the first field, and both values.
+"""First difference between two ROS messages or two scenarios: the field and both values.
 
-Rule: decoded values in, words out, in the order of the definition; `rosbags` alone reads formats.
-Numbers are compared by their bits: NaN is NaN, and -0 is not 0. What a ROS type only
-holds as bytes is looked into where it says itself what they are: points and pixels.
+Fields are compared in the order of the definition, numbers by their bits: NaN equals NaN, and -0
+differs from 0. Point clouds and images are compared point by point and pixel by pixel.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An MCAP file that is whole after every commit, so that a writer that is killed leaves one.
+"""MCAP writer whose file is complete after every commit, even if the process is killed.
 
-Rule: behind the chunks stands a tail that makes the file whole: metadata, summary and footer. A
-commit moves the tail out of the way, fills the gap with chunks, and only then replaces the tail by
-one that knows them. So the file lacks its end only while a tail of some kilobytes is being copied.
-Records are those of the `mcap` package, whose `Writer` would build the whole summary anew each
-time. Knows nothing of runs or ROS.
+A tail (metadata, summary, footer) behind the chunks completes the file. A commit first writes a
+copy of the old tail behind the place of the new chunks, then the chunks, then the new tail. The
+file lacks its end only while some kilobytes are written. Records come from the `mcap` package,
+whose own `Writer` would rebuild the whole summary for each commit.
 """
 
 from __future__ import annotations

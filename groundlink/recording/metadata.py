@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recording says about its run: the scenario, the versions, and what each topic holds.
+"""Metadata of a recording: the scenario, the versions, and statistics of each topic.
 
-Rule: one MCAP metadata record for the run, written first, and one for its topics, which is there
-anew with every commit. Values are text; what has structure is JSON. The run's journal is attached,
-part after part; one more record says where a recording ends to which everybody has come, and one
-how many messages of each topic came faster than they could be written.
+The record of the run is written first; the record of the topics is written with every commit.
+Values are text, structured values are JSON. The journal of the run is attached in parts. Two more
+records hold the time up to which the recording is complete, and the messages dropped by the
+recorder.
 """
 
 from __future__ import annotations

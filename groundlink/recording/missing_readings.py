@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recorded run had less than the same run again, as its sensors told, and what follows.
-
-Rule: read from the recording alone, of gaps and of what the recorder counted; no judgement here.
-"""
+"""Missing readings of a recorded run, with the causes that its sensors reported."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run as messages of the bus, each with the instant at which it is due.
+"""Playback: messages of a recording as messages of the bus, with their due times.
 
-Rule: a recording in, messages out; nothing waits here. A reading is due when it had been measured:
-a cloud at the end of its revolution or block, all else at its stamp. A clock goes before what is
-due with it, and nothing before the first clock.
+A reading is due when its measurement ended: a cloud at the end of its revolution or block, all
+other messages at their stamp. A clock precedes messages due at the same time; no message precedes
+the first clock.
 """
 
 from __future__ import annotations

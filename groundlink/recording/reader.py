@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run, read: what it is of, which topics it holds, its messages in the order of time.
+"""Reader of recordings: run, topics, journal, and messages in order of time.
 
-Rule: memory does not grow with the file. Whatever is wrong with a file becomes one line for its
-user. Bodies are CDR and stay so.
+Memory does not grow with the file. A damaged file raises `UserError` with one line. Message bodies
+stay CDR.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as a ROS 1 bag: the same topics and times, bodies in ROS 1's form.
+"""Conversion of a recording to a ROS 1 bag: same topics and times, bodies in ROS 1 form.
 
-Rule: message after message, so that memory does not grow with the file. Definitions are those of
-ROS Noetic; what they lack is registered here, and what ROS 2 added to a type is left out.
+Messages are converted one by one, so memory does not grow with the file. Definitions are those of
+ROS Noetic; types that Noetic lacks are registered here, and fields added by ROS 2 are dropped.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS 2 topics in an MCAP file, as rosbag2 writes them: definitions, encodings and QoS.
 
-Rule: the one place that knows the `ros2` profile. Policies are written as numbers, which every
-rosbag2 since Humble reads; the metadata record `rosbag2` tells newer ones that they are.
+QoS policies are written as numbers, which every rosbag2 since Humble reads; the metadata record
+`rosbag2` tells newer versions to expect numbers.
 """
 
 from __future__ import annotations

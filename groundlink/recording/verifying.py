@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a recording can come out again, and what has to be done for it.
+"""Verification of a recording: what can be compared with a repeated run, and how to repeat it.
 
-Rule: read from the recording alone; nothing is run or compared here. What cannot be compared is
-named with its reason.
+Everything is derived from the recording; nothing is run here.
 """
 
 from __future__ import annotations

@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run as one page: gathered in one pass over the file, drawn, put into a template."""
+"""Reports: a recording as one HTML page.
+
+Imported by `groundlink report`. Reads recordings only; never joins a bus.
+"""

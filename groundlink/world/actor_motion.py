@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where actors that go their own way are at a time.
+"""Poses of scripted actors as pure functions of sim time.
 
-Rule: a pure function of sim time, continuous in position and heading, so that whoever is met by it
-is pushed and not struck. Only physics asks; all others read the state.
+Position and heading are continuous, so a scripted actor pushes what is in its path. Only physics
+evaluates the motion; other processes read the state.
 """
 
 from __future__ import annotations

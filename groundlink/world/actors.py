@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that move by themselves: people, doors, carts, and what can be pushed about.
+"""Actors: rigid bodies that move on a script or can be pushed (people, doors, crates).
 
-Rule: an actor is one rigid body, made of solids in a frame of its own whose z is up; how it moves
-is a tagged union. Where it is at a time, `motion` says of those that go their own way, physics of
-those that are pushed.
+An actor's form is a set of solids in a frame whose z axis points up; its motion is a tagged union.
+`actor_motion` computes scripted poses; physics computes the poses of free bodies.
 """
 
 from __future__ import annotations

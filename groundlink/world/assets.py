@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Big data of worlds (heights, meshes, pictures) in a folder of files named by their sha256.
+"""Asset store: large data (heights, meshes, pictures) in files named by their SHA-256.
 
-Rule: what is read is what was kept: a file whose content does not have its name's digest is taken
-for missing. Nothing here knows what an asset holds. The folder is a cache: whoever loads a scenario
-from its files fills it again, so it may be deleted while no run needs it.
+A file whose content does not match its name counts as missing. The folder is a cache: the loader
+fills it again, so it may be deleted while no run needs it.
 """
 
 from __future__ import annotations

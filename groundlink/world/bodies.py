@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one numbering of all bodies of a run: whoever says what a surface belongs to uses it.
+"""Body numbers of a run.
 
-Rule: first what moves: the links of all vehicles in the order of the scenario and of
-`VehicleModel.link_names`, then its actors. Then what stands still, in the order of `build.solids`,
-and last the terrain, where a world has one. A body's number is its place there. So the numbers of
-what moves do not depend on what stands, and a replica finds both kinds by addition.
+Moving bodies come first: the links of all vehicles (in the order of the scenario and of
+`VehicleModel.link_names`), then the actors. Static solids follow in the order of `build.solids`,
+and the terrain is last. The numbers of moving bodies therefore do not depend on the static world.
 
-A link is called `vehicle/link`, as vehicles of one model have links of the same names, actors and
-solids as they are in the world, terrain `terrain`. No two bodies have
-one name: `build.solids` refuses that.
+A link is named `vehicle/link`; actors and solids have their own names. Names are unique:
+`build.solids` refuses duplicates.
 """
 
 from __future__ import annotations

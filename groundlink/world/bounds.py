@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much room a solid takes: boxes along the world's axes around it.
+"""Axis-aligned bounding boxes of solids, and overlap tests.
 
-Rule: no answer is too small. Bounds around a turned box are wider than it; a cylinder, ball or mesh
-counts as the box around it, which is on the safe side for all who ask whether a place is free.
+Bounds are conservative: cylinders, spheres and meshes count as their bounding boxes.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scenario to everything that stands in its world, and the hash that proves it.
+"""World builder: turns a scenario into its static solids and computes the world hash.
 
-Rule: the same scenario gives the same solids in the same order and the same hash wherever it is
-built; physics and every replica build for themselves and compare hashes. Vehicles are not in it:
-they move.
+Physics and every replica build the world on their own and compare hashes, so the result must be
+the same to the bit on every machine. Vehicles are not part of the built solids.
 """
 
 from __future__ import annotations

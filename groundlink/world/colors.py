@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colours as light, which adds up, and as pictures hold them (sRGB, IEC 61966-2-1); both 0..1."""
+"""Conversion between linear light and sRGB (IEC 61966-2-1), both in the range 0..1."""
 
 from __future__ import annotations
 

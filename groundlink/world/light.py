@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lights a world, for cameras.
-
-Rule: where the light comes from and nothing of how it is drawn. Nothing but cameras sees light.
-"""
+"""Light sources of a world. Only cameras see light."""
 
 from __future__ import annotations
 

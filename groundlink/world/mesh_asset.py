@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes as assets hold them: triangles, what is painted on them, and nothing to look up elsewhere.
+"""Mesh assets: triangles with colors and textures, in a format of their own.
 
-Rule: vertices are in metres, x forward, y left, z up, as in the frame of the solid that they are
-the shape of. Reading needs no library of a file format: `groundlink.importing` has done that.
+Vertices are in meters, x forward, y left, z up, in the frame of the solid. Reading an asset needs
+no library of a file format; `groundlink.importing` converts files into assets.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether there is room for what starts somewhere: vehicles, actors, what is put there later.
+"""Checks that vehicles, actors and additions have room where they spawn.
 
-Rule: what meets things is looked at as the boxes around it, exactly as they are turned. Meshes are
-left out: a scan of a yard is no box, and all that is known of it here is its box.
+Collision solids are compared as oriented boxes. Meshes are left out: the box around a scan of a
+yard would block the whole yard.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a vehicle stands at its start: on its wheels, upright on flat ground, askew on a slope.
+"""Spawn pose of a vehicle: on its wheels, upright on flat ground, tilted on a slope.
 
-Rule: pure, and one answer for physics, pictures and those who ask whether the place is free. On
-terrain the vehicle leans as the plane does that fits best under its wheels, and stands as high as
-it takes for nothing of it to be in the ground; the rest is up to its springs.
+On terrain the vehicle takes the tilt of the plane fitted under its wheels, raised until no part is
+below the ground. Physics, pictures and spawn checks use the same pose.
 """
 
 from __future__ import annotations

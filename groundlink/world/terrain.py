@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ground that is not flat: heights on a square grid, and the triangles between them.
+"""Terrain: heights on a square grid, split into triangles.
 
-Rule: everybody sees the same triangles. Rows run along +y (north), columns along +x (east). With
-a = [row, column], b = [row, column + 1], c = [row + 1, column] and d = [row + 1, column + 1], every
-cell is two triangles, (a, b, c) and (d, c, b), anticlockwise seen from above: the cut runs from b,
-south-east, to c, north-west.
+Rows run along +y (north), columns along +x (east). With a = [row, column],
+b = [row, column + 1], c = [row + 1, column] and d = [row + 1, column + 1], each cell is two
+triangles, (a, b, c) and (d, c, b), counterclockwise seen from above; the diagonal runs from b
+(south-east) to c (north-west).
 
-That is how Bullet's height fields cut their cells, found by casting rays at one of random heights:
-0.1 um off these triangles, and up to the heights' own differences off those of the other cut.
-PyBullet's `GEOM_HEIGHTFIELD` takes a block `heights` of R rows and C columns as
-`heightfieldData=heights.ravel()`, `numHeightfieldRows=C`, `numHeightfieldColumns=R` (x is fastest)
-and `meshScale=(cell_m, cell_m, 1)`. The body's origin is the middle of the block in x and y, and in
-z (lowest + highest) / 2, where it has to be put. It takes 2,097,152 heights at most and says
-nothing when there are more.
-
-Nothing here reads the files of others: `groundlink.importing` does.
+Bullet splits the cells of its height fields in the same way: rays cast at random heights meet it
+within 0.1 um of these triangles. PyBullet's `GEOM_HEIGHTFIELD` takes `heights` of R rows and
+C columns as `heightfieldData=heights.ravel()`, `numHeightfieldRows=C`, `numHeightfieldColumns=R`
+(x varies fastest) and `meshScale=(cell_m, cell_m, 1)`. The origin of the body is the middle of the
+grid in x and y, and (lowest + highest) / 2 in z. Bullet takes at most 2,097,152 heights and drops
+larger fields without an error.
 """
 
 from __future__ import annotations

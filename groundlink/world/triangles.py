@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solids as triangles, for those who cast rays at them or draw them.
+"""Solids and terrain as triangles, for ray casting and drawing.
 
-Rule: closed surfaces, wound so that normals point outwards (a mesh is as its file has it), float32
-vertices in the frame that the solid's pose is given in. Round shapes are inscribed: no vertex lies
-outside the true surface. A wheel of 0.2 m radius is 2 mm short at most. Nothing here knows
-materials or rays.
+Surfaces are closed and wound so that normals point outwards; meshes stay as their files have them.
+Vertices are float32. Round shapes are inscribed: no vertex lies outside the true surface, and the
+chord of a wheel of 0.2 m radius is at most 2 mm short.
 """
 
 from __future__ import annotations

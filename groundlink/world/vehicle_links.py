@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle's links look like, for those who cast rays at them or draw them.
+"""Solids of a vehicle's links, for ray casting and drawing.
 
-Rule: base links are their visuals, and so are links of joints and wheels that have some; other
-wheels are cylinders about their link's y axis.
+A wheel without visuals of its own is a cylinder about the y axis of its link.
 """
 
 from __future__ import annotations

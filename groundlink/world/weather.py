@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in the air.
-
-Rule: plain data, as meteorologists state it. What it does to a ray is the business of those who
-cast one.
-"""
+"""Weather of a world: fog, rain and dust."""
 
 from __future__ import annotations
 

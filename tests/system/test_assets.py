@@ -14,7 +14,7 @@ from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import PointCloud
 from groundlink.world import assets
 from groundlink.world.assets import VARIABLE
-from tests.groundlink.importing.file_errors import glb, write
+from tests.groundlink.importing.files import glb, write
 
 from .rig import Rig, rig, wait_for
 

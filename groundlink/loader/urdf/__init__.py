@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles made by others: a URDF file becomes the plain data of a vehicle's model.
+"""URDF import: turns a URDF file into the plain data of a vehicle's model.
 
-Rule: a URDF is read once, at load; behind it there is one kind of vehicle only.
+Imported by the scenario loader. A URDF is read once, at load; never at run time.
 """
 
 from .model import expand, refuse_bare_urdf

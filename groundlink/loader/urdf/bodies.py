@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rigid bodies of a URDF: what moves as one is one.
+"""Rigid bodies of a URDF: links that move together are merged.
 
-Rule: wheels turn, all else of the robot is its base. Links on fixed joints merge with what carries
-them. Links on joints with a servo move by themselves, but their mass and collisions are the base's,
-at position zero. All other joints are held at zero, and so are those that carry wheels.
+Wheels turn; all other links belong to the base. Links on fixed joints merge with their parent.
+Links on joints with a servo move, but their mass and collisions count for the base at position
+zero. All other joints are held at zero, and so are joints between the base and a wheel.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""XML as elements that remember their lines, and what can be wrong with a single one of them.
+"""XML elements that keep their file and line, with typed access to attributes.
 
-Rule: an element knows its file, so whoever finds a mistake in it raises `element.mistake`. Document
-types are refused: URDF has none, and entities can blow up a parser.
+Document types are refused: URDF has none, and entities can exhaust the memory of a parser.
 """
 
 from __future__ import annotations

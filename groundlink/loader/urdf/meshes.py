@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mesh files that a URDF names.
+"""Mesh files that a URDF names.
 
-Rule: their axes are the link's, whatever the format says of up and down, as RViz has it. `package://`
-is looked for around the URDF before it is where ROS is installed, so that a copied folder works.
-A mesh's own files may lie in the whole package, by custom `materials/textures` beside `meshes`.
+The axes of a mesh are those of the link, whatever the format says about up, as in RViz.
+`package://` is looked up around the URDF first, then where ROS is installed, so a copied folder
+works. Files of a mesh may lie anywhere in the package, such as `materials/textures`.
 """
 
 from __future__ import annotations

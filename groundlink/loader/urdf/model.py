@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a URDF, and what a vehicle says beside it, to a vehicle's model as plain data.
+"""Vehicle models from URDF files.
 
-Rule: what the vehicle says wins over what the URDF says. What neither says is chosen so that the
-vehicle stands well: a spring for each wheel, as no URDF has any.
+Fields of the vehicle file override the URDF. URDF has no suspension: each wheel gets a spring that
+fits its load.
 
-A vehicle names its URDF, the joints of it that carry wheels, with what else is known of each, and
-its drive; the rest of a model's fields are optional::
+A vehicle file names the URDF, the joints that carry wheels, and the drive; other fields are
+optional::
 
     urdf: robot.urdf
     wheels: {left_wheel_joint: {}, right_wheel_joint: {}, caster_joint: {caster: true}}

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A URDF file as a tree of links and joints.
+"""URDF files as a tree of links and joints.
 
-Rule: what comes out is a tree with one root, and every number in it is finite and possible. Which
-joints are wheels, and what moves how, is no business of this module. What URDF has for other
-programs (`gazebo`, `transmission`, `sensor`) is passed over.
+The result is a tree with one root, and all numbers are finite and physically possible. Elements for
+other programs (`gazebo`, `transmission`, `sensor`) are ignored.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shapes of a URDF as solids, and its colours as materials.
+"""URDF shapes as solids, and URDF colors as materials.
 
-Rule: a solid is in the frame that it is asked for. URDF says what a surface looks like and nothing
-else of it, so reflectivity is taken from the colour.
+URDF has no reflectivity; it is derived from the color.
 """
 
 from __future__ import annotations

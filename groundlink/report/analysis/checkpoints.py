@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a vehicle came by the world's checkpoints, and how near.
+"""Passages of a vehicle at the checkpoints of a world.
 
-Rule: each time that the way comes within `NEAR_M` of a checkpoint and leaves again is one passage,
-at the moment when it was nearest. Nothing is said of who should have come by.
+Each time a track comes within `NEAR_M` of a checkpoint and leaves again is one passage, at the
+moment of the least distance.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was due of each stream of a sensor in a recording, and what became of each reading.
+"""Completeness of the sensor streams in a recording: due, published and missing readings.
 
-Rule: by the scenario's arithmetic, the file's messages and what sensors told, each on its own: so
-what nobody told is seen. A reading that is in the file was published, whatever was told. One byte a
-reading is all that grows with the run.
+The schedule comes from the scenario, the messages from the file, and the causes from the sensors,
+so readings missing without a report are found. A reading in the file counts as published, whatever
+was reported. Memory grows by one byte a reading.
 """
 
 from __future__ import annotations

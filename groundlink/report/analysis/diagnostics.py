@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the processes of a run said about themselves, from its diagnostics.
+"""Counters of processes and ages of streams, from the diagnostics of a run.
 
-Rule: of counters the last word counts; of ages each word, thinned in long runs.
+Of counters the last value is kept; of ages every sample, thinned in long runs.
 """
 
 from __future__ import annotations

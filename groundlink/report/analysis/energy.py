@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle's energy over time, and its contacts as events.
+"""Energy of a vehicle over time, and its contacts as events.
 
-Rule: a thing that is touched again within half a second is still the same event. Memory grows with
-the number of events and no further than `MAX_EVENTS`; the rest are counted.
+Contacts with the same object within half a second are one event. At most `MAX_EVENTS` events are
+kept; further ones are counted.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The faults that a sensor was given in a run, each with its begin and its end.
-
-Rule: by what its process told. A fault that is still in effect in the last message has no end.
-"""
+"""Fault history of a sensor: the begin and end of each fault, as its process reported them."""
 
 from __future__ import annotations
 

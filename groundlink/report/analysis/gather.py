@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that the page needs of a recording, in one pass over it.
+"""Analysis of a recording in one pass.
 
-Rule: streaming, and of each topic no more is decoded than is shown: one cloud of each LiDAR, every
-n-th sample of an IMU. Memory does not grow with the file.
+Of each topic only what the page shows is decoded: one cloud of each LiDAR, every n-th sample of an
+IMU. Memory does not grow with the file.
 """
 
 from __future__ import annotations

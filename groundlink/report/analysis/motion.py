@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a vehicle was and how fast, and what it was asked for: thinned to what a picture shows.
+"""Track, speed and commands of a vehicle, thinned to what a figure shows.
 
-Rule: memory does not grow with the run; of a long one every n-th truth is decoded. The distance is
-the sum over those that are, so a curve of a few centimetres may be cut short in runs of hours.
+In long runs every n-th ground-truth message is decoded, so the distance may be slightly short.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The world from above: the outline of what a vehicle could meet, in the world's x and y.
+"""Plan of the world: outlines of obstacles from above.
 
-Rule: geometry only. Floors, ceilings and what hangs above a vehicle's reach are left out.
+Floors, ceilings and objects above a vehicle's reach are left out.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensor readings for the plots of a page: IMU samples, trajectories, one point cloud.
+"""Sensor readings for figures: IMU samples, trajectories, and one point cloud.
 
-Rule: decoded ROS messages in, arrays out. Memory does not grow with the run: of a long one every
-n-th message is kept, and one cloud of each LiDAR.
+Memory does not grow with the run: every n-th message is kept, and one cloud of each LiDAR.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rates and gaps of a topic, from its times alone.
+"""Rates and gaps of a topic, from the times of its messages.
 
-Rule: memory does not grow with the run: counts in bins of time, sums, and the largest gaps.
+Memory does not grow with the run: counts in bins, sums, and the largest gaps.
 """
 
 from __future__ import annotations

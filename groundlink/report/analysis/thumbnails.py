@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small pictures of a run's cameras, some of each, evenly over the run.
+"""Thumbnails of a run's cameras, evenly spaced over the run.
 
-Rule: only the pictures that are shown are decoded. A picture whose form is not known is left out
-and counted.
+Only the pictures shown are decoded. Pictures of an unknown encoding are counted.
 """
 
 from __future__ import annotations

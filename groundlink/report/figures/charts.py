@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of a run, each from its part of what was gathered.
-
-Rule: draws and computes nothing; what is not there is not drawn.
-"""
+"""Charts of a run as SVG: trajectory, speed, rates, ages and energy."""
 
 from __future__ import annotations
 

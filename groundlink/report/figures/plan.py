@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plan of the world as a picture: what stands on it, and how high the ground is."""
+"""Plan of the world as a figure: obstacles and contour lines of the ground."""
 
 from __future__ import annotations
 

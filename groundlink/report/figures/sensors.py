@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of what sensors said, beside the truth.
-
-Rule: draws and computes nothing; what is not there is not drawn.
-"""
+"""Figures of sensor readings compared with the ground truth."""
 
 from __future__ import annotations
 

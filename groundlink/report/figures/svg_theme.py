@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How pictures look: matplotlib's SVG, in the page's own type and colours, light or dark.
+"""SVG theme: matplotlib figures in the font and colors of the page, light or dark.
 
-Rule: a picture is drawn once, in stand-in colours; they become variables of the page's style sheet,
-so that the same lines are dark on light and light on dark, on the screen and on paper. Text stays
-text. The same data give the same bytes.
+A figure is drawn in placeholder colors, which become variables of the style sheet. Text stays text.
+The same data give the same bytes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a page: sections, tables, figures, from text that is not trusted.
+"""HTML elements: sections, tables and figures from untrusted text.
 
-Rule: everything is escaped here, once; what is HTML already is a `Markup` and stays as it is.
+All text is escaped here, once; `Markup` is HTML already.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page says of readings that were due and are not in the file.
-
-Rule: every gap with its cause; of a stream with very many the first ones, and how many more.
-"""
+"""Section about missing readings: every gap with its cause, the first ones of long lists."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A gathered run as one HTML page that needs nothing else.
+"""The report page: an analyzed run as one self-contained HTML file.
 
-Rule: what a run did not have is not there, and is said where it could be missed. The words are
-those of the tables that `groundlink up` shows.
+Sections without data are left out. Terms are those of the tables of `groundlink up`.
 """
 
 from __future__ import annotations

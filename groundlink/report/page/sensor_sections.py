@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of a page that shows what sensors said, beside the truth."""
+"""Sections about sensor readings compared with the ground truth."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person should know of a run first.
+"""Verdict: the problems of a run, listed at the top of the page.
 
-Rule: all is well only where no bar of the page is orange or red.
+A run is fine only if no bar of the page is orange or red.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clutter: boxes and cans where a seed throws them, each lying on something and touching nothing.
+"""Clutter: boxes and cans at random places on surfaces, without overlaps.
 
-Rule: what a random generator draws is a place to try; a try that would float, stick out or overlap
-is drawn again. Nothing that stands already is moved.
+A random place where the object would overlap or stick out is drawn again.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A furnished room from a few lines of data and one seed: walls, a door, tables, shelves, clutter.
-
-Rule: the same description and seed give the same solids, in the same order, on every machine.
-"""
+"""Schema of a furnished room: walls, a door, furniture and clutter."""
 
 from __future__ import annotations
 

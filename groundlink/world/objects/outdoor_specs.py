@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands outdoors: houses, fences, trees and what lies about, from a few lines of data each.
+"""Schema of outdoor objects: houses, fences, trees, poles and small objects.
 
-Rule: a thing says where it is on the map and how large; how high the ground is there, `load` fills
-in once, so that nobody who builds a world asks the terrain. Which solids a thing is, `erect` says.
+A scenario gives position and size. The loader fills in the height of the ground once, so the world
+builder never reads the terrain. `outdoor_objects` turns each object into solids.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from groundlink.world.bodies import body_names
 from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import load_ground
-from tests.groundlink.importing.file_errors import glb, npy, write
+from tests.groundlink.importing.files import glb, npy, write
 
 SLOPE = np.add.outer(np.zeros(41), 0.1 * np.arange(81)).astype(np.float32)
 """Rises to the east by 1 in 10; 80 x 40 m at cells of 1 m."""

@@ -14,7 +14,7 @@ from groundlink.importing.world_files import open_edges
 from groundlink.loader import load
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.terrain import load_ground
-from tests.groundlink.importing.file_errors import HEIGHTMAPS, MESHES, png, sixteen_bits, write
+from tests.groundlink.importing.files import HEIGHTMAPS, MESHES, png, sixteen_bits, write
 
 SCENARIO = "name: it\nworld: worlds/new.yaml\nvehicles: [{name: rover, model: rover}]\n"
 MAP = ("--heights-m", "0", "100", "--cell-m", "2.5")

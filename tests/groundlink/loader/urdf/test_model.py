@@ -17,7 +17,7 @@ from groundlink.loader import load
 from groundlink.scenario.joints import base_from_links
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.solids import Cylinder, Mesh
-from tests.groundlink.importing.file_errors import COLORS, png, write
+from tests.groundlink.importing.files import COLORS, png, write
 from tests.groundlink.loader.urdf.carts import CART, MODEL, TURRET, scenario, vehicle
 
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], np.float32)
