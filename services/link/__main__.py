@@ -30,8 +30,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """UdpRelay until `stop` is set, then tell what happened to the datagrams."""
-    parser = _Parser(prog=NAME, description="UdpRelay datagrams over an emulated link.")
+    """Relay until `stop` is set, then print the counters."""
+    parser = _Parser(prog=NAME, description="Relay UDP datagrams over an emulated link.")
     add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the counters as JSON")
     options = parser.parse_args(arguments)

@@ -168,7 +168,7 @@ def test_who_is_silent_is_named(tmp_path: Path) -> None:
         physics.kill()
         physics.wait()
         is_done, said = caller.trigger("pause")
-        assert (is_done, "physics of run" in said) == (False, True), said
+        assert (is_done, "physics does not answer" in said) == (False, True), said
         gateway.kill()
         gateway.wait()
         is_done, said = caller.trigger("pause")
