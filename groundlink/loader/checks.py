@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from groundlink.core.errors import did_you_mean
+from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
 from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY, Stream
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
-from groundlink.scenario.sensors import Encoders, Gnss, SensorSpec, WheelOdometry
+from groundlink.scenario.sensor_kinds import kind_of, load_reference
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.build import WorldError, solids
 from groundlink.world.spawn_checks import check_spawns
@@ -45,13 +45,10 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
             _unique(document, (*here, section), [spec.name for spec in specs], taken)
             taken += [spec.name for spec in specs]
         for s, sensor in enumerate(vehicle.sensors):
-            if isinstance(sensor, Gnss) and scenario.world.datum is None:
-                raise ScenarioError(
-                    f"{document.mark((*here, 'sensors', s))}: `{sensor.name}` receives satellites, "
-                    f"but `world.datum` is missing: add `datum: {{latitude_deg: ..., "
-                    f"longitude_deg: ..., altitude_m: ...}}` of the world's origin"
-                )
-            _check_wheels(sensor, vehicle, document, (*here, "sensors", s))
+            if check := kind_of(sensor).check:
+                for problem in load_reference(check)(sensor, vehicle, scenario):
+                    mark = document.mark((*here, "sensors", s, *problem.path))
+                    raise ScenarioError(f"{mark}: {problem.text}")
             _check_faults(sensor, vehicle, document, (*here, "sensors", s, "faults"))
         if vehicle.route is not None:
             check_speeds(vehicle.route, vehicle.model, document, (*here, "route"))
@@ -117,26 +114,6 @@ def _sent(scenario: Scenario) -> Iterator[_Use]:
 def _sections(vehicle: Vehicle) -> list[tuple[str, Sequence[SensorSpec | Stream]]]:
     """Return what a vehicle publishes, by the section of the scenario."""
     return [("sensors", vehicle.sensors), ("streams", vehicle.streams)]
-
-
-def _check_wheels(sensor: SensorSpec, vehicle: Vehicle, document: Document, path: DataPath) -> None:
-    """Refuse encoders of wheels that there are not, and odometry of encoders that there are not."""
-    if isinstance(sensor, Encoders):
-        wheels = [shaft.name for shaft in vehicle.model.counted]
-        for i, name in enumerate(sensor.reversed_wheels):
-            if name not in wheels:
-                mark = document.mark((*path, "reversed_wheels", i))
-                raise ScenarioError(
-                    f"{mark}: `reversed_wheels`: no wheel `{name}`; {did_you_mean(name, wheels)}"
-                )
-    if isinstance(sensor, WheelOdometry):
-        encoders = [s.name for s in vehicle.sensors if isinstance(s, Encoders)]
-        if sensor.encoders not in encoders:
-            mark = document.mark((*path, "encoders"))
-            hint = did_you_mean(sensor.encoders, encoders) if encoders else "add one"
-            raise ScenarioError(
-                f"{mark}: `encoders`: no sensor `{sensor.encoders}` of kind `encoders`; {hint}"
-            )
 
 
 def _check_faults(sensor: SensorSpec, vehicle: Vehicle, document: Document, path: DataPath) -> None:

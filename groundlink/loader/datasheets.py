@@ -13,13 +13,11 @@ from typing import Any, NamedTuple
 import msgspec
 
 from groundlink.scenario.schema import Sensor
+from groundlink.scenario.sensor_kinds import sheet_folders
 
 from .document import ScenarioError
 from .explain import explained
-from .scenario_files import SHIPPED, find_file, read_datasheet
-
-FOLDER = "sensors"
-"""Where data sheets lie: beside a scenario's file, or in what is shipped."""
+from .scenario_files import SHEETS, SHIPPED, find_file, read_datasheet
 
 _PLACE = {"name": "sensor", "topic": "/topic", "frame": "frame"}
 """What is the scenario's to say of every sensor, and stands in where it is not said."""
@@ -48,7 +46,11 @@ def shipped_datasheets() -> list[CheckedDatasheet]:
     ScenarioError
         as `load_datasheet` does.
     """
-    return [_checked(file) for file in sorted((SHIPPED / FOLDER).glob("*.yaml"))]
+    return [
+        _checked(file)
+        for folder in (SHIPPED / SHEETS, *sheet_folders())
+        for file in sorted(folder.glob("*.yaml"))
+    ]
 
 
 def load_datasheet(given: str) -> CheckedDatasheet:
@@ -59,7 +61,7 @@ def load_datasheet(given: str) -> CheckedDatasheet:
     ScenarioError
         with one line: file, line, field, what was expected and how to mend it.
     """
-    return _checked(find_file(given, FOLDER, Path()))
+    return _checked(find_file(given, SHEETS, Path()))
 
 
 def _checked(file: Path) -> CheckedDatasheet:

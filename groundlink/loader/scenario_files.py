@@ -16,6 +16,7 @@ from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.loader.namespaces import into_namespaces
 from groundlink.scenario.route import FIGURES, Route
 from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.sensor_kinds import sheet_folders
 
 from . import urdf
 from .asset_import import import_assets
@@ -25,6 +26,9 @@ from .explain import convert
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
 from .vehicle_materials import merge_materials
+
+SHEETS = "sensors"
+"""Folder of data sheets: beside a scenario's file, or in what is shipped."""
 
 SHIPPED = (Path(__file__).parents[1] / "shipped").resolve()
 """Worlds, vehicles and data sheets that come with Groundlink: in a checkout a link to its folder
@@ -170,12 +174,17 @@ def find_file(reference: str, folder: str, beside: Path) -> Path:
         when there is none.
     """
     name = reference if reference.endswith((".yaml", ".yml")) else f"{folder}/{reference}.yaml"
-    for base in (beside, SHIPPED):
-        if (base / name).is_file():
-            return base / name
+    places = [beside / name, SHIPPED / name]
+    if folder == SHEETS:
+        places += [sheets / Path(name).name for sheets in sheet_folders()]
+    for place in places:
+        if place.is_file():
+            return place
     if Path(name).is_absolute():
         raise ScenarioError(f"there is no file `{name}`")
     shipped = [file.stem for file in (SHIPPED / folder).glob("*.yaml")]
+    if folder == SHEETS:
+        shipped += [place.stem for sheets in sheet_folders() for place in sheets.glob("*.yaml")]
     hint = did_you_mean(Path(name).stem, shipped)
     raise ScenarioError(f"no file `{name}` in {beside.resolve()} or {SHIPPED}; {hint}")
 
@@ -199,7 +208,7 @@ def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> Non
     if not isinstance(sensor, dict) or not isinstance(sensor.get("datasheet"), str):
         return
     sheet_path = (*path, "datasheet")
-    sheet = read_datasheet(_find(document, sheet_path, sensor["datasheet"], "sensors"))
+    sheet = read_datasheet(_find(document, sheet_path, sensor["datasheet"], SHEETS))
     if sensor.get("kind", sheet.value["kind"]) != sheet.value["kind"]:
         raise ScenarioError(
             f"{document.mark(sheet_path)}: `datasheet`: {sensor['datasheet']} is of kind "

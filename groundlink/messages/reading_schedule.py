@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which readings of a sensor are due: their stamps, by its data alone.
+"""Schedules of readings: exact arithmetic from the number of a reading to its stamp and back.
 
-Rule: arithmetic on the time line, exact, for every kind of sensor. Reading i is the same one for
-the model that makes it, the process that misses it and the report that counts it. Faults, delays
-and failures change nothing of what is due.
+The model that makes a reading, the process that misses it and the report that counts it use the
+same schedule. Faults, delays and failures do not change which readings are due.
 """
 
 from __future__ import annotations
@@ -11,8 +10,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from typing import Protocol
 
-from groundlink.core.clock import TICK_NANOS, Schedule
-from groundlink.scenario.sensors import Imu, RotatingLidar, SensorSpec
+from groundlink.core.clock import Schedule
 
 
 class Calendar(Protocol):
@@ -44,6 +42,26 @@ class Events:
         return self._schedule.at_or_after_nanos(nanos)
 
 
+class TurningHead(Protocol):
+    """Figures of a turning head that determine when its blocks begin."""
+
+    @property
+    def rotation_rate_hz(self) -> float:
+        """Revolutions per second."""
+
+    @property
+    def firings_per_revolution(self) -> int:
+        """Firings of a whole turn, those outside the view among them."""
+
+    @property
+    def firings_in_view(self) -> int:
+        """Firings of a revolution that happen."""
+
+    @property
+    def blocks_per_revolution(self) -> int:
+        """Messages of a revolution."""
+
+
 class Blocks:
     """The blocks in which a turning head's revolutions are sent (a `Calendar`).
 
@@ -63,7 +81,7 @@ class Blocks:
 
     first = 0
 
-    def __init__(self, spec: RotatingLidar) -> None:
+    def __init__(self, spec: TurningHead) -> None:
         count, in_view = spec.blocks_per_revolution, spec.firings_in_view
         self.per_revolution = count
         self.first_firings = [block * in_view // count for block in range(count + 1)]
@@ -85,17 +103,3 @@ class Blocks:
             self.firing_times.at_or_after_nanos(nanos), self.firings_per_turn
         )
         return revolution * self.per_revolution + bisect_left(self.first_firings[:-1], firing)
-
-
-def calendar(spec: SensorSpec) -> Calendar:
-    """Return which readings of a sensor are due."""
-    if isinstance(spec, RotatingLidar):
-        return Blocks(spec)
-    if isinstance(spec, Imu):
-        # The first sample's window begins when the low pass is full.
-        return Events(spec.rate_hz, Events(spec.rate_hz).at_or_after(_filling_nanos(spec)) + 1)
-    return Events(spec.message_rate_hz)
-
-
-def _filling_nanos(spec: Imu) -> int:
-    return TICK_NANOS * max(triad.low_pass_ticks for triad in (spec.accelerometer, spec.gyroscope))

@@ -36,7 +36,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Lidar, Lidar2d, Repair
+from groundlink.scenario.sensors import Repair, RotatingLidar
 
 CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"
@@ -70,7 +70,7 @@ class Outgoing(RosStream):
     """Sent to the gateway's peer unasked."""
 
     repair: Repair = "none"
-    in_blocks: tuple[Vehicle, Lidar | Lidar2d] | None = None
+    in_blocks: tuple[Vehicle, RotatingLidar] | None = None
     """Whose revolutions come in blocks."""
 
 
@@ -200,8 +200,8 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
         )
 
 
-def _in_blocks(vehicle: Vehicle, spec: object) -> tuple[Vehicle, Lidar | Lidar2d] | None:
-    if not isinstance(spec, Lidar | Lidar2d) or spec.blocks_per_revolution == 1:
+def _in_blocks(vehicle: Vehicle, spec: object) -> tuple[Vehicle, RotatingLidar] | None:
+    if not isinstance(spec, RotatingLidar) or spec.blocks_per_revolution == 1:
         return None
     return vehicle, spec
 

@@ -11,12 +11,17 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from groundlink.core.fields import NonNegative, Positive, Spec
+from groundlink.messages.base import POINT, Message, PointCloud
+from groundlink.messages.imagery import Image
 
-from .cameras import Optics
-from .every_sensor import RosTopic
+from .cameras import Optics, jpeg_bytes, largest_picture
+from .every_sensor import Carrier, RosTopic
 
 LARGEST_16UC1_M = 65.535
-"""What 16 bits of millimetres hold."""
+"""What 16 bits of millimeters hold."""
+
+PNG_BYTES_A_PIXEL = 2.1
+"""Bytes per pixel of a PNG of random 16-bit values."""
 
 Publish = Literal["compressed", "raw", "both"]
 Quality = Annotated[int, Meta(ge=1, le=100)]
@@ -100,6 +105,26 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
                 topics["color_image"] = self.color.topic
         return topics
 
+    def largest_message(self, carrier: Carrier) -> Message:
+        """Return a cloud with a point for every pixel, or an image if that is more."""
+        pixels, every = self.width * self.height, self.points_every
+        sizes = {
+            "": pixels * (2 if self.encoding == "16UC1" else 4),
+            "compressed": int(pixels * PNG_BYTES_A_PIXEL),
+            "points": -(-self.width // every) * -(-self.height // every) * POINT.itemsize,
+            "color": jpeg_bytes(pixels, self.color.jpeg_quality) if self.color else 0,
+            "color_image": pixels * 3,
+            "camera_info": 0,
+            "color_info": 0,
+        }
+        frame = carrier.frame_prefix + self.frame
+        largest = max(self.ros_topics(), key=lambda name: sizes[name])
+        if largest == "points":
+            return PointCloud(0, frame, memoryview(bytes(sizes[largest])))
+        row = -(-sizes[largest] // self.height)
+        data = memoryview(bytes(row * self.height))
+        return Image(0, frame, self.height, self.width, self.encoding, row, data)
+
 
 class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
     """Two cameras side by side that take their pictures at once, rectified.
@@ -137,3 +162,8 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
             topics["compressed"] = f"{self.topic}/compressed"
             topics["right_compressed"] = f"{self.right_topic}/compressed"
         return topics
+
+    def largest_message(self, carrier: Carrier) -> Message:
+        """Return a picture of pure noise of one eye."""
+        frame = carrier.frame_prefix + self.frame
+        return largest_picture(self, frame, self.publish, self.encoding, self.jpeg_quality)

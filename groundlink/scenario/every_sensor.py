@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from msgspec import Meta
 
 from groundlink.core.fields import Spec, Vector3
 from groundlink.core.frames import multiply, quaternion_from_rpy
+from groundlink.messages.base import Message
+from groundlink.messages.reading_schedule import Calendar, Events
 
 from .faults import Fault, Quantity
 
@@ -98,6 +100,15 @@ Repair = Literal["none", "resend"] | RepairBy
 """How the gateway makes good what is lost of a stream; `resend` alone is half a second."""
 
 
+class Carrier(NamedTuple):
+    """Facts of a vehicle that determine how large the messages of its sensors are."""
+
+    frame_prefix: str
+    base_frame: str
+    shafts: tuple[str, ...]
+    """Names of the shafts that encoders count."""
+
+
 class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """What every sensor has."""
 
@@ -135,9 +146,6 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     quantities: ClassVar[Mapping[str, Quantity]] = {}
     """What of its readings faults can make wrong by numbers; the first is meant unless named."""
 
-    turns: ClassVar[bool] = False
-    """Whether faults can cover a sector of its turn."""
-
     rate_field: ClassVar[str] = "rate_hz"
     """Field with the rate; part of the reference of the bus."""
 
@@ -151,6 +159,19 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
         """Messages per second of sim time on each stream."""
         rate_hz: float = getattr(self, self.rate_field)
         return rate_hz
+
+    @property
+    def measuring_s(self) -> float:
+        """Longest time from the begin of a measurement to its message, in seconds."""
+        return 0.0
+
+    def schedule(self) -> Calendar:
+        """Return which readings are due."""
+        return Events(self.message_rate_hz)
+
+    def largest_message(self, carrier: Carrier) -> Message:
+        """Return a message of the main stream that is as large as they get."""
+        raise NotImplementedError(f"the specification of kind `{self.kind}` has no largest_message")
 
     @property
     def truth_topic(self) -> str | None:

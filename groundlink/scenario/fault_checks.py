@@ -7,16 +7,17 @@ Rule: a fault and its sensor in; a field and a sentence out, to which others add
 from __future__ import annotations
 
 from groundlink.core.errors import did_you_mean
+from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.faults import EACH_WHEEL, Disturbance, Fault, OccludedSector, RateChange
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import SensorSpec
+from groundlink.scenario.sensor_kinds import kind_of
 
 
 def fault_problem(fault: Fault, spec: SensorSpec, vehicle: Vehicle) -> tuple[str, str] | None:
     """Return what makes a fault impossible for a vehicle's sensor; None if nothing does."""
     if isinstance(fault, Disturbance):
         return _of_disturbance(fault, spec, vehicle)
-    if isinstance(fault, OccludedSector) and not spec.turns:
+    if isinstance(fault, OccludedSector) and not kind_of(spec).cover:
         return "kind", "nothing can cover a sector of a sensor that does not look around"
     rate_hz = spec.message_rate_hz
     if isinstance(fault, RateChange) and fault.rate_hz >= rate_hz:

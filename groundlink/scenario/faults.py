@@ -39,6 +39,9 @@ class Quantity(NamedTuple):
     components: tuple[str, ...] = ()
     """Names of its numbers; none for a single one."""
 
+    field: str = ""
+    """Field of the message that holds them, where a fault simply adds to it."""
+
 
 @lru_cache(maxsize=1024)
 def _tick(begin_s: float, more_s: float) -> int:

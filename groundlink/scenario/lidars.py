@@ -11,12 +11,16 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from msgspec import Meta
 
 from groundlink.core.clock import exact
 from groundlink.core.fields import Fraction01, NonNegative, Positive
+from groundlink.messages.base import POINT, PointCloud, packed
+from groundlink.messages.imagery import LaserScan
+from groundlink.messages.reading_schedule import Blocks, Calendar
 
-from .every_sensor import Address, Rate, SensorSpec
+from .every_sensor import Address, Carrier, Rate, SensorSpec
 from .faults import Quantity
 
 
@@ -24,7 +28,6 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     """What every LiDAR with a turning head has: it fires all its lasers once per azimuth step."""
 
     quantities: ClassVar = {"range": Quantity("m")}
-    turns: ClassVar[bool] = True
     rate_field: ClassVar[str] = "rotation_rate_hz"
 
     rotation_rate_hz: Rate = 10.0
@@ -158,6 +161,20 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
         return self.rotation_rate_hz * self.blocks_per_revolution
 
     @property
+    def measuring_s(self) -> float:
+        """Time that a block takes."""
+        return 1 / self.message_rate_hz
+
+    def schedule(self) -> Calendar:
+        """Return when the blocks are due."""
+        return Blocks(self)
+
+    @property
+    def largest_block_firings(self) -> int:
+        """Firings of the largest block; where they don't divide evenly, some have one more."""
+        return -(-self.firings_in_view // self.blocks_per_revolution)
+
+    @property
     def firings_in_view(self) -> int:
         """How many firings of a revolution there are."""
         if self.field_of_view_deg == 360:
@@ -208,6 +225,12 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
         """ROS topic of the truth behind its clouds, if it tells that too."""
         return f"{self.topic}/truth" if self.truth else None
 
+    def largest_message(self, carrier: Carrier) -> PointCloud:
+        """Return a block in which every shot has all its returns."""
+        most = self.largest_block_firings * len(self.elevations_deg) * self.returns_per_ray
+        points = packed(np.empty(most, POINT).view(np.uint8))
+        return PointCloud(0, carrier.frame_prefix + self.frame, points)
+
     def ros_topics(self) -> dict[str, str]:
         """Return the ROS topics of its clouds and, where it is told, of the truth behind them."""
         return {"": self.topic} | ({"truth": self.truth_topic} if self.truth_topic else {})
@@ -224,3 +247,9 @@ class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
             yield "`azimuth_resolution_deg` is for LiDARs of kind `lidar`; leave it out"
         if self.returns == "dual":
             yield "`returns` is `dual`, but a scan holds one range a ray; choose one of them"
+
+    def largest_message(self, carrier: Carrier) -> LaserScan:
+        """Return a block; it holds a range for each ray, met or not."""
+        rays = packed(np.empty(self.largest_block_firings, np.float32))
+        frame = carrier.frame_prefix + self.frame
+        return LaserScan(0, frame, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rays, rays)

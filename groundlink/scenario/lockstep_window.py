@@ -14,10 +14,9 @@ from collections.abc import Iterable
 
 from groundlink.core.clock import TICK_RATE_HZ
 
+from .every_sensor import SensorSpec
 from .faults import Delay
-from .lidars import RotatingLidar
 from .schema import Time
-from .sensors import Optics, SensorSpec
 
 HISTORY_TICKS = 1024
 """States that physics keeps for sensors that rejoin."""
@@ -44,6 +43,4 @@ def window_mistake(time: Time, sensors: Iterable[SensorSpec]) -> str | None:
 def _under_way_s(sensor: SensorSpec) -> float:
     """Return how long after it began a measurement is published at the latest."""
     late_s = max((fault.delay_s for fault in sensor.faults if isinstance(fault, Delay)), default=0)
-    if isinstance(sensor, RotatingLidar):
-        return late_s + 1 / sensor.message_rate_hz
-    return late_s + (sensor.imager.span_s if isinstance(sensor, Optics) else 0.0)
+    return late_s + sensor.measuring_s

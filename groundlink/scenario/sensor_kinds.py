@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Union
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple, Union
 
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Message
@@ -37,7 +39,16 @@ class MessageSupport:
     """A `groundlink.ros.codec.Codec`: ROS type, encoding and decoding."""
 
     drawing: str = ""
-    """Function that draws the message in the viewer (`services.view.forms.Form`)."""
+    """Function that draws the message in the viewer (`services.view.draw_messages.Form`)."""
+
+
+class Problem(NamedTuple):
+    """Mistake in a scenario that a kind found in one of its sensors."""
+
+    path: tuple[str | int, ...]
+    """Field of the sensor; empty for the sensor as a whole."""
+
+    text: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +67,9 @@ class SensorKind:
 
     model: str
     """Callable `(scenario, vehicle, spec) -> SensorModel`."""
+
+    check: str = ""
+    """Callable `(spec, vehicle, scenario) -> Iterable[Problem]`: what the types cannot state."""
 
     native: str = ""
     """Callable `(model, spec) -> NativeDevice`, where the device's own datagrams are known."""
@@ -77,7 +91,7 @@ class SensorKind:
 
     disturb: Mapping[str, str] = field(default_factory=dict)
     """By quantity of the specification: callable `(reading, offsets) -> reading` for faults. A
-    quantity that names its field needs none."""
+    quantity that names its `field` needs none."""
 
     cover: str = ""
     """Callable `(reading, begin_rad, width_rad) -> reading` for the fault `occluded_sector`."""
@@ -123,6 +137,18 @@ def distribution_of(kind: str) -> str:
     """Return the name of the distribution that installs a kind."""
     (entry,) = entry_points(group=GROUP, name=kind)
     return _distribution(entry)
+
+
+def sheet_folders() -> list[Path]:
+    """Return the folders `sheets` of the packages of all kinds, where there are some."""
+    specs = (find_spec(kind.package) for kind in sensor_kinds().values())
+    folders = [
+        Path(location) / "sheets"
+        for spec in specs
+        if spec is not None
+        for location in spec.submodule_search_locations or ()
+    ]
+    return [folder for folder in folders if folder.is_dir()]
 
 
 def kind_of(spec: SensorSpec) -> SensorKind:

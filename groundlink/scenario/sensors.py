@@ -9,15 +9,23 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from msgspec import Meta
 
+from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec
+from groundlink.messages import base as messages
+from groundlink.messages import imagery
+from groundlink.messages.base import packed
+from groundlink.messages.navigation import NavSatFix, Odometry
+from groundlink.messages.reading_schedule import Calendar, Events
 
 from .cameras import Camera, Optics
 from .depth_cameras import DepthCamera, StereoCamera
 from .every_sensor import (
     MOUNT_FROM_OPTICAL,
     Address,
+    Carrier,
     Mount,
     Rate,
     Repair,
@@ -58,8 +66,8 @@ class Imu(SensorSpec, frozen=True, tag="imu"):
     """Accelerometer, gyroscope and orientation filter in one housing."""
 
     quantities: ClassVar = {
-        "acceleration": Quantity("m/s^2", ("x", "y", "z")),
-        "angular_velocity": Quantity("rad/s", ("x", "y", "z")),
+        "acceleration": Quantity("m/s^2", ("x", "y", "z"), "linear_acceleration_mps2"),
+        "angular_velocity": Quantity("rad/s", ("x", "y", "z"), "angular_velocity_radps"),
     }
     rate_hz: Rate = 400.0
     accelerometer: InertialNoise = InertialNoise()
@@ -71,6 +79,17 @@ class Imu(SensorSpec, frozen=True, tag="imu"):
     orientation_stddev_deg: NonNegative = 0.0
     noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
     """How normal numbers are made: by the polar method, as in the paper, or by numpy's ziggurat."""
+
+    def schedule(self) -> Calendar:
+        """Return when samples are due: the first window begins when the low passes are full."""
+        ticks = max(triad.low_pass_ticks for triad in (self.accelerometer, self.gyroscope))
+        filled = Events(self.rate_hz).at_or_after(TICK_NANOS * ticks)
+        return Events(self.rate_hz, filled + 1)
+
+    def largest_message(self, carrier: Carrier) -> messages.Imu:
+        """Return a sample; all are of one size."""
+        frame, still = carrier.frame_prefix + self.frame, (0.0, 0.0, 0.0)
+        return messages.Imu(0, frame, (0.0, 0.0, 0.0, 1.0), still, still, 0.0, 0.0, 0.0)
 
 
 class Encoders(SensorSpec, frozen=True, tag="encoders"):
@@ -124,13 +143,18 @@ class Encoders(SensorSpec, frozen=True, tag="encoders"):
         """Counts for one turn of the wheel, if none is missed."""
         return self.ticks_per_revolution * self.quadrature * self.pole_pairs * self.gear_ratio
 
+    def largest_message(self, carrier: Carrier) -> messages.WheelEncoders:
+        """Return the counters of all shafts."""
+        frame, shafts = carrier.frame_prefix + self.frame, carrier.shafts
+        return messages.WheelEncoders(0, frame, shafts, (0,) * len(shafts))
+
 
 class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True):
     """Where the motor controller believes to be, by the counters of its wheels alone."""
 
     mounted: ClassVar[bool] = False
     quantities: ClassVar = {
-        "position": Quantity("m", ("x", "y", "z")),
+        "position": Quantity("m", ("x", "y", "z"), "position_m"),
         "yaw": Quantity("rad"),
     }
 
@@ -156,6 +180,13 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
     skid_stddev_s: NonNegative | None = None
     """1 sigma of the skid velocity, along and sideways, for each m/s^2 of lateral acceleration
     (m/s), a constant of a run; none: that of the drive."""
+
+    def largest_message(self, carrier: Carrier) -> Odometry:
+        """Return an odometry; all are of one size."""
+        still, level = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+        frames = (carrier.frame_prefix + self.frame, carrier.frame_prefix + carrier.base_frame)
+        unsure = packed(np.zeros(36))
+        return Odometry(0, *frames, still, level, still, still, unsure, unsure)
 
 
 class PositionNoise(Spec, frozen=True):
@@ -226,6 +257,11 @@ class Gnss(SensorSpec, frozen=True, tag="gnss"):
     """Azimuth, clockwise from north, and elevation of each; they stand still. The default is made
     up."""
 
+    def largest_message(self, carrier: Carrier) -> NavSatFix:
+        """Return a fix; all are of one size."""
+        frame = carrier.frame_prefix + self.frame
+        return NavSatFix(0, frame, 0, 0, 0.0, 0.0, 0.0, packed(np.zeros(9)), 0)
+
 
 class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
     """A device that measures one distance: by ultrasound, or by infrared light in either way."""
@@ -275,3 +311,8 @@ class Range(SensorSpec, frozen=True, tag="range", kw_only=True):
                 f"`min_range_m` is {self.min_range_m:g}; expected less than `max_range_m`, "
                 f"{self.max_range_m:g}"
             )
+
+    def largest_message(self, carrier: Carrier) -> imagery.Range:
+        """Return a distance; all are of one size."""
+        frame = carrier.frame_prefix + self.frame
+        return imagery.Range(0, frame, self.radiation, 0.0, 0.0, 0.0, 0.0, 0.0)

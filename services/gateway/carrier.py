@@ -225,7 +225,9 @@ def rmw_zenoh(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
         raise UserError(f"`gateway.rmw_zenoh.connect`: {error}") from None
     with ros_bus as bus:
         wanted = [(each.msg_type, each.topic) for each in gateway.subscriptions]
-        gateway.native = RmwZenohBridge(bus, settings, gateway.pushed, wanted, gateway.latched)
+        gateway.native = RmwZenohBridge(
+            bus, settings, gateway.pushed, wanted, gateway.latched, gateway.typed
+        )
         yield
 
 

@@ -21,7 +21,7 @@ from groundlink.messages.base import (
     measured_nanos,
 )
 from groundlink.ros.base import Bases
-from groundlink.ros.cdr import to_cdr
+from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import Outgoing, outgoing
 from groundlink.scenario import Scenario
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox
@@ -32,13 +32,13 @@ from udp_bridge.wire.fragments import TooLarge
 from udp_bridge.wire.header import BadMessage as BadHeader
 from udp_bridge.wire.header import Refused
 from udp_bridge.wire.message import Message as WireMessage
-from udp_bridge.wire.types import CONTROL, SUBSCRIBE
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE, TYPED
 
 from .missing_readings import MissingReadingCounter
-from .reports import PeerReports, peer_counters, with_pushed_out
+from .reports import PeerReports, peer_counters, with_pushed_out, with_type
 from .rmw_zenoh import NoRmwZenohBridge, RmwZenohBridge
 from .ros_subscriptions import LATCHED, RosSubscriptions
-from .streams import wire_type
+from .streams import wire_body, wire_type
 from .subscribers import Address, Subscribers, TopicKey
 
 STALE_SLACK_NANOS = 100_000_000
@@ -73,6 +73,13 @@ class Gateway:
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
         self._place_in_ros = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
+        self.typed = {
+            place: CODECS[self.streams[key].message].ros_type
+            for key, place in self._place_in_ros.items()
+            if place[0] == TYPED
+        }
+        """ROS type of the streams that have no number on the wire."""
+
         self.peer = peer
         self._publish, self._on_run_command, self._replies = publish, on_run_command, replies
         self._scenario = scenario
@@ -223,6 +230,7 @@ class Gateway:
         topics = {key: stream.topic for key, stream in self.streams.items()}
         pushed_out = {topics[key]: count for key, count in dropped.items() if key in topics}
         rows = [with_pushed_out(row, pushed_out) for row in rows]
+        rows = [with_type(row, self.typed) for row in rows]
         counts = self.counts | self.missing_readings.counters()
         return rows, counts | peer_counters(self._reports.link)
 
@@ -247,9 +255,10 @@ class Gateway:
             stamp_nanos += message.clock_error_nanos
         if is_news:
             self.native.publish(place, stamp_nanos, cdr)
+        body = wire_body(place, message, cdr)
         for receiver in to:
             try:
-                link.send(msg_type, topic, frame, stamp_nanos, cdr, to=receiver)
+                link.send(msg_type, topic, frame, stamp_nanos, body, to=receiver)
             except TooLarge:
                 self.counts["too_large"] += 1
             except BadHeader:

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 
 from groundlink.bus.topics import sensor_outputs
 from groundlink.messages.base import Clock
-from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import Scenario
 
 COUNTER_PREFIX = "not_come_"
@@ -51,7 +50,7 @@ class MissingReadingCounter:
         self._due = {
             output.row.key_in(run, vehicle=vehicle.name, sensor=spec.name): (
                 output.ros_topic,
-                calendar(spec),
+                spec.schedule(),
             )
             for vehicle in scenario.vehicles
             for spec in vehicle.sensors

@@ -15,7 +15,9 @@ from groundlink.core.clock import NANOS
 from groundlink.messages.base import StreamReport
 from udp_bridge.sender.accounts import Account, arrived
 from udp_bridge.wire.control import NO_AGE, LinkReport, TopicReport
-from udp_bridge.wire.types import MSG_TYPES
+from udp_bridge.wire.types import MSG_TYPES, TYPED
+
+from .subscribers import TopicKey
 
 TO_ROS = "to ROS"
 FROM_ROS = "from ROS"
@@ -128,3 +130,9 @@ def _rate_hz(report: TopicReport | None) -> float | None:
 
 def _seconds(age_nanos: int) -> float | None:
     return None if age_nanos == NO_AGE else age_nanos / NANOS
+
+
+def with_type(row: StreamReport, typed: Mapping[TopicKey, str]) -> StreamReport:
+    """Return a report with the ROS type of a topic whose type has no number on the wire."""
+    ros_type = typed.get((TYPED, row.topic), "") if row.type == MSG_TYPES[TYPED].name else ""
+    return replace(row, type=ros_type.rpartition("/")[2]) if ros_type else row

@@ -11,7 +11,8 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections import deque
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from types import MappingProxyType
 
 from groundlink.bus.session import Bus
 from groundlink.ros.types import STORE
@@ -124,6 +125,8 @@ class RmwZenohBridge:
         wire type and topic of publishers and subscriptions.
     latched
         topics to ROS that are kept for late subscribers, and published only when they change.
+    typed
+        ROS types of topics whose type has no number on the wire.
     """
 
     def __init__(
@@ -133,6 +136,7 @@ class RmwZenohBridge:
         to_ros: Iterable[TopicKey],
         from_ros: Iterable[TopicKey],
         latched: Container[TopicKey] = (),
+        typed: Mapping[TopicKey, str] = MappingProxyType({}),
     ) -> None:
         domain, session = settings.domain_id, bus.identity
         self._publishers: dict[TopicKey, _Publisher] = {}
@@ -141,7 +145,7 @@ class RmwZenohBridge:
         rows = [(PUBLISHER, place) for place in to_ros]
         rows += [(SUBSCRIBER, place) for place in from_ros]
         for number, (kind, place) in enumerate(rows, 1):
-            ros_type, topic = str(MSG_TYPES[place[0]].ros_type), place[1]
+            ros_type, topic = typed.get(place) or str(MSG_TYPES[place[0]].ros_type), place[1]
             type_hash = type_hash_of(ros_type) if settings.type_hashes else NO_HASH
             is_latched = kind == PUBLISHER and place in latched
             token = endpoint_token(

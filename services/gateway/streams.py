@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Message
 from groundlink.messages.ground_truth import TruePoints
-from groundlink.ros.cdr import ROS_CODECS
+from groundlink.ros.cdr import CODECS, ROS_CODECS
+from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import Outgoing, answers_mistake
 from groundlink.scenario import Scenario
-from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.sensors import RepairBy
 from udp_bridge.sender.repair import Mode, parse_mode
 from udp_bridge.wire.lockstep import ExpectedResponse
-from udp_bridge.wire.types import NUMBER_OF_ROS_TYPE, type_number
+from udp_bridge.wire.typed import pack_typed
+from udp_bridge.wire.types import NUMBER_OF_ROS_TYPE, TYPED, type_number
+
+from .subscribers import TopicKey
 
 if TYPE_CHECKING:
     from .gateway import Gateway
@@ -25,8 +28,15 @@ TF_MESSAGE = type_number("TFMessage")
 
 
 def wire_type(message: type[Message], ros_type: str = "") -> int:
-    """Return the wire type of the ROS message that corresponds to a message of the bus."""
-    return NUMBER_OF_ROS_TYPE[ros_type or ROS_CODECS[message].ros_type]
+    """Return the wire type of a stream's ROS type; `TYPED` for a ROS type without a number."""
+    return NUMBER_OF_ROS_TYPE.get(ros_type or ROS_CODECS[message].ros_type, TYPED)
+
+
+def wire_body(place: TopicKey, message: Message, cdr: memoryview) -> memoryview:
+    """Return the body that the wire carries: the CDR; for `TYPED`, the type's name before it."""
+    if place[0] != TYPED:
+        return cdr
+    return memoryview(pack_typed(CODECS[type(message)].ros_type, cdr))
 
 
 def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:

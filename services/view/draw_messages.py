@@ -23,6 +23,7 @@ from groundlink.messages.ground_truth import TruePoints
 from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import READERS
 from groundlink.ros.types import STORE
+from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 from groundlink.scenario.sensors import Encoders, Lidar
 
 from . import draw_imagery, draw_ros_messages
@@ -306,3 +307,10 @@ FORMS: dict[type[Message], Form] = {
     Relayed: relayed,
 }
 """Every message of a vehicle that is drawn. States, clock and health are not a vehicle's."""
+
+FORMS |= {
+    message: load_reference(support.drawing)
+    for kind in sensor_kinds().values()
+    for message, support in kind.messages.items()
+    if support.drawing
+}

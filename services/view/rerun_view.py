@@ -103,7 +103,10 @@ class RerunView:
         """Draw a message of a vehicle; without a state before it there is no sim time for it."""
         history = self.context.vehicles.get(path.partition("/")[0])
         if self.context.epoch_nanos is not None and history is not None:
-            FORMS[stream.message](self.context, history, path, message)
+            if draw := FORMS.get(stream.message):
+                draw(self.context, history, path, message)
+            else:
+                self.context.not_drawn += 1
 
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Show how a process is."""

@@ -23,7 +23,7 @@ from groundlink.bus.topics import GAPS, sensor_outputs
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Clock, Health, Message, decode, measured_nanos
 from groundlink.messages.missing_readings import Gap, Gaps
-from groundlink.messages.reading_schedule import Calendar, calendar
+from groundlink.messages.reading_schedule import Calendar
 from groundlink.process.joining import join
 from services.gateway.missing_readings import COUNTER_PREFIX
 from tests.system.rig import wait_for
@@ -90,7 +90,7 @@ class Ledger:
             for spec in vehicle.sensors:
                 name = f"{vehicle.name}/{spec.name}"
                 main = next(output for output in sensor_outputs(spec) if not output.name)
-                sensor = self._sensors[name] = _Sensor(calendar(spec), main.ros_topic)
+                sensor = self._sensors[name] = _Sensor(spec.schedule(), main.ros_topic)
                 key = main.row.key_in(run, vehicle=vehicle.name, sensor=spec.name)
                 self._sensor_of[key] = sensor
                 self._bus.subscribe(key, main.row.message, inbox)

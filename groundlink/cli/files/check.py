@@ -17,11 +17,11 @@ from groundlink.bus.topics import driver_name
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.core.errors import UserError
 from groundlink.loader import load
+from groundlink.ros.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.ros.streams import answers_mistake
 from groundlink.run import routes
-from groundlink.scenario.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Lidar, Lidar2d, SensorSpec
+from groundlink.scenario.sensors import RotatingLidar, SensorSpec
 from groundlink.world.build import solids, world_hash
 
 
@@ -134,7 +134,7 @@ def _warning(scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, found: Cu
 
 def _fix(vehicle: Vehicle, sensor: SensorSpec, scenario: Scenario, otherwise: str) -> str:
     block_deg = None
-    if isinstance(sensor, Lidar | Lidar2d):
+    if isinstance(sensor, RotatingLidar):
         block_deg = fitting_block_deg(vehicle, sensor, scenario.gateway)
     if block_deg is None:
         return otherwise

@@ -19,12 +19,11 @@ import msgspec
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader.datasheets import (
-    FOLDER,
     CheckedDatasheet,
     load_datasheet,
     shipped_datasheets,
 )
-from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.scenario_files import SHEETS, SHIPPED
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
 
@@ -57,7 +56,7 @@ def sensors(options: argparse.Namespace) -> int:
             lines += textwrap.wrap(figures, width, max_lines=2, placeholder=" ...")
             for head, line in itertools.zip_longest([f"  {sheet.name} "], lines, fillvalue=""):
                 print(f"{head:{INDENT}}{line}")
-    print(f"\nDetails: `groundlink sensors show NAME`. Files: {SHIPPED / FOLDER}")
+    print(f"\nDetails: `groundlink sensors show NAME`. Files: {SHIPPED / SHEETS}")
     return 0
 
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.missing_readings import CAUSES, Gaps
-from groundlink.messages.reading_schedule import calendar
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import SensorSpec
 
@@ -66,7 +65,7 @@ class StreamCompleteness:
         told_nanos: int,
     ) -> None:
         self.sensor, self.output, self.topic = sensor, output, topic
-        self._calendar = calendar(spec)
+        self._calendar = spec.schedule()
         self._first = max(self._calendar.at_or_after(first_nanos), self._calendar.first)
         end = max(self._calendar.at_or_after(last_nanos + 1), self._first)
         self._told = self._calendar.at_or_after(told_nanos)

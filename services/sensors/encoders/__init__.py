@@ -8,5 +8,7 @@ from groundlink.scenario.sensors import Encoders
 KIND = SensorKind(
     spec=Encoders,
     streams={"": WheelEncoders},
+    check="services.sensors.encoders.checks:problems",
     model="services.sensors.encoders.model:EncodersModel",
+    disturb={"ticks": "services.sensors.encoders.fault_effects:offset_ticks"},
 )

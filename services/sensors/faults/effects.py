@@ -23,13 +23,12 @@ from groundlink.messages.missing_readings import Cause
 from groundlink.scenario import faults as specs
 
 from .fault_context import Circumstances
-from .quantities import QUANTITIES, Offsets
-from .sectors import COVERED
+from .offsets import Offsets, changes_of, cover_of
 
 
 def _offset(reading: Reading, fault: specs.Disturbance, offsets: Offsets) -> Reading:
     """Add numbers to the fault's quantity."""
-    changes = QUANTITIES[type(reading)]
+    changes = changes_of(type(reading))
     changed: Reading = changes[fault.quantity or next(iter(changes))](reading, offsets)
     return changed
 
@@ -62,7 +61,7 @@ def _noise_burst(fault: specs.NoiseBurst, reading: Reading, now: Circumstances) 
 
 def _occluded_sector(fault: specs.OccludedSector, reading: Reading, now: Circumstances) -> Reading:
     begin, width = math.radians(fault.from_deg), math.radians(fault.width_deg)
-    covered: Reading = COVERED[type(reading)](reading, begin, width)
+    covered: Reading = cover_of(type(reading))(reading, begin, width)
     return covered
 
 

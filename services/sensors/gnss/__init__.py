@@ -8,7 +8,9 @@ from groundlink.scenario.sensors import Gnss
 KIND = SensorKind(
     spec=Gnss,
     streams={"": NavSatFix},
+    check="services.sensors.gnss.checks:problems",
     model="services.sensors.gnss.model:GnssModel",
     native="services.sensors.gnss.model:nmea_device",
     sees_world=True,
+    disturb={"position": "services.sensors.gnss.fault_effects:offset_position"},
 )

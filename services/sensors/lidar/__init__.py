@@ -16,4 +16,6 @@ KIND = SensorKind(
     native="services.sensors.lidar.vlp16:vlp16_device",
     sees_world=True,
     bulky=True,
+    disturb={"range": "services.sensors.lidar.fault_effects:offset_range"},
+    cover="services.sensors.lidar.fault_effects:cover",
 )

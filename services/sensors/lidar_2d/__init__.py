@@ -10,4 +10,6 @@ KIND = SensorKind(
     streams={"": LaserScan},
     model="services.sensors.lidar_2d.model:Lidar2dModel",
     sees_world=True,
+    disturb={"range": "services.sensors.lidar_2d.fault_effects:offset_range"},
+    cover="services.sensors.lidar_2d.fault_effects:cover",
 )

@@ -10,4 +10,5 @@ KIND = SensorKind(
     streams={"": Range},
     model="services.sensors.range.model:RangeModel",
     sees_world=True,
+    disturb={"range": "services.sensors.range.fault_effects:offset_range"},
 )

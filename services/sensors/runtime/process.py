@@ -20,7 +20,6 @@ from groundlink.core.extras import needs
 from groundlink.messages.base import Message
 from groundlink.messages.faults import counted
 from groundlink.messages.missing_readings import counters_of
-from groundlink.messages.reading_schedule import calendar
 from groundlink.process import runner as process
 from groundlink.process.joining import changed_world, join_world
 from groundlink.process.name_claim import claim_name
@@ -137,7 +136,7 @@ def follower(
     )
 
     tell_gaps = publisher(GAPS.key_in(run_name, process=name), GAPS.delivery)
-    account = Account(name, calendar(spec), publish, tell_gaps)
+    account = Account(name, spec.schedule(), publish, tell_gaps)
 
     def renew(world: str) -> bool:
         changed = changed_world(bus, run_name, world)

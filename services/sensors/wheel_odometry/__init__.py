@@ -8,5 +8,7 @@ from groundlink.scenario.sensors import WheelOdometry
 KIND = SensorKind(
     spec=WheelOdometry,
     streams={"": Odometry},
+    check="services.sensors.wheel_odometry.checks:problems",
     model="services.sensors.wheel_odometry.model:WheelOdometryModel",
+    disturb={"yaw": "services.sensors.wheel_odometry.fault_effects:offset_yaw"},
 )

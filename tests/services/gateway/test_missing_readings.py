@@ -8,13 +8,12 @@ import pytest
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Clock
-from groundlink.messages.reading_schedule import calendar
 from services.gateway.missing_readings import MissingReadingCounter
 
 SCENARIO = load(SHIPPED / "indoor_lab.yaml")
 VEHICLE = SCENARIO.vehicles[0]
 STREAMS = {"lidar": "/points", "imu": "/imu", "encoders": "/wheel_encoders"}
-DUE = {spec.name: calendar(spec) for spec in VEHICLE.sensors}
+DUE = {spec.name: spec.schedule() for spec in VEHICLE.sensors}
 SECOND = 1_000_000_000
 
 

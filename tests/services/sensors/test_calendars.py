@@ -17,7 +17,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Message, State, encode, measured_nanos, packed
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import Gaps
-from groundlink.messages.reading_schedule import Calendar, calendar
+from groundlink.messages.reading_schedule import Calendar
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.lenses import Imager
@@ -178,7 +178,7 @@ class Fed:
     def __init__(self, spec: SensorSpec, *, patience_ticks: int | None = None) -> None:
         rover = replace(MADE.vehicles[0], sensors=(COUNTED, spec))
         self.model = KINDS[type(spec)][1](replace(MADE, vehicles=(rover,)), rover, spec)
-        self.due: Calendar = calendar(spec)
+        self.due: Calendar = spec.schedule()
         self.came: dict[str, dict[int, bytes]] = {o.name: {} for o in sensor_outputs(spec)}
         self.missing: dict[str, dict[int, str]] = {name: {} for name in self.came}
         self.process = SensorProcess(

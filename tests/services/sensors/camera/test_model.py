@@ -13,9 +13,9 @@ from msgspec.structs import replace
 from groundlink.core.frames import transform
 from groundlink.messages.base import BadMessage, Message, State
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing, static_transforms
 from groundlink.scenario.lenses import Imager, Lens
-from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel

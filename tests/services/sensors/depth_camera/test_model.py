@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from groundlink.messages.base import BadMessage, Message, PointCloud, State
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
 from groundlink.scenario.depth_cameras import ColorStream
-from groundlink.scenario.message_sizes import body_bytes
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
 from services.sensors.rendering.cameras.eye import Eye

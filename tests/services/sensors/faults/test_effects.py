@@ -31,8 +31,7 @@ from groundlink.scenario.faults import (
 )
 from groundlink.scenario.sensor_kinds import sensor_kinds
 from services.sensors.faults.effects import EFFECTS
-from services.sensors.faults.quantities import QUANTITIES
-from services.sensors.faults.sectors import COVERED
+from services.sensors.faults.offsets import changes_of, cover_of
 from tests.services.sensors.broken import (
     EPOCH_NANOS,
     READINGS,
@@ -88,10 +87,11 @@ VALUES: dict[tuple[type[Reading], str], tuple[Values, Any, Any]] = {
 def test_every_sensor_has_its_quantities_and_every_kind_its_effect() -> None:
     for kind in sensor_kinds().values():
         message = kind.streams[""]
-        assert list(kind.spec.quantities) == list(QUANTITIES[message]), kind  # type: ignore[index]
-        assert kind.spec.turns == (message in COVERED)
-    assert {(m, name) for m, names in QUANTITIES.items() for name in names} == set(VALUES)
-    assert set(QUANTITIES) == set(READINGS) == set(Reading.__subclasses__())
+        assert list(kind.spec.quantities) == list(changes_of(message)), kind
+        assert not kind.cover or callable(cover_of(message))
+    found = {(message, name) for message in READINGS for name in changes_of(message)}
+    assert found == set(VALUES)
+    assert set(READINGS) == set(Reading.__subclasses__())
     assert set(EFFECTS) == set(KINDS.values())
 
 

@@ -13,8 +13,8 @@ from scipy import stats
 
 from groundlink.messages.base import BadMessage, encode
 from groundlink.ros.cdr import to_cdr
+from groundlink.ros.message_sizes import body_bytes, fitting_block_deg
 from groundlink.ros.types import STORE
-from groundlink.scenario.message_sizes import body_bytes, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar2d
 from tests.services.sensors.lidar import rooms

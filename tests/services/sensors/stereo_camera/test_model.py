@@ -12,10 +12,10 @@ from msgspec.structs import replace
 
 from groundlink.messages.base import Message, State, packed
 from groundlink.messages.imagery import Image
+from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
 from groundlink.scenario.depth_cameras import StereoCamera
 from groundlink.scenario.lenses import Imager, Lens
-from groundlink.scenario.message_sizes import body_bytes
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel

@@ -18,8 +18,8 @@ from groundlink.messages.base import packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages.imagery import Image
 from groundlink.ros.cdr import to_cdr
+from groundlink.ros.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
-from groundlink.scenario.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.scenario.ros_side import Gateway
 from groundlink.scenario.sensors import Lidar
 from udp_bridge.wire.fragments import TooLarge, plan

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Offsets that faults add to the numbers of a reading, for every installed kind of sensor.
+
+A value that is none (NaN, infinite) stays as it is. Covariances stay: a broken device does not know
+that it is broken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.core.frames import Floats
+from groundlink.messages.base import Message, Reading
+from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
+
+Offsets = Callable[[int, int], Floats]
+"""From numbers of measurements and of components to what is added, in this shape."""
+
+Change = Callable[[Any, Offsets], Any]
+"""Returns a reading with offsets added to one of its quantities."""
+
+
+@cache
+def changes_of(message: type[Message]) -> dict[str, Change]:
+    """Return how to add to each quantity of a message, the first being the default one."""
+    changes: dict[str, Change] = {}
+    for kind in sensor_kinds().values():
+        if kind.streams[""] is message:
+            for name, quantity in kind.spec.quantities.items():
+                if name in kind.disturb:
+                    changes[name] = load_reference(kind.disturb[name])
+                else:
+                    changes[name] = partial(_add, quantity.field, len(quantity.components))
+    return changes
+
+
+@cache
+def cover_of(message: type[Message]) -> Callable[[Any, float, float], Any]:
+    """Return what takes a sector, its begin and width in radians, out of a message."""
+    covers = (k.cover for k in sensor_kinds().values() if k.cover and k.streams[""] is message)
+    cover: Callable[[Any, float, float], Any] = load_reference(next(covers))
+    return cover
+
+
+def _add(field: str, components: int, reading: Reading, offsets: Offsets) -> Reading:
+    """Add to a field that holds one number, or one for each component."""
+    summed = (np.array(getattr(reading, field)) + offsets(1, components or 1)[0]).tolist()
+    return replace(reading, **{field: tuple(summed) if components else summed[0]})
+
+
+def within_limits(range_m: Floats, least_m: float, most_m: float) -> Floats:
+    """Return distances as a device with limits says them (REP 117)."""
+    finite = np.isfinite(range_m)
+    told = np.where(finite & (range_m > most_m), np.inf, range_m)
+    return np.where(finite & (range_m < least_m), -np.inf, told)

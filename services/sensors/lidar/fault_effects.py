@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effects of faults on a cloud: wrong ranges, a covered sector."""
+
+from __future__ import annotations
+
+import numpy as np
+from msgspec.structs import replace
+
+from groundlink.messages.base import PointCloud, packed
+from services.sensors.faults.offsets import Offsets
+from services.sensors.faults.sectors import within
+
+
+def offset_range(cloud: PointCloud, offsets: Offsets) -> PointCloud:
+    """Move points along the line from the sensor's origin; what comes behind it is gone."""
+    points = cloud.records()
+    range_m = np.sqrt(sum(points[axis].astype(np.float64) ** 2 for axis in "xyz"))
+    moved_m = range_m + offsets(len(points), 1)[:, 0]
+    left = (moved_m > 0) & (range_m > 0)
+    points = points[left].copy()
+    scale = moved_m[left] / range_m[left]
+    for axis in "xyz":
+        points[axis] = points[axis] * scale
+    return replace(cloud, points=packed(points))
+
+
+def cover(cloud: PointCloud, begin_rad: float, width_rad: float) -> PointCloud:
+    """Take out the points of a sector."""
+    points = cloud.records()
+    azimuth = np.arctan2(points["y"], points["x"], dtype=np.float64)
+    return replace(cloud, points=packed(points[~within(azimuth, begin_rad, width_rad)]))
