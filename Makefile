@@ -54,7 +54,7 @@ nightly: setup ## run what takes too long for each change: mutants, fuzzers, ben
 
 fuzz: setup ## run each fuzzer for a minute
 	@$(BIN)/python -m fuzz.guided --seconds 60
-	@$(BIN)/python -m fuzz.runs --seconds 60
+	@$(BIN)/python -m fuzz.batches --seconds 60
 	@$(BIN)/python -m fuzz.sequences --seconds 60
 
 experiments: setup ## run the experiments of the paper with third-party SLAM programs (NAMES=..., SHORT=1)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that throw garbage at a part of the system; the property is each one's first line."""
+"""Fuzzers: each is a command whose first docstring line states the property that it checks."""

@@ -2,9 +2,9 @@
 """Conversation of several senders and one receiver, with loss, restarts and forged datagrams.
 
 Senders and receiver are the real ones (`Outbox`, `Inbox`); time and the network are simulated. Each
-method is one event. After each event the receiver keeps its limits, what it asks for can be parsed,
-and a body of an honest sender is handed over unchanged and at most once. `sequences` and the
-stateful test of `tests/udp_bridge` choose the events.
+method is one event. Invariants: the receiver keeps its limits, its requests can be parsed, and a
+body of an honest sender is delivered unchanged and at most once. `sequences` and the stateful test
+of `tests/udp_bridge` choose the events.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ START_NANOS = 1_000_000 * NANOS
 LARGEST_BODY = 12_000
 DATAGRAM = 256
 LOST, TWICE, HELD = 1, 2, 3
-"""Fates of a datagram in the lowest two bits; 0 is a datagram that arrives."""
+"""What the network does with a datagram, in the lowest two bits; 0: it arrives."""
 ANSWER_LOST = 4
-"""Bit of a fate: what the receiver answers does not arrive."""
-LONGEST_WAY_NANOS = 500 * MS
-"""Networks delay nothing by more; after 1 s of silence a low number is a restart."""
+"""Bit: the receiver's answer does not arrive."""
+LONGEST_DELAY_NANOS = 500 * MS
+"""Of the network; after 1 s of silence a low number is a restart."""
 CLOCK_SHIFTS_NANOS = (0, -MS, -NANOS, -100 * NANOS, NANOS, 100 * NANOS)
 _RESEND = Resend(500 * MS)
 MODES: tuple[Mode, ...] = (_RESEND, _RESEND, Fec(0.5) if is_available() else _RESEND)
 
 
 class Forgery(NamedTuple):
-    """A datagram made up from small numbers, most of them near those of honest senders."""
+    """A forged datagram, described by small numbers near those of honest senders."""
 
     sender: int
     msg_type: int
     number: int
-    """Added to the newest number of the sender."""
+    """Relative to the newest number of the sender."""
     seconds: int
-    """Added to the sender's clock."""
+    """Relative to the sender's clock."""
     part_number: int
     parts_max: int
     topic: str
@@ -58,58 +58,58 @@ class Forgery(NamedTuple):
 
 
 class Sender:
-    """One sender over all its restarts."""
+    """One sender, across its restarts."""
 
     def __init__(self, index: int) -> None:
         self.address: Address = (f"192.0.2.{index + 1}", index + 1)
         self.clock_shift_nanos = 0
         self.count = 0
-        """Messages of all lives."""
-        self.life_count = 0
+        """Messages since the beginning."""
+        self.count_since_restart = 0
         self.bodies: dict[bytes, int] = {}
-        """How often each body was handed over."""
+        """How often each body was delivered."""
         self.held: list[tuple[int, bytes]] = []
-        """Datagrams that others overtake, and when they left."""
+        """Delayed datagrams, and when they were sent."""
         self.mode = MODES[index]
         self.back: Inbox
-        """Takes what the receiver answers to this life."""
+        """Takes the receiver's answers since the last restart."""
         self.restart()
 
     def restart(self) -> None:
-        """Begin with number 0; what is held is lost, as a restart takes longer than the way."""
-        self.life_count = 0
+        """Restart from number 0; delayed datagrams are lost."""
+        self.count_since_restart = 0
         self.held.clear()
         self.outbox = Outbox(RECEIVER, DATAGRAM, repair={(1, "/p"): self.mode})
 
     def make(self, size: int, stamp_nanos: int) -> Message:
-        """Return a message with a body that no other one has."""
+        """Return a message with a unique body."""
         self.count += 1
-        self.life_count += 1
+        self.count_since_restart += 1
         body = (b"%s %d " % (self.address[0].encode(), self.count) * size)[:size]
         self.bodies[body] = 0
         return Message(1, "/p", "l", stamp_nanos, 0, body)
 
 
 class Conversation:
-    """A receiver and its senders; `AssertionError` when an invariant does not hold."""
+    """A receiver and its senders; `AssertionError` if an invariant does not hold."""
 
     def __init__(self) -> None:
         self.now_nanos = 0
         self.senders = [Sender(index) for index in range(SENDERS)]
         self.inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None, limits=LIMITS)
         for sender in self.senders:
-            sender.back = self._back(sender)
+            sender.back = self._back_inbox(sender)
 
     def send(self, index: int, size: int) -> None:
         """Queue a message of 1 to `LARGEST_BODY` bytes."""
         sender = self.senders[index]
         sender.outbox.put(sender.make(32 + size % (LARGEST_BODY - 32), self._clock(sender)))
 
-    def transfer(self, index: int, fates: list[int]) -> None:
-        """Let datagrams leave, each with its fate; those held before arrive behind them."""
+    def transfer(self, index: int, actions: list[int]) -> None:
+        """Send datagrams, with one network action each; those held before arrive after them."""
         sender = self.senders[index]
         held, sender.held = sender.held, []
-        for fate in fates:
+        for action in actions:
             datagram = sender.outbox.take(self.now_nanos)
             if datagram is None:
                 wake_nanos = sender.outbox.next_wake(self.now_nanos)
@@ -119,34 +119,34 @@ class Conversation:
                 continue
             data = datagram.header + bytes(datagram.part)
             self.now_nanos += MS // 100
-            copies = {LOST: 0, HELD: 0, TWICE: 2}.get(fate & 3, 1)
+            copies = {LOST: 0, HELD: 0, TWICE: 2}.get(action & 3, 1)
             for _ in range(copies):
-                self._arrive(index, data, is_answered=not fate & ANSWER_LOST)
-            if fate & 3 == HELD:
+                self._arrive(index, data, is_answered=not action & ANSWER_LOST)
+            if action & 3 == HELD:
                 sender.held.append((self.now_nanos, data))
-        for left_nanos, data in held:
-            if self.now_nanos - left_nanos < LONGEST_WAY_NANOS:
+        for sent_nanos, data in held:
+            if self.now_nanos - sent_nanos < LONGEST_DELAY_NANOS:
                 self._arrive(index, data)
 
     def restart(self, index: int, shift: int) -> None:
-        """Restart a sender, with its clock set."""
+        """Restart a sender, with its clock shifted."""
         sender = self.senders[index]
         sender.clock_shift_nanos += CLOCK_SHIFTS_NANOS[shift % len(CLOCK_SHIFTS_NANOS)]
         sender.restart()
-        sender.back = self._back(sender)
+        sender.back = self._back_inbox(sender)
 
     def wait(self, ms: int) -> None:
-        """Let time pass while nothing arrives."""
+        """Advance time while nothing arrives."""
         self.now_nanos += ms * MS
         self.inbox.reassembler.expire(self.now_nanos)
 
     def forge(self, forgery: Forgery) -> None:
-        """Let a forged datagram arrive in the name of a sender that is not `HONEST`."""
+        """Deliver a forged datagram in the name of a sender that is not `HONEST`."""
         index = forgery.sender % SENDERS
         if index == HONEST:
             return
         sender = self.senders[index]
-        number = (sender.life_count + forgery.number) % SEQ_NUMBERS
+        number = (sender.count_since_restart + forgery.number) % SEQ_NUMBERS
         seconds = self._clock(sender) // NANOS + forgery.seconds
         header = Header(
             forgery.msg_type,
@@ -161,15 +161,15 @@ class Conversation:
         self._arrive(index, header.pack() + forgery.body)
 
     def end(self) -> None:
-        """Check that a new sender gets its message through, and that nothing is held at the end."""
+        """Check that a new sender gets its message through, and that nothing stays held."""
         fresh = Outbox(RECEIVER, DATAGRAM)
         fresh.put(Message(1, "/p", "", START_NANOS, 0, bytes(2000)))
-        came = 0
+        delivered = 0
         while (datagram := fresh.take(self.now_nanos)) is not None:
             data = memoryview(datagram.header + bytes(datagram.part))
             message, _ = self.inbox.receive(data, ("192.0.2.8", 8), self.now_nanos)
-            came += message is not None
-        assert came == 1
+            delivered += message is not None
+        assert delivered == 1
         self.inbox.reports(self.now_nanos, START_NANOS)
         self.inbox.reassembler.give_up_all()
         assert self.inbox.reassembler.memory_bytes == 0
@@ -177,8 +177,8 @@ class Conversation:
     def _clock(self, sender: Sender) -> int:
         return START_NANOS + self.now_nanos + sender.clock_shift_nanos + sender.count
 
-    def _back(self, sender: Sender) -> Inbox:
-        """Return what receives the answers to a life of a sender."""
+    def _back_inbox(self, sender: Sender) -> Inbox:
+        """Return the inbox for the answers to a sender since its restart."""
         outbox = sender.outbox
         return Inbox(
             receive_buffer=1 << 16,
@@ -195,7 +195,7 @@ class Conversation:
             body = bytes(message.body)
             assert body in sender.bodies, "a body that nobody sent"
             sender.bodies[body] += 1
-            assert sender.bodies[body] == 1, "a message was handed over twice"
+            assert sender.bodies[body] == 1, "a message was delivered twice"
         assert 0 <= self.inbox.reassembler.memory_bytes <= LIMITS.memory_bytes
         answers = self.inbox.requests(self.now_nanos)
         for answer, _ in answers:

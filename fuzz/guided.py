@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever arrives, headers pack to what they were parsed from, and refused ones change nothing.
+"""Fuzz header and reassembler by coverage: headers round-trip, refused datagrams change nothing.
 
-`python -m fuzz.guided [--seconds S] [--runs N] [--corpus DIR]` looks for datagrams that break
-that, or raise, or exceed a limit, by coverage of header, reassembly and what they use (atheris;
-Linux on x86-64). It begins with the vectors. An input is a row of arrivals: sender, pause in
-units of 10 ms, size as uint16, datagram. What fails is left as a file `crash-*`, to be given
-back as argument: `python -m fuzz.guided crash-...`.
+`python -m fuzz.guided [--seconds S] [--runs N] [--corpus DIR]` searches for datagrams that break
+this, raise, or exceed a limit (atheris; Linux on x86-64). It starts from the vectors. An input is a
+sequence of arrivals: sender, pause in units of 10 ms, size as uint16, datagram. A failing input is
+written to `crash-*`; `python -m fuzz.guided crash-...` repeats it.
 """
 
 from __future__ import annotations
@@ -25,29 +24,28 @@ with atheris.instrument_imports(include=["udp_bridge"]):
 
 from udp_bridge.wire.capture import datagrams
 
-from .twins import SENDERS, Twins
+from .reassembly import SENDERS, VECTORS, ReassemblerPair
 
-VECTORS = Path(__file__).parents[1] / "tests" / "vectors"
 ARRIVAL = struct.Struct("<BBH")
 PAUSE_NANOS = 10_000_000
 LARGEST_INPUT = 1 << 16
 
 
 def arrive(data: bytes) -> None:
-    """Let all arrivals of an input come; `AssertionError` where the property does not hold."""
-    twins = Twins()
+    """Pass all arrivals of an input; `AssertionError` where the property does not hold."""
+    pair = ReassemblerPair()
     view = memoryview(data)
     while len(view) >= ARRIVAL.size:
         sender, pause, size = ARRIVAL.unpack_from(view)
         datagram = bytes(view[ARRIVAL.size : ARRIVAL.size + size])
         view = view[ARRIVAL.size + size :]
         check_header(datagram)
-        twins.feed(datagram, sender % SENDERS, pause * PAUSE_NANOS)
-    twins.end()
+        pair.feed(datagram, sender % SENDERS, pause * PAUSE_NANOS)
+    pair.end()
 
 
 def check_header(datagram: bytes) -> None:
-    """Check that a header that is understood packs to the same bytes, but for the padding."""
+    """Check that a valid header packs to the same bytes, except for the padding."""
     try:
         header, offset = parse(datagram)
     except Refused:
@@ -72,7 +70,7 @@ def fuzz(
     largest_input: int,
     seeds: Callable[[Path], None] = lambda _: None,
 ) -> int:
-    """Fuzz until the time is over, in a child, because libFuzzer ends its process at once.
+    """Fuzz until the time is over, in a child process, because libFuzzer exits its process.
 
     Parameters
     ----------
@@ -87,9 +85,9 @@ def fuzz(
     """
     parser = argparse.ArgumentParser(prog=f"python -m {program}")
     parser.add_argument("--seconds", type=int, default=60)
-    parser.add_argument("--runs", type=int, default=-1, help="end after so many inputs")
-    parser.add_argument("--corpus", type=Path, help="folder that keeps what was found")
-    parser.add_argument("crash", nargs="*", help="inputs to run once instead")
+    parser.add_argument("--runs", type=int, default=-1, help="end after this many inputs")
+    parser.add_argument("--corpus", type=Path, help="folder that keeps the inputs found")
+    parser.add_argument("crash", nargs="*", help="inputs to run once")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         corpus = arguments.corpus or Path(folder) / "corpus"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The C extension modules do nothing that AddressSanitizer or UBSan reports.
+"""Test the C extension modules with AddressSanitizer and UBSan.
 
 `python -m fuzz.sanitized [PYTEST ARGUMENTS]` compiles every extension module of both
 `pyproject.toml` files with the sanitizers into a temporary folder and runs tests on them, by
-default those that exercise the C code most. The installed modules stay as they are. Needs gcc.
+default those that exercise the C code most. The installed modules do not change. Needs gcc.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ TESTS = (
     "tests/udp_bridge/io/test_batch_io.py",
     "tests/udp_bridge/test_orders.py",
     "tests/udp_bridge/io/test_credit_mailbox.py",
-    "tests/bridge/test_fuzz.py::test_runs_of_parts_give_what_single_datagrams_give",
+    "tests/bridge/test_fuzz.py::test_batches_of_parts_give_what_single_datagrams_give",
     "tests/services/sensors/rays",
     "tests/services/sensors/scanning",
-    # Embree itself has no sanitizers; one of its tests shows that what it is given is well.
+    # Embree itself is not sanitized; one of its tests checks the data that is passed to it.
     *("-k", "not Embree or test_static_world"),
 )
 SANITIZERS = (
     *("-O1", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined"),
-    # A local variable without a value is zero here, so that what depends on it is repeatable.
+    # Uninitialized local variables are zero, so that a failure is reproducible.
     *("-fno-sanitize-recover=all", "-ftrivial-auto-var-init=zero"),
 )
 _FOLDER = "GROUNDLINK_SANITIZED"
@@ -70,7 +70,7 @@ class Finder(importlib.abc.MetaPathFinder):
 
 def run(arguments: Sequence[str], folder: Path) -> int:
     """Run tests on the modules in a folder, in a process of its own; return its exit code."""
-    # The C++ runtime has to be there first, so that the exceptions of other libraries are found.
+    # The C++ runtime must be loaded first, so that exceptions of other libraries are caught.
     runtimes = [
         subprocess.run(
             ["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True
@@ -79,8 +79,8 @@ def run(arguments: Sequence[str], folder: Path) -> int:
     ]
     child = {
         "LD_PRELOAD": " ".join(runtimes),
-        # Python itself never frees everything. Short stacks and a small store of what was freed
-        # halve the time.
+        # Python itself never frees everything. Short stacks and a small quarantine halve the
+        # time.
         "ASAN_OPTIONS": "detect_leaks=0:malloc_context_size=8:quarantine_size_mb=32",
         "UBSAN_OPTIONS": "print_stacktrace=1",
         _FOLDER: str(folder),

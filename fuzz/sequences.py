@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever senders, a lossy network and forgers do one after the other, a receiver stays sound.
+"""Fuzz whole conversations by coverage: senders, a lossy network, restarts and forgers.
 
-`python -m fuzz.sequences [--seconds S] [--runs N] [--corpus DIR]` looks for a sequence of events
-that breaks an invariant of `conversation` or raises, by coverage of the bridge (atheris; Linux on
-x86-64). The bytes of an input decide on the events: messages, transfers with loss, copies and
-overtaking, restarts with the clock set, pauses, and forged datagrams of every type. What fails is
-left as a file `crash-*`, to be given back as argument: `python -m fuzz.sequences crash-...`.
+`python -m fuzz.sequences [--seconds S] [--runs N] [--corpus DIR]` searches for a sequence of events
+that breaks an invariant of `conversation` or raises (atheris; Linux on x86-64). The bytes of an
+input choose the events: messages, transfers with loss, duplicates and reordering, restarts with a
+changed clock, pauses, and forged datagrams of every type. A failing input is written to `crash-*`;
+`python -m fuzz.sequences crash-...` repeats it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _BODIES = {
     64: b"\0\1\2\3\4\5\6\7",
     65: b"\0\0\0\1",
 }
-"""First bytes of a forged body by type: kinds that there are."""
+"""First byte of a forged body by type: the valid kinds."""
 
 
 def converse(data: bytes) -> None:
-    """Let the events of an input happen."""
+    """Run the events of an input."""
     choose = atheris.FuzzedDataProvider(data)
     conversation = Conversation()
 

@@ -28,7 +28,7 @@ SECONDS = st.sampled_from([0, 0, -1, 1, 1 << 31])
 PARTS = st.sampled_from([1, 2, 3, 30, 255])
 PART = st.integers(0, 254)
 SIZE = st.sampled_from([0, 500, 3000, LARGEST_BODY - 33])
-FATES = st.lists(st.sampled_from([0, 0, 0, LOST, LOST, TWICE, HELD, ANSWER_LOST]), min_size=5)
+ACTIONS = st.lists(st.sampled_from([0, 0, 0, LOST, LOST, TWICE, HELD, ANSWER_LOST]), min_size=5)
 
 
 class Conversations(RuleBasedStateMachine):
@@ -38,14 +38,14 @@ class Conversations(RuleBasedStateMachine):
         super().__init__()
         self.conversation = Conversation()
 
-    @rule(index=INDEX, size=SIZE, fates=FATES)
-    def send(self, index: int, size: int, fates: list[int]) -> None:
+    @rule(index=INDEX, size=SIZE, actions=ACTIONS)
+    def send(self, index: int, size: int, actions: list[int]) -> None:
         self.conversation.send(index, size)
-        self.conversation.transfer(index, fates)
+        self.conversation.transfer(index, actions)
 
-    @rule(index=INDEX, fates=FATES)
-    def transfer(self, index: int, fates: list[int]) -> None:
-        self.conversation.transfer(index, fates)
+    @rule(index=INDEX, actions=ACTIONS)
+    def transfer(self, index: int, actions: list[int]) -> None:
+        self.conversation.transfer(index, actions)
 
     @rule(index=INDEX, shift=st.integers(0, len(CLOCK_SHIFTS_NANOS) - 1))
     def restart(self, index: int, shift: int) -> None:

@@ -14,7 +14,7 @@ from udp_bridge.wire.header import NANOS
 from udp_bridge.wire.message import Address, Message
 
 from .ordering import MessageKey, key_of
-from .peers import Peers
+from .peers import PeerTable
 from .reassembly import Reassembler
 
 REPORTED_NANOS = 5 * NANOS
@@ -60,7 +60,7 @@ class DeliveryReports:
                 log.mark_published(key, wall_nanos)
 
     def reports(
-        self, peers: Peers, link_report: LinkReport, now_nanos: int, wall_nanos: int
+        self, peers: PeerTable, link_report: LinkReport, now_nanos: int, wall_nanos: int
     ) -> List[Answer]:
         """Return the reports to all senders that sent something lately, as datagrams."""
         self.update_logs()

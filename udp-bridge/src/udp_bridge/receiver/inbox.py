@@ -19,7 +19,7 @@ from udp_bridge.wire.types import CONTROL, REPAIR, RESEND
 from .delivery import message_of
 from .delivery_reports import Answer, DeliveryReports, SentReport
 from .limits import Limits
-from .peers import Peer, Peers
+from .peers import Peer, PeerTable
 from .reassembly import Reassembler
 from .receive_slots import CreditState, PartBatch, ReceiveSlots, SlotPredictor
 
@@ -72,7 +72,7 @@ class Inbox:
         self.update_logs = self._reports.update_logs
         self.mark_published = self._reports.mark_published
         self.mark_dropped = self._reports.mark_dropped
-        self._peers = Peers(self.reassembler.limits.senders)
+        self._peers = PeerTable(self.reassembler.limits.senders)
         self._predictor = SlotPredictor(self.reassembler.pool)
 
     @property

@@ -52,7 +52,7 @@ class Peer:
         return Header(CONTROL, number, 0, 1, sec, nsec, topic, link).pack() + body.pack()
 
 
-class Peers:
+class PeerTable:
     """The peers that sent most recently."""
 
     def __init__(self, limit: int) -> None:

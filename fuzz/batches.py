@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fuzz batched receiving: batches of parts give the same as single datagrams.
+
+`python -m fuzz.batches [--datagrams N] [--seconds S] [--seed N]` sends valid messages, mutations,
+duplicates, losses and random bytes over real sockets, from two senders, to the receiving path of a
+link, and passes the same datagrams one by one to a second inbox. Messages, counts and memory must
+be equal, and no body may change after its delivery. A failure prints the seed that reproduces it.
+"""
+
+from __future__ import annotations
+
+import random
+import socket
+import sys
+from collections import Counter
+from typing import Any
+
+from udp_bridge import Limits, Message, fragments
+from udp_bridge.io.batch_io import IS_BUILT
+from udp_bridge.io.udp_socket import UdpSocket
+from udp_bridge.receiver.inbox import Inbox
+
+from .reassembly import BATCH, message, mutated, run_batches
+
+LIMITS = Limits(memory_bytes=1 << 19, senders=2, topics=4)
+"""Small enough to be reached all the time; with two senders none is forgotten by chance."""
+CHUNK = 40
+"""Datagrams that arrive at one instant."""
+PAUSES_NANOS = (0, 1000, 10**6, 10**8, 2 * 10**9)
+KEPT = 50
+"""Delivered messages whose bodies are checked again later."""
+
+
+class InboxPair:
+    """An inbox that takes batches, one that takes single datagrams, and two sending sockets."""
+
+    def __init__(self) -> None:
+        self.counts = Counter[str]()
+        """`datagrams`, `in_slots` and `messages`."""
+        self._now_nanos = 0
+        self._socket = UdpSocket(("127.0.0.1", 0), receive_buffer=8 << 20, wait_s=0.1)
+        # Datagrams on loopback have arrived when they are sent: there is nothing to wait for.
+        self._socket._socket.setblocking(False)
+        self._senders = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+        for sender in self._senders:
+            sender.bind(("127.0.0.1", 0))
+        self._addresses = [sender.getsockname() for sender in self._senders]
+        buffer = 1 << 16
+        self._batched, self._single = (
+            Inbox(receive_buffer=buffer, on_credit=lambda *_: None, limits=LIMITS) for _ in range(2)
+        )
+        self._kept: list[tuple[Message, bytes]] = []
+
+    def feed(self, chunk: list[tuple[bytes, int]], pause_nanos: int) -> None:
+        """Pass datagrams to both; `AssertionError` when they do not agree."""
+        self._now_nanos += pause_nanos
+        for raw, sender in chunk:
+            self._senders[sender].sendto(raw, self._socket.address)
+        found, expected = self._receive_batches(len(chunk)), self._receive_singly(chunk)
+        assert [(one[:5], bytes(one.body)) for one in found] == [
+            (one[:5], bytes(one.body)) for one in expected
+        ]
+        self.counts.update(datagrams=len(chunk), messages=len(found))
+        self._kept = [*self._kept, *((one, bytes(one.body)) for one in found)][-KEPT:]
+        assert _state(self._batched) == _state(self._single)
+        assert self._batched.reassembler.memory_bytes <= LIMITS.memory_bytes
+        assert all(one.body == body for one, body in self._kept)
+
+    def end(self) -> None:
+        """Close the sockets; nothing may stay held."""
+        for inbox in (self._batched, self._single):
+            inbox.reassembler.give_up_all()
+        assert _state(self._batched) == _state(self._single)
+        assert self._batched.reassembler.memory_bytes == 0
+        for sender in self._senders:
+            sender.close()
+        self._socket.close()
+
+    def _receive_batches(self, count: int) -> list[Message]:
+        found = []
+        until = self._batched.datagrams + count
+        while self._batched.datagrams < until:
+            slots, credits = self._batched.predict_slots()
+            batch = self._socket.receive_run(slots, credits)
+            assert batch is not None, "a datagram was lost on loopback"
+            self.counts["in_slots"] += batch.parts_count
+            received = self._batched.receive_batch(slots, batch, self._now_nanos)
+            found += [one for one, _, _ in received if one is not None]
+        return found
+
+    def _receive_singly(self, chunk: list[tuple[bytes, int]]) -> list[Message]:
+        received = [
+            self._single.receive(memoryview(raw), self._addresses[sender], self._now_nanos)
+            for raw, sender in chunk
+        ]
+        return [one for one, _ in received if one is not None]
+
+
+def _state(inbox: Inbox) -> dict[str, Any]:
+    return {
+        **inbox.reassembler.counters.as_dict(),
+        "datagrams": inbox.datagrams,
+        "bytes": inbox.bytes_received,
+        "memory_bytes": inbox.reassembler.memory_bytes,
+    }
+
+
+def stream(rng: random.Random, first: int) -> list[bytes]:
+    """Return the datagrams of some valid messages of one topic, most of them of one size."""
+    size, cut = rng.choice([2000, 9000, 30_000]), rng.choice([256, 300, 1472])
+    found = []
+    for seq in range(first, first + rng.randint(1, 4)):
+        body = rng.randbytes(size if rng.random() < 0.8 else rng.randint(1, size))
+        stamp_nanos = seq % (1 << 30) * 10**9
+        whole = Message(1, rng.choice("ab"), "l", stamp_nanos, seq % (1 << 32), body)
+        found += [head + bytes(part) for head, part in fragments(whole, cut)]
+    return found
+
+
+def repeated(rng: random.Random, datagrams: list[bytes]) -> list[bytes]:
+    """Return them as they are, twice, or with some mutated or repeated ones before them."""
+    kind = rng.random()
+    if kind < 0.1:
+        return datagrams + datagrams
+    if kind < 0.2:
+        first = [mutated(rng, rng.choice(datagrams)) for _ in range(3)]
+        return first + datagrams
+    if kind < 0.3:
+        return rng.sample(datagrams, min(3, len(datagrams))) + datagrams
+    return datagrams
+
+
+def disturbed(rng: random.Random, datagrams: list[bytes], chaos: float) -> list[bytes]:
+    """Return them with losses, duplicates, mutations, other messages, and some reordered."""
+    keyed: list[tuple[float, bytes]] = []
+    for index, raw in enumerate(datagrams):
+        kind = rng.random() / chaos if chaos else 9.0
+        if kind < 0.2:
+            continue
+        if kind < 0.4:
+            keyed.append((index, rng.choice([mutated(rng, raw), raw + b"x"])))
+        if kind < 0.5:
+            keyed.append((index, rng.randbytes(rng.randrange(3000))))
+        if kind < 0.6:
+            keyed += [(index, other) for other in message(rng)[:3]]
+        copies = 2 if 0.6 < kind < 0.8 else 1
+        late = rng.random() * 30 if 0.8 < kind < 1 else 0
+        keyed += [(index + late, raw)] * copies
+    return [raw for _, raw in sorted(keyed, key=lambda row: row[0])]
+
+
+def run_batch(seed: int) -> Counter[str]:
+    """Feed one batch to new inboxes; return the counts."""
+    rng = random.Random(seed)
+    pair = InboxPair()
+    first = 0
+    while pair.counts["datagrams"] < BATCH:
+        cut = disturbed(rng, repeated(rng, stream(rng, first)), rng.choice([0, 0, 0.03, 0.3, 1]))
+        first += rng.choice([1, 2, 4, 4, 4, -3 if first > 3 else 0])
+        if rng.random() < 0.05:  # farther ahead or behind than networks reorder
+            first = max(0, first + rng.choice([2990, 5000, -150, 1 << 30])) % (1 << 32)
+        if rng.random() < 0.05:  # a restart after a silence
+            first = rng.randrange(4)
+            pair.feed([], PAUSES_NANOS[-1])
+        other = rng.random() < 0.2
+        rows = [(raw, int(rng.random() < 0.5 if other else other)) for raw in cut]
+        for begin in range(0, len(rows), CHUNK):
+            pair.feed(rows[begin : begin + CHUNK], rng.choice(PAUSES_NANOS[: 5 if other else 3]))
+    pair.end()
+    return pair.counts
+
+
+def main() -> int:
+    """Run batches until there were enough datagrams or the time is over."""
+    counts, summary = run_batches("fuzz.batches", run_batch)
+    how = "many at a time" if IS_BUILT else "one at a time"
+    print(
+        f"{summary}; received {how}, {counts['in_slots']} in their slots; equal to single"
+        " datagrams, nothing raised, limits held"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
