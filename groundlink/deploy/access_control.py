@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may say what on a bus that strangers reach, in the words of Zenoh's access control.
+"""Access control of a secured bus, as configuration of Zenoh's router.
 
-Rule: what is not granted is denied. Whoever has a certificate of the run hears all of it; only
-physics tells the state, a sensor only its own readings, only the gateway and a vehicle's driver
-command it, and only the operator, and ROS by the gateway, pause a run; only the operator breaks a
-sensor. The subject is the common name of
-the certificate, which is the name of the process.
+Everything else is denied. Every process with a certificate of the run may subscribe to everything.
+Only physics publishes states, a sensor only its own readings; only the gateway and the driver of a
+vehicle command it. Only the operator, and ROS through the gateway, control the run; only the
+operator injects faults. A subject is the common name of a certificate, which is the process name.
 """
 
 from __future__ import annotations
@@ -42,73 +41,73 @@ from groundlink.process.name_claim import claims_key
 from groundlink.scenario import Scenario
 
 OPERATOR = "operator"
-"""Who has its certificate may pause a run, drive, spawn, break sensors and links."""
+"""Subject that may control a run, drive, spawn, and inject faults and impairments."""
 
 OBSERVERS = ("recorder", "view")
 
 ALL = f"{ROOT}/**"
 
-_ALSO_ASKS = {OPERATOR: ["operate"], "gateway": ["wish"]}
-"""Rules of those who may ask more than all may: the gateway tells what ROS wishes about time."""
+_EXTRA_QUERIES = {OPERATOR: ["operate"], "gateway": ["control"]}
+"""Additional query rules; the gateway sends run commands of ROS."""
 
-_ASKED_BY_ALL = (scenario_key, asset_key, history_key, journal_key)
+_PUBLIC_QUERIES = (scenario_key, asset_key, history_key, journal_key)
 
-_HEARS = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
-_ASKS = ["query"]
-_SAYS = ["put", "liveliness_token"]
-_ANSWERS = ["declare_queryable", "reply"]
-_EVERYTHING = [*_HEARS, *_ASKS, *_SAYS, *_ANSWERS]
+_SUBSCRIBE = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
+_QUERY = ["query"]
+_PUBLISH = ["put", "liveliness_token"]
+_SERVE = ["declare_queryable", "reply"]
+_ALL_MESSAGES = [*_SUBSCRIBE, *_QUERY, *_PUBLISH, *_SERVE]
 
 
 class Grant(NamedTuple):
-    """What one process may do beside hearing."""
+    """Permissions of a process besides subscribing."""
 
-    says: tuple[str, ...]
-    """Keys that it publishes, or is there under."""
+    publishes: tuple[str, ...]
+    """Keys of its messages and liveliness tokens."""
 
-    answers: tuple[str, ...] = ()
-    """Keys that it answers questions of, with all below them."""
+    serves: tuple[str, ...] = ()
+    """Keys of its queryables, with all keys below."""
 
 
 def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
-    """Yield every process of a scenario, and the others that may come, with what it may do."""
-    told = (STATE, CLOCK, BODIES, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
-    served = (*(key("*") for key in _ASKED_BY_ALL), control_key("*"))
-    yield "physics", Grant((*_own("physics"), *(row.key_in("*") for row in told)), served)
+    """Yield the name and permissions of each process of a scenario, observers and the operator."""
+    published = (STATE, CLOCK, BODIES, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
+    served = (*(key("*") for key in _PUBLIC_QUERIES), control_key("*"))
+    yield "physics", Grant((*_own("physics"), *(row.key_in("*") for row in published)), served)
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
             name = f"{vehicle.name}/{sensor.name}"
             names = {"vehicle": vehicle.name, "sensor": sensor.name}
-            said = (output.row.key_in("*", **names) for output in sensor_outputs(sensor))
-            wrong = (row.key_in("*", process=name) for row in (FAULTS, GAPS))
-            yield name, Grant((*_own(name), *wrong, *said), (faults_key("*", name),))
+            streams = (output.row.key_in("*", **names) for output in sensor_outputs(sensor))
+            problems = (row.key_in("*", process=name) for row in (FAULTS, GAPS))
+            yield name, Grant((*_own(name), *problems, *streams), (faults_key("*", name),))
     for name in driver_names(scenario):
         vehicle_name = name.partition("/")[0]
         yield name, Grant((*_own(name), COMMAND.key_in("*", vehicle=vehicle_name)))
     commands = tuple(row.key_in("*") for row in (COMMAND, WHEEL_COMMAND, JOINT_COMMAND))
-    told_by_ros = (*FROM_ROS.values(), RELAYED)
-    heard = (row.key_in("*") for row in told_by_ros if row is not JOINT_COMMAND)
-    yield "gateway", Grant((*_own("gateway"), *commands, *heard), (link_key("*"),))
+    from_ros = (*FROM_ROS.values(), RELAYED)
+    received = (row.key_in("*") for row in from_ros if row is not JOINT_COMMAND)
+    yield "gateway", Grant((*_own("gateway"), *commands, *received), (link_key("*"),))
     for name in OBSERVERS:
         yield name, Grant((*_own(name), *_own(f"{name}/*")))
     yield OPERATOR, Grant((*commands, *_own(f"{OPERATOR}/*")))
 
 
 def access_control(scenario: Scenario) -> dict[str, Any]:
-    """Return the part `access_control` of the configuration of the scenario's router."""
+    """Return the section `access_control` of the configuration of the scenario's router."""
     rules = [
-        _rule("hear", _EVERYTHING, [ALL], flow="egress"),
-        _rule("listen", _HEARS, [ALL]),
-        _rule("ask", _ASKS, [f"{key('*')}/**" for key in _ASKED_BY_ALL]),
-        _rule("wish", _ASKS, [f"{control_key('*')}/**"]),
-        _rule("operate", _ASKS, [ALL]),
+        _rule("receive", _ALL_MESSAGES, [ALL], flow="egress"),
+        _rule("subscribe", _SUBSCRIBE, [ALL]),
+        _rule("query", _QUERY, [f"{key('*')}/**" for key in _PUBLIC_QUERIES]),
+        _rule("control", _QUERY, [f"{control_key('*')}/**"]),
+        _rule("operate", _QUERY, [ALL]),
     ]
     subjects, policies = [], []
     for process, grant in grants(scenario):
-        own = ["hear", "listen", "ask", *_ALSO_ASKS.get(process, ())]
+        own = ["receive", "subscribe", "query", *_EXTRA_QUERIES.get(process, ())]
         for verb, messages, keys in (
-            ("says", _SAYS, list(grant.says)),
-            ("answers", _ANSWERS, [f"{key}/**" for key in grant.answers]),
+            ("publishes", _PUBLISH, list(grant.publishes)),
+            ("serves", _SERVE, [f"{key}/**" for key in grant.serves]),
         ):
             if keys:
                 rules.append(_rule(f"{process} {verb}", messages, keys))
@@ -125,7 +124,7 @@ def access_control(scenario: Scenario) -> dict[str, Any]:
 
 
 def _own(process: str) -> tuple[str, ...]:
-    """Return the keys under which every process tells of itself."""
+    """Return the keys of the health, acknowledgements and claims of a process."""
     rows = (row.key_in("*", process=process) for row in (HEALTH, ACK))
     return (*rows, f"{claims_key('*', process)}/*")
 

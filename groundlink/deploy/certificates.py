@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Certificates of a run's processes, signed by an authority made for it alone.
+"""Certificates of the processes of a run, signed by an authority for this run only.
 
-Rule: the library `cryptography` does it all; keys are of the curve P-256 and never leave the folder
-that they are written to. The authority's own key is not kept: who needs another certificate makes
-all anew.
+Keys are of the curve P-256. The authority's own key is not stored, so a further certificate
+requires a new set. Uses the library `cryptography`.
 """
 
 from __future__ import annotations
@@ -19,18 +18,18 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 VALID_DAYS = 825
-"""No longer than browsers and most programs take."""
+"""Longest validity that browsers and most programs accept."""
 
 
 class Pem(NamedTuple):
-    """A certificate and its key, as files have them."""
+    """A certificate and its key in PEM format."""
 
     certificate: bytes
     key: bytes
 
 
 class Authority:
-    """Signs certificates from an instant on, which is given in UTC."""
+    """Certificate authority; its certificates are valid from `now` (UTC) on."""
 
     def __init__(self, now: datetime.datetime) -> None:
         self._from = now - datetime.timedelta(minutes=5)
@@ -47,7 +46,7 @@ class Authority:
         self.certificate = certificate.public_bytes(serialization.Encoding.PEM)
 
     def certify(self, name: str, hosts: Sequence[str] = ()) -> Pem:
-        """Return a certificate whose common name is `name`, of a server at `hosts` if there are.
+        """Return a certificate with the common name `name`; with `hosts`, also for a server.
 
         A host is a name or a numeric address.
         """

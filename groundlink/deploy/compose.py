@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scenario to the containers that run it, as a Compose file.
+"""Compose file of a scenario: one container for each process, plus router, ROS, recorder, viewer.
 
-Rule: one container for each process of `process_names`, and those around them: a router, ROS, a
-recorder, a viewer. All stand between the walls of `HEAD`; what differs is a row of `_IMAGES` and
-the words that a process is started with. How an image is built stands in its Dockerfile.
+`HEAD` has the settings that all containers share. They differ by a row of `_IMAGES` and their
+command lines.
 """
 
 from __future__ import annotations
@@ -21,16 +20,16 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.sensor_kinds import sensor_kinds
 
 MAIN = "main"
-"""The host of the router, of physics, and of all that has no label."""
+"""Host of the router, of physics, and of all processes without a label."""
 
 ROUTER = "tcp/router:7447"
 
 BRIDGE_KEY = "bridge.key"
-"""File beside the folders of credentials."""
+"""File next to the folders of credentials."""
 
 HEAD = """\
-# Between these walls stands every container: nothing of it may be written, no rights, no root (the
-# images' user), a restart after a crash, and unhealthy when it was not well for 5 s at two looks.
+# Settings of every container: read-only, no capabilities, not root (the user of the images),
+# restart after a crash, unhealthy after two failed checks of a liveness file older than 5 s.
 x-process: &process
   restart: unless-stopped
   init: true
@@ -52,18 +51,18 @@ x-process: &process
   logging: {driver: json-file, options: {max-size: 10m, max-file: "3"}}
 """
 
-LOOKS_HZ = 3
-"""How often the engine looks whether a container is well, at one after the other: it starts a
-process for each look, which takes 0.05 to 0.1 s of a core."""
+CHECKS_HZ = 3
+"""Total rate of health checks. The engine starts a process for each check, which takes 0.05 to 0.1
+s of a core."""
 
-SOON = "2s"
-"""How often it looks at those that others wait for."""
+FAST_INTERVAL = "2s"
+"""Check interval of containers that others depend on."""
 
-_WELL = yaml.safe_load(HEAD)["x-process"]["healthcheck"]
+_HEALTHCHECK = yaml.safe_load(HEAD)["x-process"]["healthcheck"]
 
 
 class _Row(NamedTuple):
-    """What all containers of an image have in common."""
+    """Settings of all containers of an image."""
 
     memory: str
     networks: tuple[str, ...] = ("bus",)
@@ -89,13 +88,13 @@ class Deployment:
     Parameters
     ----------
     file
-        the scenario's; physics reads its folder.
+        file of the scenario; physics reads its folder.
     sources
-        the folder that images are built from.
+        build context of the images.
     router
-        where processes on other hosts than the router's join; needed for those.
+        endpoint of the router for processes on other hosts.
     overload
-        what gives way where the environment says nothing; None: as the scenario says.
+        default of the environment variable; None: as in the scenario.
     """
 
     def __init__(
@@ -121,7 +120,7 @@ class Deployment:
         Raises
         ------
         UserError
-            when nothing of the scenario is there, or it needs to know the router.
+            if the scenario has no such host, or the router is unknown.
         """
         router = self._router_of(host)
         services = dict(self._services(host))
@@ -130,20 +129,15 @@ class Deployment:
         if host == MAIN:
             rest["volumes"] = {"recordings": {}}
         head = HEAD.replace("$ROUTER", router)
-        head = head.replace("$INTERVAL", f"{max(2, math.ceil(len(services) / LOOKS_HZ))}s")
+        head = head.replace("$INTERVAL", f"{max(2, math.ceil(len(services) / CHECKS_HZ))}s")
         blocks = [f"name: groundlink\n\n{head}", "services:"]
         blocks += [_indented(name, service) for name, service in services.items()]
         return "\n".join([*blocks, yaml.safe_dump(rest, sort_keys=False)])
 
     def secured(self, folder: str, host: str = MAIN) -> str:
-        """Return what is laid over that file where strangers reach the bus or the bridge.
+        """Return the override file of a secured run; errors are those of `compose`.
 
-        `folder` is that of the credentials, as the written file names it.
-
-        Raises
-        ------
-        UserError
-            as `compose`.
+        `folder` is the folder of credentials, as the file names it.
         """
         services: dict[str, Any] = {}
         router = self._router_of(host).replace("tcp/", "tls/")
@@ -165,15 +159,15 @@ class Deployment:
         return yaml.safe_dump({"services": services}, sort_keys=False)
 
     def _router_of(self, host: str) -> str:
-        """Return where the processes of a host join."""
+        """Return the endpoint of the router as seen from a host."""
         if host not in self.hosts():
-            raise UserError(f"nothing has `host: {host}`; {did_you_mean(host, self.hosts())}")
+            raise UserError(f"no sensor has `host: {host}`; {did_you_mean(host, self.hosts())}")
         if host == MAIN:
             return ROUTER
         if self._router is None:
             raise UserError(
-                f"--host {host}: expected --router ENDPOINT as well, where that host finds the "
-                "router of the main host, such as tcp/sim.example:7447"
+                f"--host {host}: expected --router ENDPOINT as well, the router as seen from that "
+                "host, such as tcp/sim.example:7447"
             )
         return self._router
 
@@ -184,7 +178,7 @@ class Deployment:
             if self._host_of(process) == host:
                 yield process.replace("/", "-"), self._process(process, module, host)
         if host == MAIN:
-            yield from self._around()
+            yield from self._companions()
 
     def _host_of(self, process: str) -> str:
         found = self._scenario.sensor(process)
@@ -193,23 +187,23 @@ class Deployment:
     def _process(self, process: str, module: str, host: str) -> Service:
         """Return the service of a process of the run."""
         image = _image_of(process, module)
-        words = {
+        command = {
             "physics": [
                 f"/scenario/${{GROUNDLINK_SCENARIO:-{self._file.name}}}",
                 *("--overload", f"${{GROUNDLINK_OVERLOAD:-{self._overload}}}"),
             ],
             "gateway": ["--bind", "0.0.0.0:7510", "--peer", "${GROUNDLINK_ROS:-ros2:7511}"],
         }.get(process, [module, "--name", process])
-        service = self._of(image, words)
+        service = self._of(image, command)
         if process == "physics":
             service["volumes"] = [f"{self._file.parent}:/scenario:ro"]
-            service["healthcheck"] = _WELL | {"interval": SOON}
+            service["healthcheck"] = _HEALTHCHECK | {"interval": FAST_INTERVAL}
         if host == MAIN:
             needed = "router" if process == "physics" else "physics"
             service["depends_on"] = {needed: {"condition": "service_healthy"}}
         return service
 
-    def _of(self, image: str, words: list[str]) -> Service:
+    def _of(self, image: str, command: list[str]) -> Service:
         row = _IMAGES[image]
         return {
             "image": f"groundlink-{image}",
@@ -219,21 +213,21 @@ class Deployment:
             },
             "mem_limit": row.memory,
             "networks": list(row.networks),
-            "command": words,
+            "command": command,
         }
 
     def _router_service(self) -> Service:
         listens = ["CMD", "bash", "-c", "</dev/tcp/127.0.0.1/7447"]
         return self._of("router", ["services.router", "--listen", "tcp/0.0.0.0:7447"]) | {
             "ports": ["${GROUNDLINK_PUBLISH:-127.0.0.1}:7447:7447"],
-            "healthcheck": _WELL | {"test": listens, "interval": SOON},
+            "healthcheck": _HEALTHCHECK | {"test": listens, "interval": FAST_INTERVAL},
         }
 
-    def _around(self) -> Iterator[tuple[str, Service]]:
-        """Yield ROS, and what is there only when its profile is asked for."""
+    def _companions(self) -> Iterator[tuple[str, Service]]:
+        """Yield ROS, and the recorder and viewer of their profiles."""
         yield (
             "ros2",
-            # Its port is not published: the network `ros` alone reaches it.
+            # The port is not published; only the network `ros` reaches it.
             self._of("ros2", ["--bind", "0.0.0.0:7511", "--allow-any-peer"])
             | {
                 "environment": {
@@ -256,7 +250,7 @@ class Deployment:
 
 
 def _image_of(process: str, module: str) -> str:
-    """Return which image a process is in."""
+    """Return the image of a process."""
     kind = module.rpartition(".")[2]
     if kind == "driver":
         return "router"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watching a run: child processes, health reports, stream totals.
+"""Monitoring of a run: supervised processes, health messages, stream statistics.
 
-Imported by the command line. Decides nothing for the run itself.
+Imported by the command line and the viewer. Never controls the run itself.
 """

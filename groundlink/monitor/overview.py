@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be known of a run from its bus alone: who is there, where, how fast, how well.
+"""Overview of a run from its bus: processes with host, state, rates and counters.
 
-Rule: health messages, comings and goings and wall time come in as arguments; plain data come out,
-which `groundlink top` draws or prints as JSON. It starts, asks and mends nothing.
+Health messages, changes of presence and wall time are arguments. The result is plain data, which
+`groundlink top` shows or prints as JSON.
 """
 
 from __future__ import annotations
@@ -21,28 +21,30 @@ from groundlink.messages.base import Health
 from .run_monitor import RunMonitor, keeps_rate
 
 SILENT_SECONDS = 2.5
-"""A process that is there and has said nothing for so long is called silent."""
+"""A present process without a health message for this long is silent."""
 
-BEATS_KEPT = 11
-"""Rates are those of the last ten seconds."""
+BEATS_FOR_RATE = 11
+"""Rates are averages over the last ten seconds."""
 
 LINK_PREFIXES = ("wire_", "link_", "peer_")
-"""Of the gateway's counters that speak of the link."""
+"""Prefixes of the gateway's counters of the link."""
 
 
 @dataclass
 class _Process:
-    """One process, as far as it was heard of."""
+    """One process, as known from its messages."""
 
     present: bool = False
     was_present: bool = False
     heard_seconds: float | None = None
     health: Health | None = None
     restarts: int = 0
-    """How often another one has spoken under its name since this began to listen."""
+    """Restarts since this overview started: changes of host or pid."""
 
-    beats: deque[tuple[float, int, int]] = field(default_factory=lambda: deque(maxlen=BEATS_KEPT))
-    """Wall time, tick and readings of its last words."""
+    beats: deque[tuple[float, int, int]] = field(
+        default_factory=lambda: deque(maxlen=BEATS_FOR_RATE)
+    )
+    """Wall time, tick and readings of the last health messages."""
 
     def state(self, now_seconds: float) -> str:
         if not self.present:
@@ -53,12 +55,12 @@ class _Process:
 
 
 class Overview:
-    """A run as its bus shows it.
+    """Overview of a run.
 
     Parameters
     ----------
     declared_hz
-        every process that the scenario declares, with the rate of its readings where it has one.
+        the processes of the scenario, with the rate of their readings or None.
     """
 
     def __init__(self, run: str, declared_hz: Mapping[str, float | None]) -> None:
@@ -67,10 +69,10 @@ class Overview:
         self._processes = {name: _Process() for name in declared_hz}
         self.monitor = RunMonitor()
         self.link_settings: Mapping[str, Mapping[str, float | bool]] = {}
-        """Of the emulated link, by direction, as the gateway told them."""
+        """Settings of the emulated link by direction."""
 
     def update(self, health: Health, now_seconds: float) -> None:
-        """Take note of a process's word."""
+        """Process a health message."""
         self.monitor.update(health, now_seconds)
         process = self._processes.setdefault(health.process, _Process())
         last = process.health
@@ -83,19 +85,19 @@ class Overview:
         process.beats.append((now_seconds, health.tick, readings))
         process.health, process.heard_seconds = health, now_seconds
 
-    def presence_changed(self, name: str, there: bool) -> None:
-        """Take note that a process is there now, or no longer."""
+    def presence_changed(self, name: str, present: bool) -> None:
+        """Record that a process appeared or disappeared."""
         process = self._processes.setdefault(name, _Process())
-        process.present, process.was_present = there, process.was_present or there
+        process.present, process.was_present = present, process.was_present or present
 
     @property
     def has_rates(self) -> bool:
-        """Whether all that are there have said something twice, so that there are rates."""
+        """Whether every present process has sent two health messages, so that rates are known."""
         present = [process for process in self._processes.values() if process.present]
         return bool(present) and all(len(process.beats) > 1 for process in present)
 
     def snapshot(self, now_seconds: float) -> dict[str, Any]:
-        """Return all that is known, as plain data."""
+        """Return the overview as plain data."""
         monitor = self.monitor
         return {
             "run": self._run,
@@ -118,7 +120,7 @@ class Overview:
         }
 
     def _is_replayed(self, name: str) -> bool:
-        """Return whether a replay publishes what a process would, which is not there."""
+        """Return whether a replay stands in for an absent process."""
         replay = self._processes.get(REPLAY)
         if replay is None or not replay.present or name == GATEWAY:
             return False
@@ -145,7 +147,7 @@ class Overview:
         }
 
     def _real_time_factor(self) -> float | None:
-        """Return sim seconds for each wall second, over the last words of who keeps time."""
+        """Return sim seconds for each wall second over the last messages of the time keeper."""
         for name in TIME_KEEPERS:
             process = self._processes.get(name)
             if process and process.present and len(process.beats) > 1:
@@ -162,7 +164,7 @@ class Overview:
 
 
 def _rate_hz(process: _Process) -> float | None:
-    """Return readings for each second of sim time, over a process's last words."""
+    """Return readings for each second of sim time, from the last messages of a process."""
     if len(process.beats) < 2:
         return None
     (_, from_tick, first), (_, to_tick, last) = process.beats[0], process.beats[-1]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a running run: who is well, what arrives on the ROS side, how fast time goes.
+"""Run monitor: health of processes, streams on the ROS side, real-time factor.
 
-Rule: health messages and wall time come in as arguments; verdicts come out. The dashboard and the
-report show what stands here and compute nothing of their own.
+Health messages and wall time are arguments. The dashboard and the report compute nothing
+themselves.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from groundlink.messages.stalls import Stalls
 from .stream_totals import StreamTotals
 
 RATE_TOLERANCE = 0.02
-"""A declared rate is kept when the measured one, counted in stamps, is this near."""
+"""Allowed relative difference of the measured rate, by stamps, from the declared rate."""
+
 NOT_REPORTED = "not reported"
 
 
 def keeps_rate(stream: StreamReport) -> bool:
-    """Return whether a stream kept its declared rate; one without a declared rate always does.
+    """Return whether a stream kept its declared rate, if it has one.
 
-    Of a stream that was sent, and of which the ROS side reports nothing, nothing else is known.
+    Without reports of the ROS side, a stream that was sent passes.
     """
     if stream.declared_hz is None:
         return True
@@ -38,11 +39,11 @@ def keeps_rate(stream: StreamReport) -> bool:
 
 @dataclass
 class RunMonitor:
-    """The latest word of every process."""
+    """The latest health of every process, with derived results."""
 
     health: dict[str, Health] = field(default_factory=dict)
     streams: Sequence[StreamReport] = ()
-    """What became of each stream, over all lives of the gateway."""
+    """Report of each stream, summed over restarts of the gateway."""
 
     first_tick: int | None = None
     tick: int = 0
@@ -51,32 +52,33 @@ class RunMonitor:
     _last_seconds: float = 0.0
 
     def update(self, health: Health, now_seconds: float) -> None:
-        """Take note of a process's health, heard at `now_seconds` of the wall clock."""
+        """Process a health message that arrived at wall time `now_seconds`."""
         self.health[health.process] = health
         if health.streams:
             self.streams = self._totals.of(health)
         if health.process in TIME_KEEPERS:
-            # At the first tick time stands still as long as others are waited for.
-            stands = health.tick == self.first_tick or self.tick < 0
-            if self.first_tick is None or health.tick < self.tick or stands:
+            # Start measuring when ticks advance: at the first tick physics waits for other
+            # processes.
+            is_waiting = health.tick == self.first_tick or self.tick < 0
+            if self.first_tick is None or health.tick < self.tick or is_waiting:
                 self.first_tick, self._first_seconds = health.tick, now_seconds
             self.tick, self._last_seconds = health.tick, now_seconds
 
     def counters_of(self, process: str, pid: int | None) -> dict[str, dict[str, int]]:
-        """Return what a process counts by its name, or by theirs where sensors share it."""
-        said = (
+        """Return the counters of a process by name; of a shared process, those of each sensor."""
+        found = (
             health for name, health in self.health.items() if process == name or pid == health.pid
         )
-        return {health.process: health.counters for health in said} or {process: {}}
+        return {health.process: health.counters for health in found} or {process: {}}
 
     @property
     def sim_seconds(self) -> float:
-        """Sim time that has passed since physics started."""
+        """Sim time since physics started."""
         return self.tick * TICK_SECONDS
 
     @property
     def real_time_factor(self) -> float | None:
-        """Sim seconds for each wall second, over all that was heard of physics."""
+        """Sim seconds for each wall second, over all health messages of physics."""
         wall = self._last_seconds - self._first_seconds
         if self.first_tick is None or wall <= 0:
             return None
@@ -84,25 +86,25 @@ class RunMonitor:
 
     @property
     def stalls(self) -> Stalls:
-        """Who has held up the run, as far as physics has told."""
+        """Stalls that physics has reported."""
         physics = self.health.get(PHYSICS)
         return Stalls.read(physics.counters if physics else {})
 
     @property
     def is_reported(self) -> bool:
-        """Whether the ROS side has ever reported what arrives."""
+        """Whether the ROS side has ever sent a report."""
         return any(s.reported for s in self.streams if s.direction == "to ROS")
 
     def everything_is_sent(self) -> bool:
-        """Return whether something of every declared stream was sent to the ROS side."""
+        """Return whether every declared stream was sent to the ROS side."""
         return self._has_declared and not self.not_sent()
 
     def not_sent(self) -> list[str]:
-        """Return the topics of declared streams of which nothing was sent to the ROS side."""
+        """Return the topics of declared streams that were never sent to the ROS side."""
         return [s.topic for s in self.streams if s.declared_hz is not None and not s.sent]
 
     def not_arrived(self) -> list[str]:
-        """Return the topics of declared streams of which nothing has arrived on the ROS side."""
+        """Return the topics of declared streams that never arrived on the ROS side."""
         return [s.topic for s in self.streams if s.declared_hz is not None and not s.messages]
 
     def everything_arrives(self) -> bool:
@@ -114,15 +116,15 @@ class RunMonitor:
         return any(s.declared_hz is not None for s in self.streams)
 
     def faults(self, *, needs_reports: bool = True) -> list[str]:
-        """Return what is wrong with the run as lines; none when every declared rate was kept.
+        """Return the problems of the run as lines; none if every declared rate was kept.
 
         Parameters
         ----------
         needs_reports
-            whether a ROS side that never reported anything is wrong, too.
+            whether missing reports of the ROS side are a problem.
         """
         if not self.streams or (needs_reports and not self.is_reported):
-            return ["nothing was heard from the ROS side"]
+            return ["no report from the ROS side"]
         lines = []
         for stream in self.streams:
             if not keeps_rate(stream):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What became of each stream over all lives of the gateway that reports it.
+"""Stream totals: stream reports summed over restarts of the gateway.
 
-Rule: a gateway counts from its own start, so its counts drop when it is restarted. Reports come in;
-what an earlier gateway last reported is added to them.
+A gateway counts from its start, so its counts drop at a restart. The last report of each earlier
+gateway is added.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ SUMMED = (
     *("messages", "lost", "sent", "missing", "incomplete", "late", "dropped", "in_flight"),
     *("repaired", "superseded", "delivered_bytes"),
 )
-"""Fields of `StreamReport` that count from the gateway's start."""
+"""Fields of `StreamReport` that count from the start of the gateway."""
 
 _Key = tuple[str, str, str]
 
 
 class StreamTotals:
-    """Adds up the reports of a gateway and of those before it."""
+    """Sums the reports of a gateway and its predecessors."""
 
     def __init__(self) -> None:
         self._process: tuple[str, int] | None = None
@@ -31,14 +31,14 @@ class StreamTotals:
         self._before: dict[_Key, StreamReport] = {}
 
     def of(self, health: Health) -> Sequence[StreamReport]:
-        """Return the streams of a gateway's health message with the counts of all lives."""
+        """Return the streams of a gateway's health message with summed counts."""
         process = health.host, health.pid
-        anew = self._process not in (None, process)
+        is_new = self._process not in (None, process)
         self._process = process
         rows = {_key(row): row for row in health.streams}
         for key, last in self._last.items():
-            # A gateway whose vehicles or peer changed counts anew in the same process.
-            if anew or (key in rows and rows[key].sent < last.sent):
+            # A gateway restarts its counts in the same process when vehicles or its peer change.
+            if is_new or (key in rows and rows[key].sent < last.sent):
                 self._before[key] = _sum(last, self._before.get(key))
         self._last = rows
         return [_sum(row, self._before.get(_key(row))) for row in health.streams]
@@ -49,7 +49,7 @@ def _key(row: StreamReport) -> _Key:
 
 
 def _sum(row: StreamReport, before: StreamReport | None) -> StreamReport:
-    """Return a report with the counts of both, the rate over both, and the newer one's ages."""
+    """Return a report with summed counts, the rate over both, and the ages of the newer one."""
     if before is None:
         return row
     reported = row.reported or before.reported
@@ -58,7 +58,7 @@ def _sum(row: StreamReport, before: StreamReport | None) -> StreamReport:
 
 
 def _rate_hz(*rows: StreamReport) -> float | None:
-    """Return the rate over the times in which something was measured."""
+    """Return the mean rate over the measured periods."""
     measured = [(row.messages - 1, row.measured_hz) for row in rows if row.measured_hz]
     seconds = sum(periods / rate_hz for periods, rate_hz in measured)
     return sum(periods for periods, _ in measured) / seconds if seconds > 0 else None

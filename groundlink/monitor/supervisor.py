@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes of one machine: started, watched, restarted when they crash, ended together.
+"""Supervisor: start processes on this machine, restart them after a crash, stop them together.
 
-Rule: knows commands and exit codes and nothing of what the processes do. A child that exits with 2
-has told the user what to mend, one with 3 what this machine lacks, one with 4 why it ends the run;
-none of them is restarted, nor is one that crashes at every start. No child outlives the supervisor,
-whatever ends it.
+Not restarted are children that exit with an explained error (2: fix by the user, 3: this machine
+lacks something, 4: the scenario ended the run) and children that crash at every start. No child
+outlives the supervisor.
 """
 
 from __future__ import annotations
@@ -22,26 +21,26 @@ from dataclasses import dataclass, field
 from groundlink.core.errors import RequirementError, RunFailed, UserError
 
 RESTART_SECONDS = 0.2
-"""Between a crash and the restart; it doubles with each crash within `STEADY_SECONDS`."""
+"""Delay of a restart; doubles with each crash within `STEADY_SECONDS`."""
 
 STEADY_SECONDS = 10.0
 MAX_RESTART_SECONDS = 1.5
 
 MAX_FALSE_STARTS = 5
-"""A child that has crashed this often in a row without a steady time between is given up."""
+"""Limit of consecutive crashes without `STEADY_SECONDS` in between."""
 
 END_SECONDS = 1.2
-"""How long children may take to end by themselves before they are killed."""
+"""Timeout for a clean exit before a child is killed."""
 
-TOLD = (UserError.exit_code, RequirementError.exit_code, RunFailed.exit_code)
-"""Exit codes of a child that has said in a line why it ends."""
+EXPLAINED = (UserError.exit_code, RequirementError.exit_code, RunFailed.exit_code)
+"""Exit codes of a child that has printed the reason as one line."""
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
 
 
 def end_with_parent() -> None:
-    """Ask the kernel to kill this child when the supervisor is gone (prctl(2))."""
+    """Have the kernel kill this child when the supervisor dies (prctl(2))."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
@@ -59,22 +58,22 @@ class Child:
     false_starts: int = 0
     last_exit: str = ""
     code: int = 0
-    """Exit code of the last crash; minus the signal's number where one ended it."""
+    """Exit code of the last crash; the negative signal number if a signal ended it."""
 
     ended_run: bool = False
-    """It has ended the run, as its scenario has it, and has said why."""
+    """Whether it ended the run because the scenario says so."""
 
-    is_left_out: bool = False
-    """This machine lacks what it needs, and the others go on without it."""
+    is_skipped: bool = False
+    """Whether the run continues without it because this machine lacks something."""
 
     is_done: bool = False
-    """It may end by itself, and has done so."""
+    """Whether a finite process has ended."""
 
     _reader: threading.Thread | None = field(default=None, repr=False)
 
     @property
     def pid(self) -> int | None:
-        """Its process id; None while it is not there."""
+        """Process id; None while it is not running."""
         return self.process.pid if self.process else None
 
 
@@ -85,33 +84,33 @@ class Supervisor:
     ----------
     commands
         argument lists after the Python interpreter, by process name.
-    say
-        called with a process's name and a line that it printed; from several threads.
+    log
+        called with a process name and a line of its output, from several threads.
     finite
-        names of processes that end by themselves, with 0, when their work is done.
+        names of processes that end by themselves with exit code 0.
     dispensable
-        names of processes without which the others go on where this machine lacks what they need.
+        names of processes without which the run continues if this machine lacks something.
     """
 
     def __init__(
         self,
         commands: Mapping[str, Sequence[str]],
-        say: Callable[[str, str], None],
+        log: Callable[[str, str], None],
         *,
         finite: Collection[str] = (),
         dispensable: Collection[str] = (),
     ) -> None:
         self.children = {name: Child(name, command) for name, command in commands.items()}
         self._finite, self._dispensable = frozenset(finite), frozenset(dispensable)
-        self._say = say
+        self._log = log
 
     def start(self) -> None:
         """Start every process, in order. Must be called in the main thread."""
         for child in self.children.values():
             self._start(child)
 
-    def tend(self) -> str | None:
-        """Restart what has crashed; return the name of a child that cannot run, or None."""
+    def poll(self) -> str | None:
+        """Restart crashed children; return the name of a child that failed for good, or None."""
         now = time.monotonic()
         for child in self.children.values():
             if child.process is None:
@@ -126,16 +125,16 @@ class Supervisor:
                 child.process, child.is_done = None, True
                 continue
             if code == RequirementError.exit_code and child.name in self._dispensable:
-                child.process, child.last_exit, child.is_left_out = None, "left out", True
-                self._say(child.name, "the others go on without it")
+                child.process, child.last_exit, child.is_skipped = None, "skipped", True
+                self._log(child.name, "skipped; the run continues without it")
                 continue
             self._crashed(child, code, now)
-            if code in TOLD or child.false_starts == MAX_FALSE_STARTS:
+            if code in EXPLAINED or child.false_starts == MAX_FALSE_STARTS:
                 return child.name
         return None
 
     def stop(self) -> list[str]:
-        """End every process; return the names of those that had to be killed."""
+        """Stop every process; return the names of those that had to be killed."""
         running = [c for c in self.children.values() if c.process and c.process.poll() is None]
         for child in running:
             assert child.process
@@ -156,7 +155,7 @@ class Supervisor:
         return killed
 
     def _start(self, child: Child) -> None:
-        # A session of its own: Ctrl-C reaches the supervisor alone, which ends all in order.
+        # In a new session Ctrl-C reaches only the supervisor, which stops the children in order.
         child.process = subprocess.Popen(
             [sys.executable, *child.command],
             stdin=subprocess.DEVNULL,
@@ -178,7 +177,7 @@ class Supervisor:
         assert process.stdout
         with process.stdout as lines:
             for line in lines:
-                self._say(name, line.rstrip())
+                self._log(name, line.rstrip())
 
     def _crashed(self, child: Child, code: int, now: float) -> None:
         steady = now - child.started > STEADY_SECONDS
@@ -189,5 +188,5 @@ class Supervisor:
         child.ended_run = code == RunFailed.exit_code
         child.restart_at = now + child.delay
         child.process = None
-        if code not in TOLD:
-            self._say(child.name, f"ended with {child.last_exit}; restart in {child.delay:g} s")
+        if code not in EXPLAINED:
+            self._log(child.name, f"ended with {child.last_exit}; restarting in {child.delay:g} s")

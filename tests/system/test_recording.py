@@ -355,7 +355,11 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
         (recorder,) = (p for p, command in before.items() if ".recorder" in command)
         size = out.stat().st_size + 1_000_000
         resource.prlimit(recorder, resource.RLIMIT_FSIZE, (size, size))
-        wait_for(lambda: "the others go on without it" in it.log("up.log"), 30, "it is left out")
+        wait_for(
+            lambda: "skipped; the run continues without it" in it.log("up.log"),
+            30,
+            "it is left out",
+        )
         with Bus(connect=it.endpoint) as bus:
             clocks: BusInbox[Clock] = BusInbox(depth=10_000)
             bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
@@ -369,7 +373,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
         assert f"not kept: {out} ends before the run" in said
         assert "Traceback" not in said
         told = json.loads(report.read_text(encoding="utf-8"))
-        assert told["processes"]["recorder"]["last_exit"] == "left out"
+        assert told["processes"]["recorder"]["last_exit"] == "skipped"
         with Recording(out) as recording:
             assert recording.topics["/points"].messages > 0
             assert sum(1 for _ in recording.read()) > 0

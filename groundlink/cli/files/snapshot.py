@@ -22,7 +22,7 @@ from groundlink.scenario.sensors import Optics
 
 from .world import is_picture
 
-TEND_SECONDS = 0.02
+POLL_SECONDS = 0.02
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -81,8 +81,8 @@ def snapshot(options: argparse.Namespace) -> int:
         supervisor.start()
         try:
             while not (stop.is_set() or camera.is_done or failed):
-                failed = supervisor.tend()
-                time.sleep(TEND_SECONDS)
+                failed = supervisor.poll()
+                time.sleep(POLL_SECONDS)
         finally:
             supervisor.stop()
     if failed:

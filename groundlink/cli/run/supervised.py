@@ -18,7 +18,7 @@ from groundlink.cli.terminal.output import display, say, stop_on_signals
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health
 from groundlink.monitor.run_monitor import RunMonitor
-from groundlink.monitor.supervisor import TOLD, Child, Supervisor
+from groundlink.monitor.supervisor import EXPLAINED, Child, Supervisor
 
 LINES_SHOWN = 5
 """Number of log lines below the live status."""
@@ -94,7 +94,7 @@ class SupervisedRun:
             try:
                 self._supervisor.start()
                 shown = display(self._shown, lambda: self._with_lines(picture()))
-                failed = self._tend(inbox, is_over, shown)
+                failed = self._monitor_loop(inbox, is_over, shown)
             finally:
                 self.killed = self._supervisor.stop()
                 for line in self._lines:
@@ -102,12 +102,12 @@ class SupervisedRun:
             self._update_monitor(inbox)
         return failed
 
-    def _tend(
+    def _monitor_loop(
         self, inbox: BusInbox[Health], is_over: Callable[[], bool], show: Callable[[bool], None]
     ) -> Child | None:
         failed = None
         while not (failed or self._stop.is_set() or is_over()):
-            failed = self._supervisor.tend()
+            failed = self._supervisor.poll()
             self._update_monitor(inbox)
             show(False)
         show(True)
@@ -143,4 +143,4 @@ def exit_code(child: Child) -> int:
         print(f"groundlink: {child.name} ended the run; see its line above", file=sys.stderr)
         return 1
     print(f"groundlink: {child.name} failed; see its line above", file=sys.stderr)
-    return child.code if child.code in TOLD else UserError.exit_code
+    return child.code if child.code in EXPLAINED else UserError.exit_code

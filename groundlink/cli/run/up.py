@@ -116,7 +116,7 @@ def up(options: argparse.Namespace) -> int:
     faults = []
     if monitor.streams or needs_reports:
         faults = monitor.faults(needs_reports=needs_reports)
-    if options.record and children[running.RECORDER].is_left_out:
+    if options.record and children[running.RECORDER].is_skipped:
         faults.append(f"{options.record}: incomplete; see the error line of the recorder above")
     _summarize(console, monitor, children, faults)
     if options.report:

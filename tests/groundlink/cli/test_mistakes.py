@@ -42,7 +42,7 @@ def test_another_host_needs_the_router_of_the_main_one(
         *([str(tmp_path / "out")] if command[0] == "secure" else []),
     ]
     assert "--host gpu: expected --router ENDPOINT" in line(capsys, *words, "--host", "gpu")
-    assert "nothing has `host: gpo`; did you mean `gpu`?" in line(capsys, *words, "--host", "gpo")
+    assert "no sensor has `host: gpo`; did you mean `gpu`?" in line(capsys, *words, "--host", "gpo")
     assert not (tmp_path / "out").exists()
 
 
@@ -102,7 +102,7 @@ def test_a_command_ends_with_the_code_of_the_process_that_ended_it(
     supervisor = Supervisor({"one": words}, lambda name, text: said.append(text))
     supervisor.start()
     try:
-        while (failed := supervisor.tend()) is None:
+        while (failed := supervisor.poll()) is None:
             time.sleep(0.01)
     finally:
         supervisor.stop()

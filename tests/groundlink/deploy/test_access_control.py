@@ -24,7 +24,7 @@ def tour() -> Scenario:
 
 
 def who_says(scenario: Scenario, key: str) -> set[str]:
-    return {process for process, grant in grants(scenario) if key in grant.says}
+    return {process for process, grant in grants(scenario) if key in grant.publishes}
 
 
 def test_every_process_of_a_run_is_granted_something(tour: Scenario) -> None:
@@ -59,9 +59,9 @@ def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None
 def test_a_question_is_answered_by_the_process_that_knows(
     tour: Scenario, key: str, process: str
 ) -> None:
-    assert {name for name, grant in grants(tour) if key in grant.answers} == {process}
+    assert {name for name, grant in grants(tour) if key in grant.serves} == {process}
     rules = {rule["id"]: rule for rule in access_control(tour)["rules"]}
-    answering = rules[f"{process} answers"]
+    answering = rules[f"{process} serves"]
     assert f"{key}/**" in answering["key_exprs"]
     assert set(answering["messages"]) == {"declare_queryable", "reply"}
 
@@ -76,7 +76,7 @@ def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> No
 
 def test_the_gateway_tells_physics_what_ros_wishes_and_no_other_process_may(tour: Scenario) -> None:
     policies = access_control(tour)["policies"]
-    assert [p["subjects"] for p in policies if "wish" in p["rules"]] == [["gateway"]]
+    assert [p["subjects"] for p in policies if "control" in p["rules"]] == [["gateway"]]
 
 
 def test_only_the_operator_may_ask_anything(tour: Scenario) -> None:
@@ -88,14 +88,14 @@ def test_what_each_process_may_ask_is_what_the_rules_name_and_no_more(tour: Scen
     control = access_control(tour)
     asks = {r["id"]: r["key_exprs"] for r in control["rules"] if r["messages"] == ["query"]}
     assert asks == {
-        "ask": [
+        "query": [
             *(f"groundlink/*/{what}/**" for what in ("scenario", "assets", "state/history")),
             "groundlink/*/journal/**",
         ],
-        "wish": ["groundlink/*/control/**"],
+        "control": ["groundlink/*/control/**"],
         "operate": ["groundlink/**"],
     }
     for policy in control["policies"]:
         (process,) = policy["subjects"]
-        more = {OPERATOR: {"operate"}, "gateway": {"wish"}}.get(process, set())
-        assert asks.keys() & set(policy["rules"]) == {"ask"} | more
+        more = {OPERATOR: {"operate"}, "gateway": {"control"}}.get(process, set())
+        assert asks.keys() & set(policy["rules"]) == {"query"} | more

@@ -12,7 +12,7 @@ import yaml
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
 from groundlink.deploy.access_control import grants
-from groundlink.deploy.compose import LOOKS_HZ, MAIN, Deployment
+from groundlink.deploy.compose import CHECKS_HZ, MAIN, Deployment
 from groundlink.loader import load
 
 ROOT = Path(__file__).parents[3]
@@ -82,7 +82,7 @@ def test_the_engine_looks_at_three_containers_a_second_and_at_two_that_others_wa
 ) -> None:
     found = services(deployment(ROOT / f"scenarios/{name}.yaml").compose())
     intervals_s = {n: int(s["healthcheck"]["interval"][:-1]) for n, s in found.items()}
-    assert sum(1 / seconds for seconds in intervals_s.values()) <= LOOKS_HZ + 1
+    assert sum(1 / seconds for seconds in intervals_s.values()) <= CHECKS_HZ + 1
     assert intervals_s["router"] == intervals_s["physics"] == 2
 
 
@@ -112,7 +112,7 @@ def test_sensors_go_to_the_host_of_their_label(spread: Deployment) -> None:
 
 
 def test_a_host_without_sensors_is_named(spread: Deployment) -> None:
-    with pytest.raises(UserError, match=r"nothing has `host: gpy`.*gpu"):
+    with pytest.raises(UserError, match=r"no sensor has `host: gpy`.*gpu"):
         spread.compose("gpy")
 
 

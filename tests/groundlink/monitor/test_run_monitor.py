@@ -64,7 +64,7 @@ def test_a_restarted_physics_begins_anew() -> None:
 
 def test_faults_name_topic_and_rates() -> None:
     monitor = RunMonitor()
-    assert monitor.faults() == ["nothing was heard from the ROS side"]
+    assert monitor.faults() == ["no report from the ROS side"]
     monitor.update(Health("gateway", 1, 0, {}, (stream(100.0, 90.0), stream(5.0, None))), 1.0)
     assert monitor.faults() == [
         "/t: declared 100 Hz, measured 90.00 Hz",
@@ -95,7 +95,7 @@ def test_what_was_not_reported_is_not_held_against_a_run_that_needs_no_reports()
     assert monitor.everything_is_sent()
     assert not monitor.everything_arrives()
     assert monitor.faults(needs_reports=False) == []
-    assert monitor.faults() == ["nothing was heard from the ROS side"]
+    assert monitor.faults() == ["no report from the ROS side"]
     silent = replace(UNKNOWN, topic="/silent", sent=0, in_flight=0)
     monitor.update(Health("gateway", 1, 0, {}, (UNKNOWN, silent)), 2.0)
     assert not monitor.everything_is_sent()

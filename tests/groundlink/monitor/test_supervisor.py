@@ -37,11 +37,11 @@ class Lines:
         return self.heard.count((name, line))
 
 
-def tend_until(supervisor: Supervisor, condition: Callable[[], bool]) -> str | None:
+def poll_until(supervisor: Supervisor, condition: Callable[[], bool]) -> str | None:
     deadline = time.monotonic() + 10
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
-        if name := supervisor.tend():
+        if name := supervisor.poll():
             return name
         time.sleep(0.02)
     return None
@@ -52,13 +52,13 @@ def test_a_crashed_child_is_restarted_and_the_others_are_left_alone() -> None:
     supervisor = Supervisor({"a": SLEEP, "b": SLEEP}, lines)
     supervisor.start()
     try:
-        tend_until(supervisor, lambda: lines.count("a", "up") == lines.count("b", "up") == 1)
+        poll_until(supervisor, lambda: lines.count("a", "up") == lines.count("b", "up") == 1)
         victim, other = (supervisor.children[name].process for name in "ab")
         assert victim is not None
         assert other is not None
         killed = time.monotonic()
         os.kill(victim.pid, signal.SIGKILL)
-        tend_until(supervisor, lambda: lines.count("a", "up") == 2)
+        poll_until(supervisor, lambda: lines.count("a", "up") == 2)
         assert time.monotonic() - killed < 2.0
         assert supervisor.children["a"].restarts == 1
         assert supervisor.children["a"].last_exit == "SIGKILL"
@@ -74,7 +74,7 @@ def test_what_may_end_by_itself_is_done_then_and_others_are_restarted() -> None:
     supervisor = Supervisor({"a": ends, "b": ends}, lines, finite={"a"})
     supervisor.start()
     try:
-        tend_until(supervisor, lambda: lines.count("b", "worked") == 2)
+        poll_until(supervisor, lambda: lines.count("b", "worked") == 2)
         assert supervisor.children["a"].is_done
         assert lines.count("a", "worked") == 1
         assert supervisor.children["a"].restarts == 0
@@ -88,7 +88,7 @@ def test_what_a_user_has_to_mend_is_not_restarted(code: int) -> None:
     tells = ["-c", f"import sys; print('mend me', file=sys.stderr); sys.exit({code})"]
     supervisor = Supervisor({"a": tells}, lines)
     supervisor.start()
-    assert tend_until(supervisor, lambda: False) == "a"
+    assert poll_until(supervisor, lambda: False) == "a"
     supervisor.stop()
     assert lines.heard == [("a", "mend me")]
     assert supervisor.children["a"].ended_run is (code == RunFailed.exit_code)
@@ -100,11 +100,11 @@ def test_where_a_machine_lacks_something_the_others_go_on() -> None:
     supervisor = Supervisor({"a": lacking, "b": SLEEP}, lines, dispensable={"a"})
     supervisor.start()
     try:
-        assert tend_until(supervisor, lambda: len(lines.heard) == 3) is None
-        left_out = "the others go on without it"
-        assert set(lines.heard) == {("a", "no EGL"), ("a", left_out), ("b", "up")}
-        assert supervisor.children["a"].last_exit == "left out"
-        assert supervisor.tend() is None
+        assert poll_until(supervisor, lambda: len(lines.heard) == 3) is None
+        skipped = "skipped; the run continues without it"
+        assert set(lines.heard) == {("a", "no EGL"), ("a", skipped), ("b", "up")}
+        assert supervisor.children["a"].last_exit == "skipped"
+        assert supervisor.poll() is None
         assert supervisor.children["a"].process is None
     finally:
         supervisor.stop()
@@ -113,7 +113,7 @@ def test_where_a_machine_lacks_something_the_others_go_on() -> None:
 def test_a_child_that_crashes_at_every_start_is_given_up() -> None:
     supervisor = Supervisor({"a": ["-c", "raise SystemExit(1)"]}, Lines())
     supervisor.start()
-    assert tend_until(supervisor, lambda: False) == "a"
+    assert poll_until(supervisor, lambda: False) == "a"
     supervisor.stop()
     assert supervisor.children["a"].restarts == 4
 
@@ -135,12 +135,12 @@ def crash(supervisor: Supervisor, clock: Clock, after: float) -> float:
     clock.now += after
     child.process.kill()
     child.process.wait()
-    assert supervisor.tend() is None
+    assert supervisor.poll() is None
     crashed = clock.now
     assert child.restart_at is not None
     while child.process is None:
         clock.now = max(clock.now, child.restart_at)
-        supervisor.tend()
+        supervisor.poll()
     return clock.now - crashed
 
 
@@ -160,7 +160,7 @@ def test_restarts_come_later_after_each_false_start_and_at_once_after_a_steady_t
             assert crash(supervisor, clock, 10.1) == pytest.approx(0.2)
         assert supervisor.children["a"].restarts == 18
         told = [line for _, line in lines.heard]
-        assert told[:2] == [f"ended with SIGKILL; restart in {s} s" for s in ("0.2", "0.4")]
+        assert told[:2] == [f"ended with SIGKILL; restarting in {s} s" for s in ("0.2", "0.4")]
     finally:
         supervisor.stop()
 
@@ -169,7 +169,7 @@ def test_a_child_that_does_not_end_is_killed() -> None:
     lines = Lines()
     supervisor = Supervisor({"good": SLEEP, "stubborn": STUBBORN}, lines)
     supervisor.start()
-    tend_until(supervisor, lambda: len(lines.heard) == 2)
+    poll_until(supervisor, lambda: len(lines.heard) == 2)
     asked = time.monotonic()
     assert supervisor.stop() == ["stubborn"]
     assert time.monotonic() - asked < 2.0
@@ -180,8 +180,8 @@ def test_no_child_outlives_a_killed_supervisor() -> None:
     program = (
         "import time\n"
         "from groundlink.monitor.supervisor import Supervisor\n"
-        "def say(name, line): print(s.children[name].pid, flush=True)\n"
-        f"s = Supervisor({{'a': {SLEEP!r}}}, say)\n"
+        "def log(name, line): print(s.children[name].pid, flush=True)\n"
+        f"s = Supervisor({{'a': {SLEEP!r}}}, log)\n"
         "s.start(); time.sleep(60)\n"
     )
     with subprocess.Popen(
