@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drives a vehicle along its route, by commands as any ROS node gives them."""
+"""Driver: steers a vehicle along its route with velocity commands, as a ROS node would."""

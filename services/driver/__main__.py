@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.driver``: joins a run and drives a vehicle along a route."""
+"""Driver process, started with ``python -m services.driver``: drives a vehicle along a route."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument(
         "--route",
         metavar="FILE.yaml|FIGURE",
-        help="instead of the scenario's; a figure begins where the vehicle stands now",
+        help="replaces the scenario's route; a figure starts at the vehicle's present pose",
     )
-    parser.add_argument("--once", action="store_true", help="end when the route is driven")
+    parser.add_argument("--once", action="store_true", help="end at the end of the route")
     options = parser.parse_args(arguments)
     with Bus(connect=process.endpoint(options), name=options.name) as bus:
         run, scenario = join(bus, options.run, stop)
         vehicle = _find(scenario, options.name)
         route, make_follower = _route(scenario, vehicle, options.route)
         if options.route and bus.present(HEALTH.key_in(run, process=options.name), seconds=1.0):
-            raise UserError(f"`{vehicle.name}` has a driver already; end it first")
+            raise UserError(f"`{vehicle.name}` already has a driver. Fix: end it first")
         finished = threading.Event()
 
         def say(text: str) -> None:

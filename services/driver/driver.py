@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between the states of a run and a driver: what it asks for goes out as commands, stamped ahead.
+"""Driver: takes the states of a run and publishes commands, stamped ahead.
 
-Rule: in fast mode every command is there before the step that it acts in, and depends on nothing
-but the states, so that a run that drives itself gives the same bytes each time; see
-`DRIVER_WINDOW_TICKS`. In real time nobody waits and a late command acts late.
+In fast mode every command arrives before the step in which it acts, and depends on states alone, so
+that runs are reproducible; see `DRIVER_WINDOW_TICKS`. In real time, late commands act late.
 """
 
 from __future__ import annotations
@@ -25,28 +24,28 @@ MakePurePursuit = Callable[[float, float, float], PurePursuitFollower]
 
 
 class _Memory(msgspec.Struct, array_like=True):
-    """What a successor has to know."""
+    """State that a successor continues from."""
 
     start: tuple[float, float, float]
-    """Where the vehicle was when the drive began: x (m), y (m), yaw (rad)."""
+    """Pose of the vehicle at the start of the route: x (m), y (m), yaw (rad)."""
 
     progress: Progress
     commanded_tick: int
     start_tick: int = 0
-    """The state at which the drive began, with the standstill before the route."""
+    """Tick of the first state; the route starts after `wait_seconds`."""
 
 
 class Driver:
-    """A driver of one vehicle.
+    """Drives one vehicle.
 
     Parameters
     ----------
     make_follower
-        called with the vehicle's pose at the first state of each life of physics.
+        called with the vehicle's pose at the first state of each episode.
     say
-        called with a line for the user.
+        prints a line for the user.
     wait_seconds
-        sim time for which the vehicle stands still before it drives the route.
+        simulation time for which the vehicle stands still before the route.
     """
 
     def __init__(
@@ -80,10 +79,10 @@ class Driver:
         self.tick = self.acknowledged_tick = -1
 
     def resume(self, ack: Ack) -> None:
-        """Go on where a predecessor stopped: states that it answered are not answered again.
+        """Continue after a predecessor: states that it has acknowledged are not handled again.
 
-        Without a predecessor the word is that of one who answered a period before the first state,
-        so that no command has to be there but those that are.
+        Without a predecessor, acknowledge a period before the first state: physics then waits for
+        no command of an earlier state.
         """
         self._begin(ack.life)
         if ack.memory:
@@ -99,7 +98,7 @@ class Driver:
             self._acknowledge(replace(ack, tick=-DRIVER_PERIOD_TICKS))
 
     def take(self, state: State, waiting: int = 0) -> None:
-        """Look at one state; answer it when an answer is due."""
+        """Take a state; publish a command and an acknowledgement when they are due."""
         if state.life != self._life:
             self._begin(state.life)
         elif state.tick <= self.tick:
@@ -123,12 +122,12 @@ class Driver:
         )
 
     def _steer(self, state: State) -> PurePursuitFollower:
-        """Ask for what is to be asked for at a state, until the route is driven."""
+        """Publish the command for a state, until the end of the route."""
         if self._follower is not None and self._follower.finished:
             return self._follower
         vehicle = state.vehicles.get(self._vehicle)
         if vehicle is None or not len(vehicle.link_poses):
-            raise BadMessage(f"a state without `{self._vehicle}`")
+            raise BadMessage(f"the state lacks `{self._vehicle}`")
         x, y, _, qx, qy, qz, qw = vehicle.poses()[0].tolist()
         yaw = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         if self._follower is None:
@@ -146,5 +145,5 @@ class Driver:
 
 
 def _due_after(tick: int) -> int:
-    """Return when an answer is due after that of a tick."""
+    """Return the next tick at which a command is due."""
     return (tick // DRIVER_PERIOD_TICKS + 1) * DRIVER_PERIOD_TICKS

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A driver that follows a line by pure pursuit: poses in, velocities out.
+"""Pure-pursuit controller: follows a line, poses in, velocities out.
 
-Rule: pure, and all that it remembers is how far it has come. It heads for a point of the line some
-way ahead, on the arc that leads there (R. C. Coulter, "Implementation of the Pure Pursuit Path
-Tracking Algorithm", CMU-RI-TR-92-01, 1992). Where the line has a corner that no arc follows, it
-stops, turns on the spot and drives on; a vehicle that cannot rounds the corner as narrowly as it
-steers. It sees nothing: what stands on its line is driven into.
+It steers along the arc to a point of the line some distance ahead (R. C. Coulter, "Implementation
+of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992). At a sharp corner it stops and
+turns in place; a vehicle that cannot turn in place takes the corner at its least radius. It has no
+obstacle avoidance.
 """
 
 from __future__ import annotations
@@ -23,39 +22,39 @@ Twist = tuple[float, float]
 
 LOOK_AHEAD_M = 0.25
 LOOK_AHEAD_S = 0.3
-"""The point that is headed for is this far ahead, and so many seconds of the speed more."""
+"""Look-ahead distance, and the time by which it grows with the speed."""
 
 CORNER_RAD = pi / 6
-"""A sharper bend of the line is a corner."""
+"""A sharper bend is a corner."""
 
 OFF_COURSE_RAD = pi / 3
-"""With the point ahead farther aside than this, the vehicle turns on the spot."""
+"""With a larger heading error the vehicle turns in place."""
 
 ON_COURSE_RAD = 0.02
-"""As well as a turn on the spot has to end."""
+"""Heading error at which a turn in place ends."""
 
 TURN_RATE_RADPS = 1.0
 TURN_GAIN = 3.0
-"""Yaw rate for each radian that is left to turn, up to the rate above."""
+"""Yaw rate per radian of heading error, up to the rate above."""
 
 SLOWEST_TURN_RADPS = 0.15
 BRAKING_MPS2 = 0.5
-"""How the speed falls towards a corner and the end: well below what the drive can do."""
+"""Deceleration before corners and the end: well below the limit of the drive."""
 
 SLOWEST_MPS = 0.05
 SEARCHED_M = 1.0
-"""How far ahead of the last one the nearest point of the line is looked for."""
+"""Range ahead of the last nearest point in which the next one is searched."""
 
 
 class Progress(NamedTuple):
-    """How far a follower has come."""
+    """Progress along the line."""
 
     leg: int = 0
     reached_m: float | None = None
     """Along the leg; None before the first pose."""
 
     turning: bool = True
-    """On the spot."""
+    """In place."""
 
 
 class PurePursuitFollower:
@@ -64,12 +63,12 @@ class PurePursuitFollower:
     Parameters
     ----------
     line
-        what to follow, in the world.
+        the line, in the world frame.
     least_radius_m
-        of the arcs that the vehicle can drive; with 0 it turns on the spot.
+        least turning radius of the vehicle; with 0 it can turn in place.
     turns_radps2
-        how fast the vehicle's yaw rate grows. What is slow to turn looks farther ahead, and slows
-        its turns on the spot down earlier, or it would swing about the line.
+        yaw acceleration of the vehicle. With a low one the look-ahead is longer and turns in place
+        slow down earlier, since the vehicle would oscillate about the line.
     """
 
     def __init__(
@@ -78,7 +77,7 @@ class PurePursuitFollower:
         self._least_radius_m = least_radius_m
         self._look_ahead_s = max(LOOK_AHEAD_S, TURN_RATE_RADPS / turns_radps2)
         self._turn_gain = min(TURN_GAIN, turns_radps2 / TURN_RATE_RADPS)
-        # A point nearer than it can steer to would have it swing about the line.
+        # With a nearer point than it can steer to, the vehicle would oscillate about the line.
         self._look_ahead_m = LOOK_AHEAD_M + least_radius_m / 2
         corner_rad = inf if least_radius_m else CORNER_RAD
         self._legs = [_Leg(points, speeds) for points, speeds in _split(line, corner_rad)]
@@ -86,7 +85,7 @@ class PurePursuitFollower:
 
     @property
     def progress(self) -> Progress:
-        """All that it remembers; another one that follows the same line may go on from there."""
+        """The complete state; another follower of the same line can continue from it."""
         return Progress(self._leg, self._reached_m, self._turning)
 
     @progress.setter
@@ -99,9 +98,9 @@ class PurePursuitFollower:
         return self._leg == len(self._legs)
 
     def twist(self, x_m: float, y_m: float, yaw_rad: float) -> Twist:
-        """Return the velocity to ask for at a pose of the base in the world.
+        """Return the commanded velocity at a pose of the base in the world frame.
 
-        The first call begins at the point of the line that is nearest, the earliest of several.
+        The first call starts at the nearest point of the line, the earliest of several.
         """
         place = np.array([x_m, y_m])
         if self._reached_m is None and self._legs:
@@ -136,7 +135,7 @@ class PurePursuitFollower:
         return self._arc(left, ahead, speed)
 
     def _arc(self, left: float, ahead: float, speed: float) -> Twist:
-        """Return the velocity along the arc to a point, as far as it can be driven."""
+        """Return the velocity along the arc to a point, within the limits of the vehicle."""
         # Coulter's (2 x / L^2): the arc through a point that lies x to the side, L away.
         curvature = 2 * left / (ahead * ahead + left * left)
         if self._least_radius_m:
@@ -149,7 +148,7 @@ class PurePursuitFollower:
 
 
 class _Leg:
-    """A part of the line without corners."""
+    """A part of the line between two corners."""
 
     def __init__(self, points: Floats, speeds: Floats) -> None:
         self._points, self._speeds = points, speeds
@@ -162,7 +161,7 @@ class _Leg:
     def nearest(self, place: Floats, start_m: float, end_m: float) -> tuple[float, float]:
         """Return how far along the nearest point is, from `start_m` to `end_m`, and its distance.
 
-        Of several that are nearest within a centimetre, the first.
+        Of several that are equally near within a centimeter, the first.
         """
         first = max(int(np.searchsorted(self._starts_m, start_m, "right")) - 1, 0)
         last = max(int(np.searchsorted(self._starts_m, end_m, "left")), first + 1)
@@ -173,13 +172,13 @@ class _Leg:
         along = np.clip(along, start_m - starts, max(end_m, start_m) - starts)
         apart = np.linalg.norm(offsets - along[:, None] * self._directions[pieces], axis=1)
         i = int(np.argmax(apart <= apart.min() + 0.01))
-        # On from the first that is near enough to the best in its neighbourhood.
+        # From the first that is near enough, continue to the local minimum.
         while i + 1 < len(apart) and apart[i + 1] < apart[i]:
             i += 1
         return float(starts[i] + along[i]), float(apart[i])
 
     def speed_mps(self, at_m: float) -> float:
-        """Return the speed asked for at a distance from the leg's start."""
+        """Return the speed of the line at a distance from the leg's start."""
         return float(self._speeds[self._piece(at_m)])
 
     def point(self, at_m: float) -> Floats:
@@ -194,7 +193,7 @@ class _Leg:
 
 
 def _split(line: Line, corner_rad: float) -> list[tuple[Floats, Floats]]:
-    """Return the parts of a line between its corners: points and speeds of each."""
+    """Return points and speeds of each part of a line between corners."""
     moves = np.diff(line.points_m, axis=0)
     if not len(moves):
         return []

@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a run to a file that robotics tools open: MCAP with ROS 2 messages."""
+"""Recorder: writes a run to an MCAP file with ROS 2 messages.
+
+Imported by nobody; it knows the bus and the recording format, never the link to ROS.
+"""

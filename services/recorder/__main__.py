@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.recorder``: joins a run and writes it to a file."""
+"""Recorder process, started with ``python -m services.recorder``: writes a run to a file."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from groundlink.process.joining import join
 with process_needs(NAME, "record"):
     from .mcap_files import McapFiles
     from .ordered_mcap_files import OrderedMcapFiles
-    from .runner import record
+    from .runner import BusRecorder
 
 JOURNAL_SECONDS = 0.5
-"""How long physics may take to answer; who asks records nothing meanwhile."""
+"""Timeout for the journal; nothing is recorded while the recorder waits for it."""
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
     """Record until `stop` is set or the duration is over."""
-    parser = process.parser(
-        NAME, "Write every stream of a run to an MCAP file with ROS 2 messages."
+    parser = process.parser(NAME, "Write all streams of a run to an MCAP file with ROS 2 messages.")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.mcap", help="the file to write"
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.mcap", help="what to write"
+        "--duration", type=float, metavar="S", help="stop after S seconds of simulation time"
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="end after S s of sim time")
     parser.add_argument(
         "--ordered",
         action="store_true",
-        help="write equal files of equal runs: in the order of log times and topics, without "
+        help="write identical files for identical runs: sorted by log time and topic, without "
         "/diagnostics; for runs that do not follow the wall clock",
     )
     options = parser.parse_args(arguments)
@@ -47,17 +47,20 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = join(bus, options.run, stop)
 
-        def journal(question: str) -> bytes:
-            return b"".join(bus.query(journal_key(run), question, seconds=JOURNAL_SECONDS).values())
+        def journal(part: str) -> bytes:
+            return b"".join(bus.query(journal_key(run), part, seconds=JOURNAL_SECONDS).values())
 
-        keeper = OrderedMcapFiles if options.ordered else McapFiles
-        files = keeper(options.out, scenario, run, journal)
+        files_type = OrderedMcapFiles if options.ordered else McapFiles
+        files = files_type(options.out, scenario, run, journal)
         try:
-            record(bus, scenario, run, files, duration, stop, ordered=options.ordered)
+            recorder = BusRecorder(bus, scenario, run, files, duration, ordered=options.ordered)
+            recorder.record(stop)
         except OSError as error:
             problem = f"cannot write {files.path}: {(error.strerror or str(error)).lower()}"
             if files.has_begun:
-                raise RequirementError(f"{problem}; it ends with what was written before") from None
+                raise RequirementError(
+                    f"{problem}; the file ends with the last messages written"
+                ) from None
             raise UserError(problem) from None
 
 

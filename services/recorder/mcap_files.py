@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files of a run: the one that was asked for, and one more for each new life of physics.
+"""MCAP files of a run: the requested one, and another one for each further episode.
 
-Rule: what exists is never overwritten. The run's journal goes into the file part after part, so
-that a recorder that is killed leaves what was recorded with nearly all of its cause.
+Existing files are never overwritten. The journal of the run is added in parts, so that the file of
+a killed recorder has nearly all of it.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from groundlink.scenario import Scenario
 from .recorder import Recorder, RecordingFile
 
 JOURNAL_NANOS = 2 * NANOS
-"""Of sim time, from one part of the journal to the next."""
+"""Simulation time between two parts of the journal."""
 
 
 class McapFiles:
-    """Writes what is recorded to files (a `RecordingFiles`).
+    """Writes a run to MCAP files (a `RecordingFiles`).
 
     Parameters
     ----------
     ask
-        asks physics for the journal, as `questions.journal_key` says; returns b"" for no answer.
+        queries physics for the journal, see `queries.journal_key`; returns b"" without an answer.
     """
 
     def __init__(
@@ -45,17 +45,17 @@ class McapFiles:
         self.path = path
         self._file: RosFile | None = None
         self._entries = 0
-        """Of the journal, that are in the file."""
+        """Journal entries in the file."""
 
         self._next_journal_nanos = 0
 
     @property
     def has_begun(self) -> bool:
-        """Whether there is a file that is not complete."""
+        """Whether a file is open."""
         return self._file is not None
 
     def begin(self, epoch_nanos: int) -> RecordingFile:
-        """Open the next file, whole and without messages; what exists is never overwritten."""
+        """Open the next file, complete but without messages."""
         for number in itertools.count(1):
             if number > 1:
                 self.path = self._wanted.with_stem(f"{self._wanted.stem}_{number}")
@@ -65,14 +65,14 @@ class McapFiles:
             except FileExistsError:
                 continue
         if self.path != self._wanted:
-            print(f"{self._wanted} exists, so this goes to {self.path}", flush=True)
+            print(f"{self._wanted} exists; writing {self.path}", flush=True)
         run = describe_run(self._scenario, self._run, epoch_nanos)
         file.mcap.add_metadata(RUN_RECORD, run_entries(run))
         self._file, self._entries, self._next_journal_nanos = file, 0, 0
         return file
 
     def tend(self, recorder: Recorder) -> None:
-        """Make the file whole; ask how the run came to where it is."""
+        """Commit the file; add the journal when it is due."""
         if recorder.clock and recorder.clock.stamp_nanos >= self._next_journal_nanos:
             self._next_journal_nanos = recorder.clock.stamp_nanos + JOURNAL_NANOS
             self._add_journal(recorder)
@@ -93,15 +93,15 @@ class McapFiles:
         print(f"wrote {self.path}: {recorder.counts['messages']} messages, {size:.1f} MB")
 
     def _add_journal(self, recorder: Recorder) -> None:
-        """Put what is new in the journal of the file's life into the file."""
+        """Add new journal entries of the episode to the file."""
         if self._file is None or recorder.clock is None:
             return
-        journal = self._asked(recorder.clock.life, self._entries)
+        journal = self._query(recorder.clock.life, self._entries)
         if journal is not None:
             self._attach(recorder.clock.stamp_nanos, journal)
 
-    def _asked(self, life: int, left_out: int) -> Journal | None:
-        """Return physics' journal of a life without its first entries; None for no answer."""
+    def _query(self, life: int, left_out: int) -> Journal | None:
+        """Return the journal of an episode without its first entries; None without an answer."""
         content = self._ask(f"{life}/{left_out}")
         if not content:
             return None
@@ -113,6 +113,6 @@ class McapFiles:
 
     def _attach(self, nanos: int, journal: Journal) -> None:
         assert self._file is not None
-        # A life's number is the wall clock's, which would make equal recordings differ.
+        # The number of an episode comes from the wall clock: equal recordings would differ.
         self._file.add_journal(nanos, dumped(replace(journal, acks={}, life=0)))
         self._entries += len(journal.entries)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings that repeat: the same run gives the same file, byte for byte.
+"""Reproducible MCAP files: the same run gives the same file, byte for byte.
 
-Rule: nothing in the file depends on when a message arrived. Messages are held until every sensor
-has acknowledged beyond a slice of sim time. Each slice is then sorted, written, and ends a chunk.
-The journal is added at fixed instants of sim time, with every command at the tick from which it
-acts.
+Nothing in the file depends on when a message arrived. Messages are buffered until every sensor has
+acknowledged a slice of simulation time. The slice is then sorted, written, and ends a chunk. The
+journal is added at fixed simulation times, with every command at the tick from which it acts.
 """
 
 from __future__ import annotations
@@ -22,35 +21,35 @@ from .mcap_files import JOURNAL_NANOS, McapFiles
 from .recorder import Recorder, RecordingFile
 
 SLICE_NANOS = NANOS // 2
-"""Sim time that is sorted at once: what a kill may cost, beside what sensors lag behind."""
+"""Simulation time of a slice: the most that a killed recorder loses, besides sensor latency."""
 
-Held = tuple[int, int, bytes]
+BufferedMessage = tuple[int, int, bytes]
 """Log time, number of the topic, CDR. Messages are written in this order."""
 
 
 class _BufferedTopic:
-    """A topic of which messages are held."""
+    """A topic whose messages are buffered."""
 
-    def __init__(self, number: int, topic: RecordedTopic, held: list[Held]) -> None:
-        self._number, self._held, self.topic = number, held, topic
+    def __init__(self, number: int, topic: RecordedTopic, buffered: list[BufferedMessage]) -> None:
+        self._number, self._buffered, self.topic = number, buffered, topic
 
     def write(self, nanos: int, cdr: memoryview) -> None:
-        """Hold a message."""
-        self._held.append((nanos, self._number, bytes(cdr)))
+        """Buffer a message."""
+        self._buffered.append((nanos, self._number, bytes(cdr)))
 
 
 class OrderedMcapFile:
-    """A `RecordingFile` that writes what it holds in an order that the messages alone determine."""
+    """A `RecordingFile` that sorts the messages that it buffers."""
 
     def __init__(self, file: RosFile) -> None:
         self._file = file
-        self._held: list[Held] = []
+        self._buffered: list[BufferedMessage] = []
         self._topics: list[_BufferedTopic] = []
         self._by_name: dict[tuple[str, str], _BufferedTopic] = {}
 
     @property
     def size_bytes(self) -> int:
-        """What the file takes on disk."""
+        """Size of the file on disk."""
         return self._file.size_bytes
 
     def topic(self, name: str, ros_type: str, *, latched: bool = False) -> _BufferedTopic:
@@ -58,41 +57,41 @@ class OrderedMcapFile:
         known = self._by_name.get((name, ros_type))
         if known is None:
             topic = self._file.topic(name, ros_type, latched=latched)
-            known = _BufferedTopic(len(self._topics), topic, self._held)
+            known = _BufferedTopic(len(self._topics), topic, self._buffered)
             self._by_name[name, ros_type] = known
             self._topics.append(known)
         return known
 
     def write(self, until_nanos: float) -> None:
-        """Write all that is held and has an earlier log time, then end the chunk."""
-        self._held.sort()
+        """Write all buffered messages with an earlier log time, then end the chunk."""
+        self._buffered.sort()
         count = 0
-        for nanos, number, cdr in self._held:
+        for nanos, number, cdr in self._buffered:
             if nanos >= until_nanos:
                 break
             self._topics[number].topic.write(nanos, memoryview(cdr))
             count += 1
-        del self._held[:count]
+        del self._buffered[:count]
         self._file.mcap.close_chunk()
 
     def commit(self, declared_hz: Mapping[str, float | None]) -> None:
-        """Make the file whole with all that was written."""
+        """Make the file complete with all messages written."""
         self._file.commit(declared_hz)
 
     def close(self) -> None:
-        """Close the file as the last commit left it."""
+        """Close the file in the state of the last commit."""
         self._file.close()
 
 
 class OrderedMcapFiles(McapFiles):
-    """McapFiles of runs that do not follow the wall clock (a `RecordingFiles`)."""
+    """MCAP files of runs that do not follow the wall clock (a `RecordingFiles`)."""
 
     _ordered: OrderedMcapFile
     _written_nanos = 0
-    """Everything before this instant was written."""
+    """All messages before this instant were written."""
 
     _waiting: tuple[bytes, ...] = ()
-    """Entries of the journal that act after what was written."""
+    """Journal entries that act after the messages written."""
 
     def begin(self, epoch_nanos: int) -> RecordingFile:
         """Open the next file."""
@@ -103,13 +102,13 @@ class OrderedMcapFiles(McapFiles):
         return self._ordered
 
     def tend(self, recorder: Recorder) -> None:
-        """Write the slices that are complete."""
+        """Write complete slices."""
         before = self._written_nanos
         self._write_slices(recorder)
         recorder.commit(anyway=self._written_nanos != before)
 
     def finish(self, recorder: Recorder) -> None:
-        """Write the rest, and complete the file, if one was begun."""
+        """Write the remaining messages and complete the file, if one is open."""
         if self._file is not None and recorder.clock is not None:
             self._write_slices(recorder)
             if self._written_nanos != recorder.end_nanos:
@@ -136,11 +135,11 @@ class OrderedMcapFiles(McapFiles):
     def _add_journal(self, recorder: Recorder) -> None:
         if recorder.clock is None:
             return
-        journal = self._asked(recorder.clock.life, self._entries + len(self._waiting))
+        journal = self._query(recorder.clock.life, self._entries + len(self._waiting))
         if journal is None:
             return
         tick = (self._written_nanos - journal.epoch_nanos) // TICK_NANOS
         entries, self._waiting = acting_before(tick, (*self._waiting, *journal.entries))
-        # Physics is further by now, by how much differs from run to run.
+        # How far physics is by now differs from run to run.
         part = replace(journal, tick=tick, digest="", entries=entries, left_out=self._entries)
         self._attach(self._written_nanos, part)

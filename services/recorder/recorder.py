@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the messages of a run to a file: one life of physics, from its first clock to its end.
+"""Recorder: writes the messages of one episode to a file, from its first clock to its end.
 
-Rule: messages in, records out; no bus and no clock of its own. Log times are the run's: a command's
-stamp, a reading's instant of measurement, and for all else from ROS the newest clock. What follows
-from a message for ROS (`ros_base`) is written with it. What is not newer than its stream is
-dropped, as a restarted sensor repeats itself. A new life of physics needs a new file.
+Log times are simulation times: the stamp of a command, the measurement time of a reading, and the
+newest clock for other messages from ROS. Messages that are derived for ROS (`groundlink.ros.base`)
+are written with their source. A message that is not newer than the last one of its stream is
+dropped, since restarted sensors repeat readings.
 """
 
 from __future__ import annotations
@@ -25,41 +25,41 @@ from groundlink.ros.streams import RosStream, incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 
 DIAGNOSTICS_NANOS = NANOS
-"""Of sim time, from one array to the next."""
+"""Simulation time between two diagnostics messages."""
 
 EARLY_MESSAGES = 1024
-"""That may wait for their clock; older ones are dropped."""
+"""Messages that may wait for their clock; beyond it the oldest are dropped."""
 
 AHEAD_NANOS = NANOS // 2
-"""What is this much ahead of the newest clock waits for its own: the bus keeps no order between
-streams, and it may be of a new life of physics whose first clock is still to come."""
+"""A message this much ahead of the newest clock waits for its own clock: streams are not ordered
+among each other, and it may be of another episode."""
 
 PATIENCE_NANOS = 5 * NANOS
-"""Sim time after the recording's end for which a sensor that lags, or is not there, is awaited."""
+"""Simulation time after the end for which late or absent sensors are awaited."""
 
 
 class RecordingTopic(Protocol):
-    """A topic of what a recorder writes to."""
+    """A topic of a recording file."""
 
     def write(self, nanos: int, cdr: memoryview) -> None:
-        """Take a message; times of a topic never decrease."""
+        """Write a message; times of a topic never decrease."""
 
 
 class RecordingFile(Protocol):
-    """Where a recorder writes to: a `RosFile`, or what stands in for one."""
+    """A file that a recorder writes: a `RosFile` or a stand-in."""
 
     @property
     def size_bytes(self) -> int:
-        """What it takes on disk."""
+        """Size on disk."""
 
     def topic(self, name: str, ros_type: str, *, latched: bool = False) -> RecordingTopic:
         """Return the topic of this name and type; it is declared at the first call."""
 
     def commit(self, declared_hz: Mapping[str, float | None]) -> None:
-        """Keep all that was written, come what may."""
+        """Make the file complete with all messages written."""
 
     def close(self) -> None:
-        """End it as the last commit left it."""
+        """Close it in the state of the last commit."""
 
 
 class Recorder:
@@ -68,17 +68,17 @@ class Recorder:
     Parameters
     ----------
     begin
-        called with the epoch at the first clock; returns the file to write.
+        opens the file; called with the epoch at the first clock.
     duration_nanos
-        sim time after which the recording is complete; None for no end.
+        simulation time after which the recording is complete; None for no end.
     early
-        what came before the first clock, as an earlier recorder's `early`.
+        messages that arrived before the first clock: `early` of the recorder before.
     absent
-        sensors, as `vehicle/sensor`, from which nothing will come.
+        sensors, as `vehicle/sensor`, that do not run.
     acknowledging
-        sensors, as `vehicle/sensor`, whose acknowledgements are given to `acknowledged`.
+        sensors, as `vehicle/sensor`, whose acknowledgements are passed to `acknowledged`.
     dropped
-        how many messages of each key came faster than this could take them, as it is by now.
+        by key: messages that arrived faster than they could be taken; it is updated outside.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Recorder:
             for key, stream in self._outgoing.items()
             if stream.declared_hz is not None and key not in of_others | of_absent
         }
-        """By stream that will come for sure: what other processes publish may not, nor faults."""
+        """By stream that certainly has messages: not those of other processes, nor faults."""
 
         self._declared_hz = {s.topic: s.declared_hz for s in self._outgoing.values()}
         for place in self._bases.places:
@@ -129,7 +129,7 @@ class Recorder:
         self._health: dict[str, Health] = {}
         self._file: RecordingFile | None = None
         self.early = deque(early, maxlen=EARLY_MESSAGES)
-        """What waits for its clock."""
+        """Messages that wait for their clock."""
 
         self._reached: dict[str, int] = {}
         """By stream: the stamp of the newest message."""
@@ -145,17 +145,17 @@ class Recorder:
 
     @property
     def streams(self) -> list[RosStream]:
-        """What is recorded."""
+        """The recorded streams."""
         return [*self._outgoing.values(), *self._incoming.values()]
 
     @property
     def file(self) -> RecordingFile | None:
-        """What is being written; None before the first clock."""
+        """The open file; None before the first clock."""
         return self._file
 
     @property
     def dropped(self) -> dict[str, int]:
-        """How many messages of each topic came faster than they could be taken."""
+        """By topic: messages that arrived faster than they could be taken."""
         topics = {stream.key: stream.topic for stream in self.streams}
         since = Counter(self._dropped) - self._dropped_before
         return {topics[key]: count for key, count in since.items() if key in topics}
@@ -166,7 +166,7 @@ class Recorder:
         Raises
         ------
         OSError
-            when the file cannot be begun.
+            when the file cannot be opened.
         """
         if isinstance(message, Clock):
             self._heard_clock(message)
@@ -189,7 +189,7 @@ class Recorder:
     def _take(self, key: str, message: Message) -> None:
         if (stream := self._incoming.get(key)) is not None:
             assert self.clock is not None
-            # A command has the run's time; other stamps from ROS may be of another clock.
+            # Commands have simulation time; other stamps from ROS may be of another clock.
             nanos = measured_nanos(message) if stream.is_command else self.clock.stamp_nanos
             self._write(key, message, max(nanos, self._first_nanos))
             return
@@ -205,16 +205,16 @@ class Recorder:
             self._put(topic, ros_type_of(type(told)), nanos, told)
 
     def heard(self, health: Health) -> None:
-        """Remember a process's word for the next diagnostics."""
+        """Keep a health message for the next diagnostics."""
         self._health[health.process] = health
 
     def acknowledged(self, sensor: str, ack: Ack) -> None:
-        """Take note of how far a sensor has come."""
+        """Record a sensor's progress."""
         if sensor in self._settled_ticks and self.clock and ack.life == self.clock.life:
             self._settled_ticks[sensor] = ack.settled_tick
 
-    def is_another_life(self, message: Message) -> bool:
-        """Return whether a clock is of another life of physics than this file."""
+    def is_another_episode(self, message: Message) -> bool:
+        """Return whether a message is a clock of another episode."""
         if not isinstance(message, Clock) or self.clock is None:
             return False
         jumped_back = message.stamp_nanos < self.clock.stamp_nanos
@@ -222,7 +222,7 @@ class Recorder:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all that physics and the sensors publish has come to the recording's end."""
+        """Whether all streams of physics and sensors have reached the recording's end."""
         return self.end_nanos is not None and self._is_whole_to(self.end_nanos)
 
     def _is_whole_to(self, nanos: int) -> bool:
@@ -235,30 +235,30 @@ class Recorder:
         )
 
     def has_come(self, nanos: int) -> bool:
-        """Return whether nothing earlier is waited for."""
+        """Return whether no earlier message is awaited."""
         if self.clock is None:
             return False
         return self.clock.stamp_nanos >= nanos + PATIENCE_NANOS or self._is_whole_to(nanos)
 
     @property
     def is_complete(self) -> bool:
-        """Whether there is nothing more to wait for."""
+        """Whether the recording has reached its end."""
         return self.end_nanos is not None and self.has_come(self.end_nanos)
 
     @property
     def first_nanos(self) -> int:
-        """Of the first clock; 0 before it."""
+        """Stamp of the first clock; 0 before it."""
         return self._first_nanos
 
     @property
     def end_nanos(self) -> int | None:
-        """Of the first stamp that is not written; None for no end, and before the first clock."""
+        """First stamp that is not written; None without an end, and before the first clock."""
         if self._duration_nanos is None or self._file is None:
             return None
         return self._first_nanos + self._duration_nanos
 
     def commit(self, *, anyway: bool = False) -> None:
-        """Make the file whole with all that was taken, or also where nothing was.
+        """Make the file complete with all messages taken; `anyway`, also if there are none.
 
         Raises
         ------
@@ -287,7 +287,7 @@ class Recorder:
                 self.counts["messages"] += 1
 
     def _start(self, clock: Clock) -> None:
-        """Begin the file with all its topics, so that also those appear on which nothing comes."""
+        """Open the file with all its topics, also those without messages."""
         self._file = self._begin(clock.epoch_nanos)
         for stream in self.streams:
             self._topic(stream.topic, ros_type_of(stream.message, stream.ros_type))

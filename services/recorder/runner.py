@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder on the bus: takes what a run says, and is waited for as a sensor is.
+"""Recorder on the bus: passes messages of a run to a `Recorder`, and acknowledges the clock.
 
-Rule: everything that is not what becomes of the messages, which is its keeper's business.
+A fast run waits for these acknowledgements as it does for those of sensors.
 """
 
 from __future__ import annotations
@@ -25,126 +25,134 @@ from .recorder import Recorder, RecordingFile
 
 NAME = RECORDER
 
-MESSAGES_KEPT = 8192
+INBOX_MESSAGES = 8192
 """Messages of the bus that may wait: some seconds of all streams together."""
 
 COMMIT_SECONDS = 0.4
-"""Between two moments at which the file is whole with all that has come: what a kill may cost."""
+"""Interval at which the file is made complete: the most that a killed recorder loses."""
 
 REST_SECONDS = 0.04
-"""Between two looks at what has come: to be woken by each message costs more than to write it."""
+"""Interval at which the inbox is read: waking up for each message costs more than writing it."""
 
 
 class RecordingFiles(Protocol):
-    """Who has the files."""
+    """The files of a recording, one for each episode."""
 
     def begin(self, epoch_nanos: int) -> RecordingFile:
-        """Return the next one, for another life of physics."""
+        """Return the file of the next episode."""
 
     def tend(self, recorder: Recorder) -> None:
         """Do what is due every `COMMIT_SECONDS`."""
 
     def finish(self, recorder: Recorder) -> None:
-        """Complete the file of a life that is over."""
+        """Complete the file of an ended episode."""
 
 
-def record(
-    bus: Bus,
-    scenario: Scenario,
-    run: str,
-    keeper: RecordingFiles,
-    duration_nanos: int | None,
-    stop: threading.Event,
-    *,
-    absent: Collection[str] = (),
-    ordered: bool = False,
-) -> None:
-    """Write file after file, one for each life of physics, until `stop` or the duration's end.
+class BusRecorder:
+    """Records a run, with a `Recorder` for each episode.
 
     Parameters
     ----------
     absent
-        sensors for which nobody shall wait.
+        sensors that do not run: the recorder acknowledges in their place.
     ordered
-        whether the keeper writes in an order that does not depend on arrival: the recorder then
-        takes acknowledgements of sensors, and no health, which measures the machine.
+        whether the files have an order that does not depend on arrival. The recorder then takes
+        acknowledgements of sensors, and no health, which depends on the machine.
     """
 
-    def new(early: Iterable[tuple[str, Message]] = ()) -> Recorder:
+    def __init__(
+        self,
+        bus: Bus,
+        scenario: Scenario,
+        run: str,
+        files: RecordingFiles,
+        duration_nanos: int | None,
+        *,
+        absent: Collection[str] = (),
+        ordered: bool = False,
+    ) -> None:
+        self._bus, self._scenario, self._run, self._files = bus, scenario, run, files
+        self._duration_nanos, self._absent, self._ordered = duration_nanos, absent, ordered
+        self._inbox: BusInbox[Message] = BusInbox(depth=INBOX_MESSAGES)
+        self._recorder = self._new_recorder()
+        streams = (
+            *outgoing(scenario, run),
+            *recorded_only(scenario, run),
+            *incoming(scenario, run),
+        )
+        for stream in streams:
+            bus.subscribe(stream.key, stream.message, self._inbox)
+        row = ACK if ordered else HEALTH
+        bus.subscribe(row.key_in(run), row.message, self._inbox)
+        self._ack_prefix = ACK.key_in(run, process="")
+        self._heartbeat = Heartbeat(bus, run, NAME)
+        self._publishers = [
+            bus.publisher(ACK.key_in(run, process=name), ACK.delivery) for name in (NAME, *absent)
+        ]
+        self._acknowledge_history()
+        self._backoff = Backoff(time.monotonic())
+
+    def record(self, stop: threading.Event) -> None:
+        """Record until `stop` is set or the duration is over."""
+        next_commit = 0.0
+        try:
+            while not stop.wait(REST_SECONDS) and not self._recorder.is_complete:
+                while len(self._inbox) and not self._recorder.is_complete:
+                    if (arrived := self._inbox.get(seconds=0)) is None:
+                        break
+                    self._take(*arrived)
+                is_fast = self._scenario.time.mode != "realtime"
+                if is_fast and self._backoff.is_due(time.monotonic()):
+                    self._acknowledge_history()  # acknowledgements may be lost on the bus
+                if (now := time.monotonic()) >= next_commit:
+                    self._files.tend(self._recorder)
+                    next_commit = now + COMMIT_SECONDS
+                if self._heartbeat.due():
+                    self._beat()
+            self._beat()
+        finally:
+            self._files.finish(self._recorder)
+
+    def _new_recorder(self, early: Iterable[tuple[str, Message]] = ()) -> Recorder:
         return Recorder(
-            *(scenario, run, keeper.begin),
-            duration_nanos=duration_nanos,
+            *(self._scenario, self._run, self._files.begin),
+            duration_nanos=self._duration_nanos,
             early=early,
-            absent=absent,
-            acknowledging=scenario.sensor_names() if ordered else (),
-            dropped=inbox.dropped_of,
+            absent=self._absent,
+            acknowledging=self._scenario.sensor_names() if self._ordered else (),
+            dropped=self._inbox.dropped_of,
         )
 
-    inbox: BusInbox[Message] = BusInbox(depth=MESSAGES_KEPT)
-    recorder = new()
-    streams = (*outgoing(scenario, run), *recorded_only(scenario, run), *incoming(scenario, run))
-    for stream in streams:
-        bus.subscribe(stream.key, stream.message, inbox)
-    row = ACK if ordered else HEALTH
-    bus.subscribe(row.key_in(run), row.message, inbox)
-    ack_prefix = ACK.key_in(run, process="")
-    heartbeat = Heartbeat(bus, run, NAME)
-    publishers = [
-        bus.publisher(ACK.key_in(run, process=name), ACK.delivery) for name in (NAME, *absent)
-    ]
+    def _take(self, key: str, message: Message) -> None:
+        if isinstance(message, Health):
+            self._recorder.heard(message)
+            return
+        if isinstance(message, Ack):
+            self._recorder.acknowledged(key.removeprefix(self._ack_prefix), message)
+            return
+        if self._recorder.is_another_episode(message):
+            self._files.finish(self._recorder)
+            self._recorder = self._new_recorder(self._recorder.early)
+        self._recorder.take(key, message)
+        if isinstance(message, Clock):
+            self._acknowledge(message.life, message.tick)
+            self._backoff.reset(time.monotonic())
 
-    def acknowledge(life: int, tick: int) -> None:
-        for publish in publishers:
+    def _acknowledge(self, life: int, tick: int) -> None:
+        for publish in self._publishers:
             publish(Ack(life, tick, tick))
 
-    def tell_where() -> None:
-        """Acknowledge what physics has come to: it begins, or goes on, when it hears of this."""
-        if missed := list(bus.query(history_key(run), NAME, seconds=2.0).values()):
+    def _acknowledge_history(self) -> None:
+        """Acknowledge the newest tick of physics, which waits for this to begin or to continue."""
+        if missed := list(self._bus.query(history_key(self._run), NAME, seconds=2.0).values()):
             tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
-            acknowledge(decode(missed[0], Ack).life, tick)
+            self._acknowledge(decode(missed[0], Ack).life, tick)
 
-    tell_where()
-    backoff = Backoff(time.monotonic())
-    next_commit = 0.0
-    try:
-        while not stop.wait(REST_SECONDS) and not recorder.is_complete:
-            while len(inbox) and not recorder.is_complete:
-                arrived = inbox.get(seconds=0)
-                if arrived is None:
-                    break
-                key, message = arrived
-                if isinstance(message, Health):
-                    recorder.heard(message)
-                    continue
-                if isinstance(message, Ack):
-                    recorder.acknowledged(key.removeprefix(ack_prefix), message)
-                    continue
-                if recorder.is_another_life(message):
-                    keeper.finish(recorder)
-                    recorder = new(recorder.early)
-                recorder.take(key, message)
-                if isinstance(message, Clock):
-                    acknowledge(message.life, message.tick)
-                    backoff.reset(time.monotonic())
-            if scenario.time.mode != "realtime" and backoff.is_due(time.monotonic()):
-                tell_where()  # The bus loses what comes while a process is cut off.
-            if (now := time.monotonic()) >= next_commit:
-                keeper.tend(recorder)
-                next_commit = now + COMMIT_SECONDS
-            if heartbeat.due():
-                heartbeat.beat(_tick(recorder), _counts(recorder, inbox))
-        heartbeat.beat(_tick(recorder), _counts(recorder, inbox))
-    finally:
-        keeper.finish(recorder)
-
-
-def _tick(recorder: Recorder) -> int:
-    return recorder.clock.tick if recorder.clock else -1
-
-
-def _counts(recorder: Recorder, inbox: BusInbox[Message]) -> dict[str, int]:
-    return recorder.counts | {
-        "bytes": recorder.file.size_bytes if recorder.file else 0,
-        "bus_dropped": inbox.dropped,
-        "bus_refused": inbox.refused,
-    }
+    def _beat(self) -> None:
+        recorder = self._recorder
+        counts = recorder.counts | {
+            "bytes": recorder.file.size_bytes if recorder.file else 0,
+            "bus_dropped": self._inbox.dropped,
+            "bus_refused": self._inbox.refused,
+        }
+        self._heartbeat.beat(recorder.clock.tick if recorder.clock else -1, counts)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.recorder.verifier``: compares a run with a recording of it.
+"""Verifier process, started with ``python -m services.recorder.verifier``.
 
-Rule: a recorder in all but its file: what it would write is compared with what was written then.
-It stands in for the sensors that were not there, for which physics would wait.
+It compares a run with an earlier recording of it: a recorder whose messages are compared instead of
+written. It acknowledges in place of sensors that the recording lacks, which physics would wait for.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros.streams import outgoing
 
 from .recorder import Recorder
-from .runner import NAME, record
+from .runner import NAME, BusRecorder
 
 
 class _Topic:
-    """A topic of which everything is compared."""
+    """A topic whose messages are compared."""
 
     def __init__(self, comparison: Comparison, name: str, ros_type: str) -> None:
         self._comparison, self._name, self._ros_type = comparison, name, ros_type
@@ -60,7 +60,7 @@ class ReferenceComparison:
     Parameters
     ----------
     promised
-        topics of which something comes for sure.
+        topics that certainly have messages.
     """
 
     size_bytes = 0
@@ -69,23 +69,22 @@ class ReferenceComparison:
         self, recording: Recording, comparison: Comparison, promised: Collection[str]
     ) -> None:
         self._recording, self._comparison, self._promised = recording, comparison, promised
-        # Earlier versions recorded less of what is made of the rest, and ordered recordings have no
-        # diagnostics.
+        # Earlier versions recorded fewer derived topics; ordered recordings lack diagnostics.
         made = made_topics(recording.run.scenario)
         self._ignored = {DIAGNOSTICS_TOPIC, *not_compared(recording), *made}
         self._topics: dict[str, _Topic | _Ignored] = {}
         self._has_begun = False
 
     def begin(self, epoch_nanos: int) -> ReferenceComparison:
-        """Begin the comparison.
+        """Start the comparison.
 
         Raises
         ------
         UserError
-            when physics has begun anew in the middle of it.
+            when physics was restarted meanwhile.
         """
         if self._has_begun:
-            raise UserError("physics has ended and begun anew, so nothing is compared; try again")
+            raise UserError("physics was restarted, so nothing was compared. Fix: try again")
         self._has_begun = True
         return self
 
@@ -101,7 +100,7 @@ class ReferenceComparison:
         return self._topics[name]
 
     def commit(self, declared_hz: Mapping[str, float | None]) -> None:
-        """Do nothing: nothing is written."""
+        """Do nothing: there is no file."""
 
     def close(self) -> None:
         """Do nothing."""
@@ -110,7 +109,7 @@ class ReferenceComparison:
         """Do nothing."""
 
     def finish(self, recorder: Recorder) -> None:
-        """Refuse to judge by a part.
+        """Check that all messages were compared.
 
         Raises
         ------
@@ -119,16 +118,22 @@ class ReferenceComparison:
         """
         if recorder.dropped:
             raise UserError(
-                "messages came faster than they could be compared; give the machine less to do"
+                "messages arrived faster than they could be compared. Fix: reduce the load"
             )
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """Compare until all of the recording has come again, or `stop` is set."""
+    """Compare until the run has reached the end of the recording, or `stop` is set."""
     parser = process.parser(NAME, "Compare a run with a recording of it, byte for byte.")
-    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="what to compare with")
     parser.add_argument(
-        "--verdict", type=Path, required=True, metavar="FILE.json", help="where to write it"
+        "recording", type=Path, metavar="RUN.mcap", help="the recording to compare with"
+    )
+    parser.add_argument(
+        "--verdict",
+        type=Path,
+        required=True,
+        metavar="FILE.json",
+        help="the file to write the verdict to",
     )
     options = parser.parse_args(arguments)
     with Recording(options.recording) as recording, Bus(connect=process.endpoint(options)) as bus:
@@ -139,8 +144,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         duration = wanted.end_nanos - recording.run.epoch_nanos
         absent = {*silent_sensors(recording, scenario), *later_sensors(recording)}
         promised = {stream.topic for stream in outgoing(scenario, run)}
-        again = ReferenceComparison(recording, comparison, promised)
-        record(bus, scenario, run, again, duration, stop, absent=absent)
+        reference = ReferenceComparison(recording, comparison, promised)
+        BusRecorder(bus, scenario, run, reference, duration, absent=absent).record(stop)
         if not stop.is_set():
             options.verdict.write_bytes(msgspec.json.encode(comparison.verdicts()))
 

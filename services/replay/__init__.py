@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Puts a recorded run on the bus again."""
+"""Replay: publishes a recorded run on the bus again."""

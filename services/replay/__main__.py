@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.replay``: stands for physics and the sensors of a recorded run.
+"""Replay process, started with ``python -m services.replay``: publishes a recorded run.
 
-Nothing of a replay is lost: who acknowledges clocks, as the gateway and a recorder do, is waited
-for when it is more than the scenario's window behind, as physics waits in a fast run.
+It replaces physics and the sensors. Processes that acknowledge the clock, such as the gateway and a
+recorder, are awaited when they are more than the scenario's window behind, so no message is lost.
 
-In a loop the stamps are those of the recording again, as with ``ros2 bag play --loop``: the clock
-jumps back, and whoever takes readings sees it do so before they do.
+With `--loop` the stamps repeat, as with ``ros2 bag play --loop``. The clock jumps back first.
 """
 
 from __future__ import annotations
@@ -30,53 +29,60 @@ from groundlink.messages.base import Ack, Clock, Message
 from groundlink.process import asset_exchange
 from groundlink.process import runner as process
 from groundlink.process.joining import Heartbeat
+from groundlink.ros.streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 
 NAME = REPLAY
 
 with process_needs(NAME, "record"):
+    from groundlink.recording.playback import Playback
     from groundlink.recording.reader import Recording
 
-    from .player import Player
-
 JUMP_SECONDS = 0.1
-"""Between a clock that jumps back and what comes after it: streams may outrun each other, and what
-is older than before is only new to those who know that time jumped."""
+"""Pause after a clock that jumps back. Streams are not ordered among each other, and receivers drop
+older readings until they have seen the jump."""
 
 CATCH_UP_SECONDS = 0.2
-"""Longer hold-ups are not made up for: the replay takes longer."""
+"""Longer delays are not made up for: the replay takes longer."""
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
     """Replay until the recording's end, or in a loop until `stop` is set."""
-    parser = process.parser(NAME, "Publish a recorded run's readings on the bus, at their pace.")
+    parser = process.parser(NAME, "Publish a recorded run on the bus at its recorded pace.")
     parser.add_argument("recording", type=Path, metavar="RUN.mcap")
     parser.add_argument(
         "--listen",
         metavar="ENDPOINT",
-        help=f"be the router that others connect to (default {DEFAULT_ENDPOINT} without --connect)",
+        help=f"endpoint to listen on as a router (default {DEFAULT_ENDPOINT} without --connect)",
     )
-    parser.add_argument("--factor", type=float, default=1.0, metavar="F", help="times real time")
     parser.add_argument(
-        "--from", type=float, default=0.0, metavar="S", dest="start", help="begin S s into the run"
+        "--factor", type=float, default=1.0, metavar="F", help="speed, as a multiple of real time"
     )
-    parser.add_argument("--loop", action="store_true", help="begin anew at the end, for ever")
+    parser.add_argument(
+        "--from",
+        type=float,
+        default=0.0,
+        metavar="S",
+        dest="start",
+        help="start S seconds into the run",
+    )
+    parser.add_argument("--loop", action="store_true", help="start again at the end")
     parser.add_argument(
         "--wait-for",
         metavar="PROCESS",
         action="append",
         default=[],
-        help="a process without which the replay does not begin, such as gateway; repeatable",
+        help="start when this process has joined, such as gateway; repeatable",
     )
     parser.add_argument(
         "--delay",
         type=float,
         default=0.0,
         metavar="S",
-        help="wait as long before the first message",
+        help="wait S seconds before the first message",
     )
     parser.add_argument(
-        "--gateway", metavar="SCENARIO", help="take the gateway's settings from this scenario"
+        "--gateway", metavar="SCENARIO", help="use the gateway settings of this scenario"
     )
     options = parser.parse_args(arguments)
     with Recording(options.recording) as recording:
@@ -92,13 +98,13 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             for name in TIME_KEEPERS:
                 if bus.present(HEALTH.key_in(run, process=name), seconds=1.0):
                     raise UserError(
-                        f"run `{run}` is on the bus already; end it or give --run another name"
+                        f"run `{run}` is already on the bus. Fix: end it or use another --run"
                     )
             asset_exchange.serve(bus, run, lambda: scenario)
             bus.serve(scenario_key(run), lambda _: [msgspec.msgpack.encode(scenario)])
-            others = _Others(bus, run, scenario.time.window_ticks)
-            replay = _Replay(bus, run, Player(recording, run), others, options.factor, stop)
-            while not others.are_there(set(options.wait_for)) and not stop.is_set():
+            participants = _Participants(bus, run, scenario.time.window_ticks)
+            replay = _Replay(bus, run, playback(recording, run), participants, options.factor, stop)
+            while not participants.are_there(set(options.wait_for)) and not stop.is_set():
                 replay.pause(0.02)
             replay.pause(options.delay)
             from_nanos = recording.first_nanos + round(options.start * NANOS)
@@ -109,8 +115,19 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             replay.beat()
 
 
+def playback(recording: Recording, run: str) -> Playback:
+    """Return the playback of commands and of all that physics and sensors published.
+
+    Other messages from ROS are left out: the stack under test publishes them again.
+    """
+    scenario = recording.run.scenario
+    commands = [stream for stream in incoming(scenario, run) if stream.is_command]
+    streams = (*commands, *outgoing(scenario, run), *recorded_only(scenario, run))
+    return Playback(recording, streams)
+
+
 def _as_served(scenario: Scenario, gateway: str | None) -> Scenario:
-    """Return the scenario as others should take it: stamps are not the wall's, and time waits."""
+    """Return the scenario to serve: a fast run, whose stamps do not follow the wall clock."""
     scenario = replace(scenario, time=replace(scenario.time, mode="fast"))
     if gateway is None:
         return scenario
@@ -119,8 +136,8 @@ def _as_served(scenario: Scenario, gateway: str | None) -> Scenario:
     return replace(scenario, gateway=load(gateway).gateway)
 
 
-class _Others:
-    """The other processes of the run: who is there, and how far they are."""
+class _Participants:
+    """The other processes of the run and their progress."""
 
     def __init__(self, bus: Bus, run: str, window_ticks: int) -> None:
         self._window = window_ticks
@@ -133,11 +150,11 @@ class _Others:
         bus.watch(HEALTH.key_in(run), self._on_change)
 
     def are_there(self, names: set[str]) -> bool:
-        """Return whether all these processes are there."""
+        """Return whether all these processes have joined."""
         return names <= self._there
 
     def follow(self, tick: int) -> bool:
-        """Return whether all that acknowledge are near enough to this tick."""
+        """Return whether all acknowledging processes are within the window of this tick."""
         while len(self._acks) and (arrived := self._acks.get(seconds=0)):
             self._reached[arrived[0].removeprefix(self._ack_prefix)] = arrived[1].tick
         return all(
@@ -147,7 +164,7 @@ class _Others:
         )
 
     def forget(self) -> None:
-        """Begin anew: ticks jump back."""
+        """Forget all progress, before ticks jump back."""
         self._reached.clear()
 
     def _on_change(self, key: str, is_there: bool) -> None:
@@ -157,18 +174,18 @@ class _Others:
 
 @dataclass
 class _Replay:
-    """The recording on the bus."""
+    """Publishes a recording."""
 
     bus: Bus
     run: str
-    player: Player
-    others: _Others
+    player: Playback
+    participants: _Participants
     factor: float
     stop: threading.Event
 
     def __post_init__(self) -> None:
         streams = self.player.streams.values()
-        # Nothing of a replay may be lost, whoever listens: a replay can wait.
+        # A replay can wait, so no message needs to be dropped.
         self._publish: dict[str, Callable[[Message], bytes]] = {
             stream.key: self.bus.publisher(stream.key, Delivery.ALL) for stream in streams
         }
@@ -180,7 +197,7 @@ class _Replay:
         """Publish the recording from an instant to its end."""
         begin: float | None = None
         jumps = self._counts["rounds"] > 0
-        self.others.forget()
+        self.participants.forget()
         for due in self.player.play(from_nanos):
             if begin is None:
                 begin, first_nanos = time.monotonic(), due.nanos
@@ -189,7 +206,7 @@ class _Replay:
             if ahead < -CATCH_UP_SECONDS:
                 begin -= ahead
             self.pause(ahead)
-            while not self.others.follow(self._tick) and not self.stop.is_set():
+            while not self.participants.follow(self._tick) and not self.stop.is_set():
                 self.pause(0.002)
             if self.stop.is_set():
                 return
@@ -204,7 +221,7 @@ class _Replay:
         self._counts["rounds"] += 1
 
     def pause(self, seconds: float) -> None:
-        """Wait, and say meanwhile that this process lives."""
+        """Wait, and publish health meanwhile."""
         until = time.monotonic() + seconds
         while True:
             if self._heartbeat.due():
@@ -214,7 +231,7 @@ class _Replay:
                 return
 
     def beat(self) -> None:
-        """Say how far it is."""
+        """Publish health."""
         self._counts["refused"] = self.player.refused
         self._heartbeat.beat(self._tick, self._counts)
 

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from groundlink.__main__ import main
 from groundlink.loader import load
 from groundlink.recording.reader import Recording
-from services.replay.player import Player
+from services.replay.__main__ import playback
 
 HERE = Path(__file__).parent
 RECORDING = HERE / "every_kind.mcap"
@@ -72,7 +72,7 @@ def test_the_recording_has_its_messages_and_the_scenario() -> None:
 
 def test_every_stream_can_be_replayed() -> None:
     with Recording(RECORDING) as recording:
-        player = Player(recording, recording.run.run)
+        player = playback(recording, recording.run.run)
         assert sum(1 for _ in player.play(recording.first_nanos)) > 300
         assert player.refused == 0
 

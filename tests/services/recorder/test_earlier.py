@@ -29,7 +29,7 @@ from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diag
 from groundlink.ros.streams import outgoing, static_transforms
 from services.recorder.recorder import Recorder
 from services.recorder.verifier import ReferenceComparison
-from services.replay.player import Player
+from services.replay.__main__ import playback
 
 EPOCH = 1_700_000_000 * NANOS
 STILL = (0.0, 0.0, 0.0)
@@ -100,7 +100,7 @@ def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
 
 
 def test_it_is_replayed_without_its_transforms(earlier: Recording) -> None:
-    player = Player(earlier, RUN)
+    player = playback(earlier, RUN)
     due = list(player.play(EPOCH))
     assert player.refused == 0
     topics = {stream.key: topic for topic, stream in player.streams.items()}

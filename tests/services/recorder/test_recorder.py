@@ -285,9 +285,9 @@ def test_what_outruns_the_first_clock_is_kept(rig: Rig) -> None:
 def test_another_life_of_physics_is_known_by_its_clock(rig: Rig) -> None:
     rig.clock(100)
     same = Clock(EPOCH + 104 * TICK_NANOS, EPOCH, 104, EPOCH)
-    assert not rig.recorder.is_another_life(same)
-    assert rig.recorder.is_another_life(Clock(EPOCH, EPOCH, 0, EPOCH))
-    assert rig.recorder.is_another_life(Clock(EPOCH + NANOS, EPOCH + NANOS, 0, EPOCH + NANOS))
+    assert not rig.recorder.is_another_episode(same)
+    assert rig.recorder.is_another_episode(Clock(EPOCH, EPOCH, 0, EPOCH))
+    assert rig.recorder.is_another_episode(Clock(EPOCH + NANOS, EPOCH + NANOS, 0, EPOCH + NANOS))
 
 
 def test_clocks_that_the_bus_has_lost_are_counted(rig: Rig) -> None:

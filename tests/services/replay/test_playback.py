@@ -28,7 +28,7 @@ from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import ROS_CODECS, to_cdr
-from services.replay.player import Player
+from services.replay.__main__ import playback
 
 EPOCH = 1_700_000_000 * NANOS
 STILL = (0.0, 0.0, 0.0)
@@ -89,7 +89,7 @@ def recorded(tmp_path: Path) -> Recorded:
 
 def played(recording: Recording, from_ms: int = 0) -> list[tuple[int, str, Message]]:
     with recording:
-        player = Player(recording, "again")
+        player = playback(recording, "again")
         return [
             ((due.nanos - EPOCH) // MS, due.key.removeprefix("groundlink/again/"), due.message)
             for due in player.play(EPOCH + from_ms * MS)
@@ -167,6 +167,6 @@ def test_a_damaged_message_is_counted_and_passed_over(recorded: Recorded, tmp_pa
     file.topic("/imu", "sensor_msgs/msg/Imu").write(EPOCH, to_cdr(clock(0)))
     file.mcap.commit("topics", {})
     with Recording(tmp_path / "other.mcap") as damaged:
-        player = Player(damaged, "again")
+        player = playback(damaged, "again")
         assert [due.message for due in player.play(EPOCH)] == [clock(0)]
     assert player.refused == 1
