@@ -31,7 +31,7 @@ from groundlink.loader import load
 from groundlink.messages.base import Command, Message, State, encode
 from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
-from services.physics.run.publishers import Publishers, declare_publishers
+from services.physics.run.publishers import BusPublishers, Publishers
 
 from .claims import Claim, add_options, judge
 
@@ -141,7 +141,7 @@ def main() -> int:
         for (model, count), least in LEAST.items():
             scenario = field(model, count)
             bare = tick_us(scenario, nobody(scenario))
-            cost = tick_us(scenario, declare_publishers(bus, RUN, scenario))
+            cost = tick_us(scenario, BusPublishers(bus, RUN, scenario))
             ratio = 1e6 * TICK_SECONDS / cost
             costs.setdefault(model, []).append((count, cost))
             print(

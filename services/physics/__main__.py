@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physics process: steps the world, tells everybody its state, serves what replicas need.
+"""The physics process: steps the world, publishes its state and serves the other processes.
 
-Rule: the only process that reads the scenario's files and the only one that says what tick it is.
+It alone reads the scenario's files, and it alone decides when time advances.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from groundlink.process.name_claim import claim_name
 
 with process_needs(PHYSICS, "physics"):
     from services.physics.run.server import PhysicsServer
-    from services.physics.run.source import add_arguments, source
+    from services.physics.run.source import add_arguments, source_of
 
 NAME = PHYSICS
+
+LONGEST_WAIT_SECONDS = 0.05
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
@@ -39,49 +41,45 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         metavar="PROCESS",
         action="append",
         default=[],
-        help="a process without which the run does not begin, such as recorder; repeatable",
+        help="wait for this process before the run begins, such as recorder; repeatable",
     )
     options = parser.parse_args(arguments)
-    scenario, saved, followed = source(options)
-    run = options.run or scenario.name
+    source = source_of(options)
+    run = options.run or source.scenario.name
     router = process.router_of(options)
     listen = options.listen or (None if router else DEFAULT_ENDPOINT)
     with Bus(connect=router, listen=listen, name=NAME) as bus:
         claim = claim_name(bus, run, NAME)
-        physics = PhysicsServer(
-            *(scenario, run, bus), saved=saved, followed=followed, others=options.wait_for
-        )
+        physics = PhysicsServer(source, run, bus, others=options.wait_for)
         heartbeat = Heartbeat(bus, run, NAME, claim)
         try:
-            _keep_stepping(physics, heartbeat, stop.is_set)
+            _step_until(stop.is_set, physics, heartbeat)
         finally:
-            # Reports are made of what was heard last.
+            # Reports show the last health message.
             heartbeat.beat(physics.episode.tick, physics.counters(time.monotonic()))
             physics.close()
 
 
-def _keep_stepping(
-    physics: PhysicsServer, heartbeat: Heartbeat, stopped: Callable[[], bool]
-) -> None:
-    """Step whenever the pace and people allow it, and say who else does not.
+def _step_until(stopped: Callable[[], bool], physics: PhysicsServer, heartbeat: Heartbeat) -> None:
+    """Step whenever the pacer and the run's control allow it.
 
     Raises
     ------
     RunFailed
-        when the scenario has the run end rather than go on like this.
+        when the scenario's policy ends the run.
     """
     while not stopped():
         now = time.monotonic()
         if heartbeat.due():
             heartbeat.beat(physics.episode.tick, physics.counters(now))
-        physics.hear()
+        physics.receive()
         wait = physics.wait_seconds(now)
-        for line in physics.told(now):
+        for line in physics.log_lines(now):
             print(f"{NAME}: {line}", file=sys.stderr, flush=True)
         if wait == 0.0:
             physics.step()
         else:
-            physics.rest(min(wait, 0.05))
+            physics.wait(min(wait, LONGEST_WAIT_SECONDS))
 
 
 if __name__ == "__main__":

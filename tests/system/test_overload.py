@@ -136,9 +136,9 @@ def test_slow_lets_time_stretch_and_no_reading_out(tmp_path: Path) -> None:
 
 def test_slow_names_who_is_silent_and_goes_on_without_it_until_it_is_back(tmp_path: Path) -> None:
     with run(tmp_path, "overload: slow, deadline_s: 1.5") as (it, begun):
-        begun.stop_lidar(lambda: f"goes on without {LIDAR}" in it.log("up.log"))
+        begun.stop_lidar(lambda: f"continuing without {LIDAR}" in it.log("up.log"))
         assert f"has waited 1.5 s for {LIDAR}" in it.log("up.log")
-        wait_for(lambda: f"{LIDAR} is back after" in it.log("up.log"), 20, "it is back")
+        wait_for(lambda: f"{LIDAR} is responding again after" in it.log("up.log"), 20, "it is back")
         begun.goes_on()
         report = begun.end()
     assert report["stalls"]["silent_seconds"][LIDAR] >= 1.5
@@ -176,7 +176,7 @@ def test_fail_ends_the_run_in_one_line(tmp_path: Path, mode: str) -> None:
         assert supervisor.poll() == 1
         assert not [pid for pid in children if os.path.exists(f"/proc/{pid}/exe")]
         lines = it.log("up.log").splitlines()
-        [why] = [line for line in lines if "`overload: fail` ends the run" in line]
+        [why] = [line for line in lines if "run aborted by `overload: fail`" in line]
         assert LIDAR in why
         assert "Traceback" not in it.log("up.log")
         assert begun.end()["processes"]["physics"]["last_exit"] == "exit code 4"
@@ -218,7 +218,7 @@ def test_fail_ends_a_run_whose_readings_get_lost(tmp_path: Path) -> None:
             os.kill(successor, signal.SIGCONT)
         assert supervisor.wait(60) == 1
         assert "rover/imu lacks readings: " in it.log("up.log")
-        assert " restarted; `overload: fail` ends the run" in it.log("up.log")
+        assert " restarted; run aborted by `overload: fail`" in it.log("up.log")
 
 
 def test_stamps_are_back_at_the_wall_clock_after_a_hold_up(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wishes of people between the bus, where they arrive, and the loop that steps, which does them.
+"""Run control: takes commands from the bus's threads to the loop that steps.
 
-Rule: a wish waits until the loop takes it between two ticks; who asked waits for the answer. While
-a run is restored it stands still, and what would change it is refused.
+A command waits until the loop executes it between two ticks; its sender waits for the answer. While
+a run is restored it stands still, and commands that would change it are refused.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import msgspec
 
@@ -28,63 +28,65 @@ from groundlink.messages.control import (
 )
 
 ANSWER_SECONDS = 6.0
-"""How long who asks is kept waiting: a step of physics takes milliseconds, but a reset or a change
-of a world with hills on a machine that has other work seconds."""
+"""Longest wait for an answer. A step takes milliseconds, but a reset or a change of a world with
+hills takes seconds on a busy machine."""
 
 
 T = TypeVar("T")
 
 
-class Control:
-    """Whether time runs, and wishes that have come.
+class ControlledRun(Protocol):
+    """What run commands act on. Each method raises a UserError where it cannot."""
 
-    Parameters
+    def reset(self) -> None:
+        """Start a new episode."""
+
+    def change(self, command: Spawn | Remove) -> None:
+        """Change the world."""
+
+    def restore(self, content: bytes) -> None:
+        """Start to restore a saved run from its file's content."""
+
+
+class Control:
+    """Whether time runs, and the queue of commands.
+
+    Attributes
     ----------
-    reset
-        begins the run again.
-    change
-        changes the world, or raises a UserError that says why it cannot.
-    restore
-        begins to go on from a file's content, or raises a UserError that says why it cannot.
+    restoring_to
+        see `ControlAnswer`; while it is set, no step may be taken.
     """
 
-    def __init__(
-        self,
-        reset: Callable[[], object],
-        change: Callable[[Spawn | Remove], object],
-        restore: Callable[[bytes], object],
-    ) -> None:
-        self._reset, self._change, self._restore = reset, change, restore
-        self._waiting: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
+    def __init__(self, run: ControlledRun) -> None:
+        self._run = run
+        self._pending: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._ticks_left: int | None = None
         self.tick = -1
         self.restoring_to = -1
-        """See `ControlAnswer`; while it is set, no step may be taken."""
-
         self.warning = self.failure = ""
 
     @property
     def paused(self) -> bool:
-        """Whether people want no step to be taken."""
+        """Whether no step may be taken until a command says so."""
         return self._ticks_left == 0
 
     def pause(self) -> None:
-        """Let no step be taken until people want it."""
+        """Take no step until a command says so."""
         self._ticks_left = 0
 
     def stepped(self, tick: int) -> None:
-        """Take note of a step."""
+        """Record a step."""
         self.tick = tick
         if self._ticks_left:
             self._ticks_left -= 1
 
     def answer(self, asked: str, content: bytes = b"") -> list[bytes]:
-        """Do what a query says, a wish in JSON or nothing; reply a `ControlAnswer`."""
+        """Execute a query's command, in JSON, or none; return a `ControlAnswer`."""
         error = ""
         if asked:
             try:
-                wish = msgspec.json.decode(asked, type=AnyRunCommand)
-                self.between_ticks(lambda: self._do(wish, content))
+                command = msgspec.json.decode(asked, type=AnyRunCommand)
+                self.between_ticks(lambda: self._execute(command, content))
             except (msgspec.DecodeError, UserError) as problem:
                 error = str(problem)
         answer = ControlAnswer(
@@ -93,41 +95,42 @@ class Control:
         return [msgspec.json.encode(answer)]
 
     def between_ticks(self, do: Callable[[], T]) -> T:
-        """Have the loop do something between two ticks; return what it returns.
+        """Have the loop call a function between two ticks; return what it returns.
 
         Raises
         ------
         UserError
-            when that raises one, or the loop has no time for it.
+            when the function raises one, or the loop is busy for too long.
         """
         done: Future[T] = Future()
 
-        def settle() -> None:
+        def call() -> None:
             try:
                 done.set_result(do())
             except UserError as problem:
                 done.set_exception(problem)
 
-        self._waiting.put(settle)
+        self._pending.put(call)
         try:
             return done.result(ANSWER_SECONDS)
         except TimeoutError:
             raise UserError(
-                f"physics is busy for longer than {ANSWER_SECONDS:g} s; ask again what became of it"
+                f"physics is busy for longer than {ANSWER_SECONDS:g} s, and executes the command "
+                "later. Fix: ask for the run's status again"
             ) from None
 
-    def fulfil(self) -> None:
-        """Do all that was wished; to be called between two ticks."""
-        while not self._waiting.empty():
-            self._waiting.get()()
+    def execute_pending(self) -> None:
+        """Execute all commands that have come; to be called between two ticks."""
+        while not self._pending.empty():
+            self._pending.get()()
 
-    def _do(self, wish: AnyRunCommand, content: bytes) -> None:
-        if self.restoring_to >= 0 and isinstance(wish, Reset | Spawn | Remove | Restore):
+    def _execute(self, command: AnyRunCommand, content: bytes) -> None:
+        if self.restoring_to >= 0 and isinstance(command, Reset | Spawn | Remove | Restore):
             raise UserError(
-                f"the run is being restored, at tick {self.tick} of {self.restoring_to}; ask again "
-                "when that is done"
+                f"the run is being restored, at tick {self.tick} of {self.restoring_to}. Fix: wait "
+                "until that is done"
             )
-        match wish:
+        match command:
             case Pause():
                 self.pause()
             case Resume():
@@ -135,8 +138,8 @@ class Control:
             case Step(ticks=ticks):
                 self._ticks_left = ticks
             case Reset():
-                self._reset()
+                self._run.reset()
             case Spawn() | Remove():
-                self._change(wish)
+                self._run.change(command)
             case Restore():
-                self._restore(content)
+                self._run.restore(content)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One episode of a run: from tick zero of its physics to a reset, or to the end.
+"""Episode: a run from tick zero of its physics to a reset, or to its end.
 
-Rule: all that a reset begins anew is here and nothing else; who is on the bus stays.
+All that a reset starts anew is here, and nothing else: processes and their connections stay.
 """
 
 from __future__ import annotations
@@ -45,16 +45,21 @@ VITALS_TICKS = TICK_RATE_HZ // VITALS_HZ
 
 
 class Episode:
-    """A simulation, its time, and what others know of it.
+    """A simulation, its time, and what other processes know of it.
 
     Parameters
     ----------
     others
-        processes beside the sensors that a fast run waits for.
+        processes besides the sensors that a fast run waits for.
     wall_nanos
-        the wall clock's, by which episodes are told apart.
+        wall clock time, which identifies the episode.
     epoch_nanos
-        of the run that this one takes up; none for one that begins.
+        epoch of the run that is continued; None: a new epoch.
+
+    Attributes
+    ----------
+    worlds
+        scenarios of all worlds of the episode, by their hashes.
     """
 
     def __init__(
@@ -71,8 +76,6 @@ class Episode:
         self._at_start = self.scenario = scenario
         self.world_hash = world_hash(scenario)
         self.worlds = {self.world_hash: scenario}
-        """All that there have been in this episode, by their hashes."""
-
         static = solids(scenario)
         self._simulation = Simulation(scenario, static)
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
@@ -98,19 +101,19 @@ class Episode:
 
     @property
     def tick(self) -> int:
-        """The last tick that was stepped to."""
+        """The tick of the present state."""
         return self._simulation.tick
 
-    def change(self, wish: Spawn | Remove) -> None:
-        """Put something into the world or take it out, from the next state on.
+    def change(self, command: Spawn | Remove) -> None:
+        """Add something to the world or remove it, from the next state on.
 
         Raises
         ------
         UserError
-            when that cannot be.
+            when it cannot be added or is not there.
         """
         before, simulation = self.scenario, self._simulation
-        match wish:
+        match command:
             case Spawn(more=more):
                 seconds = self.tick * TICK_SECONDS
                 scenario = with_more(before, more, simulation.moving(), seconds=seconds)
@@ -122,18 +125,18 @@ class Episode:
         self.world_hash = world_hash(scenario)
         self.worlds[self.world_hash] = scenario
         self._bodies.change(scenario, static)
-        told = {truth.vehicle: truth for truth in self._truths}
+        known = {truth.vehicle: truth for truth in self._truths}
         self._truths = [
-            told.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
+            known.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
         ]
         self.pacer.participants.only((*process_names(scenario), RECORDER, *self._others))
-        self._entries.append(encode_entry(Changed(self.tick, wish)))
+        self._entries.append(encode_entry(Changed(self.tick, command)))
 
-    def left(self, process: str) -> None:
-        """Take note that a process has gone, or its link.
+    def process_left(self, process: str) -> None:
+        """Record that a process has left, or that its connection is lost.
 
-        What it said last may be lost, and what it says next may come over another link. So where
-        nothing is to be lost, it is not listened to before it has asked what it missed.
+        Its last acknowledgements may be lost, and its next ones may come over another connection.
+        In lockstep, they do not count before the process has asked for what it missed.
         """
         self.pacer.participants.left(process)
         if not self._is_realtime and (
@@ -142,31 +145,31 @@ class Episode:
             self._cut_off.add(process)
 
     def acknowledged(self, process: str, ack: Ack) -> None:
-        """Take note of how far a process has come, in this episode or an earlier one."""
+        """Take an acknowledgement, of this episode or an earlier one."""
         if ack.life == self.number and process not in self._cut_off:
-            self._pending_acks.given(process, ack)
+            self._pending_acks.add(process, ack)
 
     def command(self, vehicle: str, command: Command | WheelCommand | JointState) -> bool:
-        """Give a vehicle a command; return whether it will act, or is stale.
+        """Give a vehicle a command; return False for a stale one, which does not act.
 
         Raises
         ------
         ValueError
-            when it is none that a vehicle can obey.
+            when the command is invalid.
         """
         stamp_nanos = command.stamp_nanos - self.epoch_nanos
         if isinstance(command, Command):
             velocity = replace(command, stamp_nanos=stamp_nanos)
-            return self._take_in(Commanded(self.tick, vehicle, velocity))
+            return self._apply(Commanded(self.tick, vehicle, velocity))
         if isinstance(command, JointState):
             joints = replace(command, stamp_nanos=stamp_nanos)
-            return self._take_in(JointsCommanded(self.tick, vehicle, joints))
+            return self._apply(JointsCommanded(self.tick, vehicle, joints))
         wheels = replace(command, stamp_nanos=stamp_nanos)
-        return self._take_in(WheelsCommanded(self.tick, vehicle, wheels))
+        return self._apply(WheelsCommanded(self.tick, vehicle, wheels))
 
-    def _take_in(self, entry: Commanded | WheelsCommanded | JointsCommanded) -> bool:
+    def _apply(self, entry: Commanded | WheelsCommanded | JointsCommanded) -> bool:
         if isinstance(entry, Commanded):
-            # It is of these that drivers give their word.
+            # Acknowledgements of drivers refer to these commands.
             tick = entry.command.stamp_nanos // TICK_NANOS
             self._pending_acks.commanded(entry.vehicle, tick)
         elif isinstance(entry, JointsCommanded):
@@ -176,23 +179,23 @@ class Episode:
         self._entries.append(encode_entry(entry))
         return will_act
 
-    def follow(self, entry: AnyEntry) -> None:
-        """Take in what an earlier episode has taken in at the same tick."""
+    def replay(self, entry: AnyEntry) -> None:
+        """Apply a journal entry at its tick."""
         if isinstance(entry, Changed):
             self.change(entry.wish)
         else:
-            self._take_in(entry)
+            self._apply(entry)
 
     def journal(self, left_out: int = 0) -> Journal:
-        """Return what it takes to have this episode again, without so many entries of its start.
+        """Return a journal to restore this episode from, without its first entries.
 
         Raises
         ------
         UserError
-            when it has not begun.
+            when the episode has not begun.
         """
         if not self._history:
-            raise UserError("the run has not begun yet; it waits for its processes")
+            raise UserError("the run has not begun yet: it is waiting for its processes")
         return Journal(
             made_on=this_machine(),
             run=self._run,
@@ -206,46 +209,51 @@ class Episode:
             acks=dict(self._acks),
         )
 
-    def succeed(self, acks: Mapping[str, Ack]) -> None:
+    def take_over(self, acks: Mapping[str, Ack]) -> None:
         """Carry over the acknowledgements of an earlier episode that had come to this tick."""
         self._acks = {name: replace(ack, life=self.number) for name, ack in acks.items()}
         self._predecessors = set(acks)
 
-    def settle(self) -> None:
-        """Count as said what was acknowledged, where the commands that go with it are here."""
-        for process, ack in self._pending_acks.kept():
+    def apply_acks(self) -> None:
+        """Apply acknowledgements whose commands have come."""
+        for process, ack in self._pending_acks.take_complete():
             self._acks[process] = ack
             self._predecessors.discard(process)
             self.pacer.participants.acknowledged(process, ack)
 
     def begin(self, wall_nanos: int, now_seconds: float) -> None:
-        """Publish the first state; where nobody has been told the epoch yet, it is now.
+        """Publish the first state; a real-time epoch that follows the wall clock is now.
 
-        Building the world and joining the bus took a while: `wall_nanos` is the wall clock's time
-        now, `now_seconds` that of the clock by which steps are paced.
+        Parameters
+        ----------
+        wall_nanos
+            wall clock time; building the world and joining the bus took a while.
+        now_seconds
+            time of the clock that paces steps.
         """
         if self._follows_wall and self._is_realtime:
             self.epoch_nanos = wall_nanos
-        # This tick is now: whatever comes before the first step must not make all stamps older.
-        self.pacer.hold()
+        # This tick is due now: a delay before the first step must not make all stamps older.
+        self.pacer.restart()
         self.pacer.wait_seconds(self.tick, now_seconds)
         if self._history:
-            # It was told, but to nobody.
+            # It was published by silent publishers only.
             state = decode(self._history[-1], State)
-            self._tell_time(state)
+            self._publish_clock(state)
             self.publish.state(state)
         else:
-            self._tell()
+            self._publish_all()
 
     def step(self) -> None:
-        """Step one tick and publish what has become of the world."""
+        """Step one tick and publish the new state."""
         self._simulation.step()
-        self._tell()
+        self._publish_all()
 
-    def _tell(self) -> None:
-        """Publish the state of this tick, and before it all else that is due with it.
+    def _publish_all(self) -> None:
+        """Publish the state of this tick, after all else that is due with it.
 
-        Sensors answer to the state: who hears an answer has been sent all that physics had to say.
+        Sensors react to the state: when their reaction arrives, all other messages of the tick have
+        been sent.
         """
         simulation, publish = self._simulation, self.publish
         state = State(
@@ -260,7 +268,7 @@ class Episode:
         )
         if self._clock.tick(self._next_clock) <= simulation.tick:
             self._next_clock += 1
-            self._tell_time(state)
+            self._publish_clock(state)
         for truth in self._truths:
             if (due := truth.due(state)) is not None:
                 stamp, vehicle = due
@@ -276,15 +284,15 @@ class Episode:
                 publish.vitals[vitals.vehicle](vitals)
         self._history.append(publish.state(state))
 
-    def _tell_time(self, state: State) -> None:
+    def _publish_clock(self, state: State) -> None:
         self.publish.clock(Clock(state.stamp_nanos, self.epoch_nanos, state.tick, self.number))
 
-    def missed_by(self, process: str) -> list[bytes]:
-        """Return for a process that joins where it resumes, and the states since then.
+    def history_for(self, process: str) -> list[bytes]:
+        """Return the acknowledgement where a joining process resumes, and the states since then.
 
-        In real time there is nothing for who joins late, but for those that take up what they did
-        in an earlier episode, for a gateway what the one before it knew, and for sensors that were
-        there before. Where readings are left out these, too, have missed what they have missed.
+        In real time a late process gets nothing, but: processes that take over from an earlier
+        episode get it all, a gateway gets the last acknowledgement of the one before it, and so do
+        sensors that were there before. Where readings are left out, sensors get no states either.
         """
         if self._is_realtime and process not in self._predecessors:
             is_sensor = self.scenario.sensor(process) is not None
@@ -296,7 +304,7 @@ class Episode:
         history = [*self._history]
         first_tick = self.tick + 1 - len(history)
         self._cut_off.discard(process)
-        # What is settled it needs no more; all at once, sensors would ask for tens of megabytes.
+        # Without states that it has finished: together, sensors would fetch tens of megabytes.
         return [encode(resume), *history[max(resume.settled_tick - first_tick, 0) :]]
 
     def end(self) -> None:

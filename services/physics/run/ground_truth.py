@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ground truth as messages of ROS's words: what every estimate is compared with.
+"""Ground truth of vehicles and bodies as messages that map to ROS types.
 
-Rule: states in, messages out, at the rate that the scenario declares and stamped with their event
-as a sensor's reading would be. An event between two ticks has what lies between their states. The
-values have no error, so their covariances are zero.
+Messages have the declared rate and the stamps of their instants, as a sensor's readings would. For
+an instant between two ticks the states of both are interpolated. Covariances are zero.
 """
 
 from __future__ import annotations
@@ -23,45 +22,45 @@ from groundlink.world.bodies import body_names
 from groundlink.world.solids import Solid
 
 _ACTORS = "/actors"
-"""Beside names of vehicles, none of which has a slash."""
+"""Key of the actors, beside names of vehicles, which have no slash."""
 
 _NO_ERROR = memoryview(bytes(COVARIANCE_6X6_BYTES))
 
 
-class Event(NamedTuple):
-    """An instant at which something is due."""
+class _Instant(NamedTuple):
+    """An instant at which a message is due."""
 
     stamp_nanos: int
     fraction: float
-    """Where it lies between the tick before, 0, and that of the state, 1."""
+    """Between the tick before, 0, and that of the state, 1."""
 
 
-class _Events:
-    """When something is due, at a rate, from a tick on."""
+class _Instants:
+    """Instants at a rate, from a tick on."""
 
     def __init__(self, rate_hz: float, from_tick: int = 0) -> None:
         self._schedule = Schedule.at(rate_hz)
         self._next = self._schedule.first_at_or_after(from_tick)
-        self._due_tick = self._schedule.tick(self._next)  # kept: it is asked for at every tick
+        self._due_tick = self._schedule.tick(self._next)  # cached: used at every tick
 
-    def at(self, state: State) -> Event | None:
-        """Return the next event if this state is the first at or after it."""
+    def at(self, state: State) -> _Instant | None:
+        """Return the next instant if this state is the first at or after it."""
         if state.tick < self._due_tick:
             return None
         nanos = self._schedule.nanos(self._next)
         self._next += 1
         self._due_tick = self._schedule.tick(self._next)
-        return Event(state.epoch_nanos + nanos, 1 - (state.sim_nanos - nanos) / TICK_NANOS)
+        return _Instant(state.epoch_nanos + nanos, 1 - (state.sim_nanos - nanos) / TICK_NANOS)
 
 
 def _between(before: memoryview, after: memoryview, fraction: float) -> memoryview:
-    """Return what lies between the float64 values of two ticks."""
+    """Interpolate float64 values between two ticks."""
     first, second = floats(before), floats(after)
     return packed(first + fraction * (second - first))
 
 
 def _poses_between(before: memoryview, after: memoryview, fraction: float) -> memoryview:
-    """Return what lies between poses of two ticks, rows of x, y, z, qx, qy, qz, qw."""
+    """Interpolate poses between two ticks, rows of x, y, z, qx, qy, qz, qw."""
     first, second = (floats(poses).reshape(-1, 7) for poses in (before, after))
     poses = first + fraction * (second - first)
     poses[:, 3:] = nlerp(first[:, 3:], second[:, 3:], np.full(len(first), fraction))
@@ -82,22 +81,26 @@ class VehicleTruth:
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
         self._wheels = tuple(wheel.name for wheel in vehicle.model.wheels)
         self._joints = tuple(joint.name for joint in vehicle.model.joints)
-        self._events = _Events(vehicle.ground_truth.rate_hz, from_tick)
+        self._instants = _Instants(vehicle.ground_truth.rate_hz, from_tick)
         self._before: VehicleState | None = None
 
     def due(self, state: State) -> tuple[int, VehicleState] | None:
-        """Return the stamp of what is to be told and the vehicle at this instant; None for nothing.
+        """Return stamp and state of the vehicle at an instant that is due; else None.
 
         To be called for every state.
         """
-        event, after, before = self._events.at(state), state.vehicles[self.vehicle], self._before
+        instant, after, before = (
+            self._instants.at(state),
+            state.vehicles[self.vehicle],
+            self._before,
+        )
         self._before = after
-        if event is None:
+        if instant is None:
             return None
-        if event.fraction == 1.0 or before is None:
-            return event.stamp_nanos, after
-        at = event.fraction
-        return event.stamp_nanos, VehicleState(
+        if instant.fraction == 1.0 or before is None:
+            return instant.stamp_nanos, after
+        at = instant.fraction
+        return instant.stamp_nanos, VehicleState(
             link_poses=_poses_between(before.link_poses, after.link_poses, at),
             base_velocity=_between(before.base_velocity, after.base_velocity, at),
             joint_positions=_between(before.joint_positions, after.joint_positions, at),
@@ -127,7 +130,7 @@ class VehicleTruth:
     def wheels(self, vehicle: VehicleState, torques: memoryview, stamp_nanos: int) -> JointState:
         """Return each wheel's angle and speed, and the torque of its motor, float64 in N m.
 
-        A torque is constant over the step to a tick, so nothing lies between two of them.
+        A torque is constant during a step, so it is not interpolated.
         """
         return JointState(
             stamp_nanos=stamp_nanos,
@@ -139,7 +142,7 @@ class VehicleTruth:
         )
 
     def joints(self, vehicle: VehicleState, stamp_nanos: int) -> JointState:
-        """Return where the joints other than wheels' are, as their servos say."""
+        """Return the positions of servo joints."""
         return JointState(
             stamp_nanos=stamp_nanos,
             frame=self._child_frame,
@@ -151,15 +154,15 @@ class VehicleTruth:
 
 
 class BodyTruth:
-    """Where all bodies of the run are."""
+    """Ground truth of all bodies of the run."""
 
     def __init__(self, scenario: Scenario, static: Sequence[Solid]) -> None:
-        self._events = _Events(scenario.bodies.rate_hz)
+        self._instants = _Instants(scenario.bodies.rate_hz)
         self._before: dict[str, memoryview] = {}
         self.change(scenario, static)
 
     def change(self, scenario: Scenario, static: Sequence[Solid]) -> None:
-        """Tell of the bodies of another world from now on."""
+        """Switch to the bodies of another world."""
         self._vehicles = [vehicle.name for vehicle in scenario.vehicles]
         self._names = body_names(scenario, static)
         still = [(*solid.position_m, *solid.orientation) for solid in static]
@@ -169,19 +172,19 @@ class BodyTruth:
 
     def poses(self, state: State) -> Bodies | None:
         """Return world_from_body of every body, if it is due; to be called for every state."""
-        event, before = self._events.at(state), self._before
+        instant, before = self._instants.at(state), self._before
         after = {name: state.vehicles[name].link_poses for name in self._vehicles}
         after[_ACTORS] = state.actors
         self._before = after
-        if event is None:
+        if instant is None:
             return None
-        if event.fraction < 1.0:
-            # A body that has only just come has nothing before.
+        if instant.fraction < 1.0:
+            # A body that was just added has no state before.
             after = {
-                name: _poses_between(before[name], poses, event.fraction)
+                name: _poses_between(before[name], poses, instant.fraction)
                 if name in before and before[name].nbytes == poses.nbytes
                 else poses
                 for name, poses in after.items()
             }
         all_poses = b"".join([*after.values(), self._still])
-        return Bodies(event.stamp_nanos, self._names, memoryview(all_poses))
+        return Bodies(instant.stamp_nanos, self._names, memoryview(all_poses))

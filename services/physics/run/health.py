@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a run goes, as physics sees it: how fast, who holds it up, what it lacks.
-
-Rule: here is what is heard and told of it; what becomes of it is the business of `stall_policy`.
-"""
+"""Health of a run as physics sees it: its speed, stalled processes and missing readings."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ from .wall_clock import RealTimeFactorMeter
 
 
 class HealthMonitor:
-    """Looks after a run, through all of its episodes."""
+    """Monitors a run through all of its episodes."""
 
     def __init__(self, bus: Bus, run: str, time: Time) -> None:
         self._stall_policy = StallPolicy(time)
@@ -41,13 +38,13 @@ class HealthMonitor:
             bus.subscribe(GAPS.key_in(run), Gaps, self._gaps)
 
     def counters(self, episode: Episode, now_seconds: float) -> dict[str, int]:
-        """Return the real-time factor since the last call, and who has held up the run."""
+        """Return the real-time factor since the last call, and all stalls."""
         factor = self._factor.since_last(episode.tick, now_seconds)
-        held_up = self._stall_policy.stalls(episode.pacer).counters()
-        return {"real_time_permille": round(1e3 * (factor or 0.0))} | held_up
+        stalls = self._stall_policy.stalls(episode.pacer).counters()
+        return {"real_time_permille": round(1e3 * (factor or 0.0))} | stalls
 
-    def look(self, episode: Episode, now_seconds: float) -> list[str]:
-        """Return what is to be said, at each step or attempt of one; see `Patience.look`.
+    def check(self, episode: Episode, now_seconds: float) -> list[str]:
+        """Return log lines, at each step or attempt of one; see `StallPolicy.check`.
 
         Raises
         ------
@@ -55,17 +52,18 @@ class HealthMonitor:
             when the run is to end now.
         """
         while len(self._gaps) and (arrived := self._gaps.get(seconds=0)):
-            self._stall_policy.lacks(arrived[1])
+            self._stall_policy.missing_readings(arrived[1])
         pacer = episode.pacer
-        lines = self._stall_policy.look(pacer, episode.tick + 1, now_seconds, holding=pacer.holding)
-        return lines + self._changed(episode, now_seconds)
+        lines = self._stall_policy.check(
+            pacer, episode.tick + 1, now_seconds, holding=pacer.holding
+        )
+        return lines + self._check_shortfalls(episode, now_seconds)
 
-    def _changed(self, episode: Episode, now_seconds: float) -> list[str]:
-        """Return what is to be said of sensors that miss readings, and of the real-time factor."""
+    def _check_shortfalls(self, episode: Episode, now_seconds: float) -> list[str]:
         if self._shortfalls is None:
             return []
         while len(self._health) and (arrived := self._health.get(seconds=0)):
-            self._shortfalls.heard(arrived[1], now_seconds)
+            self._shortfalls.received(arrived[1], now_seconds)
         if episode.scenario is not self._scenario:
             self._scenario = episode.scenario
             self._declared_hz = {
@@ -74,22 +72,24 @@ class HealthMonitor:
                 for sensor in vehicle.sensors
             }
         stretched = episode.pacer.stretched_seconds
-        return self._shortfalls.look(episode.tick, now_seconds, self._declared_hz, stretched)
+        return self._shortfalls.check(episode.tick, now_seconds, self._declared_hz, stretched)
 
-    def look_for(self, awaited: Collection[str], episode: Episode, now_seconds: float) -> list[str]:
-        """Return what is to be said of those who have to be there before the run begins."""
+    def check_start(
+        self, awaited: Collection[str], episode: Episode, now_seconds: float
+    ) -> list[str]:
+        """Return log lines on processes that must be there before the run begins."""
         pacer, tick = episode.pacer, episode.tick
         missing = pacer.participants.missing(tick)
-        return self._stall_policy.look(pacer, tick, now_seconds, holding=missing, awaited=awaited)
+        return self._stall_policy.check(pacer, tick, now_seconds, holding=missing, awaited=awaited)
 
-    def rest(self) -> None:
-        """Take note that time stands still."""
-        self._stall_policy.rest()
+    def pause(self) -> None:
+        """Restart all measurements of time: it stood still."""
+        self._stall_policy.pause()
         if self._shortfalls is not None:
-            self._shortfalls.rest()
+            self._shortfalls.pause()
 
-    def begin_anew(self) -> None:
-        """Take note that the run begins again."""
-        self._stall_policy.begin_anew()
+    def reset(self) -> None:
+        """Forget stalls: a new episode begins."""
+        self._stall_policy.reset()
         if self._shortfalls is not None:
-            self._shortfalls.rest()
+            self._shortfalls.pause()

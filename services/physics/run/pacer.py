@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When physics may take its next step: by the wall clock, and by how far others have come.
+"""When physics may take its next step: by the wall clock and by its participants' progress.
 
-Rule: time and acknowledgements come in as arguments. A pace answers how long to wait; it does not
-wait itself. What it means that somebody lets a run wait is the business of `stall_policy`.
+Time and acknowledgements come in as arguments. A pacer returns how long to wait; it does not wait
+itself. `stall_policy` decides what to do about a participant that holds up the run.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from .participants import Participants, barriers, window
 from .wall_clock import NoWallClock, WallClock
 
 SLOW_AT_ONCE_SECONDS = 0.2
-"""Lateness that is made up for at once where time may stretch: nobody notices it in the age of
-data."""
+"""Lateness that is made up for at once where time may stretch: ages of data hardly show it."""
 
 SKIP_AT_ONCE_SECONDS = 3.0
 """Lateness that is made up for at once where time may not stretch: more than a busy machine keeps
 one process from running. The 1,200 states that then come at once are below the 4,096 that a
-sensor's process keeps."""
+sensor's process buffers."""
 
-ASK_AGAIN_SECONDS = 0.001
+RETRY_SECONDS = 0.001
 
 
 class Pacer:
@@ -36,21 +35,25 @@ class Pacer:
 
     Parameters
     ----------
-    wall
+    wall_clock
         says when a tick is due.
-    parties
-        who has to have come so far.
+    participants
+        the processes that have to follow.
+
+    Attributes
+    ----------
+    holding
+        participants that made the last call of `wait_seconds` return a wait.
+    stretched_seconds
+        wall time that the run has lost, caught up with or not, by the process that caused it.
     """
 
     def __init__(self, wall_clock: WallClock, participants: Participants) -> None:
         self._wall_clock, self.participants = wall_clock, participants
         self._held: dict[str, float] = {}
         self.holding: Sequence[str] = ()
-        """Who made the last answer of `wait_seconds` be that the step has to wait."""
-
         self._held_from = 0.0
         self.stretched_seconds: dict[str, float] = {}
-        """Wall time that the run has lost, caught up with or not, by the process that did it."""
 
     def wait_seconds(self, tick: int, now_seconds: float) -> float:
         """Return how long to wait at `now_seconds` before stepping to `tick`; 0 for not at all."""
@@ -61,7 +64,7 @@ class Pacer:
             self._held.clear()
         if lost := self._wall_clock.lost_seconds(tick, now_seconds):
             self._charge(lost)
-        return max(-late, ASK_AGAIN_SECONDS if missing else 0.0)
+        return max(-late, RETRY_SECONDS if missing else 0.0)
 
     def behind_seconds(self, tick: int) -> float:
         """Return the wall time that the run has still to catch up with at a tick."""
@@ -72,20 +75,20 @@ class Pacer:
         """Wall time that the run has lost and does not catch up with."""
         return self._wall_clock.written_off_seconds
 
-    def hold(self) -> None:
-        """Let the next tick be due at once when it is asked for again: time stood still."""
-        self._wall_clock.hold()
+    def restart(self) -> None:
+        """Make the next tick due when it is asked for: time stood still."""
+        self._wall_clock.restart()
         self.holding = ()
 
     def _blame(self, missing: Sequence[str], now_seconds: float) -> None:
-        """Note down who has held up a step that was due, each an equal share of the time."""
+        """Charge each process that held up a due step with an equal share of the time."""
         for process in self.holding:
             share = (now_seconds - self._held_from) / len(self.holding)
             self._held[process] = self._held.get(process, 0.0) + share
         self.holding, self._held_from = missing, now_seconds
 
     def _charge(self, seconds: float) -> None:
-        """Count by how much time has stretched: what nobody held up, physics itself was slow."""
+        """Add lost time to its causes; time that no process held up was lost by physics itself."""
         held = sum(self._held.values())
         scale = min(1.0, seconds / held) if held else 0.0
         causes = {process: scale * share for process, share in self._held.items()}
@@ -97,12 +100,12 @@ class Pacer:
 
 
 def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> Pacer:
-    """Return the pace that a scenario asks for.
+    """Return the pacer of a scenario's time mode.
 
     Parameters
     ----------
     others
-        processes beside its sensors and drivers that a run in lockstep waits for.
+        processes besides its sensors and drivers that a run in lockstep waits for.
     """
     time = scenario.time
     ahead = window(time.window_ticks)
@@ -121,7 +124,7 @@ def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> Pacer:
         requirements[GATEWAY] = barriers(time.ack_ticks)
     participants = Participants(requirements, needed=requirements, of_others=ahead, episode=episode)
     if time.lockstep == "ros":
-        # It has no word to give before it hears of the first state.
+        # The gateway acknowledges nothing before it has the first state.
         participants.acknowledged(GATEWAY, Ack(episode, -1, -1))
     wall_clock = (
         NoWallClock() if time.mode == "fast" else WallClock(time.factor, SLOW_AT_ONCE_SECONDS)

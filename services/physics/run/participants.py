@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who takes part in a run, how far each has come, and whose word counts already.
+"""Participants of a run: which processes physics waits for, and how far each has come.
 
-Rule: ticks and acknowledgements come in as arguments; nothing here knows what time it is.
+Ticks and acknowledgements come in as arguments; nothing here reads a clock.
 """
 
 from __future__ import annotations
@@ -11,35 +11,42 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from groundlink.messages.base import Ack
 
 AckRequirement = Callable[[int], int]
-"""Returns the tick that a process must have acknowledged before physics steps to another one."""
+"""Returns the tick that a process must have acknowledged before physics steps to a given tick."""
 
 
 def window(ticks: int) -> AckRequirement:
-    """Let physics be so many ticks ahead."""
+    """Let physics be this many ticks ahead."""
     return lambda tick: tick - ticks
 
 
 def barriers(period_ticks: int) -> AckRequirement:
-    """Let physics go on from a barrier, the ticks 0, period, 2 periods, with a word on that one.
+    """Let physics leave a barrier (ticks 0, period, 2 periods...) when it is acknowledged.
 
-    So what was commanded by then acts in the next step, whatever machines and networks do.
+    So a command that was sent by then acts in the next step, however slow machines and networks
+    are.
     """
     return lambda tick: (tick - 1) // period_ticks * period_ticks
 
 
 class Participants:
-    """The processes that are waited for.
+    """The processes that physics waits for.
 
     Parameters
     ----------
-    demands
-        what is asked of each process by name.
+    requirements
+        what each named process must have acknowledged.
     needed
-        those of them that are waited for before their first word and after they left.
+        those of them that physics waits for before their first acknowledgement and after they left.
     of_others
-        what is asked of any other process, from its first word until it leaves; None: nothing.
+        what any other process must have acknowledged, from its first acknowledgement until it
+        leaves; None: nothing.
     episode
-        of the run: what was said in another one does not count.
+        of the run; acknowledgements of another one do not count.
+
+    Attributes
+    ----------
+    absent
+        processes that physics does not wait for until they acknowledge again.
     """
 
     def __init__(
@@ -55,40 +62,39 @@ class Participants:
         self._of_others = of_others
         self._episode = episode
         self._reached: dict[str, int] = {}
-        self.given_up: frozenset[str] = frozenset()
-        """Who is counted as absent until it is heard again."""
+        self.absent: frozenset[str] = frozenset()
 
     def acknowledged(self, process: str, ack: Ack) -> None:
-        """Take note of how far a process has come in this episode of the run."""
+        """Record how far a process has come in this episode."""
         if ack.life == self._episode and (process in self._requirements or self._of_others):
             self._reached[process] = ack.tick
-            self.given_up -= {process}
+            self.absent -= {process}
 
     def has_followed(self, process: str) -> bool:
         """Return whether a process has acknowledged a state of this episode."""
         return self._reached.get(process, -1) >= 0
 
     def left(self, process: str) -> None:
-        """Stop waiting for a process that has gone, unless the run needs it."""
+        """Stop waiting for a process that has left, unless the run needs it."""
         if process not in self._needed:
             self._reached.pop(process, None)
-            self.given_up -= {process}
+            self.absent -= {process}
 
     def only(self, wanted: Collection[str]) -> None:
-        """Wait no longer for those that something was asked of and that are not among these."""
+        """Drop the requirements of all processes but these."""
         for process in self._requirements.keys() - wanted:
             del self._requirements[process]
             self._reached.pop(process, None)
         self._needed &= frozenset(wanted)
-        self.given_up &= frozenset(self._reached) | self._needed
+        self.absent &= frozenset(self._reached) | self._needed
 
-    def give_up(self, process: str) -> None:
-        """Count a process as absent until it says something again."""
-        self.given_up |= {process}
+    def mark_absent(self, process: str) -> None:
+        """Stop waiting for a process until it acknowledges again."""
+        self.absent |= {process}
 
     def missing(self, tick: int) -> list[str]:
         """Return the processes that hold up the step to `tick`."""
-        names = (self._needed | self._reached.keys()) - self.given_up
+        names = (self._needed | self._reached.keys()) - self.absent
         return sorted(name for name in names if self._lacks(name, tick))
 
     def _lacks(self, process: str, tick: int) -> bool:
@@ -98,25 +104,25 @@ class Participants:
 
 
 class PendingAcks:
-    """Holds acknowledgements back until the commands that they speak of are here.
+    """Acknowledgements that wait for the commands that they refer to.
 
-    The bus keeps the order of one key, not that of a command and an acknowledgement.
+    The bus keeps the order within a key, not that of a command and an acknowledgement.
     """
 
     def __init__(self) -> None:
-        self._held: dict[str, Ack] = {}
+        self._pending: dict[str, Ack] = {}
         self._commanded: dict[str, int] = {}
 
     def commanded(self, vehicle: str, tick: int) -> None:
-        """Take note of a command for `vehicle` that is stamped with `tick`."""
+        """Record a command for `vehicle` that is stamped with `tick`."""
         self._commanded[vehicle] = max(tick, self._commanded.get(vehicle, -1))
 
-    def given(self, process: str, ack: Ack) -> None:
-        """Take an acknowledgement."""
-        self._held[process] = ack
+    def add(self, process: str, ack: Ack) -> None:
+        """Add an acknowledgement; it replaces an earlier one of its process."""
+        self._pending[process] = ack
 
-    def kept(self) -> Iterator[tuple[str, Ack]]:
-        """Yield each process and acknowledgement that holds now, once."""
-        for process, ack in list(self._held.items()):
+    def take_complete(self) -> Iterator[tuple[str, Ack]]:
+        """Remove and yield each acknowledgement whose commands have come, with its process."""
+        for process, ack in list(self._pending.items()):
             if all(self._commanded.get(v, -1) >= tick for v, tick in ack.commanded.items()):
-                yield process, self._held.pop(process)
+                yield process, self._pending.pop(process)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who else is in a run, and what they say to physics: commands, and how far they have come.
+"""Peers: the other processes of a run, their commands and acknowledgements.
 
-Rule: the bus brings it on its own threads and it waits here; the loop that steps takes it in
-between two ticks.
+The bus delivers on its own threads; the loop that steps takes what has come between two ticks.
 """
 
 from __future__ import annotations
@@ -20,70 +19,61 @@ from groundlink.scenario import Scenario
 
 from .episode import Episode
 
+COMMANDS = (COMMAND, Command), (WHEEL_COMMAND, WheelCommand), (JOINT_COMMAND, JointState)
+
 
 class Peers:
-    """The other processes of a run.
-
-    Attributes
-    ----------
-    refused : int
-        Commands for what is not there or cannot obey.
-    """
+    """The other processes of a run."""
 
     def __init__(self, bus: Bus, run: str) -> None:
         self._bus, self._run = bus, run
         self._commands: BusInbox[Command | WheelCommand | JointState] = BusInbox(depth=1024)
         self._acks: BusInbox[Ack] = BusInbox(depth=1024)
         self._vehicles: dict[str, str] = {}
-        self._gone: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._left: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._seen: frozenset[str] = frozenset()
-        self._disobeyed = self._stale = 0
+        self._invalid = self._stale = 0
         self._ack_prefix = ACK.key_in(run, process="")
         self._health_prefix = HEALTH.key_in(run, process="")
         bus.subscribe(ACK.key_in(run), Ack, self._acks)
         bus.watch(HEALTH.key_in(run), self._on_liveliness)
 
-    def obey(self, scenario: Scenario) -> None:
-        """Take commands for a scenario's vehicles, where they are not taken yet."""
+    def accept_commands(self, scenario: Scenario) -> None:
+        """Subscribe to the commands of a scenario's vehicles."""
         for vehicle in scenario.vehicles:
-            for row, message in (
-                (COMMAND, Command),
-                (WHEEL_COMMAND, WheelCommand),
-                (JOINT_COMMAND, JointState),
-            ):
-                key = row.key_in(self._run, vehicle=vehicle.name)
+            for topic, message in COMMANDS:
+                key = topic.key_in(self._run, vehicle=vehicle.name)
                 if key not in self._vehicles:
                     self._vehicles[key] = vehicle.name
                     self._bus.subscribe(key, message, self._commands)
 
-    def lacks(self, wanted: Iterable[str]) -> frozenset[str]:
-        """Return those of the wanted that have not been there yet."""
+    def not_seen(self, wanted: Iterable[str]) -> frozenset[str]:
+        """Return those of the wanted processes that have not been there yet."""
         return frozenset(wanted) - self._seen
 
-    def tell(self, episode: Episode) -> None:
-        """Have an episode take in what has been said, and who has left."""
-        while not self._gone.empty():
-            episode.left(self._gone.get())
+    def deliver(self, episode: Episode) -> None:
+        """Give an episode all commands and acknowledgements that have come, and who has left."""
+        while not self._left.empty():
+            episode.process_left(self._left.get())
         while len(self._acks) and (arrived := self._acks.get(seconds=0)):
             episode.acknowledged(arrived[0].removeprefix(self._ack_prefix), arrived[1])
         while len(self._commands) and (command := self._commands.get(seconds=0)):
             try:
                 self._stale += not episode.command(self._vehicles[command[0]], command[1])
-            except (ValueError, KeyError):  # such as for a vehicle that was taken away
-                self._disobeyed += 1
-        episode.settle()
+            except (ValueError, KeyError):  # such as for a vehicle that was removed
+                self._invalid += 1
+        episode.apply_acks()
 
     def wait(self, seconds: float) -> None:
-        """Wait until somebody has come further, or so long."""
+        """Wait for an acknowledgement, or this long."""
         self._acks.wait(seconds)
 
     def counters(self) -> dict[str, int]:
-        """Return what did not get through."""
-        refused = self._disobeyed + self._commands.refused + self._acks.refused
+        """Return the numbers of messages that had no effect."""
         return {
             "commands_dropped": self._commands.dropped,
             "commands_stale": self._stale,
-            "refused": refused,
+            "refused": self._invalid + self._commands.refused + self._acks.refused,
         }
 
     def _on_liveliness(self, key: str, there: bool) -> None:
@@ -91,4 +81,4 @@ class Peers:
         if there:
             self._seen |= {name}
         else:
-            self._gone.put(name)
+            self._left.put(name)

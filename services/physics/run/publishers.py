@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where physics publishes, and where an episode that is only restored does not.
-
-Rule: derived from the table of topics and a scenario's vehicles; what is declared stays declared.
-"""
+"""What physics publishes: on the bus, or nowhere for an episode that is being restored."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from groundlink.bus.core_topics import CLOCK, STATE, BusTopic
+from groundlink.bus.core_topics import CLOCK, STATE
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_WHEELS, VITALS
 from groundlink.messages.base import Message, encode
@@ -19,8 +16,9 @@ from groundlink.scenario import Scenario
 Publish = Callable[[Message], bytes]
 
 
-class Publishers(NamedTuple):
-    """Where physics publishes: for the run, and for each vehicle by name."""
+@dataclass
+class Publishers:
+    """A publisher for each message of the run, and for each message of a vehicle by name."""
 
     state: Publish
     clock: Publish
@@ -31,36 +29,36 @@ class Publishers(NamedTuple):
     vitals: dict[str, Publish]
 
 
-def declare_publishers(
-    bus: Bus, run: str, scenario: Scenario, known: Publishers | None = None
-) -> Publishers:
-    """Declare all that physics publishes, but what is declared already."""
+class BusPublishers(Publishers):
+    """Publishers on the bus."""
 
-    def each(row: BusTopic, there: dict[str, Publish]) -> dict[str, Publish]:
-        names = (vehicle.name for vehicle in scenario.vehicles)
-        return {
-            name: there.get(name) or bus.publisher(row.key_in(run, vehicle=name), row.delivery)
-            for name in names
-        }
-
-    if known is None:
+    def __init__(self, bus: Bus, run: str, scenario: Scenario) -> None:
+        self._bus, self._run = bus, run
         state, clock, bodies = (
-            bus.publisher(row.key_in(run), row.delivery) for row in (STATE, CLOCK, BODIES)
+            bus.publisher(topic.key_in(run), topic.delivery) for topic in (STATE, CLOCK, BODIES)
         )
-        known = Publishers(state, clock, bodies, {}, {}, {}, {})
-    return known._replace(
-        truth=each(GROUND_TRUTH, known.truth),
-        wheels=each(TRUE_WHEELS, known.wheels),
-        joints=each(JOINTS, known.joints),
-        vitals=each(VITALS, known.vitals),
-    )
+        super().__init__(state, clock, bodies, {}, {}, {}, {})
+        self.declare(scenario)
+
+    def declare(self, scenario: Scenario) -> None:
+        """Declare the publishers of a scenario's vehicles that are not declared yet."""
+        for topic, known in (
+            (GROUND_TRUTH, self.truth),
+            (TRUE_WHEELS, self.wheels),
+            (JOINTS, self.joints),
+            (VITALS, self.vitals),
+        ):
+            for vehicle in scenario.vehicles:
+                if vehicle.name not in known:
+                    key = topic.key_in(self._run, vehicle=vehicle.name)
+                    known[vehicle.name] = self._bus.publisher(key, topic.delivery)
 
 
 def silent_publishers() -> Publishers:
-    """Return outlets that publish nothing, and states that are encoded for the history alone."""
+    """Return publishers that publish nothing; states are still encoded, for the history."""
 
     def none(message: Message) -> bytes:
         return b""
 
-    nowhere: defaultdict[str, Publish] = defaultdict(lambda: none)
-    return Publishers(encode, none, none, nowhere, nowhere, nowhere, nowhere)
+    each: defaultdict[str, Publish] = defaultdict(lambda: none)
+    return Publishers(encode, none, none, each, each, each, each)

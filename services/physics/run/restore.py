@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an episode to its journal, and from a journal back to the episode that it tells of.
+"""Journals of episodes, and the way back from a journal to its episode.
 
-Rule: every entry is taken in before the step before which it was taken in first; nothing is
-published on the way. Reads no clock: whoever restores says how many steps at a time.
+Every entry takes effect before the same step as the first time. Nothing is published meanwhile, and
+no clock is read: the caller says how many steps to take at a time.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from groundlink.world import assets
 
 from .episode import Episode
 
-SAID_EVERY_SECONDS = 2.0
-"""Of progress."""
+PROGRESS_SECONDS = 2.0
+"""Time between log lines."""
 
 
 class JournalArchive:
-    """The journals of a run: of its present episode, and of the one that has just ended."""
+    """The journals of the present episode and of the one that ended last."""
 
     def __init__(self) -> None:
         self._ended: Journal | None = None
-        this_machine()  # It takes a while to find out, once: not between two ticks.
+        this_machine()  # Slow the first time; not to be called first between two ticks.
 
     def ends(self, episode: Episode) -> None:
         """Keep the journal of an episode that ends."""
@@ -38,7 +38,7 @@ class JournalArchive:
             self._ended = episode.journal()
 
     def journal(self, present: Episode, asked: str) -> Journal | None:
-        """Return what a query of `journal_key` asks for; None where there is no such thing.
+        """Return what a query of `journal_key` asks for; None if it is not there.
 
         Raises
         ------
@@ -57,71 +57,76 @@ class JournalArchive:
 
 
 class JournalPlayer:
-    """Tells an episode what an earlier one was told, when it has come so far; of none, nothing."""
+    """Replays a journal's entries into an episode as it comes to their ticks; None: no entries.
+
+    Attributes
+    ----------
+    until_tick
+        the journal's last tick.
+    """
 
     def __init__(self, journal: Journal | None) -> None:
         self._entries: Iterator[AnyEntry] = iter(()) if journal is None else journal.read()
         self._next = next(self._entries, None)
         self.until_tick = -1 if journal is None else journal.tick
-        """Where what is known of that earlier episode ends."""
 
-    def tell(self, episode: Episode) -> None:
-        """Have it take in what comes before its next step."""
+    def play(self, episode: Episode) -> None:
+        """Apply the entries that come before the episode's next step."""
         while self._next is not None and self._next.tick <= episode.tick:
-            episode.follow(self._next)
+            episode.replay(self._next)
             self._next = next(self._entries, None)
 
 
 class Restoration:
-    """An episode on its way to where another one was.
+    """An episode on its way to the state of a journal.
 
     Parameters
     ----------
     episode
-        that journal's, at tick 0, which publishes nothing.
+        of the journal's scenario, at tick 0, that publishes nothing.
     """
 
     def __init__(self, journal: Journal, episode: Episode) -> None:
         self._journal = journal
         self._player = JournalPlayer(journal)
-        self._said: float | None = None
+        self._reported: float | None = None
         self.episode = episode
 
-    def go_on(self, ticks: int) -> bool:
-        """Step so many ticks, or fewer to the end; return whether it has come there.
+    def advance(self, ticks: int) -> bool:
+        """Step this many ticks, at most to the end; return whether the end is reached.
 
         Raises
         ------
         ValueError, KeyError, UserError
-            when an entry is none for this world.
+            when an entry does not fit this world.
         """
         episode, until = self.episode, self._journal.tick
         for _ in range(min(ticks, until - episode.tick)):
-            self._player.tell(episode)
+            self._player.play(episode)
             episode.step()
         if episode.tick < until:
             return False
-        self._player.tell(episode)
-        episode.succeed(self._journal.acks)
+        self._player.play(episode)
+        episode.take_over(self._journal.acks)
         return True
 
     def progress(self, now_seconds: float) -> list[str]:
-        """Return a line on how far it is, now and then."""
-        if self._said is not None and now_seconds - self._said < SAID_EVERY_SECONDS:
+        """Return a log line every few seconds."""
+        if self._reported is not None and now_seconds - self._reported < PROGRESS_SECONDS:
             return []
-        self._said = now_seconds
-        return [f"restores: tick {self.episode.tick} of {self._journal.tick}"]
+        self._reported = now_seconds
+        return [f"restoring: tick {self.episode.tick} of {self._journal.tick}"]
 
     def difference(self) -> str:
-        """Return one line of how it came out different; empty where it is the same to the bit."""
+        """Return a line on how the result differs; empty if it is the same to the bit."""
         there, here = self._journal, self.episode.journal()
         if here.digest == there.digest:
             return ""
         unlike = there.made_on.unlike(here.made_on)
         cause = f"it was saved with {unlike}" if unlike else "though the machine is the same"
         return (
-            f"what was restored at tick {here.tick} is not the same to the bit as what was saved, "
-            f"{cause}; the run goes on from there"
+            f"the state restored at tick {here.tick} differs from the saved one, {cause}; the run "
+            "continues from it"
         )
 
 
@@ -131,33 +136,33 @@ def check_data(journal: Journal) -> None:
     Raises
     ------
     UserError
-        when this machine lacks data of it, or its start is missing.
+        when this machine lacks data of it, or its first entries are missing.
     """
     if journal.left_out:
         raise UserError(f"the saved run lacks its first {journal.left_out} entries; save it again")
     changes = (entry.wish for entry in journal.read() if isinstance(entry, Changed))
-    added = (wish.more for wish in changes if isinstance(wish, Spawn))
+    added = (change.more for change in changes if isinstance(change, Spawn))
     needed = [digest for it in (journal.scenario, *added) for digest in asset_exchange.needed(it)]
     if lacking := assets.missing(needed):
         raise UserError(
-            f"physics' machine lacks the data {lacking[0][:12]} of the saved run's world; load its "
-            f"scenario there once, or copy {assets.folder()} from where it was saved"
+            f"physics' machine lacks the data {lacking[0][:12]} of the saved run's world. Fix: "
+            f"load its scenario there once, or copy {assets.folder()} from where it was saved"
         )
 
 
 def check_processes(journal: Journal, running: Scenario) -> None:
-    """Refuse a journal of another run than one of a scenario, whose processes are there.
+    """Refuse a journal whose run has other processes than those that are running.
 
     Raises
     ------
     UserError
-        when its sensors are others.
+        when its sensors or its seed are others.
     """
     saved = journal.scenario
     if (saved.seed, _sensors(saved)) != (running.seed, _sensors(running)):
         raise UserError(
             f"the saved run, of scenario `{saved.name}`, has other sensors or another seed than "
-            f"this one, of `{running.name}`; start it by `groundlink up FILE`"
+            f"this one, of `{running.name}`. Fix: start it with `groundlink up FILE`"
         )
 
 

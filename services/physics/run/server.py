@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The run's authority: which episode it episodes, who is waited for, what it goes on with.
+"""Physics server: which episode runs, which processes it waits for, and what it serves to them.
 
-Rule: the only one that says what tick it is. Everything that changes a run happens here, between
-two ticks; the loop around it is the process's own.
+Everything that changes a run happens here, between two ticks.
 """
 
 from __future__ import annotations
@@ -31,73 +30,71 @@ from .control import Control
 from .episode import Episode
 from .health import HealthMonitor
 from .peers import Peers
-from .publishers import Publishers, declare_publishers, silent_publishers
+from .publishers import BusPublishers, Publishers, silent_publishers
 from .restore import JournalArchive, JournalPlayer, Restoration, check_data, check_processes
+from .source import RunSource
 from .stall_policy import START_SECONDS
 
 PAUSED_SECONDS = 0.01
-"""How often a run that is paused looks whether it shall go on."""
+"""How often a paused run looks for commands."""
 
 RESTORED_AT_ONCE = 200
-"""Ticks between two looks at what others say; they take some tens of milliseconds."""
+"""Ticks that are restored between two looks for messages; some tens of milliseconds."""
 
 
 class PhysicsServer:
-    """The run's authority: its episodes, the bus, and who is waited for.
+    """The episodes of a run and their connections.
 
     Parameters
     ----------
-    saved, followed
-        what it goes on from or does again, see `Source`.
     others
-        processes beside the sensors without which a run does not begin, such as a recorder.
+        processes besides the sensors that the run waits for, such as a recorder.
     """
 
     def __init__(
-        self,
-        scenario: Scenario,
-        run: str,
-        bus: Bus,
-        *,
-        saved: Journal | None = None,
-        followed: Journal | None = None,
-        others: Sequence[str] = (),
+        self, source: RunSource, run: str, bus: Bus, *, others: Sequence[str] = ()
     ) -> None:
+        scenario, saved, self._followed = source
         self._started, self._run, self._others = scenario, run, others
-        self._followed = followed
-        words = (GATEWAY,) if scenario.time.lockstep == "ros" else ()
-        self._awaited = frozenset((*others, *words))
+        self._awaited = frozenset(others)
+        if scenario.time.lockstep == "ros":
+            self._awaited |= {GATEWAY}
         self._awaited_until = math.inf
         self._peers = Peers(bus, run)
         self._health = HealthMonitor(bus, run, scenario.time)
-        self._bus = bus
-        self._obey(scenario)
-        self._publishers = declare_publishers(bus, run, scenario)
-        self._changes = 0
+        self._accept_commands(scenario)
+        self._publishers = BusPublishers(bus, run, scenario)
+        self._world_changes = 0
         self._archive = JournalArchive()
-        self.episode = self._new_episode(scenario)
+        self.episode = self._new_episode(scenario, self._publishers)
         self._worlds = dict(self.episode.worlds)
-        self.control = Control(self.reset, self.change, self.restore)
+        self.control = Control(self)
         self._has_begun = self._is_restored = False
         self._restoration: Restoration | None = None
         if saved is not None:
             check_data(saved)
-            self._restore(saved, scenario)
-            # Those that it knows are to miss nothing.
+            self._start_to_restore(saved, scenario)
+            # Processes that the saved run knew are to miss nothing.
             self._awaited |= saved.acks.keys() & process_names(saved.still_there()).keys()
-        bus.serve(history_key(run), lambda name: self.episode.missed_by(name))
+        bus.serve(history_key(run), self._history_for)
         bus.serve_content(control_key(run), self.control.answer)
         bus.serve(journal_key(run), self._journal_of)
-        asset_exchange.serve(bus, run, lambda: self.episode.scenario)
+        asset_exchange.serve(bus, run, self._scenario)
         bus.serve(scenario_key(run), self._scenario_of)
 
-    def _obey(self, scenario: Scenario) -> None:
-        """Take commands for a scenario's vehicles, unless they come from a file."""
+    def _accept_commands(self, scenario: Scenario) -> None:
+        """Accept commands for a scenario's vehicles, unless they come from a file."""
         if self._followed is None:
-            self._peers.obey(scenario)
+            self._peers.accept_commands(scenario)
+
+    def _history_for(self, process: str) -> list[bytes]:
+        return self.episode.history_for(process)
+
+    def _scenario(self) -> Scenario:
+        return self.episode.scenario
 
     def _scenario_of(self, world: str) -> list[bytes]:
-        """Return the scenario of the world with this hash; of no hash, as it is now."""
+        """Return the scenario of the world with this hash; of no hash, the present one."""
         found = self._worlds.get(world) if world else self.episode.scenario
         return [] if found is None else [msgspec.msgpack.encode(found)]
 
@@ -109,45 +106,45 @@ class PhysicsServer:
         return []
 
     def counters(self, now_seconds: float) -> dict[str, int]:
-        """Return what a person who looks after the run wants to see."""
+        """Return the counters of the process's health messages."""
         return {
             **self._peers.counters(),
-            "worlds": self._changes,
+            "worlds": self._world_changes,
             **self._health.counters(self.episode, now_seconds),
         }
 
-    def rest(self, seconds: float) -> None:
-        """Do nothing for so long, or until somebody else has come further."""
+    def wait(self, seconds: float) -> None:
+        """Wait for an acknowledgement, or this long."""
         self._peers.wait(seconds)
 
-    def hear(self) -> None:
-        """Take in what other processes and people have said, and who has left."""
-        self._peers.tell(self.episode)
-        self.control.fulfil()
+    def receive(self) -> None:
+        """Process all messages and run commands that have come."""
+        self._peers.deliver(self.episode)
+        self.control.execute_pending()
 
     def missing(self) -> list[str]:
-        """Return who has to be there before the first state."""
-        # In what was restored nobody can have said anything yet; they are asked when they hear it.
+        """Return the processes that must be there before the first state."""
+        # After a restoration no process can have acknowledged yet; they are asked by the state.
         absent = () if self._is_restored else self.episode.pacer.participants.missing(tick=0)
-        return sorted({*absent, *self._peers.lacks(self._awaited)})
+        return sorted({*absent, *self._peers.not_seen(self._awaited)})
 
-    def told(self, now_seconds: float) -> list[str]:
-        """Return what is to be said of how the run goes; see `Watch.look`."""
+    def log_lines(self, now_seconds: float) -> list[str]:
+        """Return log lines on the health of the run; see `HealthMonitor.check`."""
         if self._restoration is not None:
-            self._health.rest()
+            self._health.pause()
             return self._restoration.progress(now_seconds)
         if not self._has_begun:
-            awaited = self._peers.lacks(self._awaited)
-            return self._health.look_for(awaited, self.episode, now_seconds)
+            awaited = self._peers.not_seen(self._awaited)
+            return self._health.check_start(awaited, self.episode, now_seconds)
         if self.control.paused:
-            self._health.rest()
+            self._health.pause()
             return []
-        return self._health.look(self.episode, now_seconds)
+        return self._health.check(self.episode, now_seconds)
 
     def wait_seconds(self, now_seconds: float) -> float:
         """Return how long to wait before the next step; 0 for not at all.
 
-        The first state is published as soon as all hear it who are waited for.
+        Publishes the first state as soon as all awaited processes are there.
         """
         if self._restoration is not None:
             return 0.0
@@ -158,130 +155,128 @@ class PhysicsServer:
         if not self._has_begun:
             return 0.001
         if self.control.paused:
-            self.episode.pacer.hold()
+            self.episode.pacer.restart()
             return PAUSED_SECONDS
         return self.episode.pacer.wait_seconds(self.episode.tick + 1, now_seconds)
 
     def step(self) -> None:
-        """Step one tick and publish what has become of the world, or restore some more of it."""
+        """Step one tick and publish the new state, or restore some more of a saved run."""
         if self._restoration is not None:
-            self._restore_on(self._restoration)
+            self._continue_restoration(self._restoration)
             return
-        self._player.tell(self.episode)
+        self._player.play(self.episode)
         if self.episode.world_hash not in self._worlds:
-            self._go_on_in_this_world()
+            self._adopt_world()
         self.episode.step()
         self.control.stepped(self.episode.tick)
         if self.episode.tick == self._player.until_tick:
             self.control.pause()
 
     def reset(self) -> None:
-        """Begin another episode with everything at its start."""
-        self._replace_episode(self._new_episode(self.episode.scenario))
+        """Start a new episode of the present world."""
+        self._replace_episode(self._new_episode(self.episode.scenario, self._publishers))
         self.control.stepped(0)
         if self._has_begun:
-            # Others are there; a fast run waits for their words on its first state.
+            # All processes are there; in a fast run they have to acknowledge the first state.
             self._begin()
 
-    def restore(self, content: bytes) -> None:
-        """Begin to go on from where a saved run was; `content` is its file's.
+    def change(self, command: Spawn | Remove) -> None:
+        """Add something to the world or remove it.
 
         Raises
         ------
         UserError
-            when that cannot be.
+            when it cannot be added or is not there.
+        """
+        if isinstance(command, Spawn) and (
+            lacking := assets.missing(asset_exchange.needed(command.more))
+        ):
+            raise UserError(
+                f"this machine lacks the data {lacking[0][:12]}. Fix: spawn meshes from the "
+                "machine where physics runs"
+            )
+        self.episode.change(command)
+        self._adopt_world()
+
+    def restore(self, content: bytes) -> None:
+        """Start to restore a saved run from its file's content.
+
+        Raises
+        ------
+        UserError
+            when it does not fit this run.
         """
         saved = loaded(content, "what was sent")
         if self._followed is not None:
-            raise UserError("the run does again what a saved one did; start another one")
+            raise UserError("the run replays a saved one (--follow). Fix: start another run")
         check_processes(saved, self._started)
         check_data(saved)
-        self._restore(saved, replace(saved.scenario, time=self._started.time))
+        self._start_to_restore(saved, replace(saved.scenario, time=self._started.time))
 
-    def _restore(self, saved: Journal, scenario: Scenario) -> None:
-        episode = self._new_episode(scenario, silent_publishers(), epoch_nanos=saved.epoch_nanos)
+    def _start_to_restore(self, saved: Journal, scenario: Scenario) -> None:
+        episode = self._new_episode(scenario, silent_publishers(), saved.epoch_nanos)
         episode.begin(time.time_ns(), time.monotonic())
         self._restoration = Restoration(saved, episode)
         self.control.restoring_to = saved.tick
         self.control.warning = self.control.failure = ""
 
-    def _restore_on(self, restoring: Restoration) -> None:
-        """Restore some more; go on from there when all of it is done."""
+    def _continue_restoration(self, restoration: Restoration) -> None:
+        """Restore some more; when all is restored, continue from there."""
         control, warning, failure = self.control, "", ""
-        control.tick = restoring.episode.tick
+        control.tick = restoration.episode.tick
         try:
-            if not restoring.go_on(RESTORED_AT_ONCE):
+            if not restoration.advance(RESTORED_AT_ONCE):
                 return
-            warning = restoring.difference()
+            warning = restoration.difference()
         except (ValueError, KeyError, UserError) as problem:
             what = f"there is no vehicle {problem}" if isinstance(problem, KeyError) else problem
-            failure = f"the saved run cannot be done again here, at tick {control.tick}: {what}"
+            failure = f"the saved run cannot be replayed here, at tick {control.tick}: {what}"
             if not self._has_begun:
                 raise UserError(failure) from None
-            restoring.episode.end()
-            self.episode.pacer.hold()
+            restoration.episode.end()
+            self.episode.pacer.restart()
         else:
             self._is_restored = True
             if self._started.time.mode == "realtime":
                 self._awaited_until = time.monotonic() + START_SECONDS
-            self._replace_episode(restoring.episode)
-            self._go_on_in_this_world()
+            self._replace_episode(restoration.episode)
+            self._adopt_world()
             if self._has_begun:
                 self._begin()
         self._restoration = None
         control.warning, control.failure = warning, failure
         control.tick = self.episode.tick
         control.restoring_to = -1
-        if said := warning or failure:
-            print(f"{PHYSICS}: {said}", file=sys.stderr, flush=True)
+        if line := warning or failure:
+            print(f"{PHYSICS}: {line}", file=sys.stderr, flush=True)
 
     def _replace_episode(self, episode: Episode) -> None:
         self._archive.ends(self.episode)
         self.episode.end()
-        self._health.begin_anew()
+        self._health.reset()
         self.episode = episode
 
-    def change(self, wish: Spawn | Remove) -> None:
-        """Put something into the world or take it out.
-
-        Raises
-        ------
-        UserError
-            when that cannot be.
-        """
-        if isinstance(wish, Spawn) and (
-            lacking := assets.missing(asset_exchange.needed(wish.more))
-        ):
-            raise UserError(
-                f"this machine lacks the data {lacking[0][:12]}; spawn meshes from the machine "
-                "where physics runs"
-            )
-        self.episode.change(wish)
-        self._go_on_in_this_world()
-
-    def _go_on_in_this_world(self) -> None:
-        """Hear, publish and serve what goes with the episode's world; before its next state."""
+    def _adopt_world(self) -> None:
+        """Accept commands, publish and serve for the episode's world, before its next state."""
         episode = self.episode
-        self._obey(episode.scenario)
-        self._publishers = declare_publishers(
-            self._bus, self._run, episode.scenario, self._publishers
-        )
+        self._accept_commands(episode.scenario)
+        self._publishers.declare(episode.scenario)
         episode.publish = self._publishers
         self._worlds |= episode.worlds
-        self._changes += 1
+        self._world_changes += 1
 
     def _begin(self) -> None:
         self.episode.begin(time.time_ns(), time.monotonic())
         self._has_begun = True
 
     def _new_episode(
-        self, scenario: Scenario, publish: Publishers | None = None, epoch_nanos: int | None = None
+        self, scenario: Scenario, publishers: Publishers, epoch_nanos: int | None = None
     ) -> Episode:
-        if followed := self._followed:
-            epoch_nanos = followed.epoch_nanos
-        self._player = JournalPlayer(followed)
+        if self._followed is not None:
+            epoch_nanos = self._followed.epoch_nanos
+        self._player = JournalPlayer(self._followed)
         return Episode(
-            *(scenario, self._run, publish or self._publishers),
+            *(scenario, self._run, publishers),
             others=self._others,
             wall_nanos=time.time_ns(),
             epoch_nanos=epoch_nanos,

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What physics simulates: a scenario, a saved run to go on from, or one to do again.
-
-Rule: the only reader of what physics is given on its command line; one line where it is none.
-"""
+"""Options that say what to simulate: a scenario, or a saved run to continue or replay."""
 
 from __future__ import annotations
 
@@ -20,18 +17,18 @@ from groundlink.scenario import Scenario
 
 
 class RunSource(NamedTuple):
-    """What a run is made of."""
+    """What to simulate."""
 
     scenario: Scenario
     saved: Journal | None = None
-    """Of a run to go on from."""
+    """A saved run to continue."""
 
     followed: Journal | None = None
-    """Of a run whose commands and changes are taken in, instead of those on the bus."""
+    """A saved run to replay: its commands and changes take the place of those on the bus."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Let a user name the source."""
+    """Add the options."""
     parser.add_argument(
         "scenario",
         nargs="?",
@@ -40,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--follow",
         metavar="FILE",
-        help="instead of a scenario: a saved run, to do again from its start; its commands come "
-        "from the file, and where that ends the run pauses",
+        help="replay a saved run from its start, in place of a scenario: commands come from the "
+        "file, and the run pauses at its end",
     )
     parser.add_argument(
         "--only", metavar="VEHICLE/SENSOR", help="leave out all other sensors of the scenario"
@@ -49,30 +46,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     time_options.add_arguments(parser)
 
 
-def source(options: argparse.Namespace) -> RunSource:
-    """Return what the command line says.
+def source_of(options: argparse.Namespace) -> RunSource:
+    """Return what the options say.
 
     Raises
     ------
     UserError
-        when it says nothing, too much, or what cannot be.
+        when they name no source or two, or one that cannot be read.
     """
     if (options.scenario is None) == (options.follow is None):
         raise UserError("expected a scenario file, a saved run, or --follow FILE with one")
     if options.follow is not None:
         followed = journal.loaded(journal.read(Path(options.follow)), options.follow)
-        # What its drivers asked for is among the commands.
+        # Without routes: the drivers' commands are in the journal.
         vehicles = tuple(replace(vehicle, route=None) for vehicle in followed.scenario.vehicles)
         scenario = replace(followed.scenario, vehicles=vehicles)
-        return RunSource(_chosen(scenario, options), followed=followed)
+        return RunSource(_adjusted(scenario, options), followed=followed)
     if journal.is_saved_run(Path(options.scenario)):
         saved = journal.loaded(journal.read(Path(options.scenario)), options.scenario)
-        return RunSource(_chosen(saved.scenario, options), saved=saved)
-    return RunSource(_chosen(load(options.scenario), options))
+        return RunSource(_adjusted(saved.scenario, options), saved=saved)
+    return RunSource(_adjusted(load(options.scenario), options))
 
 
-def _chosen(scenario: Scenario, options: argparse.Namespace) -> Scenario:
-    """Return a scenario with what else the command line chooses."""
+def _adjusted(scenario: Scenario, options: argparse.Namespace) -> Scenario:
+    """Return a scenario with its sensors and its time as the options say."""
     if options.only:
         if scenario.sensor(options.only) is None:
             hint = did_you_mean(options.only, scenario.sensor_names())

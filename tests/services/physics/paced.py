@@ -58,7 +58,7 @@ class Paced:
         self.now += pause
         while self.now < until:
             wait = self.pacer.wait_seconds(self.tick + 1, self.now)
-            self.lines += self.stall_policy.look(
+            self.lines += self.stall_policy.check(
                 self.pacer, self.tick + 1, self.now, holding=self.pacer.holding
             )
             self.tick += wait == 0

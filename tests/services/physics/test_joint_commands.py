@@ -79,7 +79,7 @@ def test_an_episode_that_is_done_again_moves_its_joints_again(outdoors: Scenario
     assert entry.command.stamp_nanos == 5_000_000
     second = episode()
     try:
-        second.follow(entry)
+        second.replay(entry)
         for _ in range(40):
             second.step()
         assert second.journal().digest == journal.digest

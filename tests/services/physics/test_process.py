@@ -18,6 +18,7 @@ from groundlink.messages.base import Ack, Message, State, WheelCommand, decode, 
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.scenario.schema import Time
 from services.physics.run import server as process
+from services.physics.run.source import RunSource
 
 SCENARIO = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 
@@ -56,7 +57,7 @@ def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
     clocks = Clocks()
     monkeypatch.setattr(process, "time", clocks)
     bus: Any = SlowBus(clocks)
-    physics = process.PhysicsServer(load(str(SCENARIO)), "run", bus)
+    physics = process.PhysicsServer(RunSource(load(str(SCENARIO))), "run", bus)
     clocks.nanos += 40_000_000  # until all are there that are waited for
     physics.episode.begin(clocks.time_ns(), clocks.monotonic())
     clocks.nanos += 20_000_000
@@ -77,7 +78,7 @@ class PresentBus(SlowBus):
 
 def test_who_is_there_already_is_not_waited_for() -> None:
     bus: Any = PresentBus(Clocks())
-    physics = process.PhysicsServer(load(str(SCENARIO)), "run", bus, others=["recorder"])
+    physics = process.PhysicsServer(RunSource(load(str(SCENARIO))), "run", bus, others=["recorder"])
     physics.close()
     assert physics.missing() == []
 
@@ -107,14 +108,14 @@ def test_wheels_are_commanded_one_by_one_over_the_bus() -> None:
     clocks = Clocks()
     bus: Any = TalkingBus(clocks)
     scenario = load(str(SCENARIO))
-    physics = process.PhysicsServer(scenario, "run", bus)
+    physics = process.PhysicsServer(RunSource(scenario), "run", bus)
     physics.episode.begin(clocks.time_ns(), clocks.monotonic())
     speeds = [-1.0, 2.0, -1.0, 2.0]
     names = [wheel.name for wheel in scenario.vehicles[0].model.wheels]
     key = "groundlink/run/rover/command/wheels"
     bus.say(key, WheelCommand(physics.episode.epoch_nanos, dict(zip(names, speeds, strict=True))))
     bus.say(key, WheelCommand(physics.episode.epoch_nanos, {"no_wheel": 1.0}))
-    physics.hear()
+    physics.receive()
     for _ in range(40):
         physics.step()
     state = physics.episode._simulation.vehicle_states()["rover"]
@@ -128,7 +129,7 @@ def test_in_real_time_a_sensor_that_was_there_resumes(overload: Any, states: int
     clocks = Clocks()
     bus: Any = SlowBus(clocks)
     scenario = replace(load(str(SCENARIO)), time=Time(overload=overload))
-    physics = process.PhysicsServer(scenario, "run", bus)
+    physics = process.PhysicsServer(RunSource(scenario), "run", bus)
     episode = physics.episode
     episode.begin(clocks.time_ns(), clocks.monotonic())
     for _ in range(2):
@@ -136,11 +137,11 @@ def test_in_real_time_a_sensor_that_was_there_resumes(overload: Any, states: int
     word = Ack(episode.number, 1, 1, b"what it knew")
     for name in ("rover/imu", "rover/driver", "gateway"):
         episode.acknowledged(name, word)
-    episode.settle()
-    resume, *missed = episode.missed_by("rover/imu")
+    episode.apply_acks()
+    resume, *missed = episode.history_for("rover/imu")
     assert decode(resume, Ack) == word
     assert [decode(state, State).tick for state in missed] == list(range(3 - states, 3))
-    assert [decode(known, Ack) for known in episode.missed_by("gateway")] == [word]
+    assert [decode(known, Ack) for known in episode.history_for("gateway")] == [word]
     for late in ("rover/lidar", "rover/driver"):
-        assert episode.missed_by(late) == []
+        assert episode.history_for(late) == []
     physics.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wishes are done between two ticks, and who asks is told."""
+"""Run commands are executed between two ticks, and their sender gets an answer."""
 
 from __future__ import annotations
 
@@ -32,21 +32,24 @@ class Loop:
         self.episodes = 1
         self.spawned: list[str] = []
         self.restored: list[bytes] = []
-        self.control = Control(self._reset, self._change, self.restored.append)
+        self.control = Control(self)
         self.control.stepped(0)
 
-    def _reset(self) -> None:
+    def reset(self) -> None:
         self.episodes += 1
         self.control.stepped(0)
 
-    def _change(self, wish: Spawn | Remove) -> None:
-        if isinstance(wish, Remove):
-            raise UserError(f"there is no `{wish.name}`")
-        self.spawned += wish.more.names()
+    def change(self, command: Spawn | Remove) -> None:
+        if isinstance(command, Remove):
+            raise UserError(f"there is no `{command.name}`")
+        self.spawned += command.more.names()
+
+    def restore(self, content: bytes) -> None:
+        self.restored.append(content)
 
     def turn(self, times: int = 1) -> None:
         for _ in range(times):
-            self.control.fulfil()
+            self.control.execute_pending()
             if not self.control.paused:
                 self.control.stepped(self.control.tick + 1)
 
@@ -55,46 +58,46 @@ class Loop:
         asking = threading.Thread(target=lambda: answers.extend(self.control.answer(text, content)))
         asking.start()
         while asking.is_alive():
-            self.control.fulfil()
+            self.control.execute_pending()
             asking.join(0.001)
         return msgspec.json.decode(answers[0], type=ControlAnswer)
 
-    def wished(self, wish: AnyRunCommand, content: bytes = b"") -> ControlAnswer:
-        return self.asked(msgspec.json.encode(wish).decode(), content)
+    def commanded(self, command: AnyRunCommand, content: bytes = b"") -> ControlAnswer:
+        return self.asked(msgspec.json.encode(command).decode(), content)
 
 
 def test_time_stands_while_paused_and_goes_on() -> None:
     loop = Loop()
     loop.turn(10)
-    assert loop.wished(Pause()) == ControlAnswer("", 10, True)
+    assert loop.commanded(Pause()) == ControlAnswer("", 10, True)
     loop.turn(10)
     assert loop.asked("") == ControlAnswer("", 10, True)
-    loop.wished(Step(3))
+    loop.commanded(Step(3))
     loop.turn(10)
     assert loop.asked("") == ControlAnswer("", 13, True)
-    assert loop.wished(Resume()) == ControlAnswer("", 13, False)
+    assert loop.commanded(Resume()) == ControlAnswer("", 13, False)
     loop.turn(10)
     assert loop.asked("") == ControlAnswer("", 23, False)
 
 
 def test_steps_of_a_running_run_end_in_a_pause() -> None:
     loop = Loop()
-    loop.wished(Step(2))
+    loop.commanded(Step(2))
     loop.turn(5)
     assert loop.asked("") == ControlAnswer("", 2, True)
 
 
-@pytest.mark.parametrize("wish", [Pause(), Resume()])
-def test_a_run_that_begins_again_stands_or_goes_as_before(wish: AnyRunCommand) -> None:
+@pytest.mark.parametrize("command", [Pause(), Resume()])
+def test_a_run_that_begins_again_stands_or_goes_as_before(command: AnyRunCommand) -> None:
     loop = Loop()
-    loop.wished(wish)
+    loop.commanded(command)
     loop.turn(5)
-    assert loop.wished(Reset()) == ControlAnswer("", 0, wish == Pause())
+    assert loop.commanded(Reset()) == ControlAnswer("", 0, command == Pause())
     assert loop.episodes == 2
 
 
 @pytest.mark.parametrize("text", ["{", "{}", '{"wish":"dance"}', '{"wish":"step","ticks":0}'])
-def test_what_is_no_wish_is_refused_with_a_reason(text: str) -> None:
+def test_an_invalid_command_is_refused_with_a_reason(text: str) -> None:
     loop = Loop()
     assert loop.asked(text).error
     loop.turn(3)
@@ -110,26 +113,26 @@ def test_who_asks_a_busy_run_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_world_is_changed_between_two_ticks_or_the_reason_told() -> None:
     loop = Loop()
     loop.turn(5)
-    assert loop.wished(Spawn(KINDS["box"])) == ControlAnswer("", 5, False)
+    assert loop.commanded(Spawn(KINDS["box"])) == ControlAnswer("", 5, False)
     assert loop.spawned == ["box"]
-    assert loop.wished(Remove("ball")) == ControlAnswer("there is no `ball`", 5, False)
+    assert loop.commanded(Remove("ball")) == ControlAnswer("there is no `ball`", 5, False)
     loop.turn()
     assert loop.control.tick == 6
 
 
-def test_what_is_to_be_restored_comes_with_the_wish() -> None:
+def test_what_is_to_be_restored_comes_with_the_command() -> None:
     loop = Loop()
-    assert not loop.wished(Restore(), b"a file").error
+    assert not loop.commanded(Restore(), b"a file").error
     assert loop.restored == [b"a file"]
 
 
-@pytest.mark.parametrize("wish", [Reset(), Restore(), Remove("ball"), Spawn(KINDS["box"])])
-def test_nothing_changes_a_run_while_it_is_restored(wish: AnyRunCommand) -> None:
+@pytest.mark.parametrize("command", [Reset(), Restore(), Remove("ball"), Spawn(KINDS["box"])])
+def test_nothing_changes_a_run_while_it_is_restored(command: AnyRunCommand) -> None:
     loop = Loop()
     loop.control.restoring_to, loop.control.tick = 800, 200
-    answer = loop.wished(wish)
+    answer = loop.commanded(command)
     assert answer.error == (
-        "the run is being restored, at tick 200 of 800; ask again when that is done"
+        "the run is being restored, at tick 200 of 800. Fix: wait until that is done"
     )
     assert (loop.episodes, loop.spawned, loop.restored) == (1, [], [])
-    assert loop.wished(Pause()) == ControlAnswer("", 200, True, restoring_to=800)
+    assert loop.commanded(Pause()) == ControlAnswer("", 200, True, restoring_to=800)

@@ -30,17 +30,17 @@ def episode(request: pytest.FixtureRequest) -> Iterator[Episode]:
 
 def heard(episode: Episode, process: str) -> int:
     """Return how far a process is, as it would hear itself."""
-    return decode(episode.missed_by(process)[0], Ack).tick
+    return decode(episode.history_for(process)[0], Ack).tick
 
 
 def says(episode: Episode, process: str, tick: int) -> None:
     episode.acknowledged(process, Ack(LIFE, tick, tick))
-    episode.settle()
+    episode.apply_acks()
 
 
 def test_who_was_cut_off_is_heard_again_when_it_has_asked_what_it_missed(episode: Episode) -> None:
     says(episode, "rover/imu", 3)
-    episode.left("rover/imu")
+    episode.process_left("rover/imu")
     says(episode, "rover/imu", 7)
     waits = episode.scenario.time.mode == "fast"
     assert heard(episode, "rover/imu") == (3 if waits else 7), "what it said in between may be lost"
@@ -49,7 +49,7 @@ def test_who_was_cut_off_is_heard_again_when_it_has_asked_what_it_missed(episode
 
 
 def test_others_than_sensors_and_drivers_have_nothing_to_repeat(episode: Episode) -> None:
-    episode.left("gateway")
+    episode.process_left("gateway")
     says(episode, "gateway", 7)
     assert episode.journal().acks["gateway"].tick == 7
 

@@ -108,8 +108,8 @@ def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
     run.run(10.0, pause=6.0)
     assert run.sim_seconds == pytest.approx(20.0 - 2 * 5.8, abs=0.02)
     assert run.lines == [
-        "the run is 5.8 s behind, more than `deadline_s`, and does not catch up with that: "
-        "stamps stay behind the wall clock; `groundlink reset` begins anew"
+        "the run is 5.8 s behind, more than `deadline_s`, and does not catch up: stamps "
+        "stay behind the wall clock. `groundlink reset` starts a new episode"
     ]
 
 
@@ -199,8 +199,8 @@ def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
     run.run(5.0, times_real={LIDAR: 0.0})
     before = run.sim_seconds, dict(run.stretched)
     run.now += 100.0
-    run.pacer.hold()
-    run.stall_policy.rest()
+    run.pacer.restart()
+    run.stall_policy.pause()
     run.run(1.0)
     assert run.sim_seconds == pytest.approx(before[0] + 1.0, abs=0.02)
     assert sum(run.stretched.values()) == pytest.approx(sum(before[1].values()), abs=0.01)

@@ -89,28 +89,28 @@ def test_who_is_given_up_counts_again_with_its_next_word(
     for some in (participants, present):
         ack(some, "rover/imu", 1000)
         ack(some, "rover/lidar", 5)
-        some.give_up("rover/lidar")
+        some.mark_absent("rover/lidar")
         assert some.missing(500) == []
-        assert some.given_up == {"rover/lidar"}
+        assert some.absent == {"rover/lidar"}
         ack(some, "rover/lidar", 6)
-        assert some.given_up == set()
+        assert some.absent == set()
         assert some.missing(500) == ["rover/lidar"]
-    present.give_up("rover/lidar")
+    present.mark_absent("rover/lidar")
     present.left("rover/lidar")
-    assert present.given_up == set(), "who has left is not silent"
-    participants.give_up("rover/lidar")
+    assert present.absent == set(), "who has left is not silent"
+    participants.mark_absent("rover/lidar")
     participants.left("rover/lidar")
     assert participants.missing(500) == [], "it was given up, and is still needed"
-    assert participants.given_up == {"rover/lidar"}
+    assert participants.absent == {"rover/lidar"}
 
 
 def test_who_is_not_wanted_any_more_is_not_waited_for(participants: Participants) -> None:
     for name in ("rover/imu", "rover/lidar", "viewer"):
         ack(participants, name, 0)
-    participants.give_up("rover/lidar")
+    participants.mark_absent("rover/lidar")
     participants.only(("rover/imu",))
     assert participants.missing(500) == ["rover/imu", "viewer"]
-    assert participants.given_up == set()
+    assert participants.absent == set()
 
 
 def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None:
@@ -140,16 +140,16 @@ def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
 def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
     promises = PendingAcks()
     first = Ack(LIFE, -8, -1)
-    promises.given("rover/driver", first)
-    assert list(promises.kept()) == [("rover/driver", first)]
+    promises.add("rover/driver", first)
+    assert list(promises.take_complete()) == [("rover/driver", first)]
     word = Ack(LIFE, 8, 8, commanded={"rover": 16, "second": 12})
-    promises.given("gateway", word)
-    promises.given("rover/imu", Ack(LIFE, 50, 40))
-    assert [name for name, _ in promises.kept()] == ["rover/imu"]
+    promises.add("gateway", word)
+    promises.add("rover/imu", Ack(LIFE, 50, 40))
+    assert [name for name, _ in promises.take_complete()] == ["rover/imu"]
     promises.commanded("rover", 16)
     promises.commanded("second", 8)
-    assert list(promises.kept()) == []
+    assert list(promises.take_complete()) == []
     promises.commanded("second", 12)
     promises.commanded("second", 11)
-    assert list(promises.kept()) == [("gateway", word)]
-    assert list(promises.kept()) == []
+    assert list(promises.take_complete()) == [("gateway", word)]
+    assert list(promises.take_complete()) == []

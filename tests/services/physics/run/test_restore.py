@@ -88,10 +88,10 @@ def restored(journal: Journal, number: int = 9, publish: Publishers | None = Non
         epoch_nanos=journal.epoch_nanos,
     )
     episode.begin(0, 0.0)
-    restoring = Restoration(journal, episode)
-    while not restoring.go_on(150):
+    restoration = Restoration(journal, episode)
+    while not restoration.advance(150):
         assert episode.tick % 150 == 0
-    assert restoring.difference() == ""
+    assert restoration.difference() == ""
     return episode
 
 
@@ -174,13 +174,13 @@ def test_others_go_on_from_their_last_words(scenario: Scenario, mode: Mode) -> N
     with episode_of(replace(scenario, time=replace(scenario.time, mode=mode))) as episode:
         drive(episode, HISTORY_TICKS + 100)
         episode.acknowledged("rover/imu", Ack(5, HISTORY_TICKS + 50, HISTORY_TICKS + 40, b"memory"))
-        episode.settle()
+        episode.apply_acks()
         again = restored(episode.journal())
-        first, *missed = again.missed_by("rover/imu")
+        first, *missed = again.history_for("rover/imu")
         assert decode(first, Ack) == Ack(9, HISTORY_TICKS + 50, HISTORY_TICKS + 40, b"memory")
         ticks = [decode(payload, State).tick for payload in missed]
         assert ticks == list(range(HISTORY_TICKS + 40, HISTORY_TICKS + 101))
-        newcomers = again.missed_by("rover/newcomer")
+        newcomers = again.history_for("rover/newcomer")
         assert len(newcomers) == (0 if mode == "realtime" else 1 + HISTORY_TICKS)
         assert {decode(payload, State).life for payload in missed} == {9}
         again.end()
@@ -200,27 +200,27 @@ def test_a_word_counts_when_the_command_that_it_speaks_of_is_here(scenario: Scen
     """Or a driver that is restored would take for sent what never came."""
     with episode_of(scenario) as episode:
         episode.acknowledged("rover/driver", Ack(5, 0, 0, b"", {"rover": 8}))
-        episode.settle()
+        episode.apply_acks()
         assert episode.journal().acks == {}
         episode.command("rover", Command(8 * TICK_NANOS, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-        episode.settle()
+        episode.apply_acks()
         assert episode.journal().acks.keys() == {"rover/driver"}
 
 
 def test_a_run_that_follows_another_does_the_same(scenario: Scenario) -> None:
     with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
         drive(episode, 450)
-        following = JournalPlayer(episode.journal())
-        assert following.until_tick == 450
+        player = JournalPlayer(episode.journal())
+        assert player.until_tick == 450
         while again.tick < 450:
-            following.tell(again)
+            player.play(again)
             again.step()
         assert list(map(encode, states(again))) == list(map(encode, states(episode)))
 
 
 def test_who_follows_nobody_is_told_nothing(scenario: Scenario) -> None:
     with episode_of(scenario) as episode:
-        JournalPlayer(None).tell(episode)
+        JournalPlayer(None).play(episode)
         assert episode.journal().entries == ()
 
 
@@ -232,22 +232,22 @@ def test_a_result_that_differs_is_told_with_its_cause(scenario: Scenario) -> Non
             (saved.made_on, "though the machine is the same"),
             (Machine("abacus", {"python": "4.0"}), "it was saved with abacus, python 4.0"),
         ):
-            restoring = Restoration(replace(saved, made_on=made_on), again)
-            assert restoring.go_on(100)
-            assert restoring.difference() == (
-                "what was restored at tick 20 is not the same to the bit as what was saved, "
-                f"{cause}; the run goes on from there"
+            restoration = Restoration(replace(saved, made_on=made_on), again)
+            assert restoration.advance(100)
+            assert restoration.difference() == (
+                "the state restored at tick 20 differs from the saved one, "
+                f"{cause}; the run continues from it"
             )
 
 
 def test_progress_is_told_now_and_then(scenario: Scenario) -> None:
     with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
         drive(episode, 20)
-        restoring = Restoration(episode.journal(), again)
-        assert restoring.progress(0.0) == ["restores: tick 0 of 20"]
-        restoring.go_on(10)
-        assert restoring.progress(1.0) == []
-        assert restoring.progress(3.0) == ["restores: tick 10 of 20"]
+        restoration = Restoration(episode.journal(), again)
+        assert restoration.progress(0.0) == ["restoring: tick 0 of 20"]
+        restoration.advance(10)
+        assert restoration.progress(1.0) == []
+        assert restoration.progress(3.0) == ["restoring: tick 10 of 20"]
 
 
 def test_the_journals_of_this_episode_and_the_last_are_kept(scenario: Scenario) -> None:
@@ -298,5 +298,5 @@ def test_a_run_of_other_sensors_or_another_seed_is_refused(scenario: Scenario) -
     check_processes(saved, replace(scenario, time=replace(scenario.time, mode="realtime")))
     name = scenario.sensor_names()[0]
     for other in (replace(scenario, seed=99), scenario.with_only(name)):
-        with pytest.raises(UserError, match="start it by `groundlink up FILE`"):
+        with pytest.raises(UserError, match="start it with `groundlink up FILE`"):
             check_processes(saved, other)

@@ -45,9 +45,9 @@ class Run:
                 self._missing[name] = self._missing.get(name, 0) + missing
             if says:
                 counters = {"readings": self._readings} | self._missing
-                self.shortfalls.heard(Health(CAMERA, self._pid, self.tick, counters), self.now)
+                self.shortfalls.received(Health(CAMERA, self._pid, self.tick, counters), self.now)
             for ask in (0.0, 0.4):
-                self.lines += self.shortfalls.look(
+                self.lines += self.shortfalls.check(
                     self.tick, self.now + ask, DECLARED, self.stretched
                 )
 
@@ -84,7 +84,7 @@ def test_a_crash_is_told_with_what_it_has_cost() -> None:
     run = Run()
     run.go(20)
     run.go(5, says=False)
-    assert run.lines == ["rover/camera: no readings for 4 s: its process is silent"]
+    assert run.lines == ["rover/camera: no readings for 4 s: its process does not respond"]
     run.begin(pid=2)
     run.go(1, missing=30, cause="restarted")
     run.go(1, missing=126 - 30, cause="restarted")
@@ -131,7 +131,7 @@ def test_time_that_goes_too_slowly_is_told_with_who_held_it_up() -> None:
 def test_a_pause_is_no_shortfall() -> None:
     run = Run()
     run.go(30)
-    run.shortfalls.rest()
+    run.shortfalls.pause()
     run.now += 5.0
     run.go(30)
     assert run.lines == []
@@ -151,12 +151,12 @@ def test_looks_between_two_health_messages_cost_nothing() -> None:
     run = Run()
     run.go(60)
     for _ in range(1000):
-        run.shortfalls.look(run.tick, run.now + 0.5, DECLARED, {})
+        run.shortfalls.check(run.tick, run.now + 0.5, DECLARED, {})
     assert len(run.shortfalls._ticks) <= 12
 
 
 def test_an_unknown_process_is_not_judged() -> None:
     run = Run()
-    run.shortfalls.heard(Health("gateway", 9, 0, {"gap_overloaded": 50}), run.now)
+    run.shortfalls.received(Health("gateway", 9, 0, {"gap_overloaded": 50}), run.now)
     run.go(20)
     assert run.lines == []

@@ -11,7 +11,7 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.run.journal import Journal, dumped, this_machine
-from services.physics.run.source import RunSource, add_arguments, source
+from services.physics.run.source import RunSource, add_arguments, source_of
 
 LAB = Path(__file__).parents[4] / "scenarios" / "indoor_lab_tour.yaml"
 
@@ -19,7 +19,7 @@ LAB = Path(__file__).parents[4] / "scenarios" / "indoor_lab_tour.yaml"
 def chosen(*words: str) -> RunSource:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    return source(parser.parse_args(words))
+    return source_of(parser.parse_args(words))
 
 
 @pytest.fixture(scope="module")

@@ -48,7 +48,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
     [named, gone] = run.lines
     assert named.startswith("tick ")
     assert named.endswith(f"has waited 2 s for {LIDAR}")
-    assert gone == f"goes on without {LIDAR} until it is heard again"
+    assert gone == f"continuing without {LIDAR} until it responds"
     assert stalls(run).silent_now == (LIDAR,)
     sim = run.sim_seconds
     run.run(10.0, times_real=STOPPED)
@@ -56,7 +56,7 @@ def test_a_silent_sensor_is_absent_in_real_time_until_it_is_back() -> None:
     assert len(run.lines) == 2, "it is said once"
     run.run(1.0)
     assert len(run.lines) == 3
-    assert run.lines[-1].startswith(f"{LIDAR} is back after 12.")
+    assert run.lines[-1].startswith(f"{LIDAR} is responding again after 12.")
     told = stalls(run)
     assert told.silent_now == ()
     assert told.silent_seconds[LIDAR] == pytest.approx(12.1, abs=0.2)
@@ -73,14 +73,14 @@ def test_slow_lockstep_names_a_silent_participant_and_waits_on(mode: str) -> Non
     assert run.lag_ticks(LIDAR) <= run.time.window_ticks
     run.run(1.0)
     assert len(run.lines) == 2
-    assert "is back after" in run.lines[1]
+    assert "is responding again after" in run.lines[1]
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "fast"])
 def test_skip_in_lockstep_goes_on_after_the_deadline(mode: str) -> None:
     run = begun(mode=mode, overload="skip")
     run.run(DEADLINE + SLACK, times_real=STOPPED)
-    assert "goes on without" in run.lines[-1]
+    assert "continuing without" in run.lines[-1]
     assert run.lag_ticks(LIDAR) > 0
     sim = run.sim_seconds
     run.run(3.0, times_real=STOPPED)
@@ -90,8 +90,8 @@ def test_skip_in_lockstep_goes_on_after_the_deadline(mode: str) -> None:
 
 def test_a_gateway_that_skips_ros_is_back_though_ros_may_not_be() -> None:
     for overload, back in (
-        ("slow", "gateway (ROS's word) is back after "),
-        ("skip", "gateway, with ROS's word or without it, is back after "),
+        ("slow", "gateway (waits for ROS) is responding again after "),
+        ("skip", "gateway (waits for ROS) is responding again after "),
     ):
         time = Time("fast", "ros", overload=overload, deadline_s=DEADLINE)  # type: ignore[arg-type]
         run = Paced(time, others=[GATEWAY])
@@ -106,7 +106,7 @@ def test_a_gateway_that_skips_ros_is_back_though_ros_may_not_be() -> None:
 def test_fail_ends_the_run_at_the_deadline(time: dict[str, str]) -> None:
     run = begun(overload="fail", **time)
     begin = run.now
-    with pytest.raises(RunFailed, match=f"has waited 2 s for {LIDAR}, and `overload: fail` ends"):
+    with pytest.raises(RunFailed, match=f"has waited 2 s for {LIDAR}; run aborted by"):
         run.run(30.0, times_real=STOPPED)
     assert DEADLINE <= run.now - begin < DEADLINE + SLACK
     assert stalls(run).silent_now == (LIDAR,), "the last report says who it was"
@@ -137,34 +137,36 @@ def test_fail_in_lockstep_bears_time_that_stretches() -> None:
 def test_fail_ends_a_run_that_lacks_readings_which_it_was_to_have(cause: Any, ends: bool) -> None:
     told = Gaps(9, LIDAR, (Gap(cause, 1, 5, 3, ("",)), Gap(cause, 7, 8, 2, ("",))))
     for overload in ("slow", "skip"):
-        begun(overload=overload).stall_policy.lacks(told)
+        begun(overload=overload).stall_policy.missing_readings(told)
     run = begun(overload="fail")
     if not ends:
-        run.stall_policy.lacks(told)
+        run.stall_policy.missing_readings(told)
         return
-    with pytest.raises(RunFailed, match=f"{LIDAR} lacks readings: 5 {cause}; `overload: fail`"):
-        run.stall_policy.lacks(told)
+    with pytest.raises(
+        RunFailed, match=f"{LIDAR}: missing readings: 5 {cause}; run aborted by `overload: fail`"
+    ):
+        run.stall_policy.missing_readings(told)
 
 
 @pytest.mark.parametrize("overload", ["slow", "skip", "fail"])
 def test_who_has_not_begun_yet_is_named_in_time_and_has_longer(overload: Any) -> None:
     run = Paced(Time(mode="fast", overload=overload, deadline_s=DEADLINE))
-    look, pacer, begin = run.stall_policy.look, run.pacer, 100.0
+    check, pacer, begin = run.stall_policy.check, run.pacer, 100.0
 
     def looked(after: float) -> list[str]:
         missing = pacer.participants.missing(0)
-        return look(pacer, 0, begin + after, holding=missing, awaited=("recorder",))
+        return check(pacer, 0, begin + after, holding=missing, awaited=("recorder",))
 
     assert looked(0.0) == []
     participants = ", ".join(sorted(["recorder", *SENSORS]))
     assert looked(DEADLINE) == [f"tick 0 has waited 2 s for {participants}"]
     assert looked(START_SECONDS - 1) == []
     if overload == "fail":
-        with pytest.raises(RunFailed, match=r"rover/camera, rover/encoders.* ends the run"):
+        with pytest.raises(RunFailed, match=r"rover/camera, rover/encoders.*run aborted by"):
             looked(START_SECONDS)
     elif overload == "skip":
         [line] = looked(START_SECONDS)
-        assert line == f"goes on without {', '.join(sorted(SENSORS))} until it is heard again"
+        assert line == f"continuing without {', '.join(sorted(SENSORS))} until it responds"
         assert pacer.participants.missing(0) == []
     else:
         assert looked(10 * START_SECONDS) == []
@@ -186,7 +188,7 @@ def test_of_ros_the_word_is_named_that_is_missing() -> None:
     run = Paced(Time(mode="fast", lockstep="ros", deadline_s=DEADLINE))
     run.join()
     run.run(DEADLINE + 0.1)
-    assert run.lines == ["tick 1 has waited 2 s for gateway (ROS's word)"]
+    assert run.lines == ["tick 1 has waited 2 s for gateway (waits for ROS)"]
 
 
 def test_who_has_left_is_not_back() -> None:
@@ -194,14 +196,14 @@ def test_who_has_left_is_not_back() -> None:
     run.run(DEADLINE + SLACK, times_real=STOPPED)
     run.pacer.participants.left(LIDAR)
     run.run(0.01, times_real=STOPPED)
-    assert run.lines[-1].startswith(f"waits no longer for {LIDAR}, after 2.")
+    assert run.lines[-1].startswith(f"stopped waiting for {LIDAR} after 2.")
     assert stalls(run).silent_now == ()
 
 
 def test_a_run_that_begins_again_has_no_silence_yet() -> None:
     run = begun()
     run.run(DEADLINE + SLACK, times_real=STOPPED)
-    run.stall_policy.begin_anew()
+    run.stall_policy.reset()
     told = stalls(run)
     assert told.silent_now == ()
     assert told.silent_seconds[LIDAR] >= DEADLINE

@@ -85,7 +85,7 @@ def test_a_debt_that_is_too_large_is_written_off_whole() -> None:
 
 def test_time_that_stood_still_is_not_made_up_for(wall_clock: WallClock) -> None:
     wall_clock.late_seconds(0, 0.0)
-    wall_clock.hold()
+    wall_clock.restart()
     assert wall_clock.late_seconds(1, 9.0) == 0.0
     assert wall_clock.late_seconds(2, 9.0) == pytest.approx(-TICK_SECONDS)
 
