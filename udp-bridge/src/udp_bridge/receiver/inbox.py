@@ -11,7 +11,7 @@ from typing import Callable, List, Optional, Tuple, cast
 
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
-from udp_bridge.wire.header import FIXED_SIZE, Header, Refused, parse
+from udp_bridge.wire.header import Header, Refused, header_size, parse
 from udp_bridge.wire.message import Address, DatagramKey, Message
 from udp_bridge.wire.repair import Request, parse_resend
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND
@@ -287,8 +287,7 @@ class Inbox:
 
 def _header_size(header: Header) -> int:
     """Return the size of an answer's header."""
-    size = FIXED_SIZE + len(header.topic.encode())
-    return size + -size % 4
+    return header_size(len(header.topic.encode()))
 
 
 def _ignore(*_: object) -> None:

@@ -11,16 +11,20 @@ from __future__ import annotations
 from struct import Struct
 from typing import NamedTuple, Optional, Tuple, Union
 
-from udp_bridge.wire.header import NANOS, PART_NUMBER_OFFSET, Header
+from udp_bridge.wire.header import (
+    NANOS,
+    PART_NUMBER_OFFSET,
+    PARTS_MAX_OFFSET,
+    TIME_END,
+    TIME_OFFSET,
+    Header,
+)
 from udp_bridge.wire.message import Address
 
 from .assembly import Assembly
 from .nack import NackTracker
 from .pool import BlockPool
 
-_PARTS_MAX_OFFSET = 7
-_TIME_OFFSET = 8
-_TIME_END = 16
 _MESSAGE_FIELDS = Struct("<2xI2xii")
 """Header fields that differ between messages of a topic: seq_number, time_sec, time_nsec."""
 
@@ -56,17 +60,17 @@ class ReceiveSlots(NamedTuple):
             return False
         number = header[PART_NUMBER_OFFSET]
         return (
-            (body_size == self.part_size or number + 1 == header[_PARTS_MAX_OFFSET])
+            (body_size == self.part_size or number + 1 == header[PARTS_MAX_OFFSET])
             and number < len(self.arrived)
             and not self.arrived[number]
             and (self.is_open or number == self.next_part)
-            and header[_PARTS_MAX_OFFSET] == self.header[_PARTS_MAX_OFFSET]
+            and header[PARTS_MAX_OFFSET] == self.header[PARTS_MAX_OFFSET]
             and header[:2] == self.header[:2]
-            and header[_TIME_END:] == self.header[_TIME_END:]
+            and header[TIME_END:] == self.header[TIME_END:]
             and sender == self.sender
             and (
                 header[2:PART_NUMBER_OFFSET] == self.header[2:PART_NUMBER_OFFSET]
-                and header[_TIME_OFFSET:_TIME_END] == self.header[_TIME_OFFSET:_TIME_END]
+                and header[TIME_OFFSET:TIME_END] == self.header[TIME_OFFSET:TIME_END]
                 if self.is_open
                 else 0 <= _MESSAGE_FIELDS.unpack_from(header)[2] < NANOS
             )

@@ -18,7 +18,7 @@ from .types import MSG_TYPES, SEALED
 _FIXED = Struct("<BBIBBiiBB")
 _NUMBER_TO_STAMP = Struct("<IBBii")
 _NUMBER_OFFSET = 2
-_STAMP_END = _NUMBER_OFFSET + _NUMBER_TO_STAMP.size
+TIME_END = _NUMBER_OFFSET + _NUMBER_TO_STAMP.size
 FIXED_SIZE = _FIXED.size
 """Bytes of the fields before the names: 18."""
 _NAMES_OFFSET = 2  # behind their sizes
@@ -32,7 +32,8 @@ NAMES_MAX = LARGEST_HEADER - FIXED_SIZE
 """Bytes that topic and link may take together: 234."""
 PARTS_MAX = 255
 PART_NUMBER_OFFSET = 6
-_PARTS_MAX_OFFSET = 7
+PARTS_MAX_OFFSET = 7
+TIME_OFFSET = 8
 SEQ_NUMBERS = 1 << 32
 NANOS = 1_000_000_000
 
@@ -91,9 +92,7 @@ class Header(NamedTuple):
         topic = _encode("topic", self.topic)
         link = _encode("link", self.link)
         names = len(topic) + len(link)
-        size = FIXED_SIZE + names
-        padding = -size % 4
-        size += padding
+        size = header_size(names)
         largest = SIGNED_LARGEST_HEADER if signed_peer else LARGEST_HEADER
         if size > largest:
             raise BadMessage(
@@ -126,7 +125,7 @@ class Header(NamedTuple):
             len(topic),
             len(link),
         )
-        return b"".join((fixed, topic, link, bytes(padding)))
+        return b"".join((fixed, topic, link, bytes(size - FIXED_SIZE - names)))
 
     def __str__(self) -> str:
         text = f"{type_label(self.msg_type)} #{self.seq_number}"
@@ -150,12 +149,12 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
     if size < FIXED_SIZE:
         raise Refused("short" if size else "empty")
     fields = _FIXED.unpack_from(datagram)
-    msg_type, header_size, seq_number, part_number, parts_max, sec, nsec, _, _ = fields
-    if header_size < SMALLEST_HEADER:
+    msg_type, offset, seq_number, part_number, parts_max, sec, nsec, _, _ = fields
+    if offset < SMALLEST_HEADER:
         raise Refused("header_size_small")
-    if header_size > size:
+    if offset > size:
         raise Refused("header_size_past_end")
-    if header_size % 4:
+    if offset % 4:
         raise Refused("header_size_unaligned")
     if parts_max == 0:
         raise Refused("parts_zero")
@@ -165,10 +164,16 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
         raise Refused("nsec_negative")
     if nsec >= NANOS:
         raise Refused("nsec_too_big")
-    topic, link = _names(bytes(datagram[_SIZES_OFFSET:header_size]))
+    topic, link = _names(bytes(datagram[_SIZES_OFFSET:offset]))
     if msg_type not in MSG_TYPES:
         raise Refused("sealed" if msg_type == SEALED else "unknown_type")
-    return Header(msg_type, seq_number, part_number, parts_max, sec, nsec, topic, link), header_size
+    return Header(msg_type, seq_number, part_number, parts_max, sec, nsec, topic, link), offset
+
+
+def header_size(names: int) -> int:
+    """Return the size of a header whose names take so many bytes together."""
+    size = FIXED_SIZE + names
+    return size + -size % 4
 
 
 def is_stamp(stamp_nanos: int) -> bool:
@@ -187,8 +192,8 @@ def restamped(packed: bytes, seq_number: int, stamp_nanos: int) -> bytes:
         Within their ranges, which is not checked.
     """
     sec, nsec = divmod(stamp_nanos, NANOS)
-    anew = _NUMBER_TO_STAMP.pack(seq_number, 0, packed[_PARTS_MAX_OFFSET], sec, nsec)
-    return packed[:_NUMBER_OFFSET] + anew + packed[_STAMP_END:]
+    anew = _NUMBER_TO_STAMP.pack(seq_number, 0, packed[PARTS_MAX_OFFSET], sec, nsec)
+    return packed[:_NUMBER_OFFSET] + anew + packed[TIME_END:]
 
 
 def type_label(msg_type: int) -> str:
