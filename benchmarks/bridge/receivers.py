@@ -53,10 +53,10 @@ class Publisher:
 
 def own_publisher(way: str) -> Publisher:
     """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
-    from udp_bridge.node import topic_qos as deliveries
+    from udp_bridge.node import topic_qos
     from udp_bridge.node.message_class import message_class
     from udp_bridge_ros2 import environment
-    from udp_bridge_ros2 import qos as topics
+    from udp_bridge_ros2 import qos as qos_profiles
 
     environment.apply_defaults(os.environ)
     import rclpy
@@ -66,7 +66,7 @@ def own_publisher(way: str) -> Publisher:
     node = rclpy.create_node(f"receiver_of_{way}")
     image = message_class("sensor_msgs/msg/Image")
     return Publisher(
-        node.create_publisher(image, TOPIC, topics.published(deliveries.published("Image", TOPIC)))
+        node.create_publisher(image, TOPIC, qos_profiles.publisher_profile(topic_qos.publisher_qos("Image", TOPIC)))
     )
 
 
@@ -78,7 +78,7 @@ def node(_: argparse.Namespace) -> None:
     class Telling(module.Ros2Node):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
-            print(self._end.link.address[1], flush=True)
+            print(self._bridge.link.address[1], flush=True)
 
         def create_publisher(self, *given: Any, **more: Any) -> Any:
             publisher = super().create_publisher(*given, **more)

@@ -199,12 +199,12 @@ def test_a_stream_ends_with_the_validation_of_its_address(
             def is_served() -> bool:
                 gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
                 end.turn(0)
-                return bool(end._inlet.topics)
+                return bool(end._subscriptions.topics)
 
             wait_until(is_served, "a subscription")
         monkeypatch.setattr(address_validation, "VALIDATION_NANOS", 0)
         end.turn(0)
-        assert end._inlet.topics == []
+        assert end._subscriptions.topics == []
 
 
 def test_a_socket_that_others_can_reach_needs_to_know_who_may_send(ros: Ros) -> None:
@@ -213,11 +213,11 @@ def test_a_socket_that_others_can_reach_needs_to_know_who_may_send(ros: Ros) -> 
 
 
 def until_published(ros: Ros, topic: str, again: Callable[[], object]) -> None:
-    def is_published() -> bool:
+    def has_publisher() -> bool:
         again()
         return topic in ros.published
 
-    wait_until(is_published, f"{topic} is published")
+    wait_until(has_publisher, f"{topic} is published")
 
 
 def test_bogus_topics_give_their_places_back(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,7 +249,7 @@ def test_a_known_sender_is_never_locked_out_by_forged_addresses(
             for number in range(100):
                 hostile.send(datagram(TWIST, f"/more/{number}", BODY))
             hostile.send(datagram(TWIST, "/bogus/255", BODY, 1))
-            wait_until(lambda: end._outlet.refused >= 100, "strangers are refused")
+            wait_until(lambda: end._queue.refused >= 100, "strangers are refused")
             assert "/real" in ros.published
 
 
@@ -262,16 +262,17 @@ def test_bogus_subscriptions_give_their_places_back(
         for number in range(inlet.MAX_SUBSCRIPTIONS):
             hostile.send(datagram(SUBSCRIBE, f"/bogus/{number}", wanted))
         wait_until(
-            lambda: (end.turn(time.monotonic_ns()), len(end._inlet.topics))[1] == 64, "all taken"
+            lambda: (end.turn(time.monotonic_ns()), len(end._subscriptions.topics))[1] == 64,
+            "all taken",
         )
 
         def is_served() -> bool:
             live.send(datagram(SUBSCRIBE, "/cmd_vel", wanted))
             end.turn(time.monotonic_ns())
-            return (TWIST, "/cmd_vel") in end._inlet.topics
+            return (TWIST, "/cmd_vel") in end._subscriptions.topics
 
         wait_until(is_served, "a subscription")
-        assert len(end._inlet.topics) == inlet.MAX_SUBSCRIPTIONS
+        assert len(end._subscriptions.topics) == inlet.MAX_SUBSCRIPTIONS
 
 
 def test_barriers_of_strangers_do_not_shut_a_gateway_out(

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from udp_bridge.node.command_client import HEARD_NANOS, CommandFailed, RunCommandClient
+from udp_bridge.node.command_client import PRESENT_NANOS, CommandFailed, RunCommandClient
 from udp_bridge.wire.run_commands import PAUSE, PAUSED, RESET, RUNNING, RunCommand, RunCommandReply
 
 GATEWAY = ("127.0.0.1", 7510)
@@ -25,13 +25,13 @@ class Gateway:
         self.wishes: list[tuple[RunCommand, tuple[str, int]]] = []
         self.now_nanos = 0
         self._reply = reply
-        self.asking = RunCommandClient(self.send, patience_s=0.5, now_nanos=lambda: self.now_nanos)
+        self.client = RunCommandClient(self.send, timeout_s=0.5, now_nanos=lambda: self.now_nanos)
 
     def send(self, wish: RunCommand, to: tuple[str, int]) -> None:
         before = sum(earlier.number == wish.number for earlier, _ in self.wishes)
         self.wishes.append((wish, to))
         if answer := self._reply(wish, before):
-            self.asking.answered(answer, to)
+            self.client.reply_received(answer, to)
 
 
 def paused(wish: RunCommand, before: int) -> RunCommandReply:
@@ -40,87 +40,87 @@ def paused(wish: RunCommand, before: int) -> RunCommandReply:
 
 def test_a_wish_is_answered() -> None:
     gateway = Gateway(paused)
-    gateway.asking.heard(GATEWAY)
-    assert gateway.asking.ask(PAUSE).tick == 7
+    gateway.client.gateway_seen(GATEWAY)
+    assert gateway.client.call(PAUSE).tick == 7
     [(wish, to)] = gateway.wishes
     assert (wish.action, wish.ticks, to) == (PAUSE, 0, GATEWAY)
 
 
 def test_what_is_lost_is_sent_again_with_the_same_number() -> None:
     gateway = Gateway(lambda wish, before: paused(wish, before) if before == 2 else None)
-    gateway.asking.heard(GATEWAY)
-    gateway.asking.ask(RESET)
+    gateway.client.gateway_seen(GATEWAY)
+    gateway.client.call(RESET)
     assert len(gateway.wishes) == 3
     assert len({wish.number for wish, _ in gateway.wishes}) == 1
 
 
 def test_each_wish_has_a_number_of_its_own_that_grows() -> None:
     gateway = Gateway(paused)
-    gateway.asking.heard(GATEWAY)
+    gateway.client.gateway_seen(GATEWAY)
     for _ in range(20):
-        gateway.asking.ask(PAUSE)
+        gateway.client.call(PAUSE)
     numbers = [wish.number for wish, _ in gateway.wishes]
     assert numbers == sorted(set(numbers))
 
 
 def test_answers_to_others_and_of_others_count_for_nothing() -> None:
     def reply(wish: RunCommand, before: int) -> None:
-        gateway.asking.answered(RunCommandReply(wish.number + 1, RUNNING, 1), GATEWAY)
-        gateway.asking.answered(RunCommandReply(wish.number, RUNNING, 1), OTHER)
+        gateway.client.reply_received(RunCommandReply(wish.number + 1, RUNNING, 1), GATEWAY)
+        gateway.client.reply_received(RunCommandReply(wish.number, RUNNING, 1), OTHER)
 
     gateway = Gateway(reply)
-    gateway.asking.heard(GATEWAY)
+    gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(
         CommandFailed, match=r"the gateway at 127\.0\.0\.1:7510 was silent for 0\.5 s"
     ):
-        gateway.asking.ask(PAUSE)
+        gateway.client.call(PAUSE)
 
 
 def test_why_it_could_not_be_done() -> None:
     gateway = Gateway(lambda wish, _: RunCommandReply(wish.number, RUNNING, 1, "physics is busy"))
-    gateway.asking.heard(GATEWAY)
+    gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match=r"^physics is busy$"):
-        gateway.asking.ask(PAUSE)
+        gateway.client.call(PAUSE)
 
 
 def test_a_gateway_that_fell_silent_is_asked_where_no_other_is_there() -> None:
     gateway = Gateway(paused)
-    gateway.asking.heard(OTHER)
-    gateway.now_nanos = HEARD_NANOS
-    gateway.asking.ask(PAUSE)
-    gateway.asking.heard(GATEWAY)
-    for gateway.now_nanos in (HEARD_NANOS, 10 * HEARD_NANOS):
-        gateway.asking.ask(PAUSE)
+    gateway.client.gateway_seen(OTHER)
+    gateway.now_nanos = PRESENT_NANOS
+    gateway.client.call(PAUSE)
+    gateway.client.gateway_seen(GATEWAY)
+    for gateway.now_nanos in (PRESENT_NANOS, 10 * PRESENT_NANOS):
+        gateway.client.call(PAUSE)
     assert [to for _, to in gateway.wishes] == [OTHER, GATEWAY, GATEWAY]
 
 
 def test_where_there_was_never_a_gateway() -> None:
     gateway = Gateway(paused)
     with pytest.raises(CommandFailed, match="no gateway was heard yet"):
-        gateway.asking.ask(PAUSE)
+        gateway.client.call(PAUSE)
     assert gateway.wishes == []
 
 
 def test_a_gateway_that_comes_is_waited_for() -> None:
     gateway = Gateway(paused)
-    timer = threading.Timer(0.15, gateway.asking.heard, [GATEWAY])
+    timer = threading.Timer(0.15, gateway.client.gateway_seen, [GATEWAY])
     timer.start()
-    assert gateway.asking.ask(PAUSE).tick == 7
+    assert gateway.client.call(PAUSE).tick == 7
     timer.join()
 
 
 def test_which_of_two_gateways_is_not_guessed() -> None:
     gateway = Gateway(paused)
-    gateway.asking.heard(OTHER)
-    gateway.asking.heard(GATEWAY)
+    gateway.client.gateway_seen(OTHER)
+    gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520; name one"):
-        gateway.asking.ask(PAUSE)
+        gateway.client.call(PAUSE)
     assert gateway.wishes == []
 
 
 def test_nobody_waits_when_it_is_over() -> None:
-    gateway = Gateway(lambda wish, before: gateway.asking.close())
-    gateway.asking.heard(GATEWAY)
+    gateway = Gateway(lambda wish, before: gateway.client.close())
+    gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match="the bridge is ending"):
-        gateway.asking.ask(PAUSE)
+        gateway.client.call(PAUSE)
     assert len(gateway.wishes) == 1

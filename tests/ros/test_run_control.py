@@ -8,9 +8,9 @@ import pytest
 from udp_bridge.node.command_client import CommandFailed
 from udp_bridge.node.run_control import RunControl
 from udp_bridge.wire.run_commands import (
-    ASK,
     PAUSE,
     PAUSED,
+    QUERY,
     RESET,
     RESUME,
     RUNNING,
@@ -28,7 +28,7 @@ class Simulator:
         self.asked: list[int] = []
         self._pace = ticks_a_question
 
-    def ask(self, action: int, ticks: int = 0) -> RunCommandReply:
+    def call(self, action: int, ticks: int = 0) -> RunCommandReply:
         self.asked.append(action)
         if action == STEP:
             self.left = ticks
@@ -36,7 +36,7 @@ class Simulator:
             self.left, self.is_running = 0, action == RESUME
         elif action == RESET:
             self.tick = 0
-        elif action == ASK:
+        elif action == QUERY:
             self.tick += self._pace if self.is_running else min(self._pace, self.left)
             self.left = max(0, self.left - self._pace)
         return RunCommandReply(0, RUNNING if self.is_running or self.left else PAUSED, self.tick)
@@ -50,7 +50,7 @@ def run_of(simulator: Simulator) -> RunControl:
 def test_steps_are_done_when_it_returns(ticks: int) -> None:
     simulator = Simulator()
     told: list[int] = []
-    assert run_of(simulator).step(ticks, told=told.append).tick == 100 + ticks
+    assert run_of(simulator).step(ticks, on_progress=told.append).tick == 100 + ticks
     assert simulator.left == 0
     assert told == sorted(told)
 
@@ -80,8 +80,8 @@ def test_a_run_that_is_not_paused_is_not_stepped() -> None:
 @pytest.mark.parametrize("action", [PAUSE, RESUME, RESET])
 def test_somebody_else_meddles(action: int) -> None:
     simulator = Simulator()
-    with pytest.raises(CommandFailed, match="somebody else meddled with the steps: the run is"):
-        run_of(simulator).step(30, told=lambda done: done > 9 and simulator.ask(action))
+    with pytest.raises(CommandFailed, match="another client changed the run: it is"):
+        run_of(simulator).step(30, on_progress=lambda done: done > 9 and simulator.call(action))
 
 
 def test_physics_is_held_up() -> None:

@@ -287,7 +287,7 @@ class Lockstep:
 
     def _look_for_reply(self) -> None:
         sent = self._sent
-        found = self._replies.of(sent.barrier.life, sent.barrier.tick)
+        found = self._replies.of(sent.barrier.episode, sent.barrier.tick)
         if found is None:
             return
         reply, _ = found
@@ -365,12 +365,12 @@ class Lockstep:
                 commanded[taken[0].split("/")[2]] = reply.tick
             elif taken is not None and taken[0].endswith("/command/joints"):
                 commanded[taken[0].split("/")[2] + "/joints"] = reply.tick
-        self._acknowledge(Ack(reply.life, reply.tick, reply.tick, commanded=dict(commanded)))
+        self._acknowledge(Ack(reply.episode, reply.tick, reply.tick, commanded=dict(commanded)))
 
     def _skip(self) -> None:
         barrier = self._sent.barrier
         self.counts["barriers_skipped"] += 1
-        self._acknowledge(Ack(barrier.life, barrier.tick, barrier.tick))
+        self._acknowledge(Ack(barrier.episode, barrier.tick, barrier.tick))
 
     def _ask_physics(self) -> None:
         self._status = self._resume(GATEWAY)
@@ -422,6 +422,6 @@ class Lockstep:
         barrier = self._sent.barrier
         if self.state in AWAITING_REPLY:
             node = "the ROS node at {}:{}".format(*self._gateway.peer)
-            return self._replies.lacking(node, barrier.life, barrier.tick)
+            return self._replies.lacking(node, barrier.episode, barrier.tick)
         names = ", ".join(self._behind())
         return f"tick {self.tick}: waiting for {names} before the barrier is sent" if names else ""

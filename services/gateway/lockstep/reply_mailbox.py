@@ -48,7 +48,7 @@ class ReplyMailbox:
         """Return the newest reply and its topic if it answers the barrier of this tick."""
         with self._changed:
             found = self._reply
-        return found if found and (found[0].life, found[0].tick) == (life, tick) else None
+        return found if found and (found[0].episode, found[0].tick) == (life, tick) else None
 
     def lacking(self, node: str, life: int, tick: int) -> str:
         """Return in a line what a node has not done at the barrier of a tick."""

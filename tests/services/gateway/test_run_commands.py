@@ -65,7 +65,7 @@ def bench() -> Iterator[Bench]:
 @pytest.mark.parametrize(
     ("wish", "on_the_bus", "state"),
     [
-        (RunCommand(5, wishing.ASK), None, RUNNING),
+        (RunCommand(5, wishing.QUERY), None, RUNNING),
         (RunCommand(5, wishing.PAUSE), Pause(), PAUSED),
         (RunCommand(5, wishing.RESUME), Resume(), RUNNING),
         (RunCommand(5, wishing.STEP, 7), Step(7), RUNNING),

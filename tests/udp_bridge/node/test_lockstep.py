@@ -49,10 +49,10 @@ class StandIn:
     def publishers(self, topic: str) -> frozenset[Hashable]:
         return frozenset({"controller"})
 
-    def is_published(self, topic: str) -> bool:
+    def has_publisher(self, topic: str) -> bool:
         return True
 
-    is_heard = is_published
+    has_subscriber = has_publisher
 
     def listen(self, topic: str, take: Callable[[], object]) -> object:
         return self
@@ -142,7 +142,7 @@ def test_who_is_there_from_the_begin_gives_its_word_when_all_is_answered(rig: Ri
     for _ in range(10):  # a controller may take its time
         rig.turn(GIVE_UP_S / 2)
     assert rig.ros.words[-1].state == WAITING
-    rig.half.heard("/cmd_vel")
+    rig.half.received("/cmd_vel")
     rig.turn()
     assert rig.ros.words[-1] == BarrierReply(LIFE, 0, DONE)
     assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
@@ -165,7 +165,7 @@ def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answer
     rig.turn(2 * SETTLE_S)
     assert rig.numbers("/odom") == [6]
     assert rig.ros.words[-1].state == WAITING
-    rig.half.heard("/cmd_vel")
+    rig.half.received("/cmd_vel")
     rig.turn()
     assert rig.ros.words[-1] == BarrierReply(LIFE, 8, DONE)
 
@@ -178,12 +178,12 @@ def test_an_answer_that_a_predecessor_may_have_got_is_given_up(rig: Rig) -> None
     rig.turn(GIVE_UP_S / 2)
     rig.turn(1.0)
     assert rig.ros.words[-1] == BarrierReply(LIFE, 8, DONE)
-    assert any("tick 8 goes on without a message on /cmd_vel" in one for one in rig.ros.warnings)
+    assert any("tick 8 continues without a message on /cmd_vel" in one for one in rig.ros.warnings)
 
 
 def test_once_a_tick_was_answered_answers_are_awaited_for_as_long_as_it_takes(rig: Rig) -> None:
     started_again(rig)
-    rig.half.heard("/cmd_vel")
+    rig.half.received("/cmd_vel")
     rig.turn()
     rig.told(16, first=7)
     rig.turn()

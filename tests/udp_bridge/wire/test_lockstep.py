@@ -19,7 +19,7 @@ from udp_bridge.wire.lockstep import (
 )
 
 BARRIER = Barrier(
-    life=0x0102030405060708,
+    episode=0x0102030405060708,
     tick=800,
     limit_ms=2000,
     sent=(SentMessages(36, "/odom", 7, 2), SentMessages(8, "/clock", 0xFFFFFFFF, 1)),
@@ -33,7 +33,7 @@ BARRIER_BYTES = bytes.fromhex(
     "00 06 06 00  2f 72 65 61 64 79  2f 63 6c 6f 63 6b"
 )
 WORD = BarrierReply(
-    life=1, tick=-1, state=WAITING, lost=3, sent=(SentMessages(9, "/cmd_vel", 5, 0xFFFF),)
+    episode=1, tick=-1, state=WAITING, lost=3, sent=(SentMessages(9, "/cmd_vel", 5, 0xFFFF),)
 )
 WORD_BYTES = bytes.fromhex(
     "05 01 01 00  03 00 00 00  01 00 00 00 00 00 00 00  ff ff ff ff ff ff ff ff"

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from udp_bridge import BadMessage, Refused
 from udp_bridge.wire import control
 from udp_bridge.wire.run_commands import (
-    ASK,
     ERROR_BYTES,
     PAUSE,
     PAUSED,
+    QUERY,
     RESET,
     RUNNING,
     STEP,
@@ -49,7 +49,7 @@ def test_bodies_to_the_byte(value: RunCommand | RunCommandReply, text: str) -> N
 
 NUMBERS = st.integers(0, 2**64 - 1)
 WISHES = st.builds(
-    RunCommand, NUMBERS, st.sampled_from([ASK, PAUSE, RESET]), st.just(0)
+    RunCommand, NUMBERS, st.sampled_from([QUERY, PAUSE, RESET]), st.just(0)
 ) | st.builds(RunCommand, NUMBERS, st.just(STEP), st.integers(1, 2**32 - 1))
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), max_size=200)
 ANSWERS = st.builds(

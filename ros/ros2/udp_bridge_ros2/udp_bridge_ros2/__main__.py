@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts the node: ``python -m udp_bridge_ros2 [--bind HOST:PORT] [--ros-args ...]``.
 
-Rule: users' mistakes are one line and exit code 2; SIGINT and SIGTERM end it within a second.
-rclpy is imported late, since DDS reads the environment when rclpy starts.
+An invalid option or setting is one error line and exit code 2. SIGINT and SIGTERM end the node
+within a second. rclpy is imported late, because DDS reads the environment when rclpy starts.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from .stale_shared_memory import SHARED_MEMORY, remove_leftovers
 
 PROGRAM = "udp_bridge_ros2"
 SWITCH_SECONDS = 5e-4
-"""After this long a thread that waits for the interpreter gets it. Python's own 5 ms are the age of
-a small message several times over."""
+"""Interval of Python's thread switches. The default of 5 ms is several times the latency of a small
+message."""
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's counters on /diagnostics, once a second, as diagnostic_msgs/DiagnosticArray.
+"""Publishes the node's counters on /diagnostics once a second, as DiagnosticArray.
 
-Rule: one status for each topic and peer and one for the link; what they say is in
-`udp_bridge.node.diagnostics`.
-Where the message package is not installed nothing is published, and one line says so.
+One status for each topic and peer, and one for the link; `udp_bridge.node.diagnostics` sets levels.
 """
 
 from __future__ import annotations
@@ -23,12 +21,12 @@ PERIOD_NANOS = 1_000_000_000
 
 
 class Ros2Diagnostics:
-    """Publishes what a link counts; `turn` is to be called several times a second."""
+    """Publishes the counters of a link; call `turn` several times a second."""
 
     def __init__(self, node: Node, link: Link) -> None:
         self._node = node
         self._link = link
-        self._verdicts = NodeDiagnostics()
+        self._node_diagnostics = NodeDiagnostics()
         self._due_nanos: int | None = None
         self._publisher: Any = None
 
@@ -51,19 +49,19 @@ class Ros2Diagnostics:
         message.header.stamp = self._node.get_clock().now().to_msg()
         host, port = self._link.address
         message.status = [
-            _status(verdict, f"{host}:{port}")
-            for verdict in self._verdicts.all_of(self._link, now_nanos)
+            _status(row, f"{host}:{port}")
+            for row in self._node_diagnostics.all_of(self._link, now_nanos)
         ]
         self._publisher.publish(message)
 
 
-def _status(verdict: StatusRow, address: str) -> Any:
+def _status(row: StatusRow, address: str) -> Any:
     from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
     return DiagnosticStatus(
-        level=bytes([verdict.level]),
-        name=f"udp_bridge: {verdict.name}",
-        message=verdict.message,
+        level=bytes([row.level]),
+        name=f"udp_bridge: {row.name}",
+        message=row.message,
         hardware_id=f"udp_bridge {address}",
-        values=[KeyValue(key=key, value=value) for key, value in verdict.values.items()],
+        values=[KeyValue(key=key, value=value) for key, value in row.values.items()],
     )

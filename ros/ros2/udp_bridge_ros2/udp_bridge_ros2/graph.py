@@ -9,39 +9,39 @@ from typing import TYPE_CHECKING
 
 from udp_bridge.node.message_class import message_class
 
-from . import qos as topics
+from . import qos as qos_profiles
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
 
 class Ros2Graph:
-    """The graph that a node sees; from the thread that spins it."""
+    """The graph as a node sees it; used from the thread that spins the node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
 
     def publishers(self, topic: str) -> frozenset[Hashable]:
-        """Return who publishes on a topic: others, if one comes back after it had gone."""
+        """Return identities of a topic's publishers; a restarted publisher has a new one."""
         found = self._node.get_publishers_info_by_topic(topic)
         return frozenset(bytes(info.endpoint_gid) for info in found)
 
-    def is_published(self, topic: str) -> bool:
-        """Tell whether anybody publishes on a topic."""
+    def has_publisher(self, topic: str) -> bool:
+        """Return whether a topic has a publisher."""
         return bool(self._node.count_publishers(topic))
 
-    def is_heard(self, topic: str) -> bool:
-        """Tell whether somebody listens on a topic."""
+    def has_subscriber(self, topic: str) -> bool:
+        """Return whether a topic has a subscriber."""
         return bool(self._node.count_subscribers(topic))
 
     def listen(self, topic: str, take: Callable[[], object]) -> object:
-        """Subscribe to a topic of any type, as soon as there is one."""
+        """Subscribe to a topic of any type, as soon as its type is known."""
         for info in self._node.get_publishers_info_by_topic(topic):
             return self._node.create_subscription(
                 message_class(info.topic_type),
                 topic,
                 partial(_take, take),
-                topics.subscribed(""),
+                qos_profiles.subscription_profile(""),
                 raw=True,
             )
         return None

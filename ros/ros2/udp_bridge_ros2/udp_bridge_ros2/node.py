@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node: an end of a bridge with ROS 2's publishers and subscriptions, and what it tells.
+"""The ROS 2 node: parameters, and a `BridgeNode` with ROS 2's publishers and subscriptions.
 
-Rule: it only reads parameters and wires; what the end does is in `udp_bridge.node.bridge_node`. The
-thread that calls `turn` owns the subscriptions.
+The thread that calls `turn` owns the subscriptions.
 """
 
 from __future__ import annotations
@@ -25,24 +24,24 @@ from .services import Ros2Services
 from .subscriptions import Ros2Subscriptions
 
 MAY_BE_OTHERS = ("datagram", "allow_any_peer")
-"""Parameters that are a word, a number or a truth value."""
+"""Parameters that may be text, a number or a boolean."""
 
 
 class Ros2Node(Node):
     """The ROS 2 end of UDP Bridge.
 
-    Its parameters are those of `Settings`, and `frame_prefix`, which is put before frames of what
-    it publishes; `use_sim_time` and `qos_overrides` are those of every node.
+    Its parameters are those of `Settings`, and `frame_prefix`, which is put before all published
+    frames. `use_sim_time` and `qos_overrides` work as in every node.
 
     Parameters
     ----------
     given
-        Settings by name that stand before the parameters of these names, where they are not None.
+        Settings that override the parameters of their names, unless they are None.
 
     Raises
     ------
     ValueError
-        When an address is none, or the key is none that can be used.
+        When an address is invalid, or the key can't be used.
     OSError
         When an address can't be resolved or bound.
     """
@@ -52,7 +51,7 @@ class Ros2Node(Node):
             Parameter(name, value=word) for name, word in given.items() if word is not None
         ]
         super().__init__("udp_bridge", parameter_overrides=overrides)
-        told = {
+        settings = {
             name: str(
                 self.declare_parameter(
                     name, default, ParameterDescriptor(dynamic_typing=name in MAY_BE_OTHERS)
@@ -64,29 +63,33 @@ class Ros2Node(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         try:
-            self._end = BridgeNode(
-                *(Settings(**told), Ros2Publishers(self, frame_prefix), Ros2Subscriptions(self)),
+            self._bridge = BridgeNode(
+                *(
+                    Settings(**settings),
+                    Ros2Publishers(self, frame_prefix),
+                    Ros2Subscriptions(self),
+                ),
                 Ros2Graph(self),
                 wake=self.create_guard_condition(lambda: None).trigger,
             )
         except (OSError, ValueError):
             self._leave()
             raise
-        self._diagnostics = Ros2Diagnostics(self, self._end.link)
-        self._end.tell_begin(f"; {environment.describe(os.environ)}")
-        self._run_services = Ros2Services(self, self._end.asking)
+        self._diagnostics = Ros2Diagnostics(self, self._bridge.link)
+        self._bridge.log_start(f"; {environment.describe(os.environ)}")
+        self._run_services = Ros2Services(self, self._bridge.command_client)
 
     def turn(self) -> None:
-        """Serve ROS and the wishes of peers for a moment, 0.1 s at most."""
+        """Serve ROS and the requests of peers, for 0.1 s at most."""
         now_nanos = time.monotonic_ns()
-        wait_s = self._end.turn(now_nanos)
+        wait_s = self._bridge.turn(now_nanos)
         self._diagnostics.turn(now_nanos)
         self._executor.spin_once(timeout_sec=wait_s)
 
     def close(self) -> None:
-        """End all threads and say in one line what was done."""
+        """End all threads and log the totals."""
         self._run_services.close()
-        self._end.close()
+        self._bridge.close()
         self._leave()
 
     def _leave(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outlet's publishers as ROS 2 makes them: they take CDR bytes as they are."""
+"""Publishers of ROS 2, which publish CDR bytes as they are."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from udp_bridge.node.message_class import message_class
 from udp_bridge.node.options import prefix_frames
 from udp_bridge.node.publish_queue import Publication
 
-from . import qos as topics
+from . import qos as qos_profiles
 
 if TYPE_CHECKING:
     from typing import Any
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 class Ros2Publishers:
-    """Publishers of a node; its logger tells of them."""
+    """Makes publishers of a node."""
 
     def __init__(self, node: Node, frame_prefix: str = "") -> None:
         self._node = node
         self._frame_prefix = frame_prefix
 
     def get_logger(self) -> Any:
-        """Return the node's."""
+        """Return the node's logger."""
         return self._node.get_logger()
 
     def publisher(self, row: MessageType, topic: str, qos: TopicQos) -> Publication:
@@ -41,12 +41,12 @@ class Ros2Publishers:
         publisher = self._node.create_publisher(
             ros_class,
             topic,
-            topics.published(qos),
-            qos_overriding_options=topics.OVERRIDES,
+            qos_profiles.publisher_profile(qos),
+            qos_overriding_options=qos_profiles.OVERRIDES,
         )
 
         def publish(body: Buffer) -> None:
-            publisher.publish(bytes(body))  # the one copy: rclpy takes nothing but bytes
+            publisher.publish(bytes(body))  # the only copy: rclpy takes bytes alone
 
         def publish_prefixed(body: Buffer) -> None:
             message = deserialize_message(bytes(body), ros_class)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What DDS is told of each topic, beside what `udp_bridge.node.topic_qos` says of it.
+"""QoS profiles of ROS 2, from the table in `udp_bridge.node.topic_qos`.
 
-Rule: nobody is left out. A DDS writer that offers `reliable` serves reliable and best-effort
-readers alike, one that offers best effort serves only the latter; a reader is the other way round.
-So every publisher offers reliable: RViz and a plain ``create_subscription(..., 10)`` match, and
-sensor-data readers get best effort as they asked. It never blocks, as only the last `depth`
-messages are kept; all it costs is that a reliable reader which lags is sent those again.
+Every publisher offers `reliable`: DDS then matches reliable and best-effort subscribers alike, such
+as RViz, ``create_subscription(..., 10)`` and the sensor-data profile. A reliable publisher never
+blocks here, because only the last `depth` messages are kept; a slow reliable subscriber costs
+retransmissions. For the same reason a subscription requests best effort.
 """
 
 from __future__ import annotations
@@ -29,25 +28,25 @@ OVERRIDES = QoSOverridingOptions(
         QoSPolicyKind.DURABILITY,
     ]
 )
-"""What a user can change of each topic, by parameters such as
+"""Policies that a user can override, by parameters such as
 `qos_overrides./imu.publisher.reliability`."""
 
 _SUBSCRIBED = {
-    # Maps are published once and latched; this only matches publishers that do so.
+    # Maps are published once and latched; this profile matches only such publishers.
     "OccupancyGrid": TopicQos(depth=1, is_latched=True),
 }
 
 
-def published(qos: TopicQos) -> QoSProfile:
-    """Return how a topic is published; latched is transient local."""
+def publisher_profile(qos: TopicQos) -> QoSProfile:
+    """Return the profile of a publisher; a latched topic is transient local."""
     return _qos(qos, ReliabilityPolicy.RELIABLE)
 
 
-def subscribed(type_name: str) -> QoSProfile:
-    """Return how a message type of the wire is subscribed to."""
+def subscription_profile(type_name: str) -> QoSProfile:
+    """Return the profile of a subscription to a wire type."""
     if type_name in _SUBSCRIBED:
         return _qos(_SUBSCRIBED[type_name], ReliabilityPolicy.RELIABLE)
-    # Matches every publisher; on one host shared memory loses nothing of this size.
+    # Matches every publisher; on one host, shared memory loses no message of this size.
     return _qos(TopicQos(depth=10), ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Offers services on the run's time: the standard ones, or plain ones where ROS lacks those.
+"""Services of ROS 2 that control the run's time: simulation_interfaces, or std_srvs/Trigger.
 
-Rule: a service may wait for seconds, so all are served by threads of their own, and a node of
-their own, since rclpy serves a node's callbacks in one place. Names are those of the bridge's node:
-`~/pause` is `/udp_bridge/pause`, in its namespace and as it was remapped.
+A service call may take seconds. So all are served by threads of their own, and by a second node,
+because rclpy serves the callbacks of one node in one executor. Names are those of the bridge's
+node: `~/pause` is `/udp_bridge/pause`, in its namespace and remapped with it.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 from udp_bridge.node.command_client import RunCommandClient
-from udp_bridge.node.run_control import RunControl
-from udp_bridge.node.triggers import triggers
+from udp_bridge.node.run_control import RunControl, triggers
 
 THREADS = 8
-"""Calls that may wait at a time. Only one of them steps, and all others end within seconds."""
+"""Concurrent calls. Only one of them steps; all others end within seconds."""
 
 
 class _Offer(NamedTuple):
-    """What is served: each as name, type and callback."""
+    """Services and actions, each as name, type and callback."""
 
     package: str
     services: list[tuple[str, Any, Callable[[Any, Any], Any]]]
@@ -36,26 +35,26 @@ class _Offer(NamedTuple):
 
 
 class Ros2Services:
-    """Serves until it is closed.
+    """Serves calls until `close`.
 
     Parameters
     ----------
     node
-        The bridge's; what is served is called after it.
+        The bridge's node, whose name the services have.
     """
 
-    def __init__(self, node: Node, asking: RunCommandClient) -> None:
-        self._asking = asking
+    def __init__(self, node: Node, client: RunCommandClient) -> None:
+        self._client = client
         self._node = Node(
             f"{node.get_name()}_services",
             context=node.context,
             namespace=node.get_namespace(),
-            use_global_arguments=False,  # such as a name that is meant for the other one
+            use_global_arguments=False,  # such as a name that is meant for the bridge's node
             start_parameter_services=False,
             enable_rosout=False,
         )
         together = ReentrantCallbackGroup()
-        offer = _offered(node, RunControl(asking))
+        offer = _offered(node, RunControl(client))
         for name, kind, callback in offer.services:
             full_name = node.resolve_service_name(f"~/{name}")
             self._node.create_service(kind, full_name, callback, callback_group=together)
@@ -85,8 +84,8 @@ class Ros2Services:
         self._thread.start()
 
     def close(self) -> None:
-        """End all threads; calls that wait are answered that it is over."""
-        self._asking.close()
+        """End all threads; waiting calls fail."""
+        self._client.close()
         self._executor.shutdown()
         self._thread.join()
         for action in self._actions:
@@ -95,7 +94,7 @@ class Ros2Services:
 
 
 def _offered(node: Node, run: RunControl) -> _Offer:
-    """Return what can be served here."""
+    """Return the services that this installation has types for."""
     if find_spec("simulation_interfaces"):
         from .standard_services import StandardServices
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services and an action of `simulation_interfaces`, the standard of simulators for ROS 2.
+"""Services and an action of `simulation_interfaces`, the ROS 2 standard for simulators.
 
-Rule: what is told as a feature is done as the standard says, and all else is answered as
-unsupported with a line on what there is instead. Importing this needs that package.
+Reported features work as the standard says. Every other request is answered as unsupported, with
+one line on the alternative. Importing this module needs that package.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def _result(code: int, message: str = "") -> Any:
 
 
 class _Cancelled(Exception):
-    """Who wanted steps wants no more of them."""
+    """The client cancelled the steps."""
 
 
 class StandardServices:
-    """Answers requests; each method fills and returns a response, from any thread."""
+    """Serves requests; each method fills and returns a response, from any thread."""
 
     def __init__(self, run: RunControl) -> None:
         self._run = run
@@ -125,10 +125,10 @@ class StandardServices:
         return response
 
     def simulate(self, goal: Any) -> Any:
-        """As `step`, telling how far it is; where that is cancelled, time stands at once."""
+        """Step with progress feedback; cancelling pauses the run at once."""
         steps = goal.request.steps
 
-        def told(done: int) -> None:
+        def report(done: int) -> None:
             if goal.is_cancel_requested:
                 raise _Cancelled
             goal.publish_feedback(
@@ -137,7 +137,7 @@ class StandardServices:
 
         def do() -> Any:
             try:
-                self._run.step(steps, told=told)
+                self._run.step(steps, on_progress=report)
             except _Cancelled:
                 self._run.pause()
                 goal.canceled()
@@ -151,7 +151,7 @@ class StandardServices:
         return SimulateSteps.Result(result=result)
 
     def reset(self, request: Any, response: Any) -> Any:
-        """Begin again."""
+        """Restart the run."""
         scope = request.scope or ResetSimulation.Request.SCOPE_ALL
 
         def do() -> Any:
@@ -173,7 +173,7 @@ class StandardServices:
 
 
 def _done(do: Callable[[], Any]) -> Any:
-    """Return what it returns, or why it could not be done."""
+    """Return the result of a call, or the reason of its failure."""
     try:
         return do()
     except CommandFailed as reason:

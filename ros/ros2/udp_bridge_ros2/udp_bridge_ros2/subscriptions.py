@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The inlet's subscriptions as ROS 2 makes them: raw ones, whose messages are CDR already."""
+"""Subscriptions of ROS 2: raw ones, whose messages are CDR."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from udp_bridge.node.message_class import message_class
 from udp_bridge.node.subscriptions import Subscription
 
-from . import qos as topics
+from . import qos as qos_profiles
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class Ros2Subscriptions:
-    """Subscriptions of a node, which are heard in the thread that spins it."""
+    """Makes subscriptions of a node; callbacks run in the thread that spins the node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
 
     def get_logger(self) -> Any:
-        """Return the node's."""
+        """Return the node's logger."""
         return self._node.get_logger()
 
     def now_nanos(self) -> int:
@@ -32,7 +32,7 @@ class Ros2Subscriptions:
         return int(self._node.get_clock().now().nanoseconds)
 
     def type_of(self, topic: str) -> str:
-        """Return the full type name of a topic that is published; empty where nobody does."""
+        """Return the full type name of a published topic; empty when there is no publisher."""
         found = self._node.get_publishers_info_by_topic(topic)
         return str(found[0].topic_type) if found else ""
 
@@ -46,9 +46,9 @@ class Ros2Subscriptions:
             ros_class,
             topic,
             take,
-            topics.subscribed(row.name),
+            qos_profiles.subscription_profile(row.name),
             raw=True,
-            qos_overriding_options=topics.OVERRIDES,
+            qos_overriding_options=qos_profiles.OVERRIDES,
         )
         return Subscription(
             fields.get("header") == "std_msgs/Header",

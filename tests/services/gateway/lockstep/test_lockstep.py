@@ -71,7 +71,7 @@ def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> Non
     rig.link.is_busy = False
     rig.turn()
     barrier = rig.link.barriers[-1]
-    assert (barrier.life, barrier.tick) == (LIFE, 0)
+    assert (barrier.episode, barrier.tick) == (LIFE, 0)
     assert set(barrier.sent) == {
         SentMessages(CLOCK, "/clock", 0, 1),
         SentMessages(ENCODERS, "/wheel_encoders", 0, 1),
@@ -143,7 +143,7 @@ def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig:
     for _ in range(3):
         rig.says(4, state=RESTARTED)
     again = rig.link.barriers[-1]
-    assert (again.life, again.tick) == (LIFE, 4)
+    assert (again.episode, again.tick) == (LIFE, 4)
     told = {(ENCODERS, "/wheel_encoders"): 0, (JOINTS, "/joint_states"): 0, (CLOCK, "/clock"): 1}
     assert {*before.sent} == {SentMessages(*place, first, 1) for place, first in told.items()}
     assert {*again.sent} == {SentMessages(*place, first + 1, 1) for place, first in told.items()}
@@ -166,7 +166,7 @@ def test_a_reset_begins_anew(rig: Rig) -> None:
     rig.measured(4)  # of the life that is over, by its stamp
     rig.followed(0, life=LIFE + 1)
     barrier = rig.link.barriers[-1]
-    assert (barrier.life, barrier.tick) == (LIFE + 1, 0)
+    assert (barrier.episode, barrier.tick) == (LIFE + 1, 0)
     assert barrier.sent == (SentMessages(CLOCK, "/clock", 2, 1),)
     assert rig.lockstep.counts["other_episodes"] == 1
 
@@ -178,7 +178,7 @@ def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
     it.says(-1)
     it.turn()
     barrier = it.link.barriers[-1]
-    assert (barrier.life, barrier.tick) == (LIFE, 8)
+    assert (barrier.episode, barrier.tick) == (LIFE, 8)
     it.says(8)
     assert [ack.tick for ack in it.acks] == [8]
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both ROS ends are made of, ROS 2's and ROS 1's, and that knows no ROS.
+"""The parts that the ROS 1 and ROS 2 nodes share.
 
-Rule: ROS comes in as a few functions; queues, leases, verdicts and addresses are the same in both.
+May be imported by the ROS packages. Imports no ROS: publishers, subscriptions and the graph come in
+as protocols.
 """
 
 from __future__ import annotations

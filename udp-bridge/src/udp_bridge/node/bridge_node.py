@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS end of a bridge, whichever ROS: a link on one side, an outlet and an inlet on the other.
+"""The bridge's end in a ROS graph, for either ROS: a link, a publish queue and subscriptions.
 
-Rule: it only wires. The link's receiving thread hands messages over, the outlet's thread publishes,
-and the thread that calls `turn` sends back and gives the word in lockstep. What comes before all of
-it is there waits for that. Nodes bring what they know of ROS, and read no message here.
+Threads: the link's receiving thread passes messages on, the queue's thread publishes them, and the
+thread that calls `turn` sends messages of ROS and replies in lockstep. The ROS packages supply
+publishers, subscriptions and the graph; they decode no message.
 """
 
 from __future__ import annotations
@@ -24,32 +24,31 @@ from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 
-from . import publish_queue as outlet
-from . import subscriptions as inlet
-from .addresses import DEFAULT_BIND, parse_address
 from .command_client import RunCommandClient
 from .liveness_file import NodeLiveness
 from .lockstep import BarrierResponder
 from .log import Log
-from .options import parse_datagram, parse_flag, parse_repair
+from .options import DEFAULT_BIND, parse_address, parse_datagram, parse_flag, parse_repair
+from .publish_queue import PublisherFactory, PublishQueue
 from .responses import RosGraph
+from .subscriptions import LeasedSubscriptions, SubscriptionFactory
 
 
 class Settings(NamedTuple):
-    """What a user says, by the names of the nodes' parameters, as text."""
+    """Settings of a node as text, by the names of its ROS parameters."""
 
     bind: str = DEFAULT_BIND
-    """Where it receives, ``HOST:PORT``."""
+    """Address to receive at, ``HOST:PORT``."""
     peer: str = ""
-    """The only sender whose datagrams it takes (port 0: any of that host; empty: any sender)."""
+    """The only sender to accept (port 0: any port of that host; empty: any sender)."""
     allow_any_peer: str = "false"
     """``true`` or ``false``: may `bind` be reached from other hosts without a peer and a key?"""
     key_file: str = ""
     key_env: str = ""
-    """A file, or an environment variable: it sends and takes only what is sealed by that key."""
+    """A file, or an environment variable, with the key that seals all datagrams."""
     datagram: str = "loopback"
     repair: str = "none"
-    """Both of what it sends."""
+    """Datagram size and repair mode of messages that the node sends."""
 
 
 class BridgeNode:
@@ -58,14 +57,14 @@ class BridgeNode:
     Parameters
     ----------
     publishers, subscriptions, graph
-        What they need of ROS.
+        Access to ROS.
     wake
-        Has the thread that calls `turn` wait no longer; from any thread.
+        Wakes the thread that calls `turn`; called from any thread.
 
     Raises
     ------
     ValueError
-        When a setting is none, or the key is none that can be used.
+        When a setting is invalid, or the key can't be used.
     OSError
         When an address can't be resolved or bound.
     """
@@ -73,8 +72,8 @@ class BridgeNode:
     def __init__(
         self,
         settings: Settings,
-        publishers: outlet.Ros,
-        subscriptions: inlet.Ros,
+        publishers: PublisherFactory,
+        subscriptions: SubscriptionFactory,
         graph: RosGraph,
         *,
         wake: Callable[[], object],
@@ -90,11 +89,12 @@ class BridgeNode:
             sends=FROM_ROS,
             allow_any_peer=parse_flag(settings.allow_any_peer, what="allow_any_peer"),
         )
-        is_known = getattr(socket, "is_known", _everybody)
-        self._is_whole = threading.Event()
+        # Without `is_known`, the socket accepts datagrams of known addresses alone.
+        is_known = getattr(socket, "is_known", lambda _: True)
+        self._is_constructed = threading.Event()
         self._log = Log(publishers.get_logger())
-        self.asking = RunCommandClient(self._send_wish)
-        self._outlet = outlet.PublishQueue(publishers, self._fated, is_known)
+        self.command_client = RunCommandClient(self._send_command)
+        self._queue = PublishQueue(publishers, self._report_result, is_known)
         try:
             self.link = Link(
                 bind,
@@ -106,80 +106,80 @@ class BridgeNode:
             )
         except BadMessage:
             socket.close()
-            self._outlet.close()
+            self._queue.close()
             raise
-        self._inlet = inlet.LeasedSubscriptions(
+        self._subscriptions = LeasedSubscriptions(
             subscriptions,
-            is_published=self._outlet.publishes,
+            is_published=self._queue.publishes,
             is_known=is_known,
             repair=repair,
-            heard=lambda topic: self._lockstep.heard(topic),
+            on_message=lambda topic: self._lockstep.received(topic),
         )
         self._lockstep = BarrierResponder(
-            *(graph, self._outlet, self._inlet), log=self._log, wake=wake, drop=self.link.dropped
+            *(graph, self._queue, self._subscriptions),
+            log=self._log,
+            wake=wake,
+            drop=self.link.dropped,
         )
-        self._alive, self._misfits = NodeLiveness(os.environ), RefusalHints()
-        self._is_whole.set()
+        self._liveness, self._hints = NodeLiveness(os.environ), RefusalHints()
+        self._is_constructed.set()
 
-    def tell_begin(self, more: str = "") -> None:
-        """Say in one line where it receives, and in another what the kernel should be told."""
+    def log_start(self, more: str = "") -> None:
+        """Log the address, and a hint when the receive buffer is small."""
         host, port = self.link.address
         self._log.info(f"receiving at {host}:{port}{more}")
         if hint := buffer_hint(self.link.receive_buffer):
             self._log.warning(hint)
 
     def turn(self, now_nanos: int) -> float:
-        """Serve the wishes of peers; return the seconds until something else may be due."""
-        wait_s = self._inlet.turn(self.link, now_nanos)
+        """Do what is due; return the seconds until something else may be."""
+        wait_s = self._subscriptions.turn(self.link, now_nanos)
         self._lockstep.turn(self.link)
-        if self._alive.is_due(now_nanos):
+        if self._liveness.is_due(now_nanos):
             counts = self.link.counters()
-            self._alive.show(counts["received_datagrams"], now_nanos)
-            for line in self._misfits.new(counts["refused"]):
+            self._liveness.touch(counts["received_datagrams"], now_nanos)
+            for line in self._hints.new(counts["refused"]):
                 self._log.warning(line)
         return wait_s
 
     def close(self, refused: int = 0) -> None:
-        """End all threads and say in one line what was done; `refused` is what the node refused."""
+        """End all threads and log the totals.
+
+        Parameters
+        ----------
+        refused
+            Messages that the ROS package refused.
+        """
         self.link.close()
-        self._outlet.close()
-        if refusals := self._outlet.refusals:
+        self._queue.close()
+        if refusals := self._queue.refusals:
             reasons = ", ".join(f"{reason} {count}" for reason, count in sorted(refusals.items()))
             self._log.info(f"not published, by reason: {reasons}")
         counts: Any = self.link.counters()
-        refused += sum(counts["refused"].values()) + self._outlet.refused
+        refused += sum(counts["refused"].values()) + self._queue.refused
         self._log.info(
-            f"{self._outlet.published} messages published on {self._outlet.topic_count} topics, "
-            f"{self._inlet.sent} sent back; lost on the way {counts['missing']}, "
-            f"dropped for newer ones {self._outlet.dropped}, refused {refused}"
+            f"{self._queue.published} messages published on {self._queue.topic_count} topics, "
+            f"{self._subscriptions.sent} sent back; lost on the way {counts['missing']}, "
+            f"dropped for newer ones {self._queue.dropped}, refused {refused}"
         )
 
     def _take(self, message: Message, sender: Address) -> None:
-        self._is_whole.wait()  # the link's thread is there before its constructor has returned
+        self._is_constructed.wait()  # the link's thread starts before our constructor returns
         if message.msg_type in ROS_TYPES:
             if not self._lockstep.holds(message, sender):
-                self._outlet.put(message, sender)
-        elif message.msg_type in (SUBSCRIBE, CONTROL):
-            self._hear(message, sender)
+                self._queue.put(message, sender)
+        elif message.msg_type == SUBSCRIBE:
+            self._subscriptions.put(Subscribe.parse(message.body), message.topic, sender)
+            self.command_client.gateway_seen(sender)
+        elif message.msg_type == CONTROL:
+            body = control.parse(message.body)
+            if isinstance(body, RunCommandReply):
+                self.command_client.reply_received(body, sender)
+            elif isinstance(body, Barrier):
+                self._lockstep.take(body, sender, self.link)
 
-    def _hear(self, message: Message, sender: Address) -> None:
-        if message.msg_type == SUBSCRIBE:
-            self._inlet.put(Subscribe.parse(message.body), message.topic, sender)
-            self.asking.heard(sender)
-            return
-        said = control.parse(message.body)
-        if isinstance(said, RunCommandReply):
-            self.asking.answered(said, sender)
-        elif isinstance(said, Barrier):
-            self._lockstep.take(said, sender, self.link)
+    def _send_command(self, command: RunCommand, to: Address) -> None:
+        self.link.send(CONTROL, "", "", time.time_ns(), command.pack(), to)
 
-    def _send_wish(self, wish: RunCommand, to: Address) -> None:
-        self.link.send(CONTROL, "", "", time.time_ns(), wish.pack(), to)
-
-    def _fated(self, message: Message, sender: Address, is_published: bool) -> None:
+    def _report_result(self, message: Message, sender: Address, is_published: bool) -> None:
         (self.link.published if is_published else self.link.dropped)(message, sender)
-
-
-def _everybody(_: Address) -> bool:
-    """Return that an address is known: the socket takes datagrams of such addresses alone."""
-    return True

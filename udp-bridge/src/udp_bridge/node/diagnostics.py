@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the node says of its topics and its link: levels, one line each, and key values.
+"""Diagnostics of a node: status rows for its topics and its link, without ROS.
 
-Rule: counts come in, plain rows go out; ROS is not known here. The levels are those of
-diagnostic_msgs/DiagnosticStatus, and these are their rules:
+Levels are those of diagnostic_msgs/DiagnosticStatus:
 
 - STALE: nothing was published, or acknowledged by the peer, for `STALE_NANOS`;
-- WARN: since the last word messages were lost or dropped, or a subscriber did not take them, or
+- WARN: since the last round, messages were lost or dropped, or a subscriber missed some, or
   datagrams were refused or dropped by the kernel, or a thread of the link raised an exception; or
   the receive buffer is smaller than `GOOD_BUFFER_BYTES`;
-- ERROR: the receiving thread has made no turn for 5 s;
-- OK: none of that; "not reported" where the peer has never reported what arrives.
+- ERROR: the receiving thread has not responded for 5 s;
+- OK: none of these; "not reported" when the peer has never sent a report.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ from udp_bridge.wire.types import MSG_TYPES
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 STALE_NANOS = 5_000_000_000
 GOOD_BUFFER_BYTES = 4 << 20
-"""As the kernel accounts it; half of it may be under way (PROTOCOL.md, section 8)."""
+"""As the kernel accounts it; half of it may be in flight (PROTOCOL.md, section 8)."""
 BUFFER_HINT = "sudo sysctl -w net.core.rmem_max=8388608, then start the node again"
 
 
 @dataclass(frozen=True)
 class StatusRow:
-    """One DiagnosticStatus, less its hardware_id."""
+    """A DiagnosticStatus without its hardware_id."""
 
     level: int
     name: str
@@ -41,8 +40,8 @@ class StatusRow:
 
 
 @dataclass
-class _Before:
-    """What was said of something the last time."""
+class _Last:
+    """State of a row in the last round."""
 
     lost: int = 0
     done: int = -1
@@ -50,15 +49,15 @@ class _Before:
 
 
 class NodeDiagnostics:
-    """Remembers what was said last, so that a level is about what happened since."""
+    """Makes rounds of status rows; a level is about what happened since the round before."""
 
     def __init__(self) -> None:
-        self._before: Dict[Tuple[str, ...], _Before] = {}
-        self._older: Dict[Tuple[str, ...], _Before] = {}
+        self._now: Dict[Tuple[str, ...], _Last] = {}
+        self._previous: Dict[Tuple[str, ...], _Last] = {}
 
     def begin(self) -> None:
-        """Begin a round; what nothing was said about in the last one is forgotten."""
-        self._before, self._older = {}, self._before
+        """Begin a round; rows that the last round lacked are forgotten."""
+        self._now, self._previous = {}, self._now
 
     def all_of(
         self,
@@ -67,17 +66,17 @@ class NodeDiagnostics:
         *,
         lost: Callable[[str], Mapping[str, int]] = lambda _: {},
     ) -> List[StatusRow]:
-        """Return what is so of a link and of all its topics, since this was asked last.
+        """Return the rows of a link and all its topics.
 
-        `lost` returns by subscriber how many messages of a topic it did not take in time.
+        `lost` returns the number of messages of a topic that each subscriber missed.
         """
         self.begin()
-        judged = [self.link(link.counters(), link.receive_buffer)]
+        rows = [self.link(link.counters(), link.receive_buffer)]
         arrivals = link.arrivals()
         for (host, port), topic, _, report in arrivals:
             if MSG_TYPES[report.msg_type].ros_type is not None:
                 of = lost(topic or MSG_TYPES[report.msg_type].default_topic)
-                judged.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
+                rows.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
         for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
             accounts = link.accounts((host, port))
             # A peer that reports one topic reports every topic of which something arrived.
@@ -85,8 +84,8 @@ class NodeDiagnostics:
             for account in accounts:
                 if MSG_TYPES[account.msg_type].ros_type is not None:
                     peer = f"{host}:{port}"
-                    judged.append(self.leaving(account, peer, now_nanos, reported=reported))
-        return judged
+                    rows.append(self.leaving(account, peer, now_nanos, reported=reported))
+        return rows
 
     def arriving(
         self,
@@ -96,7 +95,7 @@ class NodeDiagnostics:
         now_nanos: int,
         lost: Mapping[str, int] = MappingProxyType({}),
     ) -> StatusRow:
-        """Return what is so of a topic that comes from a peer; `lost` is by its subscribers."""
+        """Return the row of a topic that comes from a peer; `lost` is by subscriber."""
         causes = {name: getattr(report, name) for name in _CAUSES}
         causes.update((f"not taken by {name}", count) for name, count in sorted(lost.items()))
         values = {
@@ -114,12 +113,12 @@ class NodeDiagnostics:
             "age p99 (ms)": _milliseconds(report.age_p99_nanos),
         }
         key = ("to ROS", topic, values["type"], sender)
-        return self._judge(key, topic, causes, report.published, values, now_nanos)
+        return self._row(key, topic, causes, report.published, values, now_nanos)
 
     def leaving(
         self, account: Account, peer: str, now_nanos: int, *, reported: bool = True
     ) -> StatusRow:
-        """Return what is so of a topic that goes to a peer, which may have reported nothing yet."""
+        """Return the row of a topic that goes to a peer, which may have reported nothing yet."""
         if not reported:
             account = account._replace(missing=0, in_flight=account.sent)
         causes = {name: getattr(account, name) for name in _CAUSES}
@@ -141,10 +140,10 @@ class NodeDiagnostics:
         if not reported:
             return StatusRow(OK, account.topic, "not reported", values)
         key = ("from ROS", account.topic, values["type"], peer)
-        return self._judge(key, account.topic, causes, account.delivered, values, now_nanos)
+        return self._row(key, account.topic, causes, account.delivered, values, now_nanos)
 
     def link(self, counts: Mapping[str, Any], receive_buffer: int) -> StatusRow:
-        """Return what is so of the node's socket; `counts` are those of `Link.counters`."""
+        """Return the row of the node's socket; `counts` are those of `Link.counters`."""
         refused: Dict[str, int] = counts["refused"]
         trouble = {
             "kernel_drops": int(counts["kernel_drops"]),
@@ -166,19 +165,19 @@ class NodeDiagnostics:
         }
         if is_small:
             values["hint"] = BUFFER_HINT
-        self._before["link",] = _Before(lost=sum(trouble.values()))
-        said = []
+        self._now["link",] = _Last(lost=sum(trouble.values()))
+        problems = []
         if more > 0:
-            said.append(f"{more} datagrams refused, dropped by the kernel, or failed")
+            problems.append(f"{more} datagrams refused, dropped by the kernel, or failed")
         if is_small:
-            said.append(f"the receive buffer has only {receive_buffer} bytes: {BUFFER_HINT}")
-        level = WARN if said else OK
+            problems.append(f"the receive buffer has only {receive_buffer} bytes: {BUFFER_HINT}")
+        level = WARN if problems else OK
         if counts["deaf"]:
             level = ERROR
-            said.append("the receiving thread does not respond; restart the node")
-        return StatusRow(level, "link", "; ".join(said) or "well", values)
+            problems.append("the receiving thread does not respond; restart the node")
+        return StatusRow(level, "link", "; ".join(problems) or "well", values)
 
-    def _judge(
+    def _row(
         self,
         key: Tuple[str, ...],
         topic: str,
@@ -190,7 +189,7 @@ class NodeDiagnostics:
         before = self._last(key)
         lost = sum(causes.values())
         since = now_nanos if done != before.done else before.since_nanos
-        self._before[key] = _Before(lost=lost, done=done, since_nanos=since)
+        self._now[key] = _Last(lost=lost, done=done, since_nanos=since)
         if now_nanos - since >= STALE_NANOS:
             seconds = (now_nanos - since) / 1e9
             return StatusRow(STALE, topic, f"nothing for {seconds:.0f} s", values)
@@ -199,8 +198,8 @@ class NodeDiagnostics:
             return StatusRow(WARN, topic, f"{lost - before.lost} lost; in all {named}", values)
         return StatusRow(OK, topic, "all arrives", values)
 
-    def _last(self, key: Tuple[str, ...]) -> _Before:
-        return self._older.get(key, _Before())
+    def _last(self, key: Tuple[str, ...]) -> _Last:
+        return self._previous.get(key, _Last())
 
 
 _CAUSES = ("missing", "incomplete", "late", "dropped")

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How those outside the node see that it is well: a file that it touches.
+"""Liveness file: touched once a second while the node runs and receives from a gateway.
 
-Rule: touched once a second while the node turns and a gateway is heard, so that the file's age is
-all that a container's health check needs. A gateway is heard even when time stands still: it
-repeats its wishes every second.
+A container's health check needs only the file's age. A gateway repeats its subscriptions every
+second, so it is received from even while sim time is paused.
 """
 
 from __future__ import annotations
@@ -18,21 +17,21 @@ PERIOD_NANOS = 1_000_000_000
 
 
 class NodeLiveness:
-    """Whether the node is well, shown to the machine it runs on."""
+    """Touches the liveness file of a node."""
 
     def __init__(self, environment: Mapping[str, str]) -> None:
         name = environment.get(VARIABLE)
         self._file = Path(name) if name else None
         self._due_nanos = 0
-        self._heard = 0
+        self._received = 0
 
     def is_due(self, now_nanos: int) -> bool:
-        """Return whether a second has passed since it was shown."""
+        """Return whether a second has passed since the last call of `touch`."""
         return now_nanos >= self._due_nanos
 
-    def show(self, received_datagrams: int, now_nanos: int) -> None:
-        """Touch the file when more has been received than at the last call."""
+    def touch(self, received_datagrams: int, now_nanos: int) -> None:
+        """Touch the file when more datagrams have been received than at the last call."""
         self._due_nanos = now_nanos + PERIOD_NANOS
-        if self._file is not None and received_datagrams != self._heard:
-            self._heard = received_datagrams
+        if self._file is not None and received_datagrams != self._received:
+            self._received = received_datagrams
             self._file.touch()

@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""BarrierResponder: a run whose time stands still until ROS has had its data and has answered.
+"""Lockstep at the ROS end: the run's time waits until ROS has its data and has responded.
 
-Rule: what a gateway sends is held from its first Barrier on, and published when a Barrier says what
-there is: all of it, in an order that does not depend on the way it took. Then the answers that the
-Barrier asks for are counted, and when none is due any more a BarrierReply says so. The link's
-thread hands over, the outlet's publishes, and the thread that calls `turn` looks at ROS and gives
-the word.
+From its first Barrier on, a gateway's messages are held. A Barrier lists the messages that were
+sent; all of them are then published, in an order that does not depend on the network. A
+BarrierReply follows when ROS has responded as the Barrier requires. The link's thread hands
+messages over, the queue's thread publishes, and the thread that calls `turn` watches ROS and
+replies.
 
-Nothing is published before it can be heard: a publisher or a reader that is new is given
-`SETTLE_S`, for DDS says of nobody that he is listening.
+Nothing is published before publishers and subscribers are matched: a new one is given `SETTLE_S`,
+because DDS does not tell when a match is complete.
 
-A node that is started in the midst of a run asks for what was sent to its predecessor, and
-publishes all of it, perhaps once more. Who has answered already need not do so twice, as a timer
-does not for an instant that was: so until one tick was answered, answers that do not come are given
-up.
+A node that is started during a run requests what was sent before its start and publishes all of it,
+perhaps a second time. A ROS node that responded to the first copy need not respond again. So until
+the first tick is completed, missing responses are given up after a timeout.
 """
 
 from __future__ import annotations
 
 import time
 from threading import RLock
-from typing import TYPE_CHECKING, Any, Callable, Dict, Set, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Set
 
 from udp_bridge import MSG_TYPES
 from udp_bridge.receiver.barrier_buffer import AnnouncedCounts, BarrierBuffer, in_order
@@ -34,12 +33,12 @@ from udp_bridge.wire.lockstep import (
     BarrierReply,
     SentMessages,
 )
-from udp_bridge.wire.message import Address
-from udp_bridge.wire.types import CONTROL
+from udp_bridge.wire.message import Address, TopicKey
+from udp_bridge.wire.types import CONTROL, ROS_TYPES
 
 from .responses import ResponseTracker
 from .slots import Slot, given_back
-from .topic_qos import published
+from .topic_qos import publisher_qos
 
 if TYPE_CHECKING:
     from udp_bridge import Link, Message
@@ -49,272 +48,278 @@ if TYPE_CHECKING:
     from .subscriptions import LeasedSubscriptions
 
 SETTLE_S = 1.0
-"""How long a publisher and its readers are given to find each other."""
+"""Time that a new publisher and its subscribers get to be matched."""
 LEASE_S = 10.0
-"""A gateway that has sent no Barrier for so long is not in lockstep any more; it sends one a
-second."""
+"""A gateway without a Barrier for so long has left lockstep; it sends one each second."""
 GIVE_UP_S = 10.0
-"""How long a node that took a predecessor's place waits for its first answers."""
-PATIENCE_S = 3.0
-"""After this long it is said what is waited for, and looked whether who has to answer has gone."""
+"""How long a node that was started during a run waits for the first responses."""
+WARN_S = 3.0
+"""After this time the missing response is logged, and responders that have left are excused."""
 MAX_GATEWAYS = 4
 SILENT_S = 3.0
-"""A gateway that has sent no Barrier for so long gives its place to another one; see `slots`."""
+"""A gateway without a Barrier for so long may lose its slot; see `slots`."""
 FLUSH_S = 0.2
-"""How long answers may take to leave, in one turn."""
+"""Time in one turn for responses to leave the send queue."""
 
 
-class _Run:
-    """One gateway in lockstep: what is held, and how far its Barrier is."""
+class _GatewayState:
+    """One gateway in lockstep: its held messages and the progress of its Barrier."""
 
     def __init__(self, drop: Callable[[Message], object], now_s: float) -> None:
         self.buffer = BarrierBuffer(drop)
         self.announced = AnnouncedCounts()
         self.barrier: Barrier | None = None
         self.begun_s = now_s
-        self.heard_s = now_s
-        self.predecessors: tuple[SentMessages, ...] = ()
-        """What the first Barrier tells of, which was sent before this node was here."""
-        self.is_unsure = False
-        """Whether a predecessor, of either end, may have got answers that are due to this node."""
-        self.has_due = False
-        """Whether its present Barrier has to be answered, and was not given up."""
-        self.is_first = False
-        """Of a life: its clock is not answered, for a timer of ROS only begins to count then."""
-        self._life: int | None = None
+        self.barrier_s = now_s
+        self.sent_before_start: tuple[SentMessages, ...] = ()
+        """Messages of the first Barrier, sent before this node started."""
+        self.may_lack_responses = False
+        """Whether responses may have gone to a process that ran before, at either end."""
+        self.needs_responses = False
+        """Whether the present Barrier requires responses that were not given up."""
+        self.is_first_of_episode = False
+        """The first Clock of an episode needs no response: a ROS timer begins to count at it."""
+        self._episode: int | None = None
         self.published_s: float | None = None
-        self.is_handed = False
-        self.word: BarrierReply | None = None
+        self.is_queued = False
+        self.reply: BarrierReply | None = None
         self.lost = 0
-        self.has_complained = False
+        self.has_warned = False
 
     def take(self, barrier: Barrier, now_s: float) -> None:
-        """Begin with another Barrier."""
+        """Begin a new Barrier."""
         if barrier.tick >= 0 and (self.barrier is None or self.barrier.tick < 0):
-            self.is_unsure = barrier.tick > 0 or bool(self.predecessors)
+            self.may_lack_responses = barrier.tick > 0 or bool(self.sent_before_start)
         self.barrier, self.begun_s = barrier, now_s
-        self.is_first = barrier.tick == 0 or self._life not in (None, barrier.life)
+        self.is_first_of_episode = barrier.tick == 0 or self._episode not in (None, barrier.episode)
         if barrier.tick >= 0:
-            self._life = barrier.life
-        self.published_s, self.is_handed, self.has_complained = None, False, False
-        self.word, self.lost = None, 0
+            self._episode = barrier.episode
+        self.published_s, self.is_queued, self.has_warned = None, False, False
+        self.reply, self.lost = None, 0
 
-    def is_predecessors(self, barrier: Barrier) -> bool:
-        """Return whether what a Barrier tells of was sent before this node was here."""
-        if self.barrier is None and not self.predecessors:
-            self.predecessors = barrier.sent
-        return self.barrier is None and bool(barrier.sent) and barrier.sent == self.predecessors
+    def was_sent_before_start(self, barrier: Barrier) -> bool:
+        """Return whether the messages of a Barrier were sent before this node started."""
+        if self.barrier is None and not self.sent_before_start:
+            self.sent_before_start = barrier.sent
+        return (
+            self.barrier is None and bool(barrier.sent) and barrier.sent == self.sent_before_start
+        )
 
 
 class BarrierResponder:
-    """The Barriers of all gateways.
+    """Responds to the Barriers of all gateways.
 
     Parameters
     ----------
     log
-        What has `info` and `warning`.
+        A logger with `info` and `warning`.
     wake
-        Called, from any thread, when `turn` has something to do.
+        Called from any thread when `turn` has something to do.
     drop
-        Called with a message that nobody will publish, and its sender.
+        Called with a message that will not be published, and its sender.
     """
 
     def __init__(
         self,
         graph: RosGraph,
-        outlet: PublishQueue,
-        inlet: LeasedSubscriptions,
+        queue: PublishQueue,
+        subscriptions: LeasedSubscriptions,
         *,
         log: Any,
         wake: Callable[[], object],
         drop: Callable[[Message, Address], object],
     ) -> None:
-        self._outlet, self._inlet, self._log = outlet, inlet, log
+        self._queue, self._subscriptions, self._log = queue, subscriptions, log
         self._wake, self._drop = wake, drop
-        self._answers = ResponseTracker(graph)
-        self._lock = RLock()  # guards runs
-        self._runs: Dict[Address, _Run] = {}
-        self._mended: Set[Tuple[int, str]] = set()
+        self._responses = ResponseTracker(graph)
+        self._lock = RLock()  # guards gateways
+        self._gateways: Dict[Address, _GatewayState] = {}
+        self._mended: Set[TopicKey] = set()
         self._settled_s = 0.0
-        """When all publishers and readers that are known will have found each other."""
+        """When all known publishers and subscribers will be matched."""
 
-    def heard(self, topic: str) -> None:
-        """Take note of a message of ROS; from any thread."""
-        self._answers.heard(topic)
+    def received(self, topic: str) -> None:
+        """Note a message of ROS; from any thread."""
+        self._responses.received(topic)
 
     def holds(self, message: Message, sender: Address) -> bool:
-        """Take a message from the gateway if it waits for its Barrier."""
-        run = self._runs.get(sender)
-        if run is None:
+        """Hold a message of a gateway in lockstep; return whether it is held."""
+        gateway = self._gateways.get(sender)
+        if gateway is None:
             return False
         row = MSG_TYPES[message.msg_type]
-        if published(row.name, message.topic).is_latched:
+        if publisher_qos(row.name, message.topic).is_latched:
             return False
         with self._lock:
-            run.buffer.put(message)
-            barrier = run.barrier
-            if barrier is not None and run.word is None and not run.is_handed:
-                self._go_on(sender, run, barrier)
+            gateway.buffer.put(message)
+            barrier = gateway.barrier
+            if barrier is not None and gateway.reply is None and not gateway.is_queued:
+                self._publish_if_complete(sender, gateway, barrier)
         return True
 
     def take(self, barrier: Barrier, sender: Address, link: Link) -> None:
-        """Take a Barrier, or a copy of one; from the link's thread."""
+        """Process a Barrier or a repeated one; from the link's thread."""
         now_s = time.monotonic()
         with self._lock:
-            run = self._runs.get(sender)
-            if run is None:
-                if len(self._runs) >= MAX_GATEWAYS and not self._has_given_back(sender, now_s):
+            gateway = self._gateways.get(sender)
+            if gateway is None:
+                if len(self._gateways) >= MAX_GATEWAYS and not self._has_freed_slot(sender, now_s):
                     return
-                run = self._runs[sender] = _Run(lambda message: self._drop(message, sender), now_s)
+                gateway = self._gateways[sender] = _GatewayState(
+                    lambda message: self._drop(message, sender), now_s
+                )
                 self._settled_s = now_s + SETTLE_S
                 self._log.info(
                     f"in lockstep with {sender[0]}:{sender[1]}: time waits for "
                     + (", ".join(f"{a.topic} to {a.of}" for a in barrier.answers) or "nothing")
                 )
-            run.heard_s = now_s
-            if run.is_predecessors(barrier):
-                word = BarrierReply(barrier.life, barrier.tick, RESTARTED)
-                link.send(CONTROL, "", "", time.time_ns(), word.pack(), sender)
+            gateway.barrier_s = now_s
+            if gateway.was_sent_before_start(barrier):
+                reply = BarrierReply(barrier.episode, barrier.tick, RESTARTED)
+                link.send(CONTROL, "", "", time.time_ns(), reply.pack(), sender)
                 return
-            known = run.barrier
+            known = gateway.barrier
             if known is None:
-                run.announced.mark_announced(link.left(sender))
-            if known is None or (known.life, known.tick) != (barrier.life, barrier.tick):
-                run.take(barrier, now_s)
+                gateway.announced.mark_announced(link.left(sender))
+            if known is None or (known.episode, known.tick) != (barrier.episode, barrier.tick):
+                gateway.take(barrier, now_s)
                 if barrier.tick < 0:
-                    for message in run.buffer.take_all():
+                    for message in gateway.buffer.take_all():
                         self._drop(message, sender)
-                self._answers.expect(barrier.answers)
-                self._go_on(sender, run, barrier)
-                if run.is_handed:
+                self._responses.expect(barrier.answers)
+                self._publish_if_complete(sender, gateway, barrier)
+                if gateway.is_queued:
                     return
-            self._tell(sender, run, link)
+            self._send_reply(sender, gateway, link)
 
     def turn(self, link: Link) -> None:
-        """Publish what may now be heard, and give the word where all is answered."""
+        """Publish what can be delivered now, and reply where all responses are there."""
         now_s = time.monotonic()
         with self._lock:
-            for sender, run in list(self._runs.items()):
-                if now_s - run.heard_s > LEASE_S:
-                    self._end(sender, run)
-                elif (barrier := run.barrier) is not None and run.word is None:
-                    self._prepare(sender, run, barrier, link, now_s)
-                    if run.published_s is not None:
-                        self._answer(sender, run, barrier, link, now_s)
-                    self._complain(run, barrier, now_s)
+            for sender, gateway in list(self._gateways.items()):
+                if now_s - gateway.barrier_s > LEASE_S:
+                    self._end(sender, gateway)
+                elif (barrier := gateway.barrier) is not None and gateway.reply is None:
+                    self._prepare(sender, gateway, barrier, link, now_s)
+                    if gateway.published_s is not None:
+                        self._reply_if_done(sender, gateway, barrier, link, now_s)
+                    self._warn(gateway, barrier, now_s)
 
-    def _go_on(self, sender: Address, run: _Run, barrier: Barrier) -> None:
-        """Hand all to the outlet if it is there and can be heard; else `turn` will."""
-        missing = run.buffer.missing(barrier.sent)
-        if missing and time.monotonic() - run.begun_s < barrier.limit_ms / 1e3:
+    def _publish_if_complete(
+        self, sender: Address, gateway: _GatewayState, barrier: Barrier
+    ) -> None:
+        """Queue all messages if they are complete and can be delivered; else `turn` will."""
+        missing = gateway.buffer.missing(barrier.sent)
+        if missing and time.monotonic() - gateway.begun_s < barrier.limit_ms / 1e3:
             return
-        if barrier.sent and not self._can_be_heard(run, barrier):
+        if barrier.sent and not self._is_matched(gateway, barrier):
             self._wake()
             return
-        run.lost = missing
-        messages = in_order(run.buffer.take(barrier.sent))
-        run.has_due = self._answers.due(
+        gateway.lost = missing
+        messages = in_order(gateway.buffer.take(barrier.sent))
+        gateway.needs_responses = self._responses.due(
             message.topic
             for message in messages
-            if not run.is_first or MSG_TYPES[message.msg_type].name != "Clock"
+            if not gateway.is_first_of_episode or MSG_TYPES[message.msg_type].name != "Clock"
         )
-        run.is_handed = True
-        self._outlet.put_all(messages, sender, lambda: self._published(run))
+        gateway.is_queued = True
+        self._queue.put_all(messages, sender, lambda: self._on_published(gateway))
 
-    def _can_be_heard(self, run: _Run, barrier: Barrier) -> bool:
+    def _is_matched(self, gateway: _GatewayState, barrier: Barrier) -> bool:
         if time.monotonic() < self._settled_s:
             return False
-        topics_held = {message.topic for message in run.buffer.samples(barrier.sent)}
-        return all(map(self._outlet.publishes, topics_held)) and not self._answers.absent(
+        topics_held = {message.topic for message in gateway.buffer.samples(barrier.sent)}
+        return all(map(self._queue.publishes, topics_held)) and not self._responses.unmatched_topic(
             topics_held
         )
 
-    def _published(self, run: _Run) -> None:
-        run.published_s = time.monotonic()
+    def _on_published(self, gateway: _GatewayState) -> None:
+        gateway.published_s = time.monotonic()
         self._wake()
 
     def _prepare(
-        self, sender: Address, run: _Run, barrier: Barrier, link: Link, now_s: float
+        self, sender: Address, gateway: _GatewayState, barrier: Barrier, link: Link, now_s: float
     ) -> None:
-        """See to publishers, readers and subscriptions until what was told of can be heard."""
-        for key in set(self._inlet.topics) - self._mended:
+        """Create publishers and subscriptions until the messages can be delivered."""
+        for key in set(self._subscriptions.topics) - self._mended:
             link.mend(*key, Resend(barrier.limit_ms * 1_000_000))
             self._mended.add(key)
-        if run.is_handed:
+        if gateway.is_queued:
             return
-        for message in run.buffer.samples(barrier.sent):
-            if self._outlet.prepare(message, sender):
+        for message in gateway.buffer.samples(barrier.sent):
+            if self._queue.prepare(message, sender):
                 self._settled_s = now_s + SETTLE_S
-        if self._answers.look({sent.topic for sent in barrier.sent}, self._inlet.topics):
+        if self._responses.update(
+            {sent.topic for sent in barrier.sent}, self._subscriptions.topics
+        ):
             self._settled_s = now_s + SETTLE_S
-        self._go_on(sender, run, barrier)
+        self._publish_if_complete(sender, gateway, barrier)
 
-    def _answer(
-        self, sender: Address, run: _Run, barrier: Barrier, link: Link, now_s: float
+    def _reply_if_done(
+        self, sender: Address, gateway: _GatewayState, barrier: Barrier, link: Link, now_s: float
     ) -> None:
-        if now_s - run.begun_s > PATIENCE_S:
-            self._answers.forgive(now_s)
-        self._give_up(run, barrier, now_s)
-        if self._answers.owed() or not link.flush(FLUSH_S):
+        if now_s - gateway.begun_s > WARN_S:
+            self._responses.forgive_absent(now_s)
+        self._give_up(gateway, barrier, now_s)
+        if self._responses.due_topic() or not link.flush(FLUSH_S):
             return
-        left = {
-            key: count
-            for key, count in link.left(sender).items()
-            if MSG_TYPES[key[0]].ros_type is not None
-        }
-        run.word = BarrierReply(
-            barrier.life, barrier.tick, DONE, run.lost, run.announced.unannounced(left)
+        left = {key: count for key, count in link.left(sender).items() if key[0] in ROS_TYPES}
+        gateway.reply = BarrierReply(
+            barrier.episode, barrier.tick, DONE, gateway.lost, gateway.announced.unannounced(left)
         )
-        run.announced.mark_announced(left)
-        run.is_unsure = run.is_unsure and not run.has_due
-        self._tell(sender, run, link)
+        gateway.announced.mark_announced(left)
+        gateway.may_lack_responses = gateway.may_lack_responses and not gateway.needs_responses
+        self._send_reply(sender, gateway, link)
 
-    def _give_up(self, run: _Run, barrier: Barrier, now_s: float) -> None:
-        """Go on without answers that a predecessor may have got."""
-        assert run.published_s is not None
-        topic = self._answers.owed()
-        if topic and run.is_unsure and now_s - run.published_s > GIVE_UP_S:
-            self._answers.give_up()
-            run.has_due = False
+    def _give_up(self, gateway: _GatewayState, barrier: Barrier, now_s: float) -> None:
+        """Continue without responses that may have gone to a process that ran before."""
+        assert gateway.published_s is not None
+        topic = self._responses.due_topic()
+        if topic and gateway.may_lack_responses and now_s - gateway.published_s > GIVE_UP_S:
+            self._responses.forgive_all()
+            gateway.needs_responses = False
             self._log.warning(
-                f"lockstep: tick {barrier.tick} goes on without a message on {topic}, which may "
-                "have gone to a predecessor; this run is not like others"
+                f"lockstep: tick {barrier.tick} continues without a message on {topic}, which may "
+                "have gone to the node that ran before; results are not reproducible"
             )
 
-    def _tell(self, sender: Address, run: _Run, link: Link) -> None:
-        """Say how far a gateway's Barrier is."""
-        assert run.barrier is not None
-        word, topic = run.word, ""
-        if word is None:
-            topic = self._waits_for(run, run.barrier)
+    def _send_reply(self, sender: Address, gateway: _GatewayState, link: Link) -> None:
+        """Send the state of a gateway's Barrier."""
+        assert gateway.barrier is not None
+        reply, topic = gateway.reply, ""
+        if reply is None:
+            topic = self._waits_for(gateway, gateway.barrier)
             state = WAITING if topic else INCOMPLETE
-            word = BarrierReply(run.barrier.life, run.barrier.tick, state, run.lost)
-        link.send(CONTROL, topic, "", time.time_ns(), word.pack(), sender)
+            reply = BarrierReply(gateway.barrier.episode, gateway.barrier.tick, state, gateway.lost)
+        link.send(CONTROL, topic, "", time.time_ns(), reply.pack(), sender)
 
-    def _waits_for(self, run: _Run, barrier: Barrier) -> str:
-        if run.is_handed:
-            return self._answers.owed()
-        if run.buffer.missing(barrier.sent):
+    def _waits_for(self, gateway: _GatewayState, barrier: Barrier) -> str:
+        if gateway.is_queued:
+            return self._responses.due_topic()
+        if gateway.buffer.missing(barrier.sent):
             return ""
-        return self._answers.absent({sent.topic for sent in barrier.sent})
+        return self._responses.unmatched_topic({sent.topic for sent in barrier.sent})
 
-    def _complain(self, run: _Run, barrier: Barrier, now_s: float) -> None:
-        if run.has_complained or now_s - run.begun_s < PATIENCE_S:
+    def _warn(self, gateway: _GatewayState, barrier: Barrier, now_s: float) -> None:
+        if gateway.has_warned or now_s - gateway.begun_s < WARN_S:
             return
-        if topic := self._waits_for(run, barrier):
-            run.has_complained = True
-            what = "a message" if run.is_handed else "somebody who publishes, or listens,"
+        if topic := self._waits_for(gateway, barrier):
+            gateway.has_warned = True
+            what = "a message" if gateway.is_queued else "a publisher or a subscriber"
             self._log.warning(f"lockstep: tick {barrier.tick} waits for {what} on {topic}")
 
-    def _has_given_back(self, sender: Address, now_s: float) -> bool:
-        """End the run that gives its place to a gateway's; return whether there is any."""
-        slots = [Slot(address, address[0], run.heard_s) for address, run in self._runs.items()]
+    def _has_freed_slot(self, sender: Address, now_s: float) -> bool:
+        """End lockstep with the gateway whose slot a sender may take; return whether it exists."""
+        slots = [
+            Slot(address, address[0], gateway.barrier_s)
+            for address, gateway in self._gateways.items()
+        ]
         slot = given_back(slots, sender[0], now_s, idle_s=SILENT_S)
         if slot is not None:
-            self._end(slot.key, self._runs[slot.key])
+            self._end(slot.key, self._gateways[slot.key])
         return slot is not None
 
-    def _end(self, sender: Address, run: _Run) -> None:
-        del self._runs[sender]
-        self._outlet.put_all(in_order(run.buffer.take_all()), sender, lambda: None)
+    def _end(self, sender: Address, gateway: _GatewayState) -> None:
+        del self._gateways[sender]
+        self._queue.put_all(in_order(gateway.buffer.take_all()), sender, lambda: None)
         self._log.info(f"no longer in lockstep with {sender[0]}:{sender[1]}")

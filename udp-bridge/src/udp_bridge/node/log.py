@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The log of a node: each line escaped, as it may hold names that came over the network."""
+"""Log of a node. Lines are escaped, because they may hold names from the network."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from udp_bridge.wire.printable import printable
 
 
 class Log:
-    """A logger of ROS, with one method for each severity that is used.
-
-    Each stands in a line of its own: rclpy allows one severity for a line of code.
-    """
+    """A ROS logger with one method for each severity: rclpy allows one severity a source line."""
 
     def __init__(self, logger: Any) -> None:
         self._logger = logger
@@ -22,9 +19,9 @@ class Log:
         self._logger.info(printable(line))
 
     def warning(self, line: str) -> None:
-        """Log what the user may want to mend."""
+        """Log something that the user may want to fix."""
         self._logger.warning(printable(line))
 
     def error(self, line: str) -> None:
-        """Log what failed."""
+        """Log a failure."""
         self._logger.error(printable(line))

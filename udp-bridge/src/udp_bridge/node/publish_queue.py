@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the bridge to ROS: a bounded queue for each topic, and the thread that publishes.
 
-Rule: whatever ROS makes slow (creating a publisher, a large body, a subscriber that stalls) is done
-behind a queue; it costs messages of these queues, which are counted, and no datagrams. The thread
-that receives publishes itself only messages of a topic whose last one was quick and for which
-nothing waits: to wake another thread takes longer. Bodies are published as the bytes that they are;
-nothing here decodes them.
+Slow operations of ROS (creating a publisher, a large body, a stalled subscriber) happen behind the
+queue. They cost queued messages, which are counted, and no datagrams. The receiving thread itself
+publishes only on a topic whose last message was quick and whose queue is empty: waking another
+thread takes longer. Bodies are published as bytes; nothing here decodes them.
 """
 
 from __future__ import annotations
@@ -37,40 +36,40 @@ from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 from .log import Log
 from .message_class import NotInstalled
 from .slots import UNKNOWN, Slot, given_back
-from .topic_qos import TopicQos, published
+from .topic_qos import TopicQos, publisher_qos
 
 MAX_TOPICS = 256
 """Publishers at most, so that a hostile sender can't fill the ROS graph; see `slots`."""
 IDLE_S = 10.0
-"""A topic on which nothing came for so long gives its place to another one."""
+"""A topic without messages for so long may lose its slot to another topic."""
 QUICK_SECONDS = 0.002
-"""A topic of which a message took longer goes by the queue until one takes less there."""
-OnFate = Callable[[Message, Address, bool], None]
+"""A topic whose last message took longer uses the queue until a message takes less."""
+OnResult = Callable[[Message, Address, bool], None]
 Publish = Callable[[Buffer], object]
-"""Publishes the body of a message, and raises whatever when it can't."""
+"""Publishes the body of a message; raises any exception of ROS."""
 _ENCAPSULATION = b"\x00\x01"
-"""How little-endian CDR begins; a body of anything else would break its subscribers."""
+"""First bytes of little-endian CDR; any other body would break subscribers."""
 
 
 class _NotPublishable(Refused):
-    """ROS can't take a message that the bridge has received whole."""
+    """ROS can't take a message that the bridge received whole."""
 
 
 class Publication(NamedTuple):
-    """A publisher of ROS."""
+    """A ROS publisher."""
 
     publish: Publish
     end: Callable[[], object]
 
 
-class Ros(Protocol):
-    """What an outlet needs of ROS."""
+class PublisherFactory(Protocol):
+    """Makes ROS publishers."""
 
-    def publisher(self, row: MessageType, topic: str, delivery: TopicQos) -> Publication:
-        """Return a publisher of a topic, or raise whatever ROS says against it."""
+    def publisher(self, row: MessageType, topic: str, qos: TopicQos) -> Publication:
+        """Return a publisher of a topic; raises any exception of ROS."""
 
     def get_logger(self) -> Any:
-        """Return what has `info`, `warning` and `error`."""
+        """Return a logger with `info`, `warning` and `error`."""
 
 
 class _Channel:
@@ -86,49 +85,49 @@ class _Channel:
 
     def __init__(self, row: MessageType, topic: str, sender: Address, offset: int = 0) -> None:
         self.sender = sender
-        """Whose it is: the first known sender, or else the first one."""
+        """The owner of the slot: the first known sender, or else the first sender."""
         self.used_s = 0.0
         self.row = row
         self.topic = topic
         self.offset = offset
-        self.delivery = published(row.name, topic)
+        self.qos = publisher_qos(row.name, topic)
         self.waiting: Deque[Tuple[Message, Address]] = deque()
         self.publication: Optional[Publication] = None
         self.refused_as = ""
         """Why ROS can't take messages of this topic; empty when it can."""
-        self.has_complained = False
+        self.has_warned = False
         self.is_publishing = False
         self.took_s = math.inf
-        """How long ROS took with the last message that it was given."""
+        """Time that ROS took to publish the last message."""
         self.latest: Dict[Address, bytes] = {}
-        """Of a latched topic: what each sender had published last."""
+        """Last body of each sender on a latched topic."""
 
     def is_quick(self) -> bool:
-        """Tell whether a message may be published at once, before any other of its topic."""
+        """Return whether the receiving thread may publish the next message itself."""
         return (
             self.took_s <= QUICK_SECONDS
             and not self.waiting
             and not self.is_publishing
-            and not self.delivery.is_latched
+            and not self.qos.is_latched
         )
 
-    def is_news(self, body: bytes, sender: Address) -> bool:
-        """Tell whether ROS lacks a body of a latched topic, and take note of it.
+    def is_new(self, body: bytes, sender: Address) -> bool:
+        """Return whether a body of a latched topic changed, and remember it.
 
-        The sender repeats it for receivers that come late; ROS does that for ours.
+        The sender repeats it for late receivers; in ROS, latching does that.
         """
         if self.latest.get(sender) == body:
             return False
-        if len(self.latest) >= self.delivery.depth:
+        if len(self.latest) >= self.qos.depth:
             self.latest.clear()
         self.latest[sender] = body
         return True
 
     def is_full(self) -> bool:
-        """Tell whether the oldest message that waits has to give way."""
-        if len(self.waiting) <= self.delivery.waiting:
+        """Return whether the oldest queued message must be dropped."""
+        if len(self.waiting) <= self.qos.waiting:
             return False
-        return sum(len(message.body) for message, _ in self.waiting) > self.delivery.waiting_bytes
+        return sum(len(message.body) for message, _ in self.waiting) > self.qos.waiting_bytes
 
 
 class PublishQueue:
@@ -137,32 +136,32 @@ class PublishQueue:
     Parameters
     ----------
     ros
-        Where publishers are created; its logger tells of first arrivals.
-    on_fate
-        Called once with each message, its sender, and whether it was published: `put` tells of
-        those that are not taken and the thread that publishes of the rest.
+        Makes publishers; its logger reports the first message of each topic.
+    on_result
+        Called once with each message, its sender, and whether it was published, by `put` or by
+        the publishing thread.
     is_known
-        Tells whether the address of a sender can't be forged.
+        Returns whether the address of a sender is authentic.
     """
 
     def __init__(
         self,
-        ros: Ros,
-        on_fate: OnFate = lambda *_: None,
+        ros: PublisherFactory,
+        on_result: OnResult = lambda *_: None,
         is_known: Callable[[Address], bool] = lambda _: True,
     ) -> None:
         self._published_here = self._published_behind = 0  # each is counted by one thread
         self.dropped = 0
-        """Messages that a newer one of their topic pushed out before they were published."""
+        """Messages that a newer message of their topic displaced from the queue."""
         self.refusals: Dict[str, int] = {}
         """Messages that ROS can't take, by reason: `type_name` (a Typed body without a valid one),
         `type_not_installed`, `no_publisher`, `no_slot`, `not_cdr` and `not_published`."""
         self._ros = ros
         self._log = Log(ros.get_logger())
-        self._on_fate, self._is_known = on_fate, is_known
-        self._lock = threading.Lock()  # guards channels and what waits in them
+        self._on_result, self._is_known = on_result, is_known
+        self._lock = threading.Lock()  # guards channels and their queues
         self._channels: Dict[Tuple[int, str, str], _Channel] = {}
-        # Of each message that waits, its channel; a queue of C wakes its reader soonest.
+        # The channel of each queued message; SimpleQueue wakes its reader fastest.
         self._turn: SimpleQueue[Union[_Channel, Callable[[], object], None]] = SimpleQueue()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
@@ -184,14 +183,14 @@ class PublishQueue:
         return sum(self.refusals.values())
 
     def put(self, message: Message, sender: Address) -> None:
-        """Publish a message, or queue it for that; from one thread, which is hardly held up.
+        """Publish a message or queue it; from one thread, which is never blocked for long.
 
         Parameters
         ----------
         message
-            One of a ROS type, as it came; an empty topic means the type's default.
+            A message of a ROS type; an empty topic means the type's default.
         sender
-            Where it came from.
+            Its source.
         """
         with self._lock:
             try:
@@ -202,7 +201,7 @@ class PublishQueue:
             if not channel.is_quick():
                 channel.waiting.append((message, sender))
                 if channel.is_full():
-                    self._on_fate(*channel.waiting.popleft(), False)
+                    self._on_result(*channel.waiting.popleft(), False)
                     self.dropped += 1
                 else:
                     self._turn.put(channel)
@@ -211,7 +210,7 @@ class PublishQueue:
             self._published_here += 1
 
     def prepare(self, message: Message, sender: Address) -> bool:
-        """Have a publisher for messages like this one; return whether it is new."""
+        """Create the publisher of a message's topic; return whether it is new."""
         try:
             with self._lock:
                 channel = self._channel(message, sender)
@@ -222,13 +221,13 @@ class PublishQueue:
         try:
             channel.publication = self._publisher(channel, message, sender)
         except Exception as error:
-            self._complain(channel, error)
+            self._warn(channel, error)
         return True
 
     def put_all(
         self, messages: Sequence[Message], sender: Address, then: Callable[[], object]
     ) -> None:
-        """Publish all of these in their order, behind the queue, and call `then` on its thread."""
+        """Publish messages in their order on the publishing thread, then call `then` there."""
 
         def publish() -> None:
             for message in messages:
@@ -244,18 +243,18 @@ class PublishQueue:
         self._turn.put(publish)
 
     def publishes(self, topic: str) -> bool:
-        """Tell whether messages of the bridge go out on this topic."""
+        """Return whether the bridge publishes a topic."""
         with self._lock:
             return any(channel.topic == topic for channel in self._channels.values())
 
     def close(self) -> None:
-        """End the thread; what waits is not published."""
+        """End the thread; queued messages are not published."""
         self._is_closed = True
         self._turn.put(None)
         self._thread.join()
 
     def _channel(self, message: Message, sender: Address) -> _Channel:
-        """Return the channel of a message, a new one perhaps.
+        """Return the channel of a message, which may be a new one.
 
         Raises
         ------
@@ -271,7 +270,7 @@ class PublishQueue:
         channel = self._channels.get(key)
         now_s = time.monotonic()
         if channel is None:
-            if len(self._channels) >= MAX_TOPICS and not self._has_given_back(sender, now_s):
+            if len(self._channels) >= MAX_TOPICS and not self._has_freed_slot(sender, now_s):
                 raise _NotPublishable("no_slot")
             channel = self._channels[key] = _Channel(row, topic, sender, offset)
         elif sender != channel.sender and not self._is_known(channel.sender):
@@ -283,8 +282,8 @@ class PublishQueue:
             raise _NotPublishable("not_cdr")
         return channel
 
-    def _has_given_back(self, sender: Address, now_s: float) -> bool:
-        """End the channel that gives its place to one of a sender; return whether there is any."""
+    def _has_freed_slot(self, sender: Address, now_s: float) -> bool:
+        """End the channel whose slot a sender may take; return whether there is one."""
         slots = [
             Slot(key, self._host(channel.sender), channel.used_s)
             for key, channel in self._channels.items()
@@ -292,7 +291,7 @@ class PublishQueue:
         slot = given_back(slots, self._host(sender), now_s, idle_s=IDLE_S)
         if slot is not None:
             channel = self._channels.pop(slot.key)
-            channel.refused_as = "no_slot"  # what waits in it finds no publisher
+            channel.refused_as = "no_slot"  # for messages that are still queued
             self._turn.put(partial(self._end, channel))
         return slot is not None
 
@@ -317,7 +316,7 @@ class PublishQueue:
             turn.is_publishing = False
 
     def _publish(self, channel: _Channel, message: Message, sender: Address) -> bool:
-        """Return whether a message was handed to ROS; it is not when ROS has it or refuses it."""
+        """Return whether a message was handed to ROS: not when unchanged, and not when refused."""
         if channel.refused_as:
             self._refuse(channel.refused_as, message, sender)
             return False
@@ -326,35 +325,33 @@ class PublishQueue:
             if publication is None:
                 publication = channel.publication = self._publisher(channel, message, sender)
             began_s = time.monotonic()
-            is_news = not channel.delivery.is_latched or channel.is_news(
-                bytes(message.body), sender
-            )
-            if is_news:
+            is_new = not channel.qos.is_latched or channel.is_new(bytes(message.body), sender)
+            if is_new:
                 body = message.body
                 publication.publish(memoryview(body)[channel.offset :] if channel.offset else body)
                 channel.took_s = time.monotonic() - began_s
         except Exception as error:
-            self._complain(channel, error)
+            self._warn(channel, error)
             self._refuse(channel.refused_as or "not_published", message, sender)
             return False
-        self._on_fate(message, sender, True)
-        return is_news
+        self._on_result(message, sender, True)
+        return is_new
 
-    def _complain(self, channel: _Channel, error: Exception) -> None:
+    def _warn(self, channel: _Channel, error: Exception) -> None:
         if channel.publication is None:
             is_missing = isinstance(error, NotInstalled)
             channel.refused_as = "type_not_installed" if is_missing else "no_publisher"
-        if not channel.has_complained:
-            channel.has_complained = True
+        if not channel.has_warned:
+            channel.has_warned = True
             reason = " ".join(str(error).split())
             self._log.error(f"{channel.topic}: {channel.row.ros_type} can't be published: {reason}")
 
     def _refuse(self, reason: str, message: Message, sender: Address) -> None:
         self.refusals[reason] = self.refusals.get(reason, 0) + 1
-        self._on_fate(message, sender, False)
+        self._on_result(message, sender, False)
 
     def _publisher(self, channel: _Channel, message: Message, sender: Address) -> Publication:
-        publication = self._ros.publisher(channel.row, channel.topic, channel.delivery)
+        publication = self._ros.publisher(channel.row, channel.topic, channel.qos)
         frame = f", frame {message.link}" if message.link else ""
         self._log.info(
             f"{channel.topic}: {channel.row.ros_type} from {sender[0]}:{sender[1]}{frame}"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ResponseTracker that ROS owes to messages which were published: counted, topic by topic.
+"""Responses that lockstep expects of ROS, counted topic by topic.
 
-Rule: for each message of a topic that is to be answered one is due on another topic; which message
-answers which is not asked, and one that comes unasked counts for nothing. Who has gone owes
-nothing, for what was published before he came back he never got.
+For each published message of one topic, a message on another topic is due. Which message responds
+to which is not checked, and a message without a cause counts for nothing. A responder that has left
+the graph is excused: what was published before its return never reached it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 from functools import partial
 from threading import Lock
 from typing import (
-    TYPE_CHECKING,
     Callable,
     Collection,
     Dict,
@@ -23,141 +22,134 @@ from typing import (
     Tuple,
 )
 
-if TYPE_CHECKING:
-    from udp_bridge.wire.lockstep import ExpectedResponse
+from udp_bridge.wire.lockstep import ExpectedResponse
+from udp_bridge.wire.message import TopicKey
 
-    from .subscriptions import Key
-
-LOOK_S = 0.5
-"""How often it is looked whether somebody who owes an answer is still there."""
+CHECK_S = 0.5
+"""Period of the check whether a responder is still in the graph."""
 
 
 class RosGraph(Protocol):
-    """Who is there in ROS, as far as answers are concerned."""
+    """Publishers and subscribers of topics in ROS."""
 
     def publishers(self, topic: str) -> FrozenSet[Hashable]:
-        """Return who publishes on a topic: others, if one comes back after it had gone."""
+        """Return identities of a topic's publishers; a restarted publisher has a new one."""
 
-    def is_published(self, topic: str) -> bool:
-        """Tell whether anybody publishes on a topic."""
+    def has_publisher(self, topic: str) -> bool:
+        """Return whether a topic has a publisher."""
 
-    def is_heard(self, topic: str) -> bool:
-        """Tell whether somebody listens to what the bridge publishes on a topic."""
+    def has_subscriber(self, topic: str) -> bool:
+        """Return whether a topic that the bridge publishes has a subscriber."""
 
     def listen(self, topic: str, take: Callable[[], object]) -> object:
-        """Have `take` called at each message of a topic of whatever type; from any thread.
+        """Have `take` called at each message of a topic of any type; from any thread.
 
-        Returns what is to be kept as long as it is wanted, or None where the topic is of no type
-        yet.
+        Returns an object to keep as long as the subscription is needed, or None while the type of
+        the topic is unknown.
         """
 
 
 class ResponseTracker:
-    """What is due to the present Barriers, and who is there to answer.
+    """Counts due responses of the present Barriers, and watches the responders.
 
     Parameters
     ----------
     graph
-        Knows who publishes and who listens.
+        Knows publishers and subscribers.
     """
 
     def __init__(self, graph: RosGraph) -> None:
         self._graph = graph
-        self._lock = Lock()  # guards what is owed
+        self._lock = Lock()  # guards _due
         self._expected: Tuple[ExpectedResponse, ...] = ()
-        self._owed: Dict[ExpectedResponse, int] = {}
-        self._subscriptions: Dict[str, object] = {}  # to answers of any type
-        self._present: Set[str] = set()
-        self._who: Dict[str, FrozenSet[Hashable]] = {}
-        self._looked_s = 0.0
+        self._due: Dict[ExpectedResponse, int] = {}
+        self._subscriptions: Dict[str, object] = {}  # to responses of any type
+        self._matched: Set[str] = set()
+        self._publishers: Dict[str, FrozenSet[Hashable]] = {}
+        self._checked_s = 0.0
 
     def expect(self, expected: Tuple[ExpectedResponse, ...]) -> None:
-        """Say which answers count from now on; what is owed to others is forgotten."""
+        """Set the expected responses; due responses of others are forgotten."""
         if expected != self._expected:
             with self._lock:
                 self._expected = expected
-                self._owed = {answer: self._owed.get(answer, 0) for answer in expected}
+                self._due = {response: self._due.get(response, 0) for response in expected}
 
     def due(self, published: Iterable[str]) -> bool:
-        """Take note, before they are published, of messages that are to be answered, by topics.
-
-        Returns whether there are any.
-        """
+        """Count messages by topic before they are published; return whether a response is due."""
         with self._lock:
             for topic in published:
-                for answer in self._expected:
-                    self._owed[answer] += answer.of == topic
-            return any(self._owed.values())
+                for response in self._expected:
+                    self._due[response] += response.of == topic
+            return any(self._due.values())
 
-    def heard(self, topic: str) -> None:
-        """Take note of a message of ROS."""
+    def received(self, topic: str) -> None:
+        """Note a message of ROS."""
         with self._lock:
-            for answer, owed in self._owed.items():
-                if answer.topic == topic and owed:
-                    self._owed[answer] = owed - 1
+            for response, due in self._due.items():
+                if response.topic == topic and due:
+                    self._due[response] = due - 1
 
-    def owed(self) -> str:
-        """Return a topic on which an answer is due; empty when none is."""
+    def due_topic(self) -> str:
+        """Return a topic on which a response is due; empty when none is."""
         with self._lock:
-            return next((answer.topic for answer, owed in self._owed.items() if owed), "")
+            return next((response.topic for response, due in self._due.items() if due), "")
 
-    def forgive(self, now_s: float) -> None:
-        """Expect no answer of those who have gone; from the thread of `BarrierResponder.turn`."""
-        if now_s - self._looked_s < LOOK_S:
+    def forgive_absent(self, now_s: float) -> None:
+        """Expect no response of publishers that have left; from the thread of `turn`."""
+        if now_s - self._checked_s < CHECK_S:
             return
-        self._looked_s = now_s
-        for answer in self._expected:
-            before, now = (
-                self._who.get(answer.topic, frozenset()),
-                self._graph.publishers(answer.topic),
-            )
-            self._who[answer.topic] = now
+        self._checked_s = now_s
+        for response in self._expected:
+            before = self._publishers.get(response.topic, frozenset())
+            now = self._graph.publishers(response.topic)
+            self._publishers[response.topic] = now
             if not now or not before <= now:
                 with self._lock:
-                    self._owed[answer] = 0
+                    self._due[response] = 0
 
-    def give_up(self) -> None:
-        """Expect no answer to what has been published."""
+    def forgive_all(self) -> None:
+        """Expect no response to what has been published."""
         with self._lock:
-            self._owed = dict.fromkeys(self._owed, 0)
+            self._due = dict.fromkeys(self._due, 0)
 
-    def absent(self, published: Collection[str]) -> str:
-        """Return a topic whose publisher or reader is missing to answer these; empty for none."""
-        for answer in self._expected:
-            if answer.of in published:
-                for topic, is_there in self._endpoints(answer):
-                    if not is_there:
+    def unmatched_topic(self, published: Collection[str]) -> str:
+        """Return a topic without the publisher or subscriber that has to respond; else empty."""
+        for response in self._expected:
+            if response.of in published:
+                for topic, is_matched in self._endpoints(response):
+                    if not is_matched:
                         return topic
         return ""
 
-    def look(self, published: Collection[str], subscribed: Collection[Key]) -> bool:
-        """Subscribe to what is to be answered; return whether somebody is new since the last look.
+    def update(self, published: Collection[str], subscribed: Collection[TopicKey]) -> bool:
+        """Subscribe to responses; return whether an endpoint is new since the last update.
 
         From the thread that `turn`s the bridge.
         """
-        for answer in self._expected:
-            if answer.msg_type and (answer.msg_type, answer.topic) not in subscribed:
-                self._subscriptions.pop(answer.topic, None)  # its lease ran out
-            if answer.of not in published or answer.topic in self._subscriptions:
+        for response in self._expected:
+            if response.msg_type and (response.msg_type, response.topic) not in subscribed:
+                self._subscriptions.pop(response.topic, None)  # its lease ran out
+            if response.of not in published or response.topic in self._subscriptions:
                 continue
-            if not answer.msg_type:
-                kept = self._graph.listen(answer.topic, partial(self.heard, answer.topic))
+            if not response.msg_type:
+                kept = self._graph.listen(response.topic, partial(self.received, response.topic))
                 if kept is not None:
-                    self._subscriptions[answer.topic] = kept
-            elif (answer.msg_type, answer.topic) in subscribed:
-                self._subscriptions[answer.topic] = None  # the inlet's
-            self._who[answer.topic] = self._graph.publishers(answer.topic)
-        present = {
+                    self._subscriptions[response.topic] = kept
+            elif (response.msg_type, response.topic) in subscribed:
+                self._subscriptions[response.topic] = None  # a leased subscription
+            self._publishers[response.topic] = self._graph.publishers(response.topic)
+        matched = {
             topic
-            for answer in self._expected
-            for topic, is_there in self._endpoints(answer)
-            if is_there
+            for response in self._expected
+            for topic, is_matched in self._endpoints(response)
+            if is_matched
         }
-        is_news = not present <= self._present
-        self._present = present
-        return is_news
+        is_new = not matched <= self._matched
+        self._matched = matched
+        return is_new
 
-    def _endpoints(self, answer: ExpectedResponse) -> Iterable[Tuple[str, bool]]:
-        is_heard = answer.topic in self._subscriptions
-        yield answer.topic, is_heard and self._graph.is_published(answer.topic)
-        yield answer.of, self._graph.is_heard(answer.of)
+    def _endpoints(self, response: ExpectedResponse) -> Iterable[Tuple[str, bool]]:
+        is_subscribed = response.topic in self._subscriptions
+        yield response.topic, is_subscribed and self._graph.has_publisher(response.topic)
+        yield response.of, self._graph.has_subscriber(response.of)

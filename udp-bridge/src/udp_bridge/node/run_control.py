@@ -1,101 +1,139 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What services do with a run's time, whatever they are called and answer in.
+"""Control of a run's time for ROS services: state, pause, resume, reset, stop and step.
 
-Rule: each returns when it is done and raises `CommandFailed` with a person's line when it can't be.
-It knows no ROS; how wishes reach the simulator is `asking`'s.
+Each call returns when its command is done, and raises `CommandFailed` with one line otherwise.
 """
 
 from __future__ import annotations
 
 import time
-from typing import Callable
+from functools import partial
+from typing import Any, Callable, Dict
 
-from udp_bridge.wire.run_commands import ASK, PAUSE, PAUSED, RESET, RESUME, STEP, RunCommandReply
+from udp_bridge.wire.run_commands import (
+    PAUSE,
+    PAUSED,
+    QUERY,
+    RESET,
+    RESUME,
+    STEP,
+    RunCommandReply,
+)
 
 from .command_client import CommandFailed, RunCommandClient
 
 MAX_TICKS = 10**9
 POLL_S = 0.02
-"""How often a run is asked whether its steps are done."""
+"""Time between two queries while steps are running."""
 STANDSTILL_S = 10.0
-"""How long steps may make no progress: then somebody is waited for who does not come."""
+"""How long steps may make no progress before the call fails."""
 
 
 def is_paused(run: RunCommandReply) -> bool:
-    """Return whether sim time stands still."""
+    """Return whether sim time is paused."""
     return run.state == PAUSED
 
 
 def describe(run: RunCommandReply) -> str:
-    """Return how a run is, in words."""
+    """Return the state of a run in words."""
     return f"{'paused' if is_paused(run) else 'running'} at tick {run.tick}"
 
 
 class RunControl:
-    """The simulator's run, as its gateway tells of it."""
+    """The simulator's run, controlled through its gateway."""
 
-    def __init__(self, asking: RunCommandClient, *, standstill_s: float = STANDSTILL_S) -> None:
-        self._asking = asking
+    def __init__(self, client: RunCommandClient, *, standstill_s: float = STANDSTILL_S) -> None:
+        self._client = client
         self._standstill_s = standstill_s
 
     def state(self) -> RunCommandReply:
-        """Return how it is."""
-        return self._asking.ask(ASK)
+        """Return the state and the tick."""
+        return self._client.call(QUERY)
 
     def pause(self) -> RunCommandReply:
-        """Let sim time stand still."""
-        return self._asking.ask(PAUSE)
+        """Pause sim time."""
+        return self._client.call(PAUSE)
 
     def resume(self) -> RunCommandReply:
-        """Let sim time go on."""
-        return self._asking.ask(RESUME)
+        """Resume sim time."""
+        return self._client.call(RESUME)
 
     def reset(self) -> RunCommandReply:
-        """Begin again at tick 0; a run that was paused is so still."""
-        return self._asking.ask(RESET)
+        """Restart at tick 0; a paused run stays paused."""
+        return self._client.call(RESET)
 
     def stop(self) -> RunCommandReply:
-        """Begin again at tick 0, paused."""
+        """Restart at tick 0, paused."""
         self.pause()
         return self.reset()
 
     def step(
-        self, ticks: int, *, told: Callable[[int], object] = lambda done: None
+        self, ticks: int, *, on_progress: Callable[[int], object] = lambda done: None
     ) -> RunCommandReply:
-        """Let a run that is paused do so many ticks; return when they are done.
+        """Advance a paused run by some ticks; return when they are done.
 
         Parameters
         ----------
         ticks
             How many.
-        told
-            Called several times a second with how many are done. What it raises ends the waiting,
-            not the steps.
+        on_progress
+            Called several times a second with the ticks done so far. An exception that it raises
+            ends the waiting, not the steps.
 
         Raises
         ------
         CommandFailed
-            When time runs, or steps are not done as asked.
+            When the run is not paused, or the steps are not done as requested.
         """
         if not 1 <= ticks <= MAX_TICKS:
             raise CommandFailed(f"{ticks} steps: expected 1 to {MAX_TICKS}")
         before = self.state()
         if not is_paused(before):
             raise CommandFailed(f"the run is not paused but {describe(before)}; pause it first")
-        now = self._asking.ask(STEP, ticks)
+        now = self._client.call(STEP, ticks)
         tick, since = before.tick, time.monotonic()
         while not is_paused(now) and now.tick <= before.tick + ticks:
-            told(now.tick - before.tick)
+            on_progress(now.tick - before.tick)
             if now.tick != tick:
                 tick, since = now.tick, time.monotonic()
             elif time.monotonic() - since > self._standstill_s:
                 raise CommandFailed(
                     f"time has stood at tick {tick} for {self._standstill_s:g} s, with "
-                    f"{before.tick + ticks - tick} steps to go: physics waits for somebody, "
-                    "whom its output names"
+                    f"{before.tick + ticks - tick} steps to go: physics waits for a process, "
+                    "which its log names"
                 )
             time.sleep(POLL_S)
             now = self.state()
         if now.tick != before.tick + ticks or not is_paused(now):
-            raise CommandFailed(f"somebody else meddled with the steps: the run is {describe(now)}")
+            raise CommandFailed(f"another client changed the run: it is {describe(now)}")
         return now
+
+
+def triggers(run: RunControl, step_ticks: Callable[[], int]) -> Dict[str, Callable[[Any], Any]]:
+    """Return callbacks of std_srvs/Trigger services by name, the same for ROS 1 and ROS 2.
+
+    A callback fills a response and returns it: `success` says whether the command was executed,
+    `message` the state of the run or the reason of the failure. Any thread may call it.
+
+    Parameters
+    ----------
+    step_ticks
+        Returns the ticks of one `step`: a Trigger has no field for a number.
+    """
+    calls: Dict[str, Callable[[], RunCommandReply]] = {
+        "state": run.state,
+        "pause": run.pause,
+        "resume": run.resume,
+        "step": lambda: run.step(step_ticks()),
+        "reset": run.reset,
+    }
+    return {name: partial(_fill, call) for name, call in calls.items()}
+
+
+def _fill(call: Callable[[], RunCommandReply], response: Any) -> Any:
+    try:
+        response.message = describe(call())
+        response.success = True
+    except CommandFailed as reason:
+        response.message = str(reason)
+    return response

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which of a bounded number of slots is given back when all are taken and one more is wanted.
+"""Reuse of bounded slots: which slot to give back when all are taken and one more is requested.
 
-Rule: idle slots first, those of unknown senders before others. A known sender also takes from
-unknown ones, and from a host that holds more than its share. Unknown senders take idle slots of
-unknown ones alone. So nobody who is active is locked out by others, however many they send.
+Idle slots go first, those of unknown senders before others. A known sender may also take slots of
+unknown senders, and of a host that holds more than its share. Unknown senders take only idle slots
+of unknown senders. So no flood locks out an active sender.
 """
 
 from __future__ import annotations
@@ -13,35 +13,35 @@ from dataclasses import dataclass
 from typing import Generic, List, Optional, Sequence, TypeVar
 
 UNKNOWN = ""
-"""Stands for the hosts of all senders that are not known: those can be forged."""
+"""Host of all unknown senders: their addresses can be forged."""
 
 _Key = TypeVar("_Key")
 
 
 @dataclass
 class Slot(Generic[_Key]):
-    """A slot that is taken."""
+    """A slot in use."""
 
     key: _Key
     host: str
-    """Whose it is: a sender's host, or `UNKNOWN`."""
+    """The owner: a sender's host, or `UNKNOWN`."""
     used_s: float
-    """When it was used last."""
+    """Time of the last use."""
 
 
 def given_back(
     slots: Sequence[Slot[_Key]], host: str, now_s: float, *, idle_s: float
 ) -> Optional[Slot[_Key]]:
-    """Return the slot to give to a host, or None where it gets none.
+    """Return the slot that a host may take over, or None.
 
     Parameters
     ----------
     slots
-        All that are taken.
+        All slots in use.
     host
-        Who wants one.
+        The host that requests a slot.
     now_s, idle_s
-        A slot is idle when it was not used for `idle_s` seconds before `now_s`.
+        A slot is idle when it was last used `idle_s` seconds before `now_s` or earlier.
     """
     unknown = [slot for slot in slots if slot.host == UNKNOWN]
     candidates: List[Slot[_Key]] = [slot for slot in unknown if now_s - slot.used_s >= idle_s]

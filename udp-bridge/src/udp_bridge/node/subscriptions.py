@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From ROS to the bridge: subscriptions that peers asked for, as long as their leases last.
+"""From ROS to the bridge: subscriptions that peers request, each with a lease and a rate limit.
 
-Rule: a subscription lives exactly as long as somebody wants it. All but `put` belongs to the
-thread that calls `turn`. Bodies go out as the CDR that came in; of those that begin with a
-std_msgs/Header, stamp and frame are read, as the datagram's header has to repeat them.
+A ROS subscription exists exactly as long as a peer holds a lease on it. All methods but `put`
+belong to the thread that calls `turn`. Bodies are sent as the CDR that was received; of bodies that
+begin with a std_msgs/Header, stamp and frame are read for the datagram's header.
 """
 
 from __future__ import annotations
@@ -16,103 +16,155 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Proto
 from udp_bridge.io.link import Link
 from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.control import Subscribe
-from udp_bridge.wire.header import BadMessage
-from udp_bridge.wire.message import Address
+from udp_bridge.wire.header import NANOS, BadMessage
+from udp_bridge.wire.message import Address, TopicKey
 from udp_bridge.wire.typed import typed_prefix
 from udp_bridge.wire.types import MSG_TYPES, TYPED, MessageType
 
-from .leases import MAX_WAIT_NANOS, NANOS, Lease, Outgoing
 from .log import Log
 from .slots import Slot, given_back
 
-Key = Tuple[int, str]
-"""A msg_type and a topic."""
 _Key = TypeVar("_Key")
 
 MAX_SUBSCRIPTIONS = 64
-"""Subscriptions, and peers of each, at most: a hostile peer must not fill the ROS graph; see
-`slots`."""
+"""Subscriptions, and leases of each, at most: a hostile peer must not fill the ROS graph."""
 IDLE_S = 10.0
-"""What was not asked for again for so long gives its place to another; gateways do each second."""
+"""A lease that was not renewed for so long may lose its slot; gateways renew each second."""
+MAX_WAIT_NANOS = 100_000_000
+"""How long to wait at most when nothing is due: a request may have arrived by then."""
 _HEADER = Struct("<iII")
 """sec, nanosec and the size of frame_id, behind the 4 bytes of the encapsulation."""
 
 
 class Subscription(NamedTuple):
-    """A topic that is subscribed to."""
+    """A ROS subscription."""
 
     is_stamped: bool
     """Whether its messages begin with a std_msgs/Header."""
     end: Callable[[], object]
 
 
-class Ros(Protocol):
-    """What an inlet needs of ROS."""
+class SubscriptionFactory(Protocol):
+    """Makes ROS subscriptions."""
 
     def type_of(self, topic: str) -> str:
-        """Return the full type name of a topic that is published; empty where nobody does."""
+        """Return the full type name of a published topic; empty when there is no publisher."""
 
     def subscribe(
         self, row: MessageType, topic: str, take: Callable[[bytes], None]
     ) -> Subscription:
         """Have `take` called with the CDR of each message, in the thread of `turn`.
 
-        Raises whatever ROS says against it.
+        Raises any exception of ROS.
         """
 
     def now_nanos(self) -> int:
-        """Return the time as ROS has it."""
+        """Return ROS time."""
 
     def get_logger(self) -> Any:
-        """Return what has `info`, `warning` and `error`."""
+        """Return a logger with `info`, `warning` and `error`."""
+
+
+class RosSample(NamedTuple):
+    """A message of ROS on its way to a peer."""
+
+    link: str
+    stamp_nanos: Optional[int]
+    """None when the message has no stamp; it then gets the time of sending."""
+    body: bytes
+
+
+class Lease:
+    """One peer's lease on one topic: expiry, rate limit, and the sample that waits for its time.
+
+    A rate limit never loses the last message, which may be a stop command: the newest sample is
+    held until it is due.
+    """
+
+    def __init__(self) -> None:
+        self.renewed_nanos = 0
+        self._expires_nanos: Optional[int] = None
+        self._period_nanos = 0
+        self._due_nanos = 0
+        self._held: Optional[RosSample] = None
+
+    def renew(self, subscribe: Subscribe, now_nanos: int) -> None:
+        """Set expiry and rate anew."""
+        self.renewed_nanos = now_nanos
+        rate = subscribe.max_rate_hz
+        self._period_nanos = int(NANOS / rate) if rate > 0 else 0
+        lease_nanos = subscribe.lease_s * NANOS
+        self._expires_nanos = now_nanos + lease_nanos if lease_nanos else None
+
+    def has_expired(self, now_nanos: int) -> bool:
+        """Return whether the lease has run out."""
+        return self._expires_nanos is not None and now_nanos >= self._expires_nanos
+
+    def offer(self, sample: RosSample) -> None:
+        """Hold the newest sample until it is due."""
+        self._held = sample
+
+    def take(self, now_nanos: int) -> Optional[RosSample]:
+        """Return the sample to send now, if there is one."""
+        if self._held is None or now_nanos < self._due_nanos:
+            return None
+        sample, self._held = self._held, None
+        self._due_nanos = now_nanos + self._period_nanos
+        return sample
+
+    def wait_nanos(self, now_nanos: int) -> int:
+        """Return the time until `take` returns a sample, as far as it is known."""
+        if self._held is None:
+            return MAX_WAIT_NANOS
+        return max(0, self._due_nanos - now_nanos)
 
 
 class LeasedSubscriptions:
-    """Subscribes to what peers want and sends it to them.
+    """Subscribes to the topics that peers request and sends them the messages.
 
     Parameters
     ----------
     ros
-        Where subscriptions are made; its clock stamps what has no stamp of its own.
+        Makes subscriptions; its clock stamps messages without a stamp.
     is_published
-        Tells whether a topic is one that the bridge itself fills.
+        Tells whether the bridge itself publishes a topic.
     is_known
-        Tells whether an address may still be sent streams.
+        Tells whether an address may still receive streams.
     repair
-        How what is lost of all that is sent is made good.
-    heard
-        Called with the topic of each message that came, in the thread of `turn`.
+        Repair mode of all that is sent.
+    on_message
+        Called with the topic of each message received, in the thread of `turn`.
     """
 
     def __init__(
         self,
-        ros: Ros,
+        ros: SubscriptionFactory,
         *,
         is_published: Callable[[str], bool],
         is_known: Callable[[Address], bool] = lambda _: True,
         repair: Optional[Mode] = None,
-        heard: Callable[[str], object] = lambda _: None,
+        on_message: Callable[[str], object] = lambda _: None,
     ) -> None:
         self.sent = 0
         """Messages handed to the link."""
         self._ros = ros
         self._is_published, self._is_known = is_published, is_known
         self._log = Log(ros.get_logger())
-        self._heard = heard
+        self._on_message = on_message
         self._repair = repair
-        self._asked: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
-        self._subscriptions: Dict[Key, Subscription] = {}
-        self._prefixes: Dict[Key, bytes] = {}  # before the CDR of Typed messages
-        self._wishes: Dict[Key, Dict[Address, Lease]] = {}
-        self._complaints: Dict[Key, str] = {}
+        self._requests: Deque[Tuple[Subscribe, str, Address]] = deque(maxlen=1024)
+        self._subscriptions: Dict[TopicKey, Subscription] = {}
+        self._prefixes: Dict[TopicKey, bytes] = {}  # before the CDR of Typed messages
+        self._leases: Dict[TopicKey, Dict[Address, Lease]] = {}
+        self._complaints: Dict[TopicKey, str] = {}
 
     def put(self, subscribe: Subscribe, topic: str, sender: Address) -> None:
-        """Hand over what a peer asked for; from any thread, never blocks."""
-        self._asked.append((subscribe, topic, sender))
+        """Queue the request of a peer; from any thread, never blocks."""
+        self._requests.append((subscribe, topic, sender))
 
     @property
-    def topics(self) -> List[Key]:
-        """What is subscribed to."""
+    def topics(self) -> List[TopicKey]:
+        """Topics that are subscribed to."""
         return list(self._subscriptions)
 
     def turn(self, link: Link, now_nanos: int) -> float:
@@ -121,34 +173,34 @@ class LeasedSubscriptions:
         Parameters
         ----------
         link
-            Where messages go.
+            Sends the messages.
         now_nanos
-            A clock that never goes back.
+            A monotonic clock.
         """
-        while self._asked:
-            self._answer(link, *self._asked.popleft(), now_nanos)
+        while self._requests:
+            self._serve(link, *self._requests.popleft(), now_nanos)
         wait_nanos = MAX_WAIT_NANOS
-        for key, sender, wish in self._all_wishes():
-            if wish.is_over(now_nanos):
+        for key, sender, lease in self._all_leases():
+            if lease.has_expired(now_nanos):
                 self._end(key, sender, "the lease ran out")
                 continue
             if not self._is_known(sender):
-                self._end(key, sender, "the subscriber's address is not validated any more")
+                self._end(key, sender, "the subscriber's address is no longer validated")
                 continue
-            outgoing = wish.take(now_nanos)
-            if outgoing is not None:
-                self._send(link, key, sender, outgoing)
-            wait_nanos = min(wait_nanos, wish.wait_nanos(now_nanos))
+            sample = lease.take(now_nanos)
+            if sample is not None:
+                self._send(link, key, sender, sample)
+            wait_nanos = min(wait_nanos, lease.wait_nanos(now_nanos))
         return wait_nanos / NANOS
 
-    def _all_wishes(self) -> List[Tuple[Key, Address, Lease]]:
+    def _all_leases(self) -> List[Tuple[TopicKey, Address, Lease]]:
         return [
-            (key, sender, wish)
-            for key, wishes in self._wishes.items()
-            for sender, wish in wishes.items()
+            (key, sender, lease)
+            for key, leases in self._leases.items()
+            for sender, lease in leases.items()
         ]
 
-    def _answer(
+    def _serve(
         self, link: Link, subscribe: Subscribe, topic: str, sender: Address, now_nanos: int
     ) -> None:
         row = MSG_TYPES[subscribe.wanted_type]
@@ -166,85 +218,84 @@ class LeasedSubscriptions:
                 return
             if self._repair is not None:
                 link.mend(*key, self._repair)
-        wishes = self._wishes.setdefault(key, {})
-        if sender not in wishes and len(wishes) >= MAX_SUBSCRIPTIONS:
-            slots = [_slot(peer, {peer: wish}) for peer, wish in wishes.items()]
+        leases = self._leases.setdefault(key, {})
+        if sender not in leases and len(leases) >= MAX_SUBSCRIPTIONS:
+            slots = [_slot(peer, {peer: lease}) for peer, lease in leases.items()]
             slot = given_back(slots, sender[0], now_nanos / NANOS, idle_s=IDLE_S)
             if slot is None:
                 return
-            del wishes[slot.key]
-        wishes.setdefault(sender, Lease()).renew(subscribe, now_nanos)
+            del leases[slot.key]
+        leases.setdefault(sender, Lease()).renew(subscribe, now_nanos)
 
-    def _has_given_back(self, sender: Address, now_nanos: int) -> bool:
-        """End the subscription that gives its place to one of a sender, if there is any."""
-        slots = [_slot(key, wishes) for key, wishes in self._wishes.items()]
+    def _has_freed_slot(self, sender: Address, now_nanos: int) -> bool:
+        """End the subscription whose slot a sender may take; return whether there is one."""
+        slots = [_slot(key, leases) for key, leases in self._leases.items()]
         slot = given_back(slots, sender[0], now_nanos / NANOS, idle_s=IDLE_S)
         if slot is not None:
-            for peer in list(self._wishes[slot.key]):
+            for peer in list(self._leases[slot.key]):
                 self._end(slot.key, peer, "its place was given to another")
         return slot is not None
 
     def _subscribe(self, row: MessageType, topic: str, sender: Address, now_nanos: int) -> str:
-        """Subscribe; return why it can't be done, or nothing."""
+        """Subscribe; return the reason of a failure, or an empty text."""
         if self._is_published(topic):
             return f"{row.name} comes from the bridge itself"
         is_full = len(self._subscriptions) >= MAX_SUBSCRIPTIONS
-        if is_full and not self._has_given_back(sender, now_nanos):
+        if is_full and not self._has_freed_slot(sender, now_nanos):
             return f"there are {MAX_SUBSCRIPTIONS} subscriptions, which is the most"
         key = (row.number, topic)
         try:
             if row.number == TYPED:
                 if not (ros_type := self._ros.type_of(topic)):
-                    return "nobody publishes it, so its type is not known yet"
+                    return "it has no publisher, so its type is not known yet"
                 row = row._replace(ros_type=ros_type)
                 self._prefixes[key] = typed_prefix(ros_type)
             self._subscriptions[key] = self._ros.subscribe(row, topic, partial(self._take, key))
         except Exception as error:
             return " ".join(str(error).split())
-        asker = f"{sender[0]}:{sender[1]}"
-        self._log.info(f"{topic}: {row.ros_type} subscribed to for {asker}")
+        self._log.info(f"{topic}: {row.ros_type} subscribed to for {sender[0]}:{sender[1]}")
         return ""
 
-    def _end(self, key: Key, sender: Address, why: str) -> None:
-        wishes = self._wishes.get(key, {})
-        if wishes.pop(sender, None) is None or wishes:
+    def _end(self, key: TopicKey, sender: Address, why: str) -> None:
+        leases = self._leases.get(key, {})
+        if leases.pop(sender, None) is None or leases:
             return
-        del self._wishes[key]
+        del self._leases[key]
         self._subscriptions.pop(key).end()
         self._prefixes.pop(key, None)
         self._log.info(f"{key[1]}: no longer subscribed to: {why}")
 
-    def _take(self, key: Key, body: bytes) -> None:
+    def _take(self, key: TopicKey, body: bytes) -> None:
         if not self._subscriptions[key].is_stamped:
-            self._offer(key, Outgoing("", None, body))
+            self._offer(key, RosSample("", None, body))
             return
         if len(body) < 4 + _HEADER.size:
             return
         sec, nanosec, size = _HEADER.unpack_from(body, 4)
         frame = body[4 + _HEADER.size :][: size - 1].decode("utf-8", "replace")
-        self._offer(key, Outgoing(frame, sec * NANOS + nanosec, body))
+        self._offer(key, RosSample(frame, sec * NANOS + nanosec, body))
 
-    def _offer(self, key: Key, outgoing: Outgoing) -> None:
+    def _offer(self, key: TopicKey, sample: RosSample) -> None:
         if prefix := self._prefixes.get(key):
-            outgoing = outgoing._replace(body=prefix + outgoing.body)
-        for wish in self._wishes.get(key, {}).values():
-            wish.offer(outgoing)
-        self._heard(key[1])
+            sample = sample._replace(body=prefix + sample.body)
+        for lease in self._leases.get(key, {}).values():
+            lease.offer(sample)
+        self._on_message(key[1])
 
-    def _send(self, link: Link, key: Key, to: Address, outgoing: Outgoing) -> None:
-        stamp_nanos = outgoing.stamp_nanos
+    def _send(self, link: Link, key: TopicKey, to: Address, sample: RosSample) -> None:
+        stamp_nanos = sample.stamp_nanos
         if stamp_nanos is None:
             stamp_nanos = self._ros.now_nanos()
         try:
-            link.send(*key, outgoing.link, stamp_nanos, outgoing.body, to)
+            link.send(*key, sample.link, stamp_nanos, sample.body, to)
             self.sent += 1
-        except BadMessage as error:  # TooLarge is one, too
+        except BadMessage as error:  # TooLarge is a BadMessage
             if self._complaints.get(key) != str(error):
                 self._complaints[key] = str(error)
                 self._log.error(f"{key[1]}: can't be sent: {error}")
 
 
-def _slot(key: _Key, wishes: Dict[Address, Lease]) -> Slot[_Key]:
-    """Return the slot that wishes of peers hold together: that of whoever wished last."""
-    peer, wish = max(wishes.items(), key=lambda row: row[1].renewed_nanos)
-    return Slot(key, peer[0], wish.renewed_nanos / NANOS)
+def _slot(key: _Key, leases: Dict[Address, Lease]) -> Slot[_Key]:
+    """Return the slot that some leases hold together: that of the peer that renewed last."""
+    peer, lease = max(leases.items(), key=lambda row: row[1].renewed_nanos)
+    return Slot(key, peer[0], lease.renewed_nanos / NANOS)

@@ -54,7 +54,7 @@ class Barrier(NamedTuple):
     The header carries the run's time at the tick; topic and link are empty.
     """
 
-    life: int
+    episode: int
     """Tells apart the lives of a run; each begins at its tick 0."""
     tick: int
     """-1 for before the first: nothing was sent, and the question is whether ROS is there."""
@@ -76,7 +76,7 @@ class Barrier(NamedTuple):
         if self.tick < -1 or len(self.answers) > TOPICS_TOLD:
             raise BadMessage(f"no peer would take {self}")
         fixed = _BARRIER.pack(
-            4, _counted(self.sent), len(self.answers), self.limit_ms, self.life, self.tick
+            4, _counted(self.sent), len(self.answers), self.limit_ms, self.episode, self.tick
         )
         answers = [
             _ANSWER.pack(answer.msg_type, _size(answer.topic), _size(answer.of))
@@ -89,7 +89,7 @@ class Barrier(NamedTuple):
     def parse(cls, body: Buffer) -> Barrier:
         """Return what the body says, or raise `Refused`."""
         rest = _Rest(body)
-        _, topics, answers, limit_ms, life, tick = rest.take(_BARRIER)
+        _, topics, answers, limit_ms, episode, tick = rest.take(_BARRIER)
         sent = _parse_sent(rest, topics)
         told: List[ExpectedResponse] = []
         for _ in range(answers):
@@ -100,7 +100,7 @@ class Barrier(NamedTuple):
         rest.end()
         if tick < -1:
             raise Refused("body_value")
-        return cls(life, tick, limit_ms, sent, tuple(told))
+        return cls(episode, tick, limit_ms, sent, tuple(told))
 
 
 class BarrierReply(NamedTuple):
@@ -109,7 +109,7 @@ class BarrierReply(NamedTuple):
     The header carries, of a BarrierReply that says `WAITING`, the topic that is waited for.
     """
 
-    life: int
+    episode: int
     tick: int
     """Both are the Barrier's."""
     state: int = DONE
@@ -128,19 +128,19 @@ class BarrierReply(NamedTuple):
         """
         if self.tick < -1 or self.state not in _STATES:
             raise BadMessage(f"no peer would take {self}")
-        fixed = _WORD.pack(5, _counted(self.sent), self.state, self.lost, self.life, self.tick)
+        fixed = _WORD.pack(5, _counted(self.sent), self.state, self.lost, self.episode, self.tick)
         return fixed + _packed(self.sent)
 
     @classmethod
     def parse(cls, body: Buffer) -> BarrierReply:
         """Return what the body says, or raise `Refused`."""
         rest = _Rest(body)
-        _, topics, state, lost, life, tick = rest.take(_WORD)
+        _, topics, state, lost, episode, tick = rest.take(_WORD)
         sent = _parse_sent(rest, topics)
         rest.end()
         if tick < -1 or state not in _STATES:
             raise Refused("body_value")
-        return cls(life, tick, state, lost, sent)
+        return cls(episode, tick, state, lost, sent)
 
 
 class _Rest:

@@ -14,7 +14,7 @@ from .header import BadMessage, Buffer, Refused
 _WISH = Struct("<BBxxIQ")
 _ANSWER = Struct("<BB6xQq")
 
-ASK, PAUSE, RESUME, STEP, RESET = range(5)
+QUERY, PAUSE, RESUME, STEP, RESET = range(5)
 """What is wished; to ask is to wish nothing but the answer."""
 STOPPED, RUNNING, PAUSED = range(3)
 """How a run is."""
@@ -28,7 +28,7 @@ class RunCommand(NamedTuple):
     number: int
     """The wall clock in ns when it was made, or one more than the last one's. What has this number
     and comes from the same sender is the same wish, which is done once."""
-    action: int = ASK
+    action: int = QUERY
     ticks: int = 0
     """How far to step; 0 for other wishes."""
 
@@ -98,7 +98,7 @@ class RunCommandReply(NamedTuple):
 def _is_wish(wish: RunCommand) -> bool:
     if wish.action == STEP:
         return 1 <= wish.ticks <= 0xFFFFFFFF
-    return wish.action in (ASK, PAUSE, RESUME, RESET) and wish.ticks == 0
+    return wish.action in (QUERY, PAUSE, RESUME, RESET) and wish.ticks == 0
 
 
 def _is_answer(answer: RunCommandReply) -> bool:

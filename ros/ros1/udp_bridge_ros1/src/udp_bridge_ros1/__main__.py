@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts the node: ``python3 -m udp_bridge_ros1 [--bind HOST:PORT] [_peer:=HOST:PORT ...]``.
 
-Rule: users' mistakes are one line and exit code 2; SIGINT and SIGTERM end it within a second. It
-waits for a roscore, and ends with exit code 1 when another one takes its place.
+An invalid option or setting is one error line and exit code 2. SIGINT and SIGTERM end the node
+within a second. The node waits for a roscore, and ends with exit code 1 when roscore is restarted.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import List, Optional
 
 PROGRAM = "udp_bridge_ros1"
 SWITCH_SECONDS = 5e-4
-"""After this long a thread that waits for the interpreter gets it. Python's own 5 ms are the age of
-a small message several times over."""
+"""Interval of Python's thread switches. The default of 5 ms is several times the latency of a small
+message."""
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -57,9 +57,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     watch.close()
     node.close()
     if watch.is_another:
-        _say("roscore was started again; start this node again, too")
+        _say("roscore was restarted. Fix: start this node again")
     elif not signals:
-        _say("another node took this node's name; give one of them another by __name:=NAME")
+        _say("another node took this node's name. Fix: give one of them another by __name:=NAME")
     rospy.signal_shutdown("it was told to")
     return 0 if signals else 1
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's counters on /diagnostics, once a second, as diagnostic_msgs/DiagnosticArray.
+"""Publishes the node's counters on /diagnostics once a second, as DiagnosticArray.
 
-Rule: one status for each topic and peer and one for the link; what they say is decided in
-`udp_bridge.node.diagnostics`.
+One status for each topic and peer, and one for the link; `udp_bridge.node.diagnostics` sets levels.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ PERIOD_NANOS = 1_000_000_000
 
 
 class Ros1Diagnostics:
-    """Publishes what a link counts; `turn` is to be called several times a second.
+    """Publishes the counters of a link; call `turn` several times a second.
 
     Parameters
     ----------
     lost
-        Returns by subscriber how many messages of a topic it did not take.
+        Returns the number of messages of a topic that each subscriber missed.
     """
 
     def __init__(
         self, link: Link, lost: Callable[[str], Mapping[str, int]], now_nanos: int
     ) -> None:
         self._link, self._lost = link, lost
-        self._verdicts = NodeDiagnostics()
+        self._node_diagnostics = NodeDiagnostics()
         self._due_nanos = now_nanos + PERIOD_NANOS
         self._publisher = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
 
@@ -47,17 +46,17 @@ class Ros1Diagnostics:
         message = DiagnosticArray()
         message.header.stamp = rospy.get_rostime()
         message.status = [
-            _status(verdict, f"{host}:{port}")
-            for verdict in self._verdicts.all_of(self._link, now_nanos, lost=self._lost)
+            _status(row, f"{host}:{port}")
+            for row in self._node_diagnostics.all_of(self._link, now_nanos, lost=self._lost)
         ]
         self._publisher.publish(message)
 
 
-def _status(verdict: StatusRow, address: str) -> Any:
+def _status(row: StatusRow, address: str) -> Any:
     return DiagnosticStatus(
-        level=verdict.level,
-        name=f"udp_bridge: {verdict.name}",
-        message=verdict.message,
+        level=row.level,
+        name=f"udp_bridge: {row.name}",
+        message=row.message,
         hardware_id=f"udp_bridge {address}",
-        values=[KeyValue(key=key, value=value) for key, value in verdict.values.items()],
+        values=[KeyValue(key=key, value=value) for key, value in row.values.items()],
     )

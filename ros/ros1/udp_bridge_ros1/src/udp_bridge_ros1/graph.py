@@ -17,19 +17,19 @@ class Ros1Graph:
     """The connections of this node."""
 
     def publishers(self, topic: str) -> FrozenSet[Hashable]:
-        """Return who publishes on a topic: others, if one comes back after it had gone."""
+        """Return identities of a topic's publishers; a restarted publisher has a new one."""
         return frozenset(connection.id for connection in _connections(Registration.SUB, topic))
 
-    def is_published(self, topic: str) -> bool:
-        """Tell whether anybody publishes on a topic."""
+    def has_publisher(self, topic: str) -> bool:
+        """Return whether a topic has a publisher."""
         return bool(_connections(Registration.SUB, topic))
 
-    def is_heard(self, topic: str) -> bool:
-        """Tell whether somebody listens on a topic."""
+    def has_subscriber(self, topic: str) -> bool:
+        """Return whether a topic has a subscriber."""
         return bool(_connections(Registration.PUB, topic))
 
     def listen(self, topic: str, take: Callable[[], object]) -> object:
-        """Subscribe to a topic of any type, from now on."""
+        """Subscribe to a topic of any type."""
         return rospy.Subscriber(topic, rospy.AnyMsg, lambda _: take(), queue_size=10)
 
 

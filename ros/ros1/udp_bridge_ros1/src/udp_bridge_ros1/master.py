@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether roscore is there, and still the same one.
+"""Watches roscore: whether it is reachable, and whether it was restarted.
 
-Rule: rospy registers a topic once, so after a restart of roscore nobody would find this node's
-topics any more: that ends the node, and who started it starts it again. Asked in a thread of its
-own, as an answer may be long in coming.
+rospy registers a topic once. After a restart of roscore, no other node finds the topics of this
+node; so a restart ends the node. A thread polls, because a reply may take long.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ PERIOD_S = 1.0
 
 
 def wait_for_master(is_over: Callable[[], bool], say: Callable[[str], object]) -> bool:
-    """Wait for roscore; return whether it is there, which it is not when waiting `is_over`."""
+    """Wait for roscore; return False when `is_over` became true before."""
     has_said = False
     pause = threading.Event()
     while not is_over():
@@ -31,23 +30,23 @@ def wait_for_master(is_over: Callable[[], bool], say: Callable[[str], object]) -
 
 
 class MasterWatch:
-    """Looks after roscore, once a second."""
+    """Polls roscore once a second."""
 
     def __init__(self, name: str) -> None:
         self.is_another = False
-        """Whether roscore has been started again."""
+        """Whether roscore was restarted."""
         self._master = rosgraph.Master(name)
         self._first = self._master.getPid()
-        self._end = threading.Event()
+        self._bridge = threading.Event()
         threading.Thread(target=self._run, name="roscore", daemon=True).start()
 
     def close(self) -> None:
-        """Look no more."""
-        self._end.set()
+        """End the polling."""
+        self._bridge.set()
 
     def _run(self) -> None:
-        while not self._end.wait(PERIOD_S):
+        while not self._bridge.wait(PERIOD_S):
             try:
                 self.is_another = self._master.getPid() != self._first
             except (OSError, rosgraph.MasterException):
-                continue  # topics that are connected go on without it
+                continue  # connected topics work without roscore

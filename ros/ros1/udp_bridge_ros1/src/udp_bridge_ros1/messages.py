@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message classes that rospy sends and hears without taking messages apart.
+"""Message classes for rospy that hold serialized bytes and decode nothing.
 
-Rule: to ROS they are the type that they stand for: its name, its sum, its definition; within they
-are bytes in ROS 1's form.
+For ROS they are the type that they stand for: they have its name, checksum and definition.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from .cdr import Buffer, ConversionPlan
 
 
 class RawMessage(genpy.Message):  # type: ignore[misc]
-    """A message as the bytes that it is; `RawType.raw` has it for one type."""
+    """A message as serialized bytes; `RawType.raw` derives from it."""
 
     __slots__ = ("chunks",)
     _slot_types = ()
@@ -28,17 +27,17 @@ class RawMessage(genpy.Message):  # type: ignore[misc]
         self.chunks: Sequence[Buffer] = chunks
 
     def serialize(self, buff: Any) -> None:
-        """Write it, as rospy asks."""
+        """Write the bytes; called by rospy."""
         buff.writelines(self.chunks)
 
     def deserialize(self, data: bytes) -> RawMessage:
-        """Take what came, as rospy asks."""
+        """Keep received bytes; called by rospy."""
         self.chunks = (data,)
         return self
 
 
 class RawType(NamedTuple):
-    """A message type, ready to be sent and heard."""
+    """A message type, ready to publish and subscribe."""
 
     raw: Any
     """A class derived from `RawMessage`."""
@@ -46,8 +45,8 @@ class RawType(NamedTuple):
 
 
 @lru_cache(maxsize=None)
-def kind(ros_type: str) -> RawType:
-    """Return what a type such as ``sensor_msgs/msg/Imu`` is in ROS 1.
+def raw_type(ros_type: str) -> RawType:
+    """Return the raw type of a ROS type such as ``sensor_msgs/msg/Imu``.
 
     Raises
     ------

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers of ROS 1: CDR goes in, ROS 1's bytes go out.
+"""Publishers of ROS 1, which convert CDR to the serialization of ROS 1.
 
-Rule: every subscriber has a queue and a thread of its own in rospy, so one that stalls loses its
-own messages, which are counted, and holds up nobody. `seq` counts what was published on a topic, as
-with any node.
+rospy has a queue and a thread for each subscriber. A stalled subscriber loses its own messages,
+which are counted, and blocks no other. `seq` counts the messages of a topic, as in any node.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from udp_bridge.node.message_class import message_class
 from udp_bridge.node.options import prefix_frames
 from udp_bridge.node.publish_queue import Publication
 
-from .messages import kind
+from .messages import raw_type
 
 if TYPE_CHECKING:
     from udp_bridge.node.topic_qos import TopicQos
@@ -31,10 +30,10 @@ _SEQ = Struct("<I")
 
 
 class SubscriberQueues:
-    """What waits in rospy for the subscribers of a topic; each publishes by one thread at a time.
+    """rospy's queues of a topic's subscribers, and the messages that they dropped.
 
-    rospy drops the oldest of a queue that is full and tells nobody, so it is looked at before and
-    after: a full list whose end is another one has lost its begin.
+    rospy drops the oldest message of a full queue without notice. So a full queue is compared
+    before and after: when its last message changed, its first was dropped.
     """
 
     def __init__(self, publisher: Any, depth: int) -> None:
@@ -43,7 +42,7 @@ class SubscriberQueues:
         self._lost: Dict[int, int] = {}
 
     def publish(self, message: Any) -> None:
-        """Publish a message, and count what gave way to it."""
+        """Publish a message, and count the messages that it displaced."""
         full = [
             (connection.id, queue, queue[-1])
             for connection in self._connections()
@@ -55,7 +54,7 @@ class SubscriberQueues:
                 self._lost[number] = self._lost.get(number, 0) + 1
 
     def lost(self) -> Dict[str, int]:
-        """Return how many messages gave way to newer ones, by subscribers that are there."""
+        """Return the number of displaced messages by connected subscriber."""
         names = {connection.id: connection.endpoint_id for connection in self._connections()}
         for number in self._lost.keys() - names.keys():
             del self._lost[number]
@@ -67,24 +66,24 @@ class SubscriberQueues:
 
 
 class Ros1Publishers:
-    """What an outlet needs of ROS; with a prefix for frames, messages are taken apart for it."""
+    """Makes publishers; messages are decoded only to add a frame prefix."""
 
     def __init__(self, frame_prefix: str = "") -> None:
         self._frame_prefix = frame_prefix
         self._queues: Dict[str, SubscriberQueues] = {}
 
     def lost(self, topic: str) -> Mapping[str, int]:
-        """Return how many messages of a topic gave way to newer ones, by subscriber."""
+        """Return the number of displaced messages of a topic by subscriber."""
         queues = self._queues.get(topic)
         return queues.lost() if queues is not None else {}
 
     def get_logger(self) -> logging.Logger:
-        """Return rospy's, which the terminal and /rosout hear."""
+        """Return rospy's logger, which writes to the terminal and /rosout."""
         return logging.getLogger("rosout")
 
     def publisher(self, row: MessageType, topic: str, qos: TopicQos) -> Publication:
         """Return a publisher of a topic."""
-        raw, plan = kind(str(row.ros_type))
+        raw, plan = raw_type(str(row.ros_type))
         publisher = rospy.Publisher(topic, raw, queue_size=qos.depth, latch=qos.is_latched)
         queues = self._queues[topic] = SubscriberQueues(publisher, qos.depth)
         counter = itertools.count(1)
@@ -96,7 +95,7 @@ class Ros1Publishers:
                 chunks[0] = _SEQ.pack(next(counter) & 0xFFFFFFFF)
             if self._frame_prefix:
                 chunks = [self._prefixed(row, chunks)]
-            if is_description:  # which ROS 1 looks for among the parameters
+            if is_description:  # which ROS 1 reads from a parameter
                 text = b"".join(chunks)[_SEQ.size :].decode("utf-8", "replace")
                 rospy.set_param(topic, text)
             queues.publish(raw(*chunks))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services on the run's time, as Triggers of std_srvs under the node's name: `~pause` and others.
+"""Services of ROS 1 that control the run's time: std_srvs/Trigger such as `~pause`.
 
-Rule: rospy serves each caller in a thread of its own, so a call that waits holds up nobody.
+rospy serves each caller in a thread of its own, so a waiting call blocks no other.
 """
 
 from __future__ import annotations
@@ -11,29 +11,28 @@ import logging
 import rospy
 
 from udp_bridge.node.command_client import RunCommandClient
-from udp_bridge.node.run_control import RunControl
-from udp_bridge.node.triggers import triggers
+from udp_bridge.node.run_control import RunControl, triggers
 
 
 class Ros1Services:
-    """Serves until it is closed; where std_srvs is not installed, a line says so."""
+    """Serves calls until `close`; logs a warning when std_srvs is not installed."""
 
-    def __init__(self, asking: RunCommandClient, log: logging.Logger) -> None:
-        self._asking = asking
+    def __init__(self, client: RunCommandClient, log: logging.Logger) -> None:
+        self._client = client
         self._services = []
         try:
             from std_srvs.srv import Trigger, TriggerResponse
         except ImportError:
             log.warning("std_srvs is not installed: no services")
             return
-        filled = triggers(RunControl(asking), lambda: int(rospy.get_param("~step_ticks", 1)))
+        filled = triggers(RunControl(client), lambda: int(rospy.get_param("~step_ticks", 1)))
         for name, fill in filled.items():
             serve = lambda _, fill=fill: fill(TriggerResponse())  # noqa: E731
             self._services.append(rospy.Service(f"~{name}", Trigger, serve))
         log.info(f"services of std_srvs at {rospy.get_name()}/: {', '.join(filled)}")
 
     def close(self) -> None:
-        """Serve no more; calls that wait are answered that it is over."""
-        self._asking.close()
+        """End the services; waiting calls fail."""
+        self._client.close()
         for service in self._services:
             service.shutdown()

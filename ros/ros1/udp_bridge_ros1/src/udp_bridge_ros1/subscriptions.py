@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions of ROS 1: ROS 1's bytes come in, CDR goes out.
+"""Subscriptions of ROS 1, which convert the serialization of ROS 1 to CDR.
 
-Rule: rospy's threads only hand over, to a queue that keeps the newest; messages are turned and
-told of in the thread that calls `turn`.
+rospy's threads only append to a queue that keeps the newest messages. The thread that calls `turn`
+converts them and runs callbacks.
 """
 
 from __future__ import annotations
@@ -18,74 +18,74 @@ import rospy
 from udp_bridge.node.subscriptions import Subscription
 
 from .cdr import ConversionPlan, MalformedMessage
-from .messages import kind
+from .messages import raw_type
 
 if TYPE_CHECKING:
     from udp_bridge.wire.types import MessageType
 
 Take = Callable[[bytes], None]
 WAITING = 256
-"""Messages of all topics that may wait for `turn`."""
+"""Messages of all topics that may be queued for `turn`."""
 
 
 class Ros1Subscriptions:
-    """What an inlet needs of ROS."""
+    """Makes subscriptions."""
 
     def __init__(self) -> None:
         self.refused = 0
-        """Messages that are none of their type."""
-        self._waiting: Deque[Tuple[_Ear, bytes]] = deque(maxlen=WAITING)
+        """Messages that do not match their type."""
+        self._waiting: Deque[Tuple[_Subscriber, bytes]] = deque(maxlen=WAITING)
         self._came = threading.Event()
 
     def get_logger(self) -> logging.Logger:
-        """Return rospy's, which the terminal and /rosout hear."""
+        """Return rospy's logger, which writes to the terminal and /rosout."""
         return logging.getLogger("rosout")
 
     def now_nanos(self) -> int:
-        """Return the time as ROS has it, which is the simulation's with `use_sim_time`."""
+        """Return ROS time, which is sim time with `use_sim_time`."""
         return int(rospy.get_rostime().to_nsec())
 
     def type_of(self, topic: str) -> str:
-        """Return the full ROS 2 type name of a topic; empty where nobody publishes it."""
+        """Return the ROS 2 type name of a published topic; empty when there is no publisher."""
         types = dict(rosgraph.Master(rospy.get_name()).getTopicTypes())
         return str(types.get(rospy.resolve_name(topic), "")).replace("/", "/msg/")
 
     def subscribe(self, row: MessageType, topic: str, take: Take) -> Subscription:
         """Have `take` called with the CDR of each message, in the thread of `turn`."""
-        raw, plan = kind(str(row.ros_type))
-        ear = _Ear(plan, take)
+        raw, plan = raw_type(str(row.ros_type))
+        ours = _Subscriber(plan, take)
 
-        def hear(message: Any) -> None:
-            self._waiting.append((ear, message.chunks[0]))
+        def append(message: Any) -> None:
+            self._waiting.append((ours, message.chunks[0]))
             self._came.set()
 
-        subscriber = rospy.Subscriber(topic, raw, hear, queue_size=10, tcp_nodelay=True)
+        subscriber = rospy.Subscriber(topic, raw, append, queue_size=10, tcp_nodelay=True)
 
         def end() -> None:
-            ear.is_open = False
+            ours.is_open = False
             subscriber.unregister()
 
         return Subscription(plan.is_stamped, end)
 
     def wake(self) -> None:
-        """Have `turn` wait no longer; from any thread."""
+        """Wake `turn`; from any thread."""
         self._came.set()
 
     def turn(self, wait_s: float) -> None:
-        """Wait for messages, so long at most, and tell of all that came."""
+        """Wait for messages for a limited time, and run the callbacks of all that arrived."""
         self._came.wait(wait_s)
         self._came.clear()
         while self._waiting:
-            ear, body = self._waiting.popleft()
+            ours, body = self._waiting.popleft()
             try:
-                if ear.is_open:
-                    ear.take(ear.plan.to_cdr(body))
+                if ours.is_open:
+                    ours.take(ours.plan.to_cdr(body))
             except MalformedMessage:
                 self.refused += 1
 
 
-class _Ear:
-    """Who hears a topic."""
+class _Subscriber:
+    """A subscriber of a topic."""
 
     def __init__(self, plan: ConversionPlan, take: Take) -> None:
         self.plan = plan
