@@ -66,7 +66,9 @@ def own_publisher(way: str) -> Publisher:
     node = rclpy.create_node(f"receiver_of_{way}")
     image = message_class("sensor_msgs/msg/Image")
     return Publisher(
-        node.create_publisher(image, TOPIC, qos_profiles.publisher_profile(topic_qos.publisher_qos("Image", TOPIC)))
+        node.create_publisher(
+            image, TOPIC, qos_profiles.publisher_profile(topic_qos.publisher_qos("Image", TOPIC))
+        )
     )
 
 
