@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far sim time drifts from the wall clock in real time: `python -m benchmarks.drift`.
 
-Rule: physics steps the default scenario 400 times a second, as ever, and this process hears each
-state. What a state's stamp is behind the wall clock, at the least over some seconds, is the way it
-takes and does not grow; what it has grown by from the first seconds to the last is the drift. Time
-may not stretch (`overload: skip`): where it may, it does when a machine is too busy, and says so.
+Physics steps the default scenario at 400 Hz, and this process receives each state. The least age of
+a state's stamp over some seconds is its transport time, which does not grow; its growth from the
+first seconds to the last is the drift. Time may not stretch (`overload: skip`): otherwise it would
+on a busy machine, and that is no drift.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def ages_ms(endpoint: str, seconds: float) -> list[float]:
     Raises
     ------
     RuntimeError
-        when a state is missing: it might have been the youngest.
+        when a state is missing, since it might have been the youngest.
     """
     states: BusInbox[State] = BusInbox(depth=4096)
     ages: list[float] = []
@@ -52,7 +52,7 @@ def ages_ms(endpoint: str, seconds: float) -> list[float]:
             while len(ages) * LEAST_OVER_SECONDS < seconds:
                 arrived = states.get(seconds=30)
                 if arrived is None or arrived[1].tick != tick + 1:
-                    raise RuntimeError(f"the state after tick {tick} did not come")
+                    raise RuntimeError(f"the state after tick {tick} is missing")
                 least = min(least, (time.time_ns() - arrived[1].stamp_nanos) / NANOS * 1e3)
                 tick += 1
                 if tick % ticks == ticks - 1:

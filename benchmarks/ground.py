@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ground costs physics: `python -m benchmarks.ground`.
+"""Cost of ground in physics: `python -m benchmarks.ground`.
 
-Rule: time is the processor's. A vehicle drives in curves on a box, on hills and on the same hills
-as a mesh; then windows and meshes are made by themselves, each in a fresh process.
+Measures processor time. A vehicle drives in curves on a box, on hills and on the same hills as a
+mesh; then windows and meshes are built alone, each in a fresh process.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def sheet(made: np.ndarray, cell_m: float) -> Solid:
 
 
 def microseconds(scenario: Scenario, solids: tuple[Solid, ...]) -> float:
-    """Return processor time a tick of a vehicle that drives in curves: the least of some rounds."""
+    """Return processor time per tick of a vehicle that drives in curves, least of some rounds."""
     speed = min(scenario.vehicles[0].model.top_speed_mps / 2, 4.0)
     with Simulation(scenario, solids) as simulation:
         rounds = []
@@ -85,7 +85,7 @@ def microseconds(scenario: Scenario, solids: tuple[Solid, ...]) -> float:
 
 
 def drives() -> None:
-    """Print what a tick costs each shipped vehicle on each ground."""
+    """Print the time of a tick of each shipped vehicle on each ground."""
     described = build(HILLS, Path(), ignore_warning)
     here = load_ground(described)
     start_m = float(here.height_at(0.0, 0.0))
@@ -109,13 +109,13 @@ def drives() -> None:
 
 
 def resident_mb() -> float:
-    """Return the memory that this process has, MB."""
+    """Return the resident memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def windows(cells: int) -> None:
-    """Print what a window costs."""
+    """Print memory and time of a window."""
     from services.physics.dynamics import terrain
 
     terrain.MIN_CELLS = cells
@@ -141,7 +141,7 @@ def windows(cells: int) -> None:
 
 
 def mesh(side: int) -> None:
-    """Print what a mesh costs."""
+    """Print memory and time of a mesh."""
     made = heights(replace(HILLS, size_m=(side, side)))
     solid = sheet(made, 1.0)
     backend = BulletBackend()

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast a run in lockstep is, and what the waiting costs: `python -m benchmarks.lockstep`.
+"""Speed of a run in lockstep, and the cost of its waiting: `python -m benchmarks.lockstep`.
 
-Rule: what runs is what `groundlink up` starts for the default scenario in fast mode, without its
-camera, and a plain receiver for ROS. One run has many episodes, each of so many ticks from a reset
-to the last acknowledgement of the slowest. Every other one is free: the same processes and states,
-but physics waits for nobody before the last tick. Nothing may be lost in either, or nothing is
-said.
+Runs what `groundlink up` starts for the default scenario in fast mode, without its camera, and a
+plain receiver in the place of ROS. One run has many episodes, each from a reset to the slowest
+process's acknowledgement of the last tick. Every other episode is free: with the same processes and
+states, but physics waits for acknowledgements only before the last tick. A loss in any episode
+fails the benchmark.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from .claims import Claim, add_options, judge
 DEFAULT = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
 RUN = "benchmark"
 TICKS = 3200
-"""Of an episode: 8 s. A sensor keeps 4,096 states, so that none is lost in a free one."""
+"""Ticks of an episode: 8 s. A sensor buffers 4,096 states, so none is lost in a free episode."""
 
 PAIRS = 7
 LEAST_FACTOR = 4.0
 MOST_COST = 0.3
 LOST = ("missed_ticks", "bus_dropped", "gap_overloaded")
-"""Counters that have to be 0."""
+"""Counters that must be 0."""
 
 
 def scenario_file(folder: Path) -> Path:
@@ -64,21 +64,21 @@ def scenario_file(folder: Path) -> Path:
 
 
 def free_port(kind: socket.SocketKind) -> int:
-    """Return a port that nobody has."""
+    """Return a free port."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def physics() -> None:
-    """Be the physics process; every other episode waits for nobody before its last tick."""
+    """Run the physics process; every other episode is free."""
     from services.physics import __main__
     from services.physics.run import episode as episodes
     from services.physics.run import pacer
     from services.physics.run.participants import AckRequirement
 
     round_number = itertools.count()
-    as_ever = pacer.pacer_for
+    original = pacer.pacer_for
 
     def pacer_of_episode(scenario: Scenario, episode: int, others: Sequence[str]) -> pacer.Pacer:
         free = next(round_number) % 2
@@ -87,20 +87,20 @@ def physics() -> None:
             return lambda tick: TICKS if tick > TICKS else -1 if free else tick - ticks
 
         pacer.window = window  # type: ignore[attr-defined]
-        return as_ever(scenario, episode, others)
+        return original(scenario, episode, others)
 
     episodes.pacer_for = pacer_of_episode  # type: ignore[attr-defined]
     process.run(__main__.NAME, __main__.main)
 
 
 def episode_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[int, float]:
-    """Return an episode after another one, and how long it took from the first word to the end."""
+    """Return the next episode, and its time from the first acknowledgement to the end."""
     reached: dict[str, int] = {}
     episode, begun = after, 0.0
     while len(reached) < len(needed) or min(reached.values()) < TICKS:
         arrived = acks.get(seconds=30)
         if arrived is None:
-            raise RuntimeError(f"silence; acknowledged was {reached}")
+            raise RuntimeError(f"no acknowledgement for 30 s; last ones: {reached}")
         name, ack = arrived[0].partition("/ack/")[2], arrived[1]
         if ack.life > episode:
             episode, reached, begun = ack.life, {}, time.monotonic()
@@ -110,19 +110,19 @@ def episode_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[
 
 
 def lost(health: BusInbox[Message]) -> dict[str, int]:
-    """Return what processes have counted that must not be."""
+    """Return losses that processes have counted."""
     found: dict[str, int] = {}
     while len(health) and (arrived := health.get(seconds=0)):
-        word = arrived[1]
-        assert isinstance(word, Health)
+        message = arrived[1]
+        assert isinstance(message, Health)
         for what in LOST:
-            if count := word.counters.get(what):
-                found[f"{word.process} {what}"] = count
+            if count := message.counters.get(what):
+                found[f"{message.process} {what}"] = count
     return found
 
 
 def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[float]]:
-    """Return the seconds of each pair of episodes: one in lockstep, one free."""
+    """Return the times of pairs of episodes, one in lockstep and one free."""
     endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     commands = running.commands(scenario, str(file), RUN, endpoint, sensors_together=together)
     commands["physics"][:2] = ["-m", "benchmarks.lockstep", "physics"]
@@ -145,8 +145,8 @@ def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[
         finally:
             supervisor.stop()
     if found := lost(health):
-        raise RuntimeError(f"lost: {found}; episodes are not to be compared")
-    # The first two were to get warm.
+        raise RuntimeError(f"lost: {found}; episodes cannot be compared")
+    # The first two episodes warm up.
     return [seconds[i : i + 2] for i in range(1, 1 + 2 * pairs, 2)]
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much faster than real time physics runs: `python -m benchmarks.physics`.
 
-Rule: what is timed is what the physics process does in each tick of `fast` mode when no sensor is
-waited for: a command to each vehicle 20 times a second, the step, and all that is published of it
-on a real bus that one other process listens to. Time is the processor's, of all threads of this
-process together, so that the figures are those of one core whatever else runs.
+Measures each tick of the physics process in `fast` mode without sensors to wait for: a command to
+each vehicle 20 times a second, the step, and all publishing on a real bus with one subscriber. Time
+is processor time of all threads of this process, so the figures hold for one core whatever else
+runs.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from .claims import Claim, add_options, judge
 RUN = "benchmark"
 ROUNDS = 5
 SECONDS = 1.0
-"""Of sim time in a round."""
+"""Sim time of a round."""
 
 COMMAND_TICKS = TICK_RATE_HZ // 20
 
@@ -79,8 +79,8 @@ def field(model: str, count: int) -> Scenario:
         return load(file)
 
 
-def nobody(scenario: Scenario) -> Publishers:
-    """Return outlets that make the bytes and send them nowhere."""
+def encoding_only(scenario: Scenario) -> Publishers:
+    """Return publishers that encode messages and send nothing."""
 
     def each() -> dict[str, Callable[[Message], bytes]]:
         return {vehicle.name: encode for vehicle in scenario.vehicles}
@@ -88,9 +88,9 @@ def nobody(scenario: Scenario) -> Publishers:
     return Publishers(encode, encode, encode, each(), each(), each(), each())
 
 
-def tick_us(scenario: Scenario, publish: Publishers) -> float:
-    """Return the median over some rounds, after one to warm up, of processor time a tick."""
-    episode = Episode(scenario, RUN, publish, others=(), wall_nanos=0)
+def tick_us(scenario: Scenario, publishers: Publishers) -> float:
+    """Return processor time per tick: the median of some rounds, after one to warm up."""
+    episode = Episode(scenario, RUN, publishers, others=(), wall_nanos=0)
     episode.begin(0, 0.0)
     rounds = []
     ticks = round(SECONDS / TICK_SECONDS)
@@ -110,7 +110,7 @@ def tick_us(scenario: Scenario, publish: Publishers) -> float:
 
 
 def listen(endpoint: str, key: str, pipe: multiprocessing.connection.Connection) -> None:
-    """Take states off the bus, as a sensor does, until told to end; say how many came."""
+    """Receive states as a sensor does until the pipe says to end; send their count."""
     inbox: BusInbox[State] = BusInbox(depth=1024)
     with Bus(connect=endpoint) as bus:
         bus.subscribe(key, State, inbox)
@@ -140,7 +140,7 @@ def main() -> int:
             raise RuntimeError("the listener did not start")
         for (model, count), least in LEAST.items():
             scenario = field(model, count)
-            bare = tick_us(scenario, nobody(scenario))
+            bare = tick_us(scenario, encoding_only(scenario))
             cost = tick_us(scenario, BusPublishers(bus, RUN, scenario))
             ratio = 1e6 * TICK_SECONDS / cost
             costs.setdefault(model, []).append((count, cost))

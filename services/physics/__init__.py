@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The run's authority: PyBullet at 400 Hz, paced, and what every replica needs served."""
+"""The physics process: simulates the world at 400 Hz, paces the run and serves its replicas."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle's motors have done and what it has touched, kept tick by tick.
+"""Energy of a vehicle's motors and contacts of its chassis, recorded tick by tick.
 
-Rule: pure sums over what physics has read from the engine anyway; it changes nothing of the motion.
-Which solid a touched body's point belongs to is only worked out when it is told.
+Recording does not influence the motion. The solid that a contact point belongs to is determined
+only when contacts are reported.
 """
 
 from __future__ import annotations
@@ -17,45 +17,45 @@ from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.messages.vitals import Contact
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid
 
-Touch = tuple[int, int, Vector3, float]
-"""Tick, number of the other body, point in the world (m), normal force (N)."""
+RecordedContact = tuple[int, int, Vector3, float]
+"""Tick, other body, point in the world (m), normal force (N)."""
 
 
 class EnergyAndContacts:
-    """Energy and contacts of one vehicle."""
+    """Energy and contacts of one vehicle since its start."""
 
     __slots__ = ("_braking", "_driving", "_touches")
 
     def __init__(self) -> None:
         self._driving = self._braking = 0.0
-        self._touches: list[Touch] = []
+        self._touches: list[RecordedContact] = []
 
     def worked(self, driving_w: float, braking_w: float) -> None:
-        """Add a tick: the power of the motors where they drive and where they brake."""
+        """Add the power of the motors in a tick, driving and braking."""
         self._driving += driving_w
         self._braking += braking_w
 
     @property
     def motor_work_j(self) -> float:
-        """Work of the motors where they drive, J."""
+        """Work of driving motors, J."""
         return self._driving * TICK_SECONDS
 
     @property
     def braked_j(self) -> float:
-        """Work that they took up where they brake, J."""
+        """Work taken up by braking motors, J."""
         return self._braking * TICK_SECONDS
 
-    def touched(self, touch: Touch) -> None:
+    def touched(self, touch: RecordedContact) -> None:
         """Add a contact point of one tick."""
         self._touches.append(touch)
 
     def contacts(self, bodies: Mapping[int, Sequence[Solid]]) -> tuple[Contact, ...]:
-        """Return what was touched since the last call, in the order of first touch.
+        """Return the contacts since the last call, in the order of the first ones.
 
         Parameters
         ----------
         bodies
-            the solids that each of the engine's bodies is made of.
+            solids of each body.
         """
         if not self._touches:
             return ()
@@ -72,8 +72,8 @@ class EnergyAndContacts:
         )
 
 
-def _names(touches: Sequence[Touch], bodies: Mapping[int, Sequence[Solid]]) -> list[str]:
-    """Return for each touch the solid of the touched body whose surface is nearest to its point."""
+def _names(touches: Sequence[RecordedContact], bodies: Mapping[int, Sequence[Solid]]) -> list[str]:
+    """Return for each contact the solid of the other body whose surface is nearest."""
     numbers = np.array([body for _, body, _, _ in touches])
     points = np.array([point for _, _, point, _ in touches])
     names = [""] * len(touches)
@@ -86,7 +86,7 @@ def _names(touches: Sequence[Touch], bodies: Mapping[int, Sequence[Solid]]) -> l
 
 
 def _outside_m(solid: Solid, points: Floats) -> Floats:
-    """Return how far points in the world, shape (N, 3), are outside a solid; inside is negative."""
+    """Return distances of points in the world, shape (N, 3), to a solid; negative inside."""
     local = (points - solid.position_m) @ matrix_from_quaternion(solid.orientation)
     over = _over(solid.shape, local)
     outside: Floats = np.linalg.norm(np.maximum(over, 0.0), axis=1)
@@ -95,14 +95,14 @@ def _outside_m(solid: Solid, points: Floats) -> Floats:
 
 
 def _over(shape: Shape, local: Floats) -> Floats:
-    """Return how far points are beyond each of a shape's limits, shape (N, limits)."""
+    """Return distances of points beyond each of a shape's limits, shape (N, limits)."""
     if isinstance(shape, Box):
         sides: Floats = np.abs(local) - np.array(shape.size_m) / 2
         return sides
     if isinstance(shape, Cylinder):
         radial = np.linalg.norm(local[:, :2], axis=1) - shape.radius_m
         return np.stack([radial, np.abs(local[:, 2]) - shape.length_m / 2], axis=-1)
-    if isinstance(shape, Mesh):  # never one of several in a body
+    if isinstance(shape, Mesh):  # a mesh has a body of its own
         return np.concatenate([local - shape.high_m, shape.low_m - local], axis=-1)
     beyond: Floats = np.linalg.norm(local, axis=1, keepdims=True) - shape.radius_m
     return beyond

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What slows a whole vehicle down without touching it: the air's drag, and damping.
+"""Forces that slow a whole vehicle down: aerodynamic drag, and damping.
 
-Rule: pure; all vectors are in the base frame. Damping is that of engines for games, a share of the
-velocity each second; drag is that of the air.
+All vectors are in the base frame. Damping takes a share of the velocity each second, as in game
+engines.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from groundlink.scenario.vehicle import VehicleModel
 from .urdf import chassis_moments
 
 AIR_DENSITY_KGPM3 = 1.225
-"""Of the standard atmosphere at sea level (ISO 2533)."""
+"""Standard atmosphere at sea level (ISO 2533)."""
 
 
 class BodyDrag:
-    """The resistance of one vehicle."""
+    """Drag and damping of one vehicle."""
 
     def __init__(self, model: VehicleModel) -> None:
         chassis, wheels = model.chassis, model.wheels
@@ -37,12 +37,12 @@ class BodyDrag:
     def slow(
         self, force: Vector3, torque: Vector3, velocity: Vector3, turn: Vector3
     ) -> tuple[Vector3, Vector3]:
-        """Return force and torque on the center of mass with the resistance added.
+        """Add drag and damping to force and torque on the center of mass.
 
         Parameters
         ----------
         velocity, turn
-            of the base's origin, m/s and rad/s.
+            velocities of the base's origin, m/s and rad/s.
         """
         (x, y, z), (ox, oy, oz) = self._com, turn
         vx = velocity[0] + oy * z - oz * y
@@ -57,7 +57,7 @@ class BodyDrag:
 
 
 def body_drag(model: VehicleModel) -> BodyDrag | None:
-    """Return the resistance of a vehicle that has any."""
+    """Return drag and damping of a vehicle, None if it has neither."""
     chassis = model.chassis
     resists = (chassis.drag_area_m2, chassis.linear_damping_per_s, chassis.angular_damping_per_s)
     return BodyDrag(model) if any(resists) else None

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle's controller: from commands to what each driven shaft is asked for, tick by tick.
+"""Drive controller: turns commands into target speeds of driven shafts and steering angles.
 
-Rule: pure; sim time comes in. A command acts in the step that begins at its stamp (and its motor's
-latency) or after it, until a newer one does or it is older than the drive's timeout.
+Sim time comes in as an argument. A command acts in the first step at or after its stamp (plus the
+motor's latency), until a newer one acts or it is older than the drive's timeout.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from groundlink.scenario.vehicle import VehicleModel
 from .steering import STANDSTILL, Speeds, Twist, steering
 
 MAX_WAITING = 1000
-"""Commands that may wait for their instant; more means that a sender's clock is wrong."""
+"""Commands that may wait for their stamp; more means that a sender's clock is wrong."""
 
 
 class WheelTargets(NamedTuple):
-    """What the wheels are asked for."""
+    """Targets of shafts and steered wheels."""
 
     speeds_radps: Speeds
     """Of the driven shafts."""
@@ -34,12 +34,10 @@ class WheelTargets(NamedTuple):
 
 
 class Controller:
-    """The controller of one vehicle.
+    """The drive controller of one vehicle.
 
     Parameters
     ----------
-    model
-        whose wheels and limits count.
     epoch_nanos
         stamp of sim time zero.
     """
@@ -67,17 +65,16 @@ class Controller:
         )
 
     def command(self, command: Command | WheelCommand) -> bool:
-        """Take a command; one that is older than what acts already changes nothing.
+        """Take a command. One that is older than the active command changes nothing.
 
         Returns
         -------
-        False where it is stale: its time was over when it came.
+        False for a stale command: its timeout was over when it came.
 
         Raises
         ------
         ValueError
-            when a number in it is not finite, it names what there is not, or too many wait for
-            their instant.
+            when a number is not finite, a wheel does not exist, or too many commands wait.
         """
         asked = (
             self._velocity(command) if isinstance(command, Command) else self._each_wheel(command)
@@ -86,7 +83,7 @@ class Controller:
         if self._now_nanos - sim_nanos > self._timeout_nanos:
             return False
         if len(self._waiting) >= MAX_WAITING:
-            raise ValueError(f"{MAX_WAITING} commands wait already: their stamps are in the future")
+            raise ValueError(f"{MAX_WAITING} commands already wait: their stamps are in the future")
         if sim_nanos >= self._since_nanos:
             insort(self._waiting, (sim_nanos, asked), key=lambda waiting: waiting[0])
         return True
@@ -102,15 +99,15 @@ class Controller:
         return WheelTargets(speeds, _in_order(command.angles_rad, self._steered, self._range))
 
     def wheels(self, sim_nanos: int, angles: Sequence[float] = ()) -> WheelTargets:
-        """Return what is asked of shafts (rad/s) and steered wheels (rad) from `sim_nanos` on.
+        """Return the targets of shafts (rad/s) and steered wheels (rad) from `sim_nanos` on.
 
-        To be called once a tick: a velocity changes by what the drive's accelerations allow. Wheels
-        that are commanded one by one are asked for their speeds at once.
+        To be called once a tick: a velocity changes within the drive's accelerations. Wheels that
+        are commanded individually get their target speeds at once.
 
         Parameters
         ----------
         angles
-            of the steered wheels now.
+            present angles of the steered wheels.
         """
         self._now_nanos = sim_nanos
         while self._waiting and self._waiting[0][0] <= sim_nanos:
@@ -134,14 +131,14 @@ class Controller:
 
 
 def _in_order(given: dict[str, float], names: Sequence[str], most: float) -> tuple[float, ...]:
-    """Return the values of all names, within limits; what is not named is asked for zero."""
+    """Return the values of all names, within limits; zero for a name that is missing."""
     if strange := given.keys() - set(names):
-        raise ValueError(f"`{min(strange)}` is not to be commanded; there are {', '.join(names)}")
+        raise ValueError(f"`{min(strange)}` takes no command; expected one of {', '.join(names)}")
     if not all(map(isfinite, given.values())):
         raise ValueError("a value that is not a finite number")
     return tuple(max(-most, min(most, given.get(name, 0.0))) for name in names)
 
 
 def _towards(value: float, target: float, most: float) -> float:
-    """Return `value` moved to `target`, by no more than `most`."""
+    """Return `value` moved toward `target`, by at most `most`."""
     return value + max(-most, min(most, target - value))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a motor can do at its speed, what that costs, and the battery that it comes from.
+"""Motors and battery: torque limits at a speed, power, and charge.
 
-Rule: pure. A direct current motor of stall torque T and no-load speed w0 at full voltage has a line
-of torque over speed; a share of the voltage moves the line down in parallel. The heat in its
-windings follows from the same two figures: to hold a torque t costs t^2 w0 / T.
+The torque of a direct-current motor with stall torque T and no-load speed w0 at full voltage falls
+in a line with its speed; less voltage moves the line down in parallel. Heat in its windings follows
+from the same two figures: holding a torque t costs t^2 w0 / T.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Motors:
         )
 
     def power_w(self, torque_nm: float, speed_radps: float) -> float:
-        """Return what a motor draws: its work and its heat. What it brakes is not given back."""
+        """Return the power that a motor draws, work and heat; braking returns nothing."""
         power = torque_nm * speed_radps
         if (motor := self._motor) is not None:
             power += torque_nm * torque_nm * motor.no_load_speed_radps / motor.stall_torque_nm
@@ -41,12 +41,12 @@ class Motors:
 
 
 class BatteryCharge:
-    """What is in a vehicle's battery."""
+    """Charge of a vehicle's battery."""
 
     def __init__(self, battery: Battery) -> None:
         self._battery = battery
         self.share = battery.charge
-        """Of the capacity."""
+        """Share of the capacity."""
 
         self.current_a = 0.0
         self.voltage_v = self._open_v
@@ -57,10 +57,9 @@ class BatteryCharge:
         return empty + self.share * (full - empty)
 
     def draw(self, power_w: float) -> float:
-        """Take the power of a tick, and return what is left of the full voltage, as a share.
+        """Draw power for a tick; return the voltage as a share of the full one.
 
-        The current I solves (V - I R) I = P; where the battery cannot give as much, it gives the
-        most that it can.
+        The current I solves (V - I R) I = P. Where the battery cannot give P, it gives its maximum.
         """
         battery = self._battery
         if self.share <= 0.0:
@@ -79,7 +78,7 @@ class BatteryCharge:
 
 
 class UnlimitedSupply:
-    """Stands for a battery that is never empty."""
+    """Supplies a vehicle without a battery: never empty."""
 
     def draw(self, power_w: float) -> float:
         """Return the full voltage."""

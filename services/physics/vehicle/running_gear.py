@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle's running gear: wheels that meet the ground, turn on shafts and are steered.
+"""Running gear of a vehicle: wheels that roll on the ground, turn on shafts and are steered.
 
-Rule: pure; the base's motion, the springs and what the wheels touch in, forces out. All vectors are
-in the base frame. The engine knows wheels only as balls without friction that slide on springs:
-what turns, grips and steers is here.
+Motion of the base, springs and contacts come in, forces go out; all vectors are in the base frame.
+To the backend, wheels are spheres without friction that slide on springs: turning, grip and
+steering are here.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ UPRIGHT = 0.2
 """Sine of the angle between axle and ground's normal below which a wheel lies on its side."""
 
 GroundContact = tuple[float, float, float, float]
-"""What a wheel contacts: the sum over its contact points of normal force times the ground's
-coefficient of friction, N, and the sum of the normal forces on it, N, in the base frame."""
+"""Sums over a wheel's contact points: normal force times the ground's coefficient of friction, N,
+and the normal forces on the wheel, N, in the base frame."""
 
 
 class GroundReaction(NamedTuple):
-    """What the ground does to the base by way of the wheels."""
+    """Force and torque of the ground on the base, through the wheels."""
 
     force_n: Vector3
     torque_nm: Vector3
     """About the center of mass."""
 
     along_springs_n: list[float]
-    """The part of each wheel's force along its spring: it acts on the wheel, not on the base."""
+    """Each wheel's force along its spring, which acts on the wheel and not on the base."""
 
 
 class RollingWheel:
@@ -63,21 +63,21 @@ class RollingWheel:
         self.steering_joint = steering_joint
         self.shaft: TurningShaft | None = None
         self.ratio = 1.0
-        """Turns of the wheel for one of its shaft."""
+        """Turns of the wheel for one turn of its shaft."""
 
     @property
     def angle_rad(self) -> float:
-        """How far it has turned on its axle."""
+        """Angle about its axle."""
         return self.shaft.angle_rad * self.ratio if self.shaft else 0.0
 
     @property
     def speed_radps(self) -> float:
-        """How fast it turns."""
+        """Speed about its axle."""
         return self.shaft.speed_radps * self.ratio if self.shaft else 0.0
 
     @property
     def torque_nm(self) -> float:
-        """Its part of what the motor gave."""
+        """Its share of the motor's torque."""
         return self.shaft.torque_nm / (self.ratio * len(self.shaft.tires)) if self.shaft else 0.0
 
 
@@ -125,14 +125,14 @@ class RunningGear:
                 rolling.shaft = turning
             (self._driven if shaft.driven else self._free).append(turning)
         self.driving_w = self.braking_w = 0.0
-        """Mechanical power of the motors in the last tick: where they drive, where they brake."""
+        """Mechanical power of the motors in the last tick, driving and braking."""
 
     def angles(self) -> tuple[float, ...]:
         """Return the angles of the steered wheels."""
         return tuple(steering_joint.angle_rad for steering_joint in self._steering_joints)
 
     def battery(self) -> BatteryState | None:
-        """Return what the battery says, where there is one."""
+        """Return the state of the battery, None without one."""
         if (charge := self._charge) is None:
             return None
         return BatteryState(charge.share, charge.voltage_v, charge.current_a)
@@ -146,12 +146,12 @@ class RunningGear:
         springs: Sequence[Sequence[float]],
         contacts: Sequence[GroundContact | None],
     ) -> GroundReaction:
-        """Turn shafts and joints for a tick and return how the ground pushes.
+        """Turn shafts and steering joints for a tick; return the ground's reaction.
 
         Parameters
         ----------
         velocity, turn
-            of the base's origin, m/s and rad/s.
+            velocities of the base's origin, m/s and rad/s.
         springs
             position (m) and velocity (m/s) of each wheel along the base's z.
         contacts
@@ -170,7 +170,7 @@ class RunningGear:
                 meeting.append(None)
                 continue
             grip, nx, ny, nz = contact
-            load = sqrt(nx * nx + ny * ny + nz * nz) or 1.0  # wedged in: what it contacts cancels
+            load = sqrt(nx * nx + ny * ny + nz * nz) or 1.0  # forces on a wedged wheel cancel
             nx, ny, nz = nx / load, ny / load, nz / load
             grip *= wheel.friction
             ax, ay = 0.0, 1.0
@@ -216,9 +216,9 @@ class RunningGear:
         return GroundReaction((sx, sy, sz), (tx, ty, tz), along_springs)
 
     def _turn_shafts(self, speeds: Sequence[float]) -> float:
-        """Turn all shafts by a tick; return the rate of their angular momentum about y, N m.
+        """Turn all shafts for a tick; return the rate of their angular momentum about y, N m.
 
-        What turns a wheel faster turns the base the other way. All counts as on the shaft.
+        Its reaction turns the base the other way.
         """
         share, motors = self._voltage_share, self._motors
         drawn = self.driving_w = self.braking_w = 0.0

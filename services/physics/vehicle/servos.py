@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Servos of a vehicle's joints: from commanded positions to where joints are, tick by tick.
+"""Servos of a vehicle's joints: move joints to commanded positions, tick by tick.
 
-Rule: pure; sim time comes in. A command acts in the step that begins at its stamp or after it, and
-holds until a newer one names the same joint. A joint moves at its `max_speed` or slower.
+Sim time comes in as an argument. A command acts in the first step at or after its stamp, until a
+newer one names the same joint. A joint moves at its `max_speed` or slower.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from groundlink.scenario.joints import Joint, Pose, base_from_links
 from .controller import MAX_WAITING
 
 Asked = dict[int, tuple[float, float]]
-"""Position and speed, by the place of a joint."""
+"""Target position and speed by the index of a joint."""
 
 
 class Servos:
@@ -51,30 +51,30 @@ class Servos:
         self._place()
 
     def command(self, command: JointState) -> bool:
-        """Take a command: positions (rad, m), and how fast to go there, if `velocities` says so.
+        """Take a command: positions (rad, m), and optionally the speeds to move there.
 
         Raises
         ------
         ValueError
-            when it names a joint that there is not, has no positions, or a number is not finite.
+            when a joint does not exist, a position is missing, or a number is not finite.
         """
         positions = floats(command.positions).tolist()
         speeds = [abs(speed) for speed in floats(command.velocities).tolist()]
         if len(positions) != len(command.names):
-            raise ValueError("joints without positions; expected one for each name")
+            raise ValueError("joints without positions; expected one position for each name")
         if not all(map(isfinite, (*positions, *speeds))):
             raise ValueError("a position or velocity that is not a finite number")
         if strange := set(command.names) - self._places.keys():
             known = ", ".join(self._places) or "none"
-            raise ValueError(f"no joint `{min(strange)}` is to be commanded; there are {known}")
+            raise ValueError(f"no joint `{min(strange)}` takes a command; expected one of {known}")
         if len(self._waiting) >= MAX_WAITING:
-            raise ValueError(f"{MAX_WAITING} commands wait already: their stamps are in the future")
+            raise ValueError(f"{MAX_WAITING} commands already wait: their stamps are in the future")
         asked: Asked = {}
         for i, (name, position) in enumerate(zip(command.names, positions, strict=True)):
             place = self._places[name]
             joint = self._joints[place]
             low, high = joint.limits
-            # ROS leaves velocities out, or zero, where it has none to say.
+            # ROS publishers leave velocities out, or zero, where they give none.
             speed = min(speeds[i] if speeds and speeds[i] else joint.max_speed, joint.max_speed)
             asked[place] = min(max(position, low), high), speed
         stamp = command.stamp_nanos - self._epoch_nanos
@@ -82,7 +82,7 @@ class Servos:
         return True
 
     def step(self, sim_nanos: int) -> None:
-        """Go on by a tick from `sim_nanos`."""
+        """Advance by a tick from `sim_nanos`."""
         while self._waiting and self._waiting[0][0] <= sim_nanos:
             self._moves = True
             for place, asked in self._waiting.pop(0)[1].items():
@@ -99,7 +99,7 @@ class Servos:
         self._place()
 
     def _place(self) -> None:
-        """Say where the links are."""
+        """Update poses and state."""
         self.poses = base_from_links(self._joints, self.positions)
         packed = self._pack(*self.positions), self._pack(*self.speeds)
         self.state = memoryview(packed[0]), memoryview(packed[1])

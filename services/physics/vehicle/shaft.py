@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wheels that turn together, the motor on their shaft and the grip of their tires.
+"""Shaft: wheels that turn together, their motor and the grip of their tires.
 
-Rule: pure; solved implicitly, so that neither a light wheel nor a hard tread makes it rattle. A
-motor holds the speed that it is asked for as far as its torque goes.
+Solved implicitly, so that neither a light wheel nor a stiff tread makes it oscillate. A motor holds
+its target speed within its torque.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from groundlink.core.clock import TICK_SECONDS
 from .tire import Tire
 
 STEPS = 40
-"""Of Newton's method at most; it takes three as a rule."""
+"""Most iterations of Newton's method; it usually takes three."""
 
 SLOW_RADPS = 0.05
-"""Below this speed the resistance to rolling fades: it is no brake."""
+"""Speed below which rolling resistance fades, so that it does not hold the shaft."""
 
 
 class TurningShaft:
@@ -26,13 +26,13 @@ class TurningShaft:
     Parameters
     ----------
     tires
-        those of its wheels.
+        of its wheels.
     radius_m
-        from the shaft's speed to that of all of its treads.
+        ratio of the treads' speed to the shaft's.
     inertia_kgm2
-        of all that turns, seen from the shaft.
+        of all turning parts, seen from the shaft.
     damping_nmsprad
-        of its bearings, likewise.
+        of its bearings, seen from the shaft.
     """
 
     __slots__ = (
@@ -60,10 +60,10 @@ class TurningShaft:
         self.inertia_kgm2 = inertia_kgm2
         self.angle_rad = self.speed_radps = self.tread_mps = 0.0
         self.torque_nm = 0.0
-        """What the motor gave in the last tick."""
+        """Of the motor in the last tick."""
 
     def turn(self, asked_radps: float, least_nm: float, most_nm: float) -> None:
-        """Go on by a tick, towards a speed by a motor of some torque."""
+        """Advance by a tick toward a target speed, within torque limits."""
         before, radius = self.speed_radps, self._radius
         damping = self._damping
         if resisting := sum([tire.resisting_n for tire in self.tires]):
@@ -83,16 +83,16 @@ class TurningShaft:
         self.tread_mps = speed * radius
 
     def _driven_by(self, torque: float, inertia: float, damping: float) -> float:
-        """Return the speed after a tick of a motor's torque."""
+        """Return the speed after a tick with a torque of the motor."""
         before, radius = self.speed_radps, self._radius
         gripping = [tire for tire in self.tires if tire.limit_n > 0.0]
         most = radius * sum([tire.limit_n for tire in gripping])
-        # The treads push or brake with no more than all of their grip.
+        # The treads push or brake with at most their grip.
         low = (inertia * before + torque - most) / (inertia + damping)
         high = low + 2 * most / (inertia + damping)
         speed = (low + high) / 2
         if gripping:
-            # From where the treads neither push nor brake their force rises ever less.
+            # Start where the treads neither push nor brake: from there their force rises ever less.
             rolling = sum([tire.rolling_mps for tire in gripping]) / (radius * len(gripping))
             speed = min(max(rolling, low), high)
         for _ in range(STEPS):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the velocity of the base to the speed of each driven shaft and the angles of steered wheels.
+"""Steering geometry: from a velocity of the base to shaft speeds and steering angles.
 
-Rule: pure geometry, one class for vehicles that their sides turn and one for those that steer. How
-fast a shaft really turns is up to its motor and the ground.
+One class for skid steering, one for Ackermann steering. The actual speed of a shaft depends on its
+motor and on the ground.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from groundlink.scenario.drives import Ackermann, SideSteered
 from groundlink.scenario.vehicle import VehicleModel
 
 Speeds = tuple[float, ...]
-"""Of the driven shafts, rad/s, forward > 0."""
+"""Speeds of the driven shafts, rad/s, forward > 0."""
 
 Twist = tuple[float, float]
 """Velocity along the base's x, m/s, and about its z, rad/s."""
@@ -23,9 +23,9 @@ STANDSTILL: Twist = (0.0, 0.0)
 
 
 class SkidSteering:
-    """Shafts roll with v - w y k, with k the track multiplier.
+    """Shafts roll at v - w y k, with k the track multiplier.
 
-    A vehicle that skids round turns slower than its geometry says.
+    A skidding vehicle turns more slowly than its geometry says.
     """
 
     def __init__(self, model: VehicleModel, drive: SideSteered) -> None:
@@ -43,11 +43,11 @@ class SkidSteering:
         return tuple((linear - angular * y) / radius for y, radius in self._shares)
 
     def angles(self, twist: Twist) -> tuple[float, ...]:
-        """Return the angles of the steered wheels: there are none."""
+        """Return the angles of the steered wheels: none."""
         return ()
 
     def within_limits(self, twist: Twist) -> Twist:
-        """Return a velocity for which no shaft turns too fast: slower, but on the same curve."""
+        """Return a velocity on the same curve that no shaft is too slow for."""
         fastest = max(map(abs, self.speeds(twist)))
         share = min(1.0, self._most / fastest) if fastest else 1.0
         return twist[0] * share, twist[1] * share
@@ -56,9 +56,9 @@ class SkidSteering:
 class AckermannSteering:
     """The axles of all wheels meet in one point on the line of those that are not steered.
 
-    That is tan(angle) = L / (R - y) for a wheel L before that line, y to the left. Driven wheels
-    turn as the curve demands on which the steered ones really are, as a differential lets them.
-    Asked to stand still they keep their angles; the yaw rate counts where there is speed.
+    So tan(angle) = L / (R - y) for a wheel L before that line, y to the left. Driven wheels turn as
+    the curve of the present steering angles demands, as a differential lets them. At standstill the
+    angles are kept; a yaw rate counts only with a speed.
     """
 
     def __init__(self, model: VehicleModel, drive: Ackermann) -> None:
@@ -77,7 +77,7 @@ class AckermannSteering:
         self._curvature = 0.0
 
     def speeds(self, twist: Twist, angles: Sequence[float] = ()) -> Speeds:
-        """Return the speed of each driven wheel, with the steered ones at their angles."""
+        """Return the speed of each driven wheel at the present steering angles."""
         curvature = self._curved_by(angles) if angles else self._curvature
         speeds = []
         for length, y, radius in self._driven:
@@ -94,13 +94,13 @@ class AckermannSteering:
         return tuple(atan(k * length / (1.0 - k * y)) for length, y in self._steered)
 
     def within_limits(self, twist: Twist) -> Twist:
-        """Return a velocity that is not too fast for the wheels straight on; the same curve."""
+        """Return a velocity on the same curve that is not too fast for the wheels straight on."""
         most = self._most * min(radius for _, _, radius in self._driven)
         share = min(1.0, most / abs(twist[0])) if twist[0] else 1.0
         return twist[0] * share, twist[1] * share
 
     def _curved_by(self, angles: Sequence[float]) -> float:
-        """Return the curvature (1/m) that the steered wheels have in the mean."""
+        """Return the mean curvature (1/m) of the steered wheels."""
         total = 0.0
         for (length, y), angle in zip(self._steered, angles, strict=True):
             slope = tan(angle)
@@ -112,7 +112,7 @@ Steering = SkidSteering | AckermannSteering
 
 
 def steering(model: VehicleModel) -> Steering:
-    """Return the geometry of a vehicle's drive."""
+    """Return the steering geometry of a vehicle."""
     if isinstance(model.drive, Ackermann):
         return AckermannSteering(model, model.drive)
     return SkidSteering(model, model.drive)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The joint that steers a wheel: as fast and as strong as its drive, within its range.
+"""Steering joint of a wheel: turns within the speed, torque and range of its drive.
 
-Rule: pure. What resists it is the tire's footprint, a strip as long as the wheel is wide: standing,
-it has to be turned on the spot with friction at all of its points; rolling, the more freely the
-faster it rolls.
+The tire's footprint resists, a strip as long as the wheel is wide. At standstill all of its points
+rub; the faster the wheel rolls, the less it resists.
 """
 
 from __future__ import annotations
@@ -25,19 +24,19 @@ class SteeringJoint:
         self._most_radps = radians(drive.steering_speed_degps)
         self._most_nm = drive.steering_torque_nm
         self._inertia = wheel.mass_kg * (3 * wheel.radius_m**2 + wheel.width_m**2) / 12
-        # The mean distance of a strip's points from its middle.
+        # Mean distance of the strip's points from its middle.
         self._lever_m = wheel.width_m / 4
         self.angle_rad = self._speed = 0.0
 
     def turn(self, asked_rad: float, grip_n: float, rolling_mps: float) -> None:
-        """Go on by a tick.
+        """Advance by a tick.
 
         Parameters
         ----------
         grip_n
             friction times load of the tire.
         rolling_mps
-            how fast it rolls.
+            speed of rolling.
         """
         asked_rad = max(-self._range, min(self._range, asked_rad))
         speed = (asked_rad - self.angle_rad) / TICK_SECONDS
@@ -47,7 +46,7 @@ class SteeringJoint:
         scrub = self._lever_m * max(abs(self._speed), abs(speed))
         resisting = grip_n * self._lever_m * scrub / (scrub + abs(rolling_mps))
         lost = resisting * TICK_SECONDS / self._inertia
-        # What the joint has to do to get there although the footprint resists.
+        # Change of speed to reach the target against the footprint's resistance.
         change = speed - self._speed + (lost if speed > 0.0 else -lost if speed < 0.0 else 0.0)
         most = self._most_nm * TICK_SECONDS / self._inertia
         reached = self._speed + max(-most, min(most, change))
@@ -58,7 +57,7 @@ class SteeringJoint:
 
 
 def steering_joints(model: VehicleModel) -> dict[str, SteeringJoint]:
-    """Return the steered joints of a vehicle, by their wheels, in the order of the drive."""
+    """Return the steering joints of a vehicle by wheel, in the order of its drive."""
     drive = model.drive
     if not isinstance(drive, Ackermann):
         return {}

@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The grip of a tire on the ground: dry friction with an elastic tread.
+"""Tire model: dry friction with an elastic tread. Its only state is the tread's deflection.
 
-Rule: pure; motion over the ground and load in, force out, and the tread's deflection is all that is
-remembered.
-
-Bullet's own friction acts along the axes of the world, so that a skid-steered vehicle turns up to
-twice as fast on one heading as on another (measured, with and without its friction cone). Here the
-law is Coulomb's, the same in every direction of the ground unless the tire says otherwise: while it
-sticks, the tread is a spring and damper and holds without creeping; it slips at the limit of its
-load.
+Bullet's own friction acts along the axes of the world: a skid-steered vehicle turns up to twice as
+fast on one heading as on another (measured, with and without its friction cone). Here friction is
+Coulomb's, the same in every direction of the ground unless the tire has an `axle_ratio`. While it
+sticks, the tread is a spring and damper and does not creep; it slips at its friction limit.
 """
 
 from __future__ import annotations
@@ -18,13 +14,12 @@ from math import sqrt
 from groundlink.core.clock import TICK_SECONDS
 
 TREAD_STIFFNESS = 0.02
-"""Tangential, in units of the mass that rests on the wheel over the tick squared: a vehicle that
-rests on its treads swings at 9 Hz, which an explicit step bears though it rolls and yaws more
-easily than it slides. The rover's comes to 44 kN/m, of the order of a small pneumatic tire's; at
-135 N it gives way by 3 mm before it slips."""
+"""Tangential stiffness in units of the mass on the wheel over the tick squared. A vehicle swings at
+9 Hz on its treads, which is stable in an explicit step. The rover's comes to 44 kN/m, of the order
+of a small pneumatic tire's; at 135 N it deflects by 3 mm before it slips."""
 
 TREAD_DAMPING = 0.15
-"""Likewise, in units of that mass over the tick: half of what stops a swing at once."""
+"""Damping in units of that mass over the tick: half of what stops a swing at once."""
 
 
 class Tire:
@@ -33,9 +28,9 @@ class Tire:
     Parameters
     ----------
     borne_kg
-        the mass that rests on it.
+        mass that rests on it.
     axle_ratio
-        friction along the axle as a share of that in rolling direction.
+        friction along the axle as a share of that in the rolling direction.
     """
 
     __slots__ = (
@@ -54,32 +49,32 @@ class Tire:
         self._axle_ratio = axle_ratio
         self._stiffness = TREAD_STIFFNESS * borne_kg / TICK_SECONDS**2
         self.firmness = self._stiffness * TICK_SECONDS + TREAD_DAMPING * borne_kg / TICK_SECONDS
-        """Force for each m/s of slip in a tick while it sticks, N s/m."""
+        """Force per m/s of slip in a tick while it sticks, N s/m."""
 
         self.limit_n = 0.0
-        """Friction times load: 0 off the ground."""
+        """Friction times load; 0 off the ground."""
 
         self._x_m = self._y_m = 0.0
         self.lift()
 
     def lift(self) -> None:
-        """Take it off the ground: there is no grip and no memory."""
+        """Take it off the ground: no grip, no deflection."""
         self._x_m = self._y_m = self._along_n = self._aside_n = self.limit_n = 0.0
         self.resisting_n = 0.0
 
     def meet(
         self, forward_mps: float, left_mps: float, limit_n: float, resisting_n: float = 0.0
     ) -> None:
-        """Take how the wheel's hub moves over the ground in this tick.
+        """Set the motion of the wheel's hub over the ground in this tick.
 
         Parameters
         ----------
         limit_n
-            friction times load: the most that it holds in rolling direction.
+            friction times load: the largest force in the rolling direction.
         resisting_n
-            against rolling, which its shaft feels.
+            rolling resistance, which acts on its shaft.
         """
-        # In coordinates where the ellipse of friction is a circle.
+        # In coordinates where the friction ellipse is a circle.
         self._along_n = -self._stiffness * self._x_m - self.firmness * forward_mps
         self._aside_n = -self._stiffness * self._y_m - self.firmness * left_mps * self._axle_ratio
         self.limit_n = limit_n
@@ -87,7 +82,7 @@ class Tire:
 
     @property
     def deflection_m(self) -> tuple[float, float]:
-        """How far the tread is bent, forward and to the left."""
+        """Deflection of the tread, forward and to the left."""
         return self._x_m, self._y_m
 
     @deflection_m.setter
@@ -96,11 +91,11 @@ class Tire:
 
     @property
     def rolling_mps(self) -> float:
-        """The speed of the tread at which it neither pushes nor brakes."""
+        """Speed of the tread at which it neither pushes nor brakes."""
         return -self._along_n / self.firmness
 
     def along(self, tread_mps: float) -> tuple[float, float]:
-        """Return the force forward, N, at a speed of the tread, and its gain with it, N s/m."""
+        """Return the forward force, N, at a speed of the tread, and its derivative, N s/m."""
         forward, aside, limit = (
             self._along_n + self.firmness * tread_mps,
             self._aside_n,
@@ -113,7 +108,7 @@ class Tire:
         return forward * share, self.firmness * share * aside * aside / square
 
     def settle(self, tread_mps: float) -> tuple[float, float]:
-        """Return the ground's force on the tire, N, forward and to the left, and remember it."""
+        """Return the ground's force on the tire, N, forward and to the left; update the tread."""
         limit, stiffness = self.limit_n, self._stiffness
         if limit <= 0.0:
             self.lift()
@@ -123,10 +118,10 @@ class Tire:
         if size > limit:
             forward *= limit / size
             aside *= limit / size
-            # A tread that slips is bent by the force that it carries.
+            # A slipping tread is deflected by the force that it carries.
             self._x_m, self._y_m = -forward / stiffness, -aside / stiffness
         else:
-            # What was sprung at the tick's begin, and the way that it slipped since then.
+            # Deflection at the tick's start, and the slip since then.
             slip = -(forward + stiffness * self._x_m) / self.firmness
             self._x_m += slip * TICK_SECONDS
             slip = -(aside + stiffness * self._y_m) / self.firmness

@@ -130,8 +130,8 @@ def test_wheels_can_be_commanded_one_by_one(model: VehicleModel) -> None:
 @pytest.mark.parametrize(
     ("speeds", "angles", "says"),
     [
-        ({"front_left_whel": 1.0}, {}, "`front_left_whel` is not to be commanded"),
-        ({}, {"front_left_wheel": 0.1}, "`front_left_wheel` is not to be commanded"),
+        ({"front_left_whel": 1.0}, {}, "`front_left_whel` takes no command"),
+        ({}, {"front_left_wheel": 0.1}, "`front_left_wheel` takes no command"),
         ({"front_left_wheel": float("nan")}, {}, "finite"),
     ],
 )
