@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shows a run while it goes on: in Rerun, and to Foxglove as if it were a robot."""
+"""Viewer: shows a run in Rerun, or serves it to Foxglove.
+
+Imported by nobody. It receives messages of the bus and never publishes readings or commands.
+"""

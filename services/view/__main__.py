@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.view``: joins a run and shows it, without holding it up.
+"""Viewer process, started with ``python -m services.view``: shows a run without delaying it.
 
-With a recording it shows that, as fast as it can be read.
+With a recording as its argument it shows that file instead, as fast as it can be read.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ if TYPE_CHECKING:
 NAME = "view"
 
 FRAME_SECONDS = 1 / 30
-"""Between two looks at what has come."""
+"""Interval at which inboxes are read."""
 
 END_SECONDS = 1.0
-"""From a signal to the end, whatever Rerun does."""
+"""Longest time from a signal to the end of the process, even if Rerun hangs."""
 
 WEB_PORT = 9090
 FOXGLOVE_PORT = 8765
 
 
 class RunView(Protocol):
-    """What shows a run."""
+    """A view of a run: Rerun or Foxglove."""
 
     def change(self, scenario: Scenario) -> None:
-        """Show another world from now on: something came into it, or went."""
+        """Show another world from now on, after something was added or removed."""
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take states, oldest first."""
@@ -59,19 +59,19 @@ class RunView(Protocol):
         """Take a message of a stream."""
 
     def take_health(self, health: Health, now_seconds: float) -> None:
-        """Take a process's word, heard at an instant of the wall clock."""
+        """Take the health of a process, received at a time of the wall clock."""
 
     def tell(self, text: str) -> None:
-        """Show a text beside, in Markdown."""
+        """Show a text in Markdown."""
 
     def flush(self) -> None:
-        """Show what was taken."""
+        """Show all messages taken."""
 
     def alive(self) -> bool:
-        """Return whether anybody can still look."""
+        """Return whether the view is still open."""
 
     def counters(self) -> dict[str, int]:
-        """Return what went wrong, for health."""
+        """Return counters for health."""
 
     def close(self) -> None:
         """End."""
@@ -118,7 +118,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 
 
 def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
-    """Show a recording from its begin to its end, until `stop` is set or the viewer is closed.
+    """Show a recording, until `stop` is set or the viewer is closed.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def _view(
     *,
     whole: bool = False,
 ) -> RunView:
-    """Return what the user wants to look at, and say where it is."""
+    """Return the view that the options select, and print how to open it."""
     with needs("view"):
         if options.foxglove:
             from .foxglove_server import FoxgloveServer
@@ -206,7 +206,7 @@ def _view(
 
 
 def _in_words(recording: Recording) -> str:
-    """Return what a recording is of, as Markdown."""
+    """Return a summary of a recording, as Markdown."""
     run, seconds = recording.run, (recording.last_nanos - recording.first_nanos) / NANOS
     rows = [
         f"| {name} | {topic.messages} | {_hertz(topic.declared_hz)} | {_hertz(topic.measured_hz)} |"

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colors of numbers: of a LiDAR's intensities and rings, of a map's cells.
-
-Rule: a table of 256 colors and an index into it; a color is a number 0xRRGGBBAA.
-"""
+"""Colors of LiDAR points and map cells, as numbers 0xRRGGBBAA."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ _STOPS = (
     (0.80, (250, 204, 60)),
     (1.00, (252, 92, 56)),
 )
-"""From dark blue over green to red: bright enough for a dark background all the way."""
+"""From dark blue to green to red, bright enough for a dark background."""
 
 _DIFFUSE = 100.0
 """Intensity of a white surface; above it, up to 255, are retroreflectors (VLP-16 manual)."""
@@ -60,7 +57,7 @@ def of_bodies(bodies: NDArray[np.uint32]) -> Colors:
 
 
 def of_cells(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """Return a map's cells as RGBA: white is free, black is occupied, unknown is see-through."""
+    """Return a map's cells as RGBA: white is free, black is occupied, unknown is transparent."""
     shade = (255 - np.clip(cells, 0, 100).astype(np.uint16) * 255 // 100).astype(np.uint8)
     opacity = np.where(cells < 0, 0, 255).astype(np.uint8)
     return np.stack([shade, shade, shade, opacity], axis=-1)

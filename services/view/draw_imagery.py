@@ -27,7 +27,7 @@ from .point_placement import points_in_world
 ColourModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
 
 IMAGE_PLANE_M = 0.6
-"""How far in front of a camera its picture hangs in the 3D view."""
+"""Distance of an image in front of its camera in the 3D view."""
 
 SCAN_COLOR = (255, 90, 90)
 
@@ -43,14 +43,14 @@ _COLOURS: dict[str, tuple[ColourModel, type[np.unsignedinteger[Any]]]] = {
 """Rerun's color model and the type of a channel, by the encoding's name."""
 
 _DEPTHS: dict[str, tuple[Any, float]] = {"32FC1": (np.float32, 1.0), "16UC1": (np.uint16, 1000.0)}
-"""Type of a pixel, and how much of it is a meter (REP 118)."""
+"""Type of a pixel, and its value for one meter (REP 118)."""
 
 _DEPTH_HEADER = struct.Struct("<iff")
-"""What compressed_depth_image_transport puts before the PNG: format, A and B."""
+"""Header of compressed_depth_image_transport before the PNG: format, A and B."""
 
 
 def image(context: DrawingContext, history: VehicleHistory, path: str, message: Image) -> None:
-    """Show an image, or a depth image where the encoding says so."""
+    """Show an image or, by its encoding, a depth image."""
     if message.encoding in _DEPTHS:
         dtype, meter = _DEPTHS[message.encoding]
         depth = rr.DepthImage(_pixels(message, 1, dtype), meter=meter, point_fill_ratio=0.4)
@@ -74,7 +74,7 @@ def _pixels(message: Image, channels: int, dtype: Any) -> NDArray[Any]:
 def compressed_image(
     context: DrawingContext, history: VehicleHistory, path: str, message: CompressedImage
 ) -> None:
-    """Show a compressed file as it is."""
+    """Show a compressed image without decoding it."""
     said = message.format.lower()
     if "compresseddepth" in said:
         try:
@@ -120,7 +120,7 @@ def _show(
 def camera_info(
     context: DrawingContext, history: VehicleHistory, path: str, message: CameraInfo
 ) -> None:
-    """Tie the image's frame to the camera's optical frame, whenever it changes."""
+    """Attach the image's frame to the camera's optical frame, whenever it changes."""
     before = context.last.get(path)
     if isinstance(before, CameraInfo) and before.intrinsic == message.intrinsic:
         return
@@ -138,7 +138,7 @@ def camera_info(
 def laser_scan(
     context: DrawingContext, history: VehicleHistory, path: str, message: LaserScan
 ) -> None:
-    """Draw a scan's returns in the world, each where the scanner was at its instant."""
+    """Draw a scan's returns in the world, each with the scanner's pose at its instant."""
     ranges = np.frombuffer(message.ranges_m, np.float32)
     met = np.flatnonzero((ranges >= message.min_range_m) & (ranges <= message.max_range_m))
     angles = message.angle_min_rad + met * message.angle_increment_rad
@@ -164,7 +164,7 @@ def laser_scan(
 def range_reading(
     context: DrawingContext, history: VehicleHistory, path: str, message: Range
 ) -> None:
-    """Draw a distance as an arrow along the beam, and plot it; a failed measurement is neither."""
+    """Draw a distance as an arrow along the beam and plot it; skip a failed measurement."""
     if math.isnan(message.range_m):
         return
     context.in_frame(path, message.frame)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How each message of the bus is drawn in Rerun.
+"""Draw each message of the bus in Rerun: one function a message, and the table of them.
 
-Rule: one table, one small function a message; a message that cannot be drawn is counted and never
-an error. Pixels are not touched: a compressed image goes to the viewer as it is. Images and ranges
-are in `draw_imagery`.
+A message that cannot be drawn is counted and is no error. Compressed images go to Rerun unchanged.
+`draw_imagery` has images and ranges.
 """
 
 from __future__ import annotations
@@ -33,19 +32,19 @@ from .plots import XYZ, XYZ_COLORS
 from .point_placement import Reals, points_in_world
 
 ASKED = (255, 170, 60)
-"""Color of what a vehicle is asked for."""
+"""Color of commands."""
 
 TOLD = (255, 120, 200)
-"""Color of what comes from a vehicle's own stack; the truth is drawn in another."""
+"""Color of poses from a vehicle's own stack."""
 
 MAP_OPACITY = 0.6
 
 POINT_RADIUS = -1.1
-"""In points of the screen, which Rerun says by a negative radius."""
+"""In points of the screen, which Rerun expresses by a negative radius."""
 
 
 def command(context: DrawingContext, history: VehicleHistory, path: str, message: Command) -> None:
-    """Plot what the vehicle is asked for beside what it does."""
+    """Plot the commanded beside the true velocity."""
     at = context.sim_nanos(message.stamp_nanos)
     name = history.spec.name
     context.plots.add(
@@ -69,7 +68,7 @@ def imu(context: DrawingContext, history: VehicleHistory, path: str, message: Im
 def wheel_encoders(
     context: DrawingContext, history: VehicleHistory, path: str, message: WheelEncoders
 ) -> None:
-    """Plot the speed of each wheel's tread by the ticks since the message before."""
+    """Plot each wheel's circumferential speed, from the ticks since the last message."""
     before, context.last[path] = context.last.get(path), message
     spec = history.sensor(path)
     if not isinstance(before, WheelEncoders) or before.names != message.names:
@@ -93,7 +92,7 @@ def wheel_encoders(
 def point_cloud(
     context: DrawingContext, history: VehicleHistory, path: str, message: PointCloud
 ) -> None:
-    """Draw a revolution in the world, each point where the LiDAR was at its instant."""
+    """Draw a revolution in the world, each point with the LiDAR's pose at its instant."""
     records = message.records()
     spec = history.sensor(path)
     rings = len(spec.elevations_deg) if isinstance(spec, Lidar) else 16
@@ -104,7 +103,7 @@ def point_cloud(
 def true_points(
     context: DrawingContext, history: VehicleHistory, path: str, message: TruePoints
 ) -> None:
-    """Draw the truth behind a revolution, which is of one instant, in the colors of bodies."""
+    """Draw the true points of a revolution, all of one instant, in the colors of bodies."""
     bodies = message.records()["body"]
     at_once = np.zeros(len(bodies), np.float32)
     _points(context, history, path, message, at_once, of_bodies(bodies))
@@ -138,14 +137,14 @@ def _points(
 def pose_stamped(
     context: DrawingContext, history: VehicleHistory, path: str, message: navigation.PoseStamped
 ) -> None:
-    """Draw where the vehicle's stack believes it to be as a line beside the truth."""
+    """Draw the stack's estimate of the pose as a line beside the ground truth."""
     _told(context, history, path, message, message.position_m, message.orientation)
 
 
 def odometry(
     context: DrawingContext, history: VehicleHistory, path: str, message: navigation.Odometry
 ) -> None:
-    """Draw it as a pose, and plot its speed."""
+    """Draw odometry as a pose and plot its speed."""
     if path.endswith("/ground_truth"):
         return  # states say the same, and more often
     _told(context, history, path, message, message.position_m, message.orientation)
@@ -177,7 +176,7 @@ def _told(
 def _lay(
     context: DrawingContext, history: VehicleHistory, stamp: int, position: Any, orientation: Any
 ) -> bool:
-    """Lay the stack's frame so that its first pose is the true one of that instant."""
+    """Align the stack's frame so that its first pose is the true pose of that instant."""
     if history.world_from_stack is None:
         states = history.base.span(stamp, stamp)
         if states is None:
@@ -207,7 +206,7 @@ def _show_frame(context: DrawingContext, history: VehicleHistory, world_from_sta
 def occupancy_grid(
     context: DrawingContext, history: VehicleHistory, path: str, message: navigation.OccupancyGrid
 ) -> None:
-    """Draw a map as a picture on the plane of its frame."""
+    """Draw a map as an image in the plane of its frame."""
     if not message.width or not message.height:
         return
     if message.frame != WORLD and history.world_from_stack is None:
@@ -231,7 +230,7 @@ def occupancy_grid(
 def transforms(
     context: DrawingContext, history: VehicleHistory, path: str, message: navigation.Transforms
 ) -> None:
-    """Place the frames that others tell of; those of the scenario stay where they truly are."""
+    """Place frames of the stack; the scenario's frames keep their true poses."""
     for t in message.transforms:
         if history.base_from(t.child) is None:
             context.move(t.child, t.parent, (*t.translation_m, *t.rotation), t.stamp_nanos)
@@ -253,7 +252,7 @@ def joint_state(
 def nav_sat_fix(
     context: DrawingContext, history: VehicleHistory, path: str, message: navigation.NavSatFix
 ) -> None:
-    """Draw the fix on a map, and the way there."""
+    """Draw the fix and the path of fixes on a map."""
     if message.status < 0:
         return
     fix = (message.latitude_deg, message.longitude_deg)
@@ -272,7 +271,7 @@ RELAYED_FORMS = {
 
 
 def relayed(context: DrawingContext, history: VehicleHistory, path: str, message: Relayed) -> None:
-    """Draw what ROS tells as it came: by its own type, or as what the bus has for it."""
+    """Draw a relayed ROS message by its type, or as the bus message of the same type."""
     if draw := RELAYED_FORMS.get(message.ros_type):
         found = STORE.deserialize_cdr(bytes(message.cdr), message.ros_type)
         draw(context, history, path, message.stamp_nanos, found)
@@ -306,7 +305,7 @@ FORMS: dict[type[Message], Form] = {
     navigation.NavSatFix: nav_sat_fix,
     Relayed: relayed,
 }
-"""Every message of a vehicle that is drawn. States, clock and health are not a vehicle's."""
+"""Functions by message type. States, clock and health are not messages of a vehicle."""
 
 FORMS |= {
     message: load_reference(support.drawing)

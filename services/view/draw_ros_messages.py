@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How paths and clouds of a vehicle's own stack are drawn, which come as ROS has them.
+"""Draw paths and point clouds of a vehicle's own stack in Rerun.
 
-Rule: fields are found by name, as any ROS tool finds them; a cloud without x, y and z of float32 is
-not drawn. What is in the stack's own frames is drawn where that frame was laid (`context`).
+Their fields are found by name, as other ROS tools do. A cloud without float32 fields x, y and z is
+not drawn. Frames of the stack are placed by `drawing_context`.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from groundlink.ros.types import xyz
 from .drawing_context import WORLD, DrawingContext, VehicleHistory
 
 PLANNED = (130, 230, 110)
-"""Color of what a stack means to do, or has made of readings."""
+"""Color of a stack's plans and derived data."""
 
 PATH_RADIUS = -2.0
 POINT_RADIUS = -1.3
-"""In points of the screen, which Rerun says by a negative radius."""
+"""In points of the screen, which Rerun expresses by a negative radius."""
 
 _FLOAT32 = 7
 """sensor_msgs/PointField."""
@@ -31,7 +31,7 @@ _FLOAT32 = 7
 def path(
     context: DrawingContext, history: VehicleHistory, entity: str, stamp_nanos: int, message: Any
 ) -> None:
-    """Draw a nav_msgs/Path as a line; an empty one takes the last away."""
+    """Draw a nav_msgs/Path as a line; an empty one removes the last."""
     if _place(context, history, entity, message.header.frame_id):
         line = [xyz(row.pose.position) for row in message.poses]
         strips = [line] if len(line) > 1 else []
@@ -52,7 +52,7 @@ def point_cloud(
 
 
 def _place(context: DrawingContext, history: VehicleHistory, entity: str, frame: str) -> bool:
-    """Say in which frame an entity is drawn; return whether that is known."""
+    """Set the frame of an entity; return whether the frame is known."""
     if frame != WORLD and history.base_from(frame) is None:
         if history.world_from_stack is None:
             context.not_drawn += 1

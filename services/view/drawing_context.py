@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the drawing of one message may know: the recording, the vehicles' past, the frames.
+"""What the functions that draw messages share: the Rerun recording, pose histories and frames.
 
-Rule: knows Rerun and no message but poses of the truth. Frames have their ROS names; what comes
-from a vehicle's stack is in a frame of its own, which is laid on the truth at the first pose of the
-stack: from there on the two may differ.
+Frames have their ROS names. Poses from a vehicle's own stack are in a frame of their own. It is
+aligned with the ground truth at the first pose of the stack; from then on the two may differ.
 """
 
 from __future__ import annotations
@@ -29,24 +28,24 @@ from .point_placement import PoseHistory
 WORLD = "world"
 
 MOST_POINTS = 2000
-"""Of a trajectory; beyond it every second point goes, and the next ones come half as densely."""
+"""Points of a trajectory; beyond it every second point is removed and the spacing doubles."""
 
 AHEAD_NANOS = 60 * NANOS
-"""Farther ahead of the newest state is no stamp of the run's clock."""
+"""Later stamps are assumed to come from another clock."""
 
 LEAST_STEP_M = 0.03
-"""Between two points of a trajectory, at first."""
+"""Initial distance between two points of a trajectory."""
 
 
 class Trail:
-    """A line that grows: where something was, as densely as a bounded number of points allows."""
+    """A trajectory with a bounded number of points."""
 
     def __init__(self, least_step: float = LEAST_STEP_M) -> None:
         self._step = least_step
         self.points: list[tuple[float, ...]] = []
 
     def add(self, point: Sequence[float]) -> bool:
-        """Take a point; return whether it is far enough from the last one to be kept."""
+        """Add a point if it is far enough from the last one; return whether it was added."""
         if self.points and np.linalg.norm(np.subtract(point, self.points[-1])) < self._step:
             return False
         self.points.append(tuple(point))
@@ -58,15 +57,15 @@ class Trail:
 
 @dataclass
 class VehicleHistory:
-    """What was history of a vehicle."""
+    """Poses and frames of a vehicle."""
 
     spec: Vehicle
     base: PoseHistory = field(default_factory=PoseHistory)
     trail: Trail = field(default_factory=Trail)
-    """Of the truth."""
+    """The true trajectory."""
 
     world_from_stack: Floats | None = None
-    """Where the frame of the vehicle's own stack was laid; None before its first pose."""
+    """Pose of the stack's frame; None before the first pose of the stack."""
 
     @property
     def base_frame(self) -> str:
@@ -75,11 +74,11 @@ class VehicleHistory:
 
     @property
     def stack_frame(self) -> str:
-        """The viewer's name of the frame in which the vehicle's stack tells poses."""
+        """Name in the viewer of the frame of the stack's poses."""
         return f"{self.spec.name}/from_ros"
 
     def sensor(self, path: str) -> SensorSpec | None:
-        """Return the sensor whose messages are drawn at an entity."""
+        """Return the sensor of an entity."""
         of_sensor = path.removesuffix("/truth")
         return next((s for s in self.spec.sensors if of_sensor.endswith(f"/{s.name}")), None)
 
@@ -96,7 +95,7 @@ class VehicleHistory:
 
 
 class DrawingContext:
-    """A recording with what is needed to draw on it."""
+    """A Rerun recording with the state that drawing functions need."""
 
     def __init__(
         self, recording: rr.RecordingStream, scenario: Scenario, coloring: Coloring
@@ -113,24 +112,24 @@ class DrawingContext:
         """Sim time of the newest state."""
 
         self.not_drawn = 0
-        """Messages whose place is not known, or whose format cannot be drawn."""
+        """Messages with an unknown pose or a format that cannot be drawn."""
 
         self.trails: dict[str, Trail] = {}
-        """Of what is told by messages, by entity."""
+        """Trajectories from messages, by entity."""
 
         self._blocks: dict[str, list[tuple[NDArray[Any], ...]]] = {}
         """Parts of LiDAR revolutions that wait for the others, by entity."""
 
         self.last: dict[str, object] = {}
-        """The message before, by entity, for those that are drawn as differences."""
+        """Last message, by entity, for those that are drawn as differences."""
 
         self._framed: dict[str, str] = {}
 
     def sim_nanos(self, stamp_nanos: int) -> int:
-        """Return the sim time of a stamp, or now where the stamp is of another clock.
+        """Return the simulation time of a stamp, or now if the stamp is of another clock.
 
-        ROS nodes without `use_sim_time` have their own, and some stamp nothing at all: drawn there,
-        one map would stretch the time line by decades.
+        ROS nodes without `use_sim_time` use the wall clock, and some set no stamps. Drawn at such a
+        time, one map would stretch the time line by decades.
         """
         assert self.epoch_nanos is not None
         at_nanos = stamp_nanos - self.epoch_nanos
@@ -145,7 +144,7 @@ class DrawingContext:
     def revolution(
         self, history: VehicleHistory, path: str, *part: NDArray[Any]
     ) -> list[NDArray[Any]] | None:
-        """Take arrays of a block of a LiDAR's revolution; with its last block return all of it."""
+        """Take arrays of a block of a revolution; with its last block return the revolution."""
         parts = self._blocks.setdefault(path, [])
         parts.append(part)
         spec = history.sensor(path)
@@ -155,17 +154,17 @@ class DrawingContext:
         return [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
 
     def in_frame(self, path: str, frame: str) -> None:
-        """Say once in which frame an entity is drawn."""
+        """Set the frame of an entity, if it has changed."""
         if self._framed.get(path) != frame:
             self._framed[path] = frame
             self.recording.log(path, rr.CoordinateFrame(frame), static=True)
 
     def move(self, child: str, parent: str, pose: Sequence[float], stamp_nanos: int) -> None:
-        """Say where a frame is: parent_from_child as x, y, z, qx, qy, qz, qw."""
+        """Set the pose of a frame: parent_from_child as x, y, z, qx, qy, qz, qw."""
         self.log(f"tf/{child}", stamp_nanos, _transform(child, parent, pose))
 
     def fix(self, child: str, parent: str, pose: Sequence[float]) -> None:
-        """Say where a frame always is."""
+        """Set the static pose of a frame."""
         self.recording.log(f"tf/{child}", _transform(child, parent, pose), static=True)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world and the vehicles as a foxglove.SceneUpdate, for the 3D panel.
 
-Rule: each solid is the primitive of its shape, in the color of its material; meshes and terrain
-are triangles in their own colors. The ceiling is left
-out, so that a room can be looked into. Wheels stand at rest: the tf tree has no frames for them.
+Each solid becomes a primitive in the color of its material; meshes and terrain become triangles.
+The ceiling is left out, so that rooms can be seen from above. Wheels do not turn, since the tf tree
+has no frames for them.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ CEILING = "room_ceiling"
 
 
 def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
-    """Return everything that can be seen of a run, in the frames of its tf tree."""
+    """Return all visible things of a run, in the frames of its tf tree."""
     materials = scenario.world.materials
     still = [solid for solid in solids(scenario) if solid.name != CEILING]
     entities = [_entity(WORLD, WORLD, still, materials, stamp_nanos)]
@@ -60,7 +60,7 @@ def scene(scenario: Scenario, stamp_nanos: int) -> SceneUpdate:
     for actor in scenario.world.actors:
         it = actors.form_solids(actor.form)
         entities.append(_entity(actor.name, actor.name, it, materials, stamp_nanos))
-    # What was told before and is not told now is there no more.
+    # Removes entities of the scene before.
     now = Timestamp(sec=stamp_nanos // NANOS, nsec=stamp_nanos % NANOS)
     everything = SceneEntityDeletion(timestamp=now, type=SceneEntityDeletionType.All)
     return SceneUpdate(deletions=[everything], entities=entities)

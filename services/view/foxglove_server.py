@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as Foxglove sees a robot: ROS 2 topics over its WebSocket protocol.
+"""Foxglove server: serves a run's ROS 2 topics over the Foxglove WebSocket protocol.
 
-Rule: topics, types and bytes are those that ROS gets (`groundlink.ros.cdr`), and on
-`/ground_truth/tf` is where the tree is in the world, as in a recording. A message is only filled
-while a client has subscribed. What seldom changes, the map too, is sent again to each new
-subscriber.
+Topics, types and bytes are those that ROS gets (`groundlink.ros.cdr`); `/ground_truth/tf` is added,
+as in a recording. Messages are encoded only while a client subscribes to them. Messages that seldom
+change, including the map, are sent again to each new subscriber.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ from .foxglove_scene import scene
 SCENE_TOPIC = "/scene"
 
 BACKLOG = 256
-"""Messages that wait for one slow client, about half a second's; then the oldest are dropped."""
+"""Messages that wait for one slow client, about 0.5 s; beyond it the oldest are dropped."""
 
 
 class FoxgloveServer(ServerListener):
-    """Serves a run to Foxglove and what speaks like it."""
+    """Serves a run to Foxglove and compatible clients."""
 
     def __init__(
         self, scenario: Scenario, run: str, streams: Mapping[str, RosStream], host: str, port: int
@@ -56,7 +55,7 @@ class FoxgloveServer(ServerListener):
         self._newest_nanos = self._scene_nanos = 0
         self._is_owed = True
         self.refused = 0
-        """Messages that no ROS type holds."""
+        """Messages that do not fit their ROS type."""
 
         try:
             self._server = start_server(
@@ -76,17 +75,17 @@ class FoxgloveServer(ServerListener):
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The port that it listens on."""
         return self._server.port
 
     def change(self, scenario: Scenario) -> None:
-        """Show another world from now on."""
+        """Serve another world from now on."""
         self._scenario = scenario
         self._scene_nanos = self._newest_nanos
         self._is_owed = True
 
     def take_states(self, states: Sequence[State]) -> None:
-        """Note the run's epoch, and tell where the actors are."""
+        """Record the run's epoch and publish the poses of actors."""
         if not states:
             return
         newest = states[-1]
@@ -109,13 +108,13 @@ class FoxgloveServer(ServerListener):
         self._log(self._channels[path], message)
 
     def take_health(self, health: Health, now_seconds: float) -> None:
-        """Pass over: no ROS topic has it."""
+        """Do nothing: there is no ROS topic for it."""
 
     def tell(self, text: str) -> None:
-        """Pass over: no ROS topic has it."""
+        """Do nothing: there is no ROS topic for it."""
 
     def flush(self) -> None:
-        """Tell what seldom changes, when somebody new has come."""
+        """Publish messages that seldom change, if there is a new subscriber."""
         if self._is_owed and self._epoch_nanos is not None:
             self._is_owed = False
             for topic, told, _ in self._bases.still(self._epoch_nanos):
@@ -126,11 +125,11 @@ class FoxgloveServer(ServerListener):
             self._scene.log(scene(self._scenario, stamp_nanos), log_time=stamp_nanos)
 
     def alive(self) -> bool:
-        """Return that a server is always there."""
+        """Return True: a server has no window to close."""
         return True
 
     def counters(self) -> dict[str, int]:
-        """Return what went wrong."""
+        """Return counters for health."""
         return {"not_served": self.refused}
 
     def close(self) -> None:
@@ -138,7 +137,7 @@ class FoxgloveServer(ServerListener):
         self._server.stop()
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Remember that somebody wants what was told before; called on the server's thread."""
+        """Record a new subscriber of a latched topic; called on the server's thread."""
         if channel.topic in self._latched:
             self._is_owed = True
 

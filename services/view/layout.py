@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the viewer shows where, before anybody has clicked.
+"""Initial layout of the Rerun viewer (its blueprint), derived from the scenario.
 
-Rule: built from the scenario; what the scenario has no source for gets no panel. The world is large
-on the left, with cameras below; the run's state and plots are on the right.
+The world is on the left with the cameras below; the state of the run and plots are on the right.
+There are no panels for what the scenario lacks.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ def layout(
     Parameters
     ----------
     streams
-        every stream that may be drawn, by the path of its entity.
+        streams that can be drawn, by the path of their entity.
     whole
-        whether all of a run is there, as in a file: it has no link to ROS, and is played from its
-        begin, with a slider.
+        whether this is a complete run, as in a file: it has no link to ROS and is played from its
+        start, with a slider.
     """
     kinds: dict[str, list[str]] = {}
     for path, stream in streams.items():
@@ -79,7 +79,7 @@ def _world(scenario: Scenario) -> rrb.View:
 
 
 def _eye(scenario: Scenario) -> rrb.EyeControls3D:
-    """Look over a room from above its corner; elsewhere go along with the first vehicle."""
+    """Look into a room from above its corner; elsewhere follow the first vehicle."""
     room = scenario.world.room
     if room:
         length, width, height = room.size_m

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the run and its link to ROS are, as text and plots.
+"""State of the run and its link to ROS, as text and plots.
 
-Rule: verdicts are those of `groundlink.monitor.run_monitor`, the same as in the table of
-`groundlink up`.
+The verdicts are those of `groundlink.monitor.run_monitor`, as in the table of `groundlink up`.
 """
 
 from __future__ import annotations
@@ -71,7 +70,7 @@ def _milliseconds(seconds: float | None) -> str:
 
 
 def plot(plots: Plots, sim_nanos: int, health: Health) -> None:
-    """Plot each stream's age, rate and losses: a line a topic, in the order of the table."""
+    """Plot each stream's age, rate and losses: one line a topic, in the order of the table."""
     for index, stream in enumerate(health.streams):
         color = [LINE_COLORS[index % len(LINE_COLORS)]]
         name = f"{stream.topic} {stream.direction}" if _is_back(stream) else stream.topic

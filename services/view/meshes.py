@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solids as meshes that a viewer shades: triangles with normals and colors of their own.
+"""Solids as shaded meshes: triangles with normals and colors.
 
-Rule: every triangle has its own three vertices, so that edges stay sharp. Of a room's floor, walls
-and ceiling only what faces into the room is drawn: who looks from outside looks through, as into a
-doll's house. No viewer is known here.
+Every triangle has its own three vertices, so that edges stay sharp. Of a room's floor, walls and
+ceiling only the faces towards the inside are drawn, so that the room can be seen from outside.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ Reals = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class ShadedMesh:
-    """Triangles to draw: vertices 3 i to 3 i + 2 are one, anticlockwise seen from outside."""
+    """Triangles: vertices 3 i to 3 i + 2 are one, counterclockwise from outside."""
 
     vertices: Reals
     """Shape (3 F, 3), meters."""
@@ -58,7 +57,7 @@ def mesh(solids: Sequence[Solid], materials: Mapping[str, Material]) -> ShadedMe
             local, kept = simplified_surfaces.coarse(surface)
             placed = local @ frame_from_solid.T + solid.position_m
             seen = simplified_surfaces.face_colors(surface, materials[solid.material])[kept]
-            # Scans are open: what has no thickness is drawn on both sides.
+            # Scans are open surfaces, which are drawn on both sides.
             corners += [placed, placed[:, ::-1]]
             colors_of_faces += [seen, seen]
     return _soup(np.concatenate(corners), np.concatenate(colors_of_faces))
@@ -84,7 +83,7 @@ def rgba(linear: Sequence[float]) -> tuple[int, int, int, int]:
 
 
 def world(scenario: Scenario) -> dict[str, ShadedMesh]:
-    """Return what stands still, in the world: one mesh for the room, one for each thing in it."""
+    """Return static meshes in the world frame: one for the room, one for each object in it."""
     materials, room = scenario.world.materials, scenario.world.room
     shell = {solid.name for solid in build_room(room)} if room else set()
     inside = [solid for solid in solids(scenario) if solid.name in shell]
@@ -102,20 +101,20 @@ def world(scenario: Scenario) -> dict[str, ShadedMesh]:
 
 
 def terrain(scenario: Scenario) -> ShadedMesh | None:
-    """Return a world's terrain, if it has some."""
+    """Return a world's terrain; None without any."""
     if scenario.world.terrain is None:
         return None
     return _soup(*simplified_surfaces.terrain_faces(scenario, scenario.world.terrain))
 
 
 def thing(part: str) -> str:
-    """Return what a part belongs to: `table_3` for `table_3_leg_0`; all clutter is one thing."""
+    """Return the object of a part: `table_3` for `table_3_leg_0`; all clutter is one object."""
     kind, _, rest = part.partition("_")
     number = rest.partition("_")[0]
     return kind if kind == "clutter" or not number.isdecimal() else f"{kind}_{number}"
 
 
 def facing(whole: ShadedMesh, point: Sequence[float]) -> ShadedMesh:
-    """Return the triangles of a mesh whose front can be seen from a point."""
+    """Return the triangles of a mesh that face a point."""
     seen = np.einsum("ij,ij->i", whole.normals, np.subtract(point, whole.vertices)) > 0
     return ShadedMesh(whole.vertices[seen], whole.normals[seen], whole.colors[seen])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers over time: collected, and given to the viewer some times a second.
+"""Plotted values, collected and passed to Rerun some times a second.
 
-Rule: a sample of 400 Hz costs an append; one call to Rerun carries all that came since the last.
+A sample costs an append; one call to Rerun carries all values since the last call.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Plots:
         rows.append(values)
 
     def flush(self) -> None:
-        """Give the viewer what waits."""
+        """Pass all waiting values to Rerun."""
         for path, (times, rows) in self._waiting.items():
             self._recording.send_columns(
                 path,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States of a run that has none: a replay, or a file.
+"""States of a run that has none, as a replay or a file, made from its ground truth.
 
-Rule: made of the ground truth of each vehicle at its own rate, and of the poses of all bodies,
-which come less often: between those a wheel keeps its place on its vehicle and turns as the truth
-says. What takes time to measure is held back until the truth of its end is known.
+Vehicles move at the rate of their ground truth. Poses of all bodies come less often; between them a
+wheel stays at its vehicle and turns as the ground truth says. Messages that take time to measure
+wait for the ground truth of their end.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from groundlink.scenario.schema import Vehicle
 from groundlink.world.build import world_hash
 
 HELD = 64
-"""Messages that may wait for the truth of their end; the oldest go."""
+"""Messages that may wait for the ground truth of their end; beyond it the oldest are dropped."""
 
 
 class StreamMessage(NamedTuple):
@@ -48,7 +48,7 @@ class StreamMessage(NamedTuple):
 
 
 class StateReconstructor:
-    """Makes states of the ground truth."""
+    """Makes states from ground truth."""
 
     def __init__(self, scenario: Scenario, run: str) -> None:
         self._scenario, self._run = scenario, run
@@ -64,7 +64,7 @@ class StateReconstructor:
         self._held: deque[StreamMessage] = deque(maxlen=HELD)
 
     def follow(self, came: Iterable[StreamMessage]) -> tuple[list[State], list[StreamMessage]]:
-        """Return the states that follow from messages, and the messages to be drawn after them."""
+        """Return the states made from messages, and the messages to draw after them."""
         vehicles: dict[int, dict[str, VehicleState]] = {}
         drawable: list[StreamMessage] = []
         for each in came:
@@ -115,13 +115,13 @@ class StateReconstructor:
 
 
 class _Links:
-    """Where the links of a vehicle are on it."""
+    """Poses of the links of a vehicle."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         model = vehicle.model
         self.names = model.link_names()
         self.angles: Floats = np.zeros(len(model.wheels))
-        """Of the wheels, as the truth last said."""
+        """Newest true angles of the wheels."""
 
         self._placed_at: Floats = self.angles
         self._base_from_link = np.zeros((len(self.names), 7))
@@ -133,7 +133,7 @@ class _Links:
         self.move(np.zeros(len(model.joints)))
 
     def turn(self, angles: Floats) -> None:
-        """Take note of the wheels' angles; those of a replay by another version may not fit."""
+        """Record the wheels' angles, if they fit this version's vehicle."""
         if len(angles) == len(self.angles):
             self.angles = angles
 
@@ -144,7 +144,7 @@ class _Links:
                 self._base_from_joint[row] = *pose[0], *pose[1]
 
     def place(self, world_from_link: Floats) -> None:
-        """Take note of where all links were at an instant, shape (links, 7), base first."""
+        """Record the poses of all links at an instant, shape (links, 7), base first."""
         position, turn = world_from_link[0, :3], world_from_link[0, 3:]
         found = np.empty_like(world_from_link)
         found[:, :3] = (world_from_link[:, :3] - position) @ matrix_from_quaternion(turn)
@@ -153,7 +153,7 @@ class _Links:
         self._base_from_joint = found[len(self.angles) + 1 :]
 
     def state(self, truth: Odometry) -> VehicleState:
-        """Return where all links are when the base is where the truth says."""
+        """Return the state of the vehicle with its base at the true pose."""
         turned = self.angles - self._placed_at  # about the link's y
         spin = np.zeros((len(self.names), 4))
         spin[:, 3] = 1.0
@@ -169,6 +169,6 @@ class _Links:
 
 
 def _end_nanos(each: StreamMessage) -> int:
-    """Return when a message was measured to its end."""
+    """Return the end of the measurement of a message."""
     assert isinstance(each.stream, Outgoing)
     return measured_nanos(each.message) + round(NANOS / each.stream.declared_hz)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a Rerun recording goes: to a window, to a browser, or into a file.
+"""Destinations of a Rerun recording: a window, a browser or a file.
 
-Rule: window and web server are a child process, Rerun's own binary: what it takes of memory is
-limited, it yields to the run (niceness), and it ends with this process whatever ends that. A file
-holds one life of a run's physics; the next life gets a file of its own.
+Window and web server are a child process, Rerun's own program. Its memory is limited, its priority
+is low, and it ends with this process. A file holds one episode; the next one gets another file.
 """
 
 from __future__ import annotations
@@ -26,32 +25,32 @@ from groundlink.monitor.supervisor import end_with_parent
 APPLICATION = "groundlink"
 
 WINDOW_MEMORY = "2GB"
-"""What the window keeps: about four minutes of a VLP-16; beyond it the oldest goes."""
+"""Memory of the window: about four minutes of a VLP-16; beyond it the oldest data are dropped."""
 
 SERVER_MEMORY = "256MB"
-"""What the server keeps for browsers that join later: about 30 s, and all that stands still."""
+"""Memory of the server for browsers that join later: about 30 s, and all static data."""
 
 WHOLE_MEMORY = "75%"
-"""Of the machine's memory, what either may keep of a file: all of it is to be looked at."""
+"""Share of the machine's memory, for files: they are kept completely."""
 
 EVERYWHERE = "0.0.0.0"
-"""The address that stands for all of a machine's."""
+"""The address for all interfaces."""
 
 NICENESS = 10
 END_SECONDS = 0.7
 
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=1 / 30, flush_num_bytes=1 << 20)
-"""A picture is on its way within a frame."""
+"""Data are sent within a frame."""
 
 
 class RerunDestination(Protocol):
-    """Where recordings go."""
+    """A destination of Rerun recordings."""
 
     def new_recording(self) -> rr.RecordingStream:
-        """Return a recording that goes there."""
+        """Return a new recording with this destination."""
 
     def alive(self) -> bool:
-        """Return whether anybody can still look at it."""
+        """Return whether the destination is still open."""
 
     def close(self) -> None:
         """End it."""
@@ -65,7 +64,7 @@ def _recording() -> rr.RecordingStream:
 
 
 class RerunFile:
-    """A file that `rerun FILE` opens; FILE-2 and so on for further lives of physics."""
+    """A file that `rerun FILE` opens; further episodes go to FILE-2 and so on."""
 
     def __init__(self, path: Path, blueprint: rrb.Blueprint) -> None:
         if not path.resolve().parent.is_dir():
@@ -75,7 +74,7 @@ class RerunFile:
         self._recording: rr.RecordingStream | None = None
 
     def new_recording(self) -> rr.RecordingStream:
-        """Return a recording into the next file."""
+        """Return a recording to the next file."""
         self.close()
         self._lives += 1
         again = f"-{self._lives}" if self._lives > 1 else ""
@@ -86,11 +85,11 @@ class RerunFile:
         return self._recording
 
     def alive(self) -> bool:
-        """Return that a file is always there."""
+        """Return True: a file has no window to close."""
         return True
 
     def close(self) -> None:
-        """Write what waits, and the file's end."""
+        """Write all waiting data and the end of the file."""
         if self._recording is not None:
             self._recording.flush()
             self._recording.disconnect()
@@ -98,14 +97,14 @@ class RerunFile:
 
 
 class ViewerProcess:
-    """Rerun's own program as a child process.
+    """Rerun's viewer as a child process.
 
     Parameters
     ----------
     port
-        where it takes recordings.
+        where it receives recordings.
     arguments
-        what else it is told.
+        further arguments of its command line.
     """
 
     def __init__(
@@ -126,13 +125,13 @@ class ViewerProcess:
         self._recording: rr.RecordingStream | None = None
 
     def new_recording(self) -> rr.RecordingStream:
-        """Return a recording that the viewer shows as soon as it is there."""
+        """Return a recording that the viewer shows."""
         self._recording = _recording()
         self._recording.connect_grpc(self._address, default_blueprint=self._blueprint)
         return self._recording
 
     def alive(self) -> bool:
-        """Return whether the viewer is there; a user may have closed its window."""
+        """Return whether the viewer is running; the user may have closed its window."""
         return self._process.poll() is None
 
     def close(self) -> None:
@@ -146,7 +145,7 @@ class ViewerProcess:
 
 
 def window(blueprint: rrb.Blueprint, port: int, *, whole: bool = False) -> ViewerProcess:
-    """Return the viewer in a window; `whole` keeps all, for a file."""
+    """Start the viewer in a window; `whole` keeps all data, for a file."""
     limit = WHOLE_MEMORY if whole else WINDOW_MEMORY
     memory = ["--memory-limit", limit, "--server-memory-limit", SERVER_MEMORY]
     return ViewerProcess(
@@ -163,18 +162,18 @@ def web(
     machine: str,
     whole: bool = False,
 ) -> tuple[ViewerProcess, str]:
-    """Return the viewer for browsers, and the address to open there.
+    """Start the viewer for browsers; return it and the address to open.
 
     Parameters
     ----------
     machine
-        what others call this machine; said where the viewer listens on all of its addresses.
+        host name of this machine, for the address if the viewer listens on all interfaces.
     whole
-        keep all for browsers that come later, for a file.
+        keep all data for browsers that join later, for a file.
     """
     arguments = ["--serve-web", "--web-viewer-port", str(web_port)]
     arguments += ["--server-memory-limit", WHOLE_MEMORY if whole else SERVER_MEMORY]
-    # Whoever may load the page may also load the data.
+    # Hosts that can load the page can also load the data.
     arguments += ["--cors-allow-origin", f"http://*:{web_port}"]
     name = machine if host == EVERYWHERE else host
     data = quote(f"rerun+http://{name}:{port}/proxy", safe="")
@@ -182,7 +181,7 @@ def web(
 
 
 def program() -> Path:
-    """Return Rerun's binary. The script of the same name would leave it behind when it ends."""
+    """Return Rerun's binary. The script of the same name would leave it running when it ends."""
     found = importlib.util.find_spec("rerun_cli")
     assert found is not None
     assert found.origin is not None

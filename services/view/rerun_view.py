@@ -30,7 +30,7 @@ from .meshes import ShadedMesh, mesh, world
 from .rerun_destinations import RerunDestination
 
 FRAME_NANOS = NANOS // 30
-"""Of sim time between two places of a vehicle."""
+"""Simulation time between two drawn poses of a vehicle."""
 
 ROOT = "tf#/"
 """Rerun's name for the frame of the entity at the root."""
@@ -39,19 +39,18 @@ TRUTH = (90, 220, 255)
 """Color of the true trajectory."""
 
 WORLD_LIGHT = 0.6
-"""What stands still is drawn darker than it is, so that points and vehicles stand out."""
+"""Static things are drawn darker, so that points and vehicles stand out."""
 
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class RerunView:
-    """One run, as it is drawn.
+    """A run in a Rerun recording.
 
     Parameters
     ----------
     destination
-        asked for a recording for each life of the run's physics, as sim time begins anew with it,
-        and for each world.
+        opens a recording for each episode, since simulation time begins again, and for each world.
     """
 
     def __init__(
@@ -72,13 +71,13 @@ class RerunView:
         self.context = self._begin()
 
     def change(self, scenario: Scenario) -> None:
-        """Draw another world from now on, in a recording of its own."""
+        """Draw another world from now on, in a new recording."""
         self.context.plots.flush()
         self._scenario = scenario
         self.context = self._begin()
 
     def take_states(self, states: Sequence[State]) -> None:
-        """Take the states that have come; the newest of them is drawn when it is due."""
+        """Take states; draw the newest of them when it is due."""
         for state in states:
             if state.life != self._life:
                 if self._life is not None:
@@ -100,7 +99,7 @@ class RerunView:
                 self.context.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
 
     def take(self, path: str, stream: RosStream, message: Message) -> None:
-        """Draw a message of a vehicle; without a state before it there is no sim time for it."""
+        """Draw a message of a vehicle, if a state came before it: its epoch is needed."""
         history = self.context.vehicles.get(path.partition("/")[0])
         if self.context.epoch_nanos is not None and history is not None:
             if draw := FORMS.get(stream.message):
@@ -109,7 +108,7 @@ class RerunView:
                 self.context.not_drawn += 1
 
     def take_health(self, health: Health, now_seconds: float) -> None:
-        """Show how a process is."""
+        """Show the health of a process."""
         self._monitor.update(health, now_seconds)
         if self.context.epoch_nanos is None:
             return
@@ -128,13 +127,13 @@ class RerunView:
         self.context.recording.log(TEXT, document, static=True)
 
     def flush(self) -> None:
-        """Hand the plots over, some times a second of sim time."""
+        """Pass the plots to Rerun, some times a second of simulation time."""
         if self.context.now_nanos >= self._next_plot_nanos:
             self._next_plot_nanos = self.context.now_nanos + NANOS // 5
             self.context.plots.flush()
 
     def alive(self) -> bool:
-        """Return whether anybody can still look."""
+        """Return whether the view is still open."""
         return self._destination.alive()
 
     def counters(self) -> dict[str, int]:
@@ -142,12 +141,12 @@ class RerunView:
         return {"not_drawn": self.context.not_drawn}
 
     def close(self) -> None:
-        """Show what waits, and end."""
+        """Show waiting data and close."""
         self.context.plots.flush()
         self._destination.close()
 
     def _begin(self) -> DrawingContext:
-        """Return a new recording with all that stands still."""
+        """Return a new recording with all static things."""
         recording = self._destination.new_recording()
         context = DrawingContext(recording, self._scenario, self._coloring)
         self._next_frame_nanos = self._next_plot_nanos = 0
@@ -182,7 +181,7 @@ class RerunView:
         return context
 
     def _draw(self, state: State, history: VehicleHistory) -> None:
-        """Draw where a vehicle is and how it moves."""
+        """Draw the pose and velocity of a vehicle."""
         vehicle, context = state.vehicles[history.spec.name], self.context
         name, prefix = history.spec.name, history.spec.frame_prefix
         poses = vehicle.poses()

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terrain and meshes as a viewer gets them: coarser than sensors and physics have them.
+"""Terrain and meshes with fewer triangles than sensors and physics use.
 
-Rule: few enough triangles to be sent in one message. Of a large mesh, vertices that are close to
-each other become one; terrain has all its heights around the places where vehicles start and fewer
-of them elsewhere, on one grid, so that there are no gaps.
+Each fits into one message. Close vertices of a large mesh are merged. Terrain has its full
+resolution where vehicles start and less elsewhere, on one grid without gaps.
 """
 
 from __future__ import annotations
@@ -21,17 +20,17 @@ from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground, Terrain, load_ground
 
 MOST_FACES = 50_000
-"""Of one mesh."""
+"""Most faces of one mesh."""
 
 COARSE_CELLS = 150
-"""Of terrain along each axis."""
+"""Cells of terrain along each axis."""
 
 FINE_CELLS = 40
-"""Of terrain to each side of a vehicle's start."""
+"""Cells at full resolution to each side of a vehicle's start."""
 
 
 def coarse(mesh: TriangleMesh) -> tuple[Floats, NDArray[np.intp]]:
-    """Return corners of faces, shape (F, 3, 3), and which face of the mesh each one was."""
+    """Return corners of faces, shape (F, 3, 3), and the index of each face in the mesh."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     if len(corners) <= MOST_FACES:
         return corners, np.arange(len(corners))
@@ -54,7 +53,7 @@ def coarse(mesh: TriangleMesh) -> tuple[Floats, NDArray[np.intp]]:
 
 
 def face_colors(mesh: TriangleMesh, material: Material) -> Floats:
-    """Return the linear colors of a mesh's faces, shape (F, 3); of a picture that amid a face."""
+    """Return the linear colors of a mesh's faces, shape (F, 3); a texture's at the center."""
     colors = np.empty((len(mesh.faces), 3))
     for part in mesh.parts:
         own = slice(part.first, part.first + part.count)

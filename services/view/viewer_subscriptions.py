@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a viewer takes from the bus: everything that ROS would see, states and health.
+"""Subscriptions of a viewer: all streams that ROS gets, states and health.
 
-Rule: nothing is acknowledged, so nobody waits for a viewer. Each stream has a box of its own that
-keeps the newest and counts what it drops, few of what is large. A replay has no states; as long as
-none has come they are made of the ground truth.
+Nothing is acknowledged, so no process waits for a viewer. Each stream has an inbox that keeps the
+newest messages, few of large ones. States of a replay are reconstructed from the ground truth.
 """
 
 from __future__ import annotations
@@ -35,19 +34,19 @@ KEPT: dict[type[Message], int] = {
     OccupancyGrid: 1,
     Relayed: 6,
 }
-"""Messages of a stream that may wait, by type: of states those of 2.5 s."""
+"""Messages of a stream that may wait, by type: 2.5 s of states."""
 
 KEPT_OF_OTHERS = 200
 
 
 def streams_of(scenario: Scenario, run: str) -> dict[str, RosStream]:
-    """Return every stream of a run that ROS sees, by its key without the run's part."""
+    """Return the streams of a run that ROS gets, by their key without the run."""
     every = [*outgoing(scenario, run), *incoming(scenario, run)]
     return {stream.key.split("/", 2)[2]: stream for stream in every}
 
 
 class ViewerSubscriptions:
-    """The boxes of one viewer."""
+    """The inboxes of one viewer."""
 
     def __init__(self, bus: Bus, scenario: Scenario, run: str) -> None:
         self.streams = streams_of(scenario, run)
@@ -65,7 +64,7 @@ class ViewerSubscriptions:
             bus.subscribe(stream.key, stream.message, box)
 
     def take(self) -> tuple[list[State], list[StreamMessage]]:
-        """Return the states that wait, and the messages of all streams that can be drawn."""
+        """Return waiting states, and the messages of all streams that can be drawn."""
         came = [
             StreamMessage(path, self.streams[path], message)
             for path, box in self._boxes.items()
@@ -77,7 +76,7 @@ class ViewerSubscriptions:
         return (states, came) if self._truth is None else self._truth.follow(came)
 
     def health(self) -> list[Health]:
-        """Return what processes have said about themselves."""
+        """Return waiting health messages."""
         return list(_waiting(self._health))
 
     def counters(self) -> dict[str, int]:
@@ -90,7 +89,7 @@ class ViewerSubscriptions:
 
 
 def _waiting(box: BusInbox[M]) -> Iterator[M]:
-    """Yield as many messages as waited when it was asked, so that it ends."""
+    """Yield the messages that were waiting at the call."""
     for _ in range(len(box)):
         if (arrived := box.get(seconds=0)) is None:
             return
