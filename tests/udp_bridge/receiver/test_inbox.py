@@ -52,7 +52,7 @@ def test_single_part_messages_get_no_credit() -> None:
     assert Bench().receive(cloud(100)) == []
 
 
-def test_a_request_for_a_credit_is_answered_and_handed_to_nobody() -> None:
+def test_a_request_for_a_credit_is_answered_and_not_delivered() -> None:
     bench = Bench()
     head = Header(64, 17, 0, 1, 0, 0).pack()
     request = memoryview(head + CreditRequest().pack())

@@ -222,16 +222,16 @@ def test_numbers_wrap() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ahead", "handed_over"),
+    ("ahead", "delivered"),
     [(2999, 3), (3000, 2), (2**31 - 1, 2), (2**31, 2), (-103, 2), (-100, 0)],
 )
-def test_numbers_jump_from_3000_ahead_and_beyond_100_behind(ahead: int, handed_over: int) -> None:
+def test_numbers_jump_from_3000_ahead_and_beyond_100_behind(ahead: int, delivered: int) -> None:
     receiver = Receiver()
     in_a_row = [(7 + ahead + more) % 2**32 for more in range(3)]
     receiver.seqs(cloud(7, 1000, 1))
     got = receiver.seqs(*(cloud(seq, 990, 1) for seq in in_a_row))
-    assert got == in_a_row[3 - handed_over :]
-    assert receiver.counts.get("late", 0) == 3 - handed_over
+    assert got == in_a_row[3 - delivered :]
+    assert receiver.counts.get("late", 0) == 3 - delivered
 
 
 @pytest.mark.parametrize("parts", [1, 4])

@@ -170,7 +170,7 @@ class Inbox:
         self.datagrams += count
         self.bytes_received += size
         late = self.reassembler.counters.late
-        message = self.reassembler.accept_batch(header, slots, batch, sender, now_nanos)
+        message = self.reassembler.accept_batch(header, slots, batch, now_nanos)
         if message is None:
             assembly = self.reassembler.open_message(header, sender, now_nanos)
             nacks = self.reassembler.nack_tracker(header, sender)

@@ -132,12 +132,7 @@ class Reassembler:
         return body
 
     def accept_batch(
-        self,
-        header: Header,
-        slots: ReceiveSlots,
-        batch: PartBatch,
-        sender: Hashable,
-        now_nanos: int,
+        self, header: Header, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
     ) -> Optional[Message]:
         """Take parts that lie in their slots, with the same result as `accept` for each of them.
 
@@ -145,11 +140,12 @@ class Reassembler:
         """
         if self._senders.memory_bytes:  # otherwise nothing is open
             self.expire(now_nanos)
+        sender = slots.sender
         topic = self._senders.find(sender, (header.msg_type, header.topic))
         assembly = None
         if topic is not None:
             if batch.part_ranges == ((0, header.parts_max),) and not slots.is_open:
-                message = self._accept_whole(topic, header, slots, batch, sender, now_nanos)
+                message = self._accept_whole(topic, header, slots, batch, now_nanos)
                 if message is not None:
                     return message
             if topic.nacks is not None:
@@ -159,7 +155,7 @@ class Reassembler:
             if slots.is_open or self._senders.may_begin(sender, now_nanos):
                 assembly = self._assembly_in(topic, header, slots, now_nanos)
         if topic is None or assembly is None:
-            return self._accept_each(header, slots, batch, sender, now_nanos)
+            return self._accept_each(header, slots, batch, now_nanos)
         self._senders.topic(sender, (header.msg_type, header.topic))  # now the one used last
         topic.link = header.link
         topic.log.mark_arrived(header)
@@ -191,7 +187,6 @@ class Reassembler:
         header: Header,
         slots: ReceiveSlots,
         batch: PartBatch,
-        sender: Hashable,
         now_nanos: int,
     ) -> Optional[Message]:
         """Fast path: return a message that arrived in one batch, if it is next and nothing is open.
@@ -206,7 +201,7 @@ class Reassembler:
             or not topic.order.deliver_next(header, now_nanos)
         ):
             return None
-        self._senders.topic(sender, (header.msg_type, header.topic))  # now the one used last
+        self._senders.topic(slots.sender, (header.msg_type, header.topic))  # now the one used last
         topic.link = header.link
         view = memoryview(slots.block)
         self.pool.take_offered(slots.block, announced_bytes)
@@ -231,12 +226,7 @@ class Reassembler:
         return assembly if assembly.adopt_block(slots.block, slots.part_size) else None
 
     def _accept_each(
-        self,
-        header: Header,
-        slots: ReceiveSlots,
-        batch: PartBatch,
-        sender: Hashable,
-        now_nanos: int,
+        self, header: Header, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
     ) -> Optional[Message]:
         message = None
         for number in chain.from_iterable(
@@ -247,11 +237,11 @@ class Reassembler:
             end = start + (batch.last_part_size if is_last else slots.part_size)
             part = memoryview(slots.block)[start:end]
             try:
-                one = self.accept(header._replace(part_number=number), part, sender, now_nanos)
+                source = header._replace(part_number=number)
+                one = self.accept(source, part, slots.sender, now_nanos)
+                message = message or one
             except Refused as refused:
                 self.counters.refuse(refused.reason)
-                continue
-            message = message or one
         return message
 
     def take_nacks(self) -> List[Tuple[Hashable, str, Nack]]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies of the two reports in Control (type 64), to the byte: TopicReport and LinkReport.
 
-Each packs itself and parses itself. Nothing here counts: `arrivals` fills them, `accounts` reads
-them.
+Each packs itself and parses itself. Nothing here counts: `delivery_log` fills them, `accounts`
+reads them.
 """
 
 from __future__ import annotations
