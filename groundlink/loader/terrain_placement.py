@@ -79,4 +79,4 @@ def place_outdoors(document: Document) -> None:
         if any(map(math.isnan, heights)):
             mark = document.mark((*OUTDOORS, index))
             raise ScenarioError(f"{mark}: `outdoors`: this stands beside the terrain; move it")
-        fields.update(thing.grounded(heights))
+        fields.update(thing.ground_fields(heights))

@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walls and furniture as boxes and cylinders.
+"""Rooms and furniture as boxes and cylinders.
 
-Rule: each kind is one function from its description to solids around its own origin on the floor;
-`LocalFrame.put` places them in the world. Numbers are rounded to a micrometre and 1e-9 of a
-quaternion: sine and cosine differ in the last bit between processors, and the hash of a world must
-not.
+Each kind is one function that yields its parts around its own origin on the floor; `LocalFrame`
+places them in the world. Positions are rounded to a micrometer and quaternions to 1e-9: sine and
+cosine differ in the last bit between processors, and the hash of a world must not.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from groundlink.core.fields import Vector3
+from groundlink.core.fields import Size3, Vector3
 from groundlink.core.frames import quaternion_from_rpy
-from groundlink.world.solids import Box, Cylinder, Shape, Solid
+from groundlink.world.solids import Box, Cylinder, Shape, Solid, Sphere
 
 from .indoor_specs import Cabinet, Chair, Door, Furniture, Pillar, Room, Shelf, Table
 
@@ -27,22 +26,19 @@ LEG_M = 0.05
 LEAF_M = 0.04
 LEAF_GAP_M = 0.005
 APRON_M = 3.0
-"""How far the floor goes on beyond the walls, so that who leaves by the door does not fall."""
+"""Floor beyond the walls, for vehicles that leave through the door."""
 
 CHAIR_SIZE_M = (0.44, 0.44, 0.85)
 SEAT_HEIGHT_M = 0.46
 
 WALLS = {"north": (0.0, 1), "west": (90.0, 1), "south": (180.0, -1), "east": (-90.0, -1)}
-"""Yaw (degrees) of the frame whose x runs along the wall and whose y points out of the room, and
-whether that x has the direction of the world's axis along the wall."""
+"""For each wall, the yaw (degrees) of a frame with x along the wall and y out of the room, and the
+sign of that x in the world."""
 
 
 @dataclass(frozen=True)
 class SupportSurface:
-    """A level rectangle on which things can lie, in the world.
-
-    Its centre, yaw, lengths along its own x and y, and the free height above it; metres, degrees.
-    """
+    """A level rectangle in the world that supports clutter, with the free height above it."""
 
     center_m: Vector3
     yaw_deg: float
@@ -53,7 +49,7 @@ class SupportSurface:
 
 @dataclass(frozen=True)
 class LocalFrame:
-    """A place on the floor with a heading and a name, from which parts are put into the world."""
+    """Frame of an object: its name, its origin in the world and its yaw."""
 
     name: str
     x_m: float = 0.0
@@ -62,12 +58,12 @@ class LocalFrame:
     yaw_deg: float = 0.0
 
     def point(self, x: float, y: float, z: float) -> Vector3:
-        """Return in the world the point that stands at x, y, z in this frame."""
-        c, s = _cos_sin(self.yaw_deg)
+        """Return the world position of a point of this frame."""
+        c, s = cos_sin(self.yaw_deg)
         return (
-            _micrometres(self.x_m + c * x - s * y),
-            _micrometres(self.y_m + s * x + c * y),
-            _micrometres(self.z_m + z),
+            _micrometers(self.x_m + c * x - s * y),
+            _micrometers(self.y_m + s * x + c * y),
+            _micrometers(self.z_m + z),
         )
 
     def put(
@@ -94,6 +90,24 @@ class LocalFrame:
             orientation=(x, y, z, w),
         )
 
+    def box(self, part: str, size: Size3, at: Vector3, material: str, **turn: float) -> Solid:
+        """Return a box as a part; see `put`."""
+        return self.put(part, Box(size_m=size), at, material, **turn)
+
+    def cylinder(
+        self, part: str, radius: float, length: float, at: Vector3, material: str, **turn: float
+    ) -> Solid:
+        """Return a cylinder along z as a part; see `put`."""
+        return self.put(part, Cylinder(radius_m=radius, length_m=length), at, material, **turn)
+
+    def balls(
+        self, part: str, scale: float, rows: Iterable[tuple[float, ...]], material: str
+    ) -> Iterator[Solid]:
+        """Yield spheres from rows of x, y, z and radius in multiples of `scale`."""
+        for i, (x, y, z, radius) in enumerate(rows):
+            ball = Sphere(radius_m=radius * scale)
+            yield self.put(f"{part}_{i}", ball, (x * scale, y * scale, z * scale), material)
+
     def surface(
         self, at: Vector3, length_m: float, width_m: float, clear_m: float
     ) -> SupportSurface:
@@ -101,19 +115,20 @@ class LocalFrame:
         return SupportSurface(self.point(*at), self.yaw_deg, length_m, width_m, clear_m)
 
 
-Furnished = tuple[list[Solid], list[SupportSurface]]
+Parts = Iterator[Solid | SupportSurface]
+"""Solids of a piece of furniture, and the surfaces that it offers to clutter."""
 
 
 def build_room(room: Room) -> list[Solid]:
-    """Return floor, ceiling, walls with the opening cut out, and the door's leaf."""
+    """Return floor, ceiling, walls with the door opening, and the door leaf."""
     length, width, height = room.size_m
     t = room.wall_thickness_m
     frame = LocalFrame("room")
     slab = (length + 2 * APRON_M, width + 2 * APRON_M, t)
     cover = (length + 2 * t, width + 2 * t, t)
     solids = [
-        frame.put("floor", Box(size_m=slab), (0, 0, -t / 2), room.floor_material),
-        frame.put("ceiling", Box(size_m=cover), (0, 0, height + t / 2), room.wall_material),
+        frame.box("floor", slab, (0, 0, -t / 2), room.floor_material),
+        frame.box("ceiling", cover, (0, 0, height + t / 2), room.wall_material),
     ]
     for name, (yaw_deg, _) in WALLS.items():
         along, across = _lengths(room, name)
@@ -129,20 +144,15 @@ def build_room(room: Room) -> list[Solid]:
                 ("lintel", left, right, room.door.height_m),
             ]
         wall = LocalFrame(f"wall_{name}", yaw_deg=yaw_deg)
-        solids += [
-            wall.put(
-                part,
-                Box(size_m=(end - start, t, height - bottom)),
-                ((start + end) / 2, (across + t) / 2, (bottom + height) / 2),
-                room.wall_material,
-            )
-            for part, start, end, bottom in pieces
-        ]
+        for part, start, end, bottom in pieces:
+            size = (end - start, t, height - bottom)
+            at = ((start + end) / 2, (across + t) / 2, (bottom + height) / 2)
+            solids.append(wall.box(part, size, at, room.wall_material))
     return [*solids, _leaf(room, room.door)] if room.door else solids
 
 
 def door_frame(room: Room, door: Door) -> LocalFrame:
-    """Return the frame amid the opening at the wall's inner face: x along it, y out of the room."""
+    """Return the frame in the middle of the opening, at the wall's inner face; y points out."""
     yaw_deg, _ = WALLS[door.wall]
     along = LocalFrame("door", yaw_deg=yaw_deg)
     x, y, _ = along.point(sum(_span(door)) / 2, _lengths(room, door.wall)[1] / 2, 0)
@@ -150,15 +160,15 @@ def door_frame(room: Room, door: Door) -> LocalFrame:
 
 
 def _leaf(room: Room, door: Door) -> Solid:
-    """Return the leaf: hinged at the start of the opening, it swings into the room."""
+    """Return the door leaf, hinged at the start of the opening; it opens into the room."""
     opening = door_frame(room, door)
     x, y, _ = opening.point(-door.width_m / 2, 0, 0)
     hinge = LocalFrame("door", x, y, yaw_deg=opening.yaw_deg - door.open_deg)
     size = (door.width_m - 2 * LEAF_GAP_M, LEAF_M, door.height_m - 2 * LEAF_GAP_M)
-    # Its thickness lies in the opening when shut, and turns clear of the wall when open.
+    # A closed leaf lies within the opening; an open one clears the wall.
     side = -1 if 0 < door.open_deg <= 90 else 1
     at = (door.width_m / 2, side * LEAF_M / 2, door.height_m / 2)
-    return hinge.put("leaf", Box(size_m=size), at, door.material)
+    return hinge.box("leaf", size, at, door.material)
 
 
 def _lengths(room: Room, wall: str) -> tuple[float, float]:
@@ -168,121 +178,86 @@ def _lengths(room: Room, wall: str) -> tuple[float, float]:
 
 
 def _span(door: Door) -> tuple[float, float]:
-    """Return where the opening starts and ends along the x of its wall's frame."""
+    """Return the begin and end of the opening along the x axis of the wall's frame."""
     at = door.at_m * WALLS[door.wall][1]
     return at - door.width_m / 2, at + door.width_m / 2
 
 
-def _legs(
-    frame: LocalFrame, length: float, width: float, height: float, material: str
-) -> list[Solid]:
-    """Return four legs at the corners of a rectangle."""
+def _legs(frame: LocalFrame, size: Vector3, material: str) -> Iterator[Solid]:
+    """Yield four legs at the corners of a rectangle."""
+    length, width, height = size
     x, y = length / 2 - LEG_M / 2, width / 2 - LEG_M / 2
-    return [
-        frame.put(
-            f"leg_{i}", Box(size_m=(LEG_M, LEG_M, height)), (sx * x, sy * y, height / 2), material
-        )
-        for i, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1)))
-    ]
+    for i, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+        at = (sx * x, sy * y, height / 2)
+        yield frame.box(f"leg_{i}", (LEG_M, LEG_M, height), at, material)
 
 
-def _table(frame: LocalFrame, table: Table) -> Furnished:
+def _table(frame: LocalFrame, table: Table) -> Parts:
     length, width, height = table.size_m
-    top = frame.put(
-        "top", Box(size_m=(length, width, BOARD_M)), (0, 0, height - BOARD_M / 2), table.material
-    )
-    legs = _legs(frame, length, width, height - BOARD_M, table.material)
-    return [top, *legs], [frame.surface((0, 0, height), length, width, 1.0)]
+    top = (length, width, BOARD_M)
+    yield frame.box("top", top, (0, 0, height - BOARD_M / 2), table.material)
+    yield from _legs(frame, (length, width, height - BOARD_M), table.material)
+    yield frame.surface((0, 0, height), length, width, 1.0)
 
 
-def _shelf(frame: LocalFrame, shelf: Shelf) -> Furnished:
+def _shelf(frame: LocalFrame, shelf: Shelf) -> Parts:
     length, width, height = shelf.size_m
-    inner = length - 2 * BOARD_M
-    depth = width - BOARD_M
-    solids = [
-        frame.put(
-            f"upright_{i}",
-            Box(size_m=(BOARD_M, width, height)),
-            (side * (length - BOARD_M) / 2, 0, height / 2),
-            shelf.material,
-        )
-        for i, side in enumerate((1, -1))
-    ]
-    solids.append(
-        frame.put(
-            "back",
-            Box(size_m=(inner, BOARD_M, height)),
-            (0, (width - BOARD_M) / 2, height / 2),
-            shelf.material,
-        )
-    )
-    surfaces = []
+    inner, depth = length - 2 * BOARD_M, width - BOARD_M
+    for i, side in enumerate((1, -1)):
+        at = (side * (length - BOARD_M) / 2, 0.0, height / 2)
+        yield frame.box(f"upright_{i}", (BOARD_M, width, height), at, shelf.material)
+    back = (inner, BOARD_M, height)
+    yield frame.box("back", back, (0, (width - BOARD_M) / 2, height / 2), shelf.material)
     pitch = (height - BOARD_M) / (shelf.boards - 1)
     for i in range(shelf.boards):
-        bottom = i * pitch
-        at = (0.0, -BOARD_M / 2, bottom + BOARD_M / 2)
-        solids.append(
-            frame.put(f"board_{i}", Box(size_m=(inner, depth, BOARD_M)), at, shelf.material)
-        )
+        y, bottom = -BOARD_M / 2, i * pitch
+        at = (0.0, y, bottom + BOARD_M / 2)
+        yield frame.box(f"board_{i}", (inner, depth, BOARD_M), at, shelf.material)
         clear = pitch - BOARD_M if i < shelf.boards - 1 else 0.4
-        surfaces.append(frame.surface((0, -BOARD_M / 2, bottom + BOARD_M), inner, depth, clear))
-    return solids, surfaces
+        yield frame.surface((0, y, bottom + BOARD_M), inner, depth, clear)
 
 
-def _cabinet(frame: LocalFrame, cabinet: Cabinet) -> Furnished:
-    body = frame.put(
-        "body", Box(size_m=cabinet.size_m), (0, 0, cabinet.size_m[2] / 2), cabinet.material
-    )
-    return [body], []
+def _cabinet(frame: LocalFrame, cabinet: Cabinet) -> Parts:
+    yield frame.box("body", cabinet.size_m, (0, 0, cabinet.size_m[2] / 2), cabinet.material)
 
 
-def _chair(frame: LocalFrame, chair: Chair) -> Furnished:
+def _chair(frame: LocalFrame, chair: Chair) -> Parts:
     length, width, height = CHAIR_SIZE_M
-    legs = _legs(frame, length, width, SEAT_HEIGHT_M - BOARD_M, chair.material)
-    seat = frame.put(
-        "seat",
-        Box(size_m=(length, width, BOARD_M)),
-        (0, 0, SEAT_HEIGHT_M - BOARD_M / 2),
-        chair.material,
-    )
-    back = frame.put(
-        "back",
-        Box(size_m=(BOARD_M, width, height - SEAT_HEIGHT_M)),
-        ((BOARD_M - length) / 2, 0, (height + SEAT_HEIGHT_M) / 2),
-        chair.material,
-    )
-    return [*legs, seat, back], []
+    yield from _legs(frame, (length, width, SEAT_HEIGHT_M - BOARD_M), chair.material)
+    seat, back = (length, width, BOARD_M), (BOARD_M, width, height - SEAT_HEIGHT_M)
+    yield frame.box("seat", seat, (0, 0, SEAT_HEIGHT_M - BOARD_M / 2), chair.material)
+    at = ((BOARD_M - length) / 2, 0.0, (height + SEAT_HEIGHT_M) / 2)
+    yield frame.box("back", back, at, chair.material)
 
 
-def _pillar(frame: LocalFrame, pillar: Pillar) -> Furnished:
-    shape = Cylinder(radius_m=pillar.radius_m, length_m=pillar.height_m)
-    return [frame.put("column", shape, (0, 0, pillar.height_m / 2), pillar.material)], []
+def _pillar(frame: LocalFrame, pillar: Pillar) -> Parts:
+    height = pillar.height_m
+    yield frame.cylinder("column", pillar.radius_m, height, (0, 0, height / 2), pillar.material)
 
 
-KINDS: dict[type[Any], Callable[[LocalFrame, Any], Furnished]] = {
+BUILDERS: dict[type[Any], Callable[[LocalFrame, Any], Parts]] = {
     Table: _table,
     Shelf: _shelf,
     Cabinet: _cabinet,
     Chair: _chair,
     Pillar: _pillar,
 }
-"""How each kind of furniture is made."""
+"""Builder of each kind of furniture."""
 
 
-def build_furniture(index: int, furniture: Furniture) -> Furnished:
-    """Return the solids of one piece of furniture, and the surfaces that it offers to clutter."""
-    kind = type(furniture)
-    frame = LocalFrame(
-        f"{kind.__struct_config__.tag}_{index}",
-        *furniture.at_m,
-        yaw_deg=getattr(furniture, "yaw_deg", 0.0),
-    )
-    return KINDS[kind](frame, furniture)
+def build_furniture(index: int, furniture: Furniture) -> tuple[list[Solid], list[SupportSurface]]:
+    """Return the solids of a piece of furniture, and the surfaces that it offers to clutter."""
+    name = f"{furniture.__struct_config__.tag}_{index}"
+    frame = LocalFrame(name, *furniture.at_m, yaw_deg=getattr(furniture, "yaw_deg", 0.0))
+    parts = list(BUILDERS[type(furniture)](frame, furniture))
+    solids = [part for part in parts if isinstance(part, Solid)]
+    return solids, [part for part in parts if isinstance(part, SupportSurface)]
 
 
-def _cos_sin(angle_deg: float) -> tuple[float, float]:
+def cos_sin(angle_deg: float) -> tuple[float, float]:
+    """Return cosine and sine of an angle in degrees."""
     return math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
 
 
-def _micrometres(value: float) -> float:
+def _micrometers(value: float) -> float:
     return float(round(value, 6)) + 0.0  # + 0.0 makes -0.0 a plain zero, which hashes alike

@@ -8,9 +8,9 @@ builder never reads the terrain. `outdoor_objects` turns each object into solids
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
@@ -23,32 +23,28 @@ POST_M = 0.14
 
 
 class PlacedObject(Spec, frozen=True, tag_field="kind", kw_only=True):
-    """What stands at one place."""
+    """An object at one place."""
 
     at_m: Place2
     yaw_deg: float = 0.0
     z_m: float | None = None
-    """Height of the ground there; None: the terrain's lowest under it, 0 where there is none."""
-
-    def reach_m(self) -> float:
-        """Return how far around its place it touches the ground."""
-        raise NotImplementedError
+    """Height of the ground; None: the lowest terrain below the object, or 0 without terrain."""
 
     def feet(self) -> list[Place2]:
-        """Return places where it touches the ground."""
+        """Return the points where the object touches the ground."""
         x, y = self.at_m
         turns = [math.radians(self.yaw_deg) + math.pi * (i / 4 + 1 / 8) for i in range(8)]
-        reach_m = self.reach_m()
+        reach_m = FOOTPRINTS_M[type(self)](self)
         around = [(x + reach_m * math.cos(a), y + reach_m * math.sin(a)) for a in turns]
         return [self.at_m, *around]
 
-    def grounded(self, heights: Sequence[float]) -> dict[str, object]:
-        """Return the fields that say how high the ground is, by the heights at its feet."""
+    def ground_fields(self, heights: Sequence[float]) -> dict[str, object]:
+        """Return the fields for the height of the ground, from the heights at `feet`."""
         return {"z_m": round(min(heights), 3)}
 
 
 class House(PlacedObject, frozen=True, tag="house", kw_only=True):
-    """Four walls under a gabled roof, closed, on a footing. Its door is amid its -y side."""
+    """A closed house with a gabled roof on a footing; the door is in the middle of the -y side."""
 
     size_m: Size3 = (10.0, 8.0, 3.2)
     """Length along the ridge, width, height of the eaves."""
@@ -56,7 +52,7 @@ class House(PlacedObject, frozen=True, tag="house", kw_only=True):
     roof_deg: Annotated[float, Meta(ge=10, le=44)] = 38.0
     windows: bool = True
     door_m: tuple[Positive, Positive] = (1.1, 2.1)
-    """Width and height; of a barn's as large as its gate."""
+    """Width and height."""
 
     chimney: bool = True
     wall_material: str = "plaster"
@@ -67,46 +63,30 @@ class House(PlacedObject, frozen=True, tag="house", kw_only=True):
     glass_material: str = "glass"
     chimney_material: str = "brick"
 
-    def reach_m(self) -> float:
-        """Return how far its corners are."""
-        return math.hypot(*self.size_m[:2]) / 2
-
 
 class Tree(PlacedObject, frozen=True, tag="tree", kw_only=True):
     """A trunk and a crown."""
 
     species: Literal["oak", "birch", "spruce"] = "oak"
-    """A round crown, a slender one, or tiers down to the ground."""
+    """Round crown, slender crown, or tiers down to the ground."""
 
     height_m: Positive = 8.0
     bark_material: str = "bark"
     leaf_material: str = "leaves"
 
-    def reach_m(self) -> float:
-        """Return the radius of its trunk."""
-        return 0.035 * self.height_m
-
 
 class Bush(PlacedObject, frozen=True, tag="bush", kw_only=True):
-    """A few balls of leaves."""
+    """A few spheres of leaves."""
 
     height_m: Positive = 1.2
     leaf_material: str = "leaves"
 
-    def reach_m(self) -> float:
-        """Return how far its balls touch the ground."""
-        return 0.4 * self.height_m
-
 
 class Rock(PlacedObject, frozen=True, tag="rock", kw_only=True):
-    """A boulder, a part of it in the ground."""
+    """A boulder, partly in the ground."""
 
     height_m: Positive = 0.6
     material: str = "rock"
-
-    def reach_m(self) -> float:
-        """Return how wide it is about."""
-        return 0.7 * self.height_m
 
 
 class Pole(PlacedObject, frozen=True, tag="pole", kw_only=True):
@@ -116,21 +96,13 @@ class Pole(PlacedObject, frozen=True, tag="pole", kw_only=True):
     material: str = "wood"
     insulator_material: str = "white_paint"
 
-    def reach_m(self) -> float:
-        """Return its radius."""
-        return 0.13
-
 
 class Lamp(PlacedObject, frozen=True, tag="lamp", kw_only=True):
-    """A street lamp whose head is out along its x."""
+    """A street lamp with its head along +x."""
 
     height_m: Positive = 5.0
     material: str = "metal"
     glass_material: str = "white_paint"
-
-    def reach_m(self) -> float:
-        """Return the radius of its foot."""
-        return 0.12
 
 
 class Bale(PlacedObject, frozen=True, tag="bale", kw_only=True):
@@ -140,10 +112,6 @@ class Bale(PlacedObject, frozen=True, tag="bale", kw_only=True):
     length_m: Positive = 1.2
     material: str = "hay"
 
-    def reach_m(self) -> float:
-        """Return half its length."""
-        return self.length_m / 2
-
 
 class Crate(PlacedObject, frozen=True, tag="crate", kw_only=True):
     """A wooden crate with battens along its edges."""
@@ -151,39 +119,47 @@ class Crate(PlacedObject, frozen=True, tag="crate", kw_only=True):
     size_m: Size3 = (1.0, 0.8, 0.7)
     material: str = "wood"
 
-    def reach_m(self) -> float:
-        """Return how far its corners are."""
-        return math.hypot(*self.size_m[:2]) / 2
-
 
 class Fence(Spec, frozen=True, tag_field="kind", tag="fence", kw_only=True):
-    """Posts along a line, and round rails between them that follow the ground."""
+    """Posts along a line, with round rails that follow the ground."""
 
     points_m: Annotated[tuple[Place2, ...], Meta(min_length=2)]
     ground_m: tuple[float, ...] | None = None
-    """Height of the ground at each post; None: the terrain's, 0 where there is none."""
+    """Height of the ground at each post; None: from the terrain, or 0 without terrain."""
 
     spacing_m: Positive = 3.0
-    """Of posts, at most."""
+    """Largest distance between posts."""
 
     height_m: Positive = 1.2
     rails: Annotated[int, Meta(ge=1, le=5)] = 2
     material: str = "wood"
 
     def feet(self) -> list[Place2]:
-        """Return the places of the posts."""
+        """Return the positions of the posts."""
         posts = [self.points_m[0]]
         for (x0, y0), (x1, y1) in pairwise(self.points_m):
-            # A hair less, so that a whole multiple of the spacing is no post more.
+            # Rounded down slightly, so that an exact multiple of the spacing adds no post.
             bays = max(1, math.ceil(math.hypot(x1 - x0, y1 - y0) / self.spacing_m - 1e-6))
             posts += [
                 (x0 + (x1 - x0) * i / bays, y0 + (y1 - y0) * i / bays) for i in range(1, bays + 1)
             ]
         return posts
 
-    def grounded(self, heights: Sequence[float]) -> dict[str, object]:
-        """Return the fields that say how high the ground is, by the heights at its feet."""
+    def ground_fields(self, heights: Sequence[float]) -> dict[str, object]:
+        """Return the fields for the height of the ground, from the heights at `feet`."""
         return {"ground_m": [round(height, 3) for height in heights]}
 
 
 OutdoorObject = House | Tree | Bush | Rock | Pole | Lamp | Bale | Crate | Fence
+
+FOOTPRINTS_M: dict[type[PlacedObject], Callable[[Any], float]] = {
+    House: lambda house: math.hypot(*house.size_m[:2]) / 2,
+    Tree: lambda tree: 0.035 * tree.height_m,
+    Bush: lambda bush: 0.4 * bush.height_m,
+    Rock: lambda rock: 0.7 * rock.height_m,
+    Pole: lambda _: 0.13,
+    Lamp: lambda _: 0.12,
+    Bale: lambda bale: bale.length_m / 2,
+    Crate: lambda crate: math.hypot(*crate.size_m[:2]) / 2,
+}
+"""Radius within which an object of each kind touches the ground."""

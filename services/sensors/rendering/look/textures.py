@@ -3,8 +3,8 @@
 
 Textures are computed; the same numpy gives the same bytes. A texture shows a pattern `REPEATS`
 times per side, overlaid by another pattern, or the same one, at another scale. So no two places of
-it look alike, and programs that recognize places recognize the right one. `patterns` and
-`patterns_outdoors` define the patterns.
+it look alike, and programs that recognize places recognize the right one. `patterns` defines the
+patterns.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from groundlink.world.solids import Material, Texture
 
-from . import patterns, patterns_outdoors
+from . import patterns
 from .patterns import Factors
 
 BRIGHTEST = 2.0
@@ -49,15 +49,15 @@ _LOOKS: dict[Texture, Look] = {
     "tiles": Look(patterns.tiles, patterns.speckled),
     "bricks": Look(patterns.bricks, patterns.speckled),
     "printed": Look(patterns.printed, patterns.stained),
-    "grass": Look(patterns_outdoors.grass),
-    "soil": Look(patterns_outdoors.soil),
-    "gravel": Look(patterns_outdoors.gravel, patterns_outdoors.soil),
-    "rock": Look(patterns_outdoors.rock),
-    "water": Look(patterns_outdoors.water),
-    "leaves": Look(patterns_outdoors.leaves, patterns_outdoors.soil),
-    "bark": Look(patterns_outdoors.bark, patterns_outdoors.soil),
-    "roof_tiles": Look(patterns_outdoors.roof_tiles, patterns.stained),
-    "snow": Look(patterns_outdoors.snow),
+    "grass": Look(patterns.grass),
+    "soil": Look(patterns.soil),
+    "gravel": Look(patterns.gravel, patterns.soil),
+    "rock": Look(patterns.rock),
+    "water": Look(patterns.water),
+    "leaves": Look(patterns.leaves, patterns.soil),
+    "bark": Look(patterns.bark, patterns.soil),
+    "roof_tiles": Look(patterns.roof_tiles, patterns.stained),
+    "snow": Look(patterns.snow),
 }
 
 

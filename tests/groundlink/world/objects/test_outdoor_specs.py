@@ -9,10 +9,10 @@ import pytest
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.world.bounds import bounds, half_extents
 from groundlink.world.objects.outdoor_objects import (
+    BUILDERS,
     BURIED_M,
     EAVES_M,
     FOOTING_M,
-    KINDS,
     build_outdoor_object,
 )
 from groundlink.world.objects.outdoor_specs import Fence, House, OutdoorObject, Tree
@@ -22,7 +22,7 @@ AT = (12.0, -7.0)
 GROUND_M = 3.25
 
 THINGS: list[OutdoorObject] = [
-    *(kind(at_m=AT, yaw_deg=30.0, z_m=GROUND_M) for kind in KINDS),
+    *(kind(at_m=AT, yaw_deg=30.0, z_m=GROUND_M) for kind in BUILDERS),
     *(
         Tree(at_m=AT, z_m=GROUND_M, species=species, height_m=10.0)
         for species in ("birch", "spruce")
