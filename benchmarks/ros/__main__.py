@@ -39,8 +39,8 @@ REST_S = 0.005
 """Between messages: what is left of one does not delay the next."""
 
 
-class Way(NamedTuple):
-    """One way from a source to a callback."""
+class MessagePath(NamedTuple):
+    """A path from a source to a callback."""
 
     source: Program
     listener: Program
@@ -52,7 +52,7 @@ class Way(NamedTuple):
         return (self.listener.number(patience_s) - began) / 1e6
 
 
-def _ours(stack: ExitStack) -> Way:
+def _ours(stack: ExitStack) -> MessagePath:
     run = f"benchmark_{os.getpid()}"
     with socket.create_server((LOCALHOST, 0)) as free:
         endpoint = f"tcp/{LOCALHOST}:{free.getsockname()[1]}"
@@ -72,13 +72,13 @@ def _ours(stack: ExitStack) -> Way:
         if time.monotonic() > end:
             raise Silent("the gateway does not join the bus")
     source = python("benchmarks.ros.ends", "sensor", endpoint, run, vehicle)
-    return Way(stack.enter_context(closing(source)), listener)
+    return MessagePath(stack.enter_context(closing(source)), listener)
 
 
-def _plain(stack: ExitStack) -> Way:
+def _plain(stack: ExitStack) -> MessagePath:
     source = stack.enter_context(closing(python("benchmarks.ros.ends", "plain")))
     listener = python("benchmarks.ros.ends", "listener", "plain")
-    return Way(source, stack.enter_context(closing(listener)))
+    return MessagePath(source, stack.enter_context(closing(listener)))
 
 
 def _with_streams(scenario: Scenario) -> tuple[Scenario, str]:
@@ -92,7 +92,7 @@ def _with_streams(scenario: Scenario) -> tuple[Scenario, str]:
     return msgspec.structs.replace(scenario, vehicles=(vehicle,)), vehicle.name
 
 
-def _reach(way: Way, name: str) -> None:
+def _reach(way: MessagePath, name: str) -> None:
     """Send until something arrives: who listens is found out in the background."""
     for _ in range(15):
         try:

@@ -18,7 +18,7 @@ from groundlink.messages.base import PointCloud, packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.every_sensor import Carrier, SensorSpec
 from groundlink.scenario.lidars import RotatingLidar
-from groundlink.scenario.ros_side import Gateway
+from groundlink.scenario.ros_side import GatewaySettings
 from groundlink.scenario.schema import Vehicle
 
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
@@ -58,7 +58,9 @@ def body_bytes(vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False) -> 
     return len(to_cdr(message))
 
 
-def cut(vehicle: Vehicle, sensor: SensorSpec, gateway: Gateway, *, truth: bool = False) -> Cut:
+def cut(
+    vehicle: Vehicle, sensor: SensorSpec, gateway: GatewaySettings, *, truth: bool = False
+) -> Cut:
     """Return how a sensor's largest message is sent, or the truth behind it.
 
     Raises
@@ -84,7 +86,9 @@ def cut(vehicle: Vehicle, sensor: SensorSpec, gateway: Gateway, *, truth: bool =
     )
 
 
-def fitting_block_deg(vehicle: Vehicle, sensor: RotatingLidar, gateway: Gateway) -> float | None:
+def fitting_block_deg(
+    vehicle: Vehicle, sensor: RotatingLidar, gateway: GatewaySettings
+) -> float | None:
     """Return the largest `block_deg` whose messages fit the scenario's datagrams, if any does."""
     for block_deg in BLOCKS_DEG:
         try:

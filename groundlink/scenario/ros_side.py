@@ -132,7 +132,7 @@ class RmwZenoh(Spec, frozen=True):
     """False for ROS 2 Humble, which has none."""
 
 
-class Gateway(Spec, frozen=True):
+class GatewaySettings(Spec, frozen=True):
     """The UDP Bridge's end on the simulator's side."""
 
     bind: Address = "127.0.0.1:7510"

@@ -25,7 +25,7 @@ from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Weather
 
 from .every_sensor import FramePrefix, Name, Rate, RosTopic, SensorSpec
-from .ros_side import FromRos, Gateway, Stream, TfTree
+from .ros_side import FromRos, GatewaySettings, Stream, TfTree
 from .route import Route
 from .sensor_kinds import sensor_union
 from .vehicle import VehicleModel
@@ -256,7 +256,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
     world: World
     vehicles: tuple[Vehicle, ...]
     bodies: BodyPoses = BodyPoses()
-    gateway: Gateway = Gateway()
+    gateway: GatewaySettings = GatewaySettings()
 
     def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
         """Return the vehicle and the sensor called `vehicle/sensor`, or None."""

@@ -19,7 +19,7 @@ with process_needs("gateway", "gateway"):
     from udp_bridge.io.memory import keep_memory
 
     from .bus_session import BusSession
-    from .carrier import Carrier, say
+    from .carrier import StreamCarrier, say
     from .peer_resolver import PeerResolver
 
 SWITCH_SECONDS = 5e-4
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         try:
             while scenario is not None and resolver.wait(stop, say) is not None:
                 bind = process.address(options.bind or scenario.gateway.bind)
-                with Carrier(session, scenario, resolver, bind, options.key_file) as carrier:
+                with StreamCarrier(session, scenario, resolver, bind, options.key_file) as carrier:
                     scenario = carrier.run(stop)
         finally:
             resolver.close()

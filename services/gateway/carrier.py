@@ -17,7 +17,7 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import Clock
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
-from groundlink.scenario.ros_side import Gateway as GatewaySettings
+from groundlink.scenario.ros_side import GatewaySettings
 from udp_bridge.io.link import DEFAULT_RECEIVE_BUFFER, Link
 from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
 from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket, buffer_hint
@@ -55,7 +55,7 @@ def say(line: str) -> None:
     print(f"{GATEWAY}: {printable(line)}", file=sys.stderr, flush=True)
 
 
-class Carrier:
+class StreamCarrier:
     """Carries the streams of a scenario between the bus and a peer at one address.
 
     Another carrier replaces it when vehicles join or leave the run, or the peer's address changes.
@@ -115,7 +115,7 @@ class Carrier:
                 )
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Carrier:
+    def __enter__(self) -> StreamCarrier:
         return self
 
     def __exit__(

@@ -19,7 +19,7 @@ from groundlink.bus.topics import process_names
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
-from groundlink.scenario.ros_side import Gateway
+from groundlink.scenario.ros_side import GatewaySettings
 
 RECORDER = core_topics.RECORDER
 
@@ -93,7 +93,7 @@ def check_new_file(option: str, path: Path) -> None:
         raise UserError(f"{option} {path}: no such folder: {path.parent}")
 
 
-def ros_side(gateway: Gateway, shown: Console) -> list[str]:
+def ros_side(gateway: GatewaySettings, shown: Console) -> list[str]:
     """Return the command line of the ROS 2 node, or of a plain receiver without ROS 2."""
     bind = ["--bind", gateway.peer]
     receives, sends = (address(text)[0] for text in (gateway.peer, gateway.bind))

@@ -33,7 +33,15 @@ from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL
 
 from .reply_mailbox import ReplyMailbox
-from .states import AWAITING_REPLY, STEPPING, WITHOUT_ROS, Action, Event, LockstepState, Machine
+from .states import (
+    AWAITING_REPLY,
+    STEPPING,
+    WITHOUT_ROS,
+    LockstepAction,
+    LockstepEvent,
+    LockstepMachine,
+    LockstepState,
+)
 
 REPEAT_SECONDS = 0.02
 """Interval at which a barrier is sent while its reply is awaited."""
@@ -157,7 +165,7 @@ class Lockstep:
         self._acknowledge, self._resume, self._say = acknowledge, resume, say
         self._clock_key = next(s.key for s in gateway.streams.values() if s.message is Clock)
         self._sensors = SensorProgress(scenario.sensor_names() or [PHYSICS])
-        self._machine, self._announced = Machine(), AnnouncedCounts()
+        self._machine, self._announced = LockstepMachine(), AnnouncedCounts()
         self._forwarded: list[ToRos] = []
         """What was sent to ROS since the last barrier."""
 
@@ -167,18 +175,18 @@ class Lockstep:
         self._replied: _Replied | None = None
         self._status: RunStatus | None = None
         self._backoff, self._is_news = Backoff(0.0), True
-        self._actions: dict[Action, Callable[[], object]] = {
-            Action.SEND_FIRST_BARRIER: self._send_first_barrier,
-            Action.SEND_BARRIER: self._send_next_barrier,
-            Action.SEND_BARRIER_AND_SKIP: self._send_next_barrier_and_skip,
-            Action.RESEND_READINGS: self._resend_readings,
-            Action.ACKNOWLEDGE: self._acknowledge_reply,
-            Action.ACKNOWLEDGE_AGAIN: self._acknowledge_again,
-            Action.SKIP: self._skip,
-            Action.ASK_PHYSICS: self._ask_physics,
-            Action.ASK_FOR_SENSORS: self._ask_for_sensors,
-            Action.REPORT_RETURN: lambda: self._say("the ROS node is responding again"),
-            Action.WAIT: lambda: None,
+        self._actions: dict[LockstepAction, Callable[[], object]] = {
+            LockstepAction.SEND_FIRST_BARRIER: self._send_first_barrier,
+            LockstepAction.SEND_BARRIER: self._send_next_barrier,
+            LockstepAction.SEND_BARRIER_AND_SKIP: self._send_next_barrier_and_skip,
+            LockstepAction.RESEND_READINGS: self._resend_readings,
+            LockstepAction.ACKNOWLEDGE: self._acknowledge_reply,
+            LockstepAction.ACKNOWLEDGE_AGAIN: self._acknowledge_again,
+            LockstepAction.SKIP: self._skip,
+            LockstepAction.ASK_PHYSICS: self._ask_physics,
+            LockstepAction.ASK_FOR_SENSORS: self._ask_for_sensors,
+            LockstepAction.REPORT_RETURN: lambda: self._say("the ROS node is responding again"),
+            LockstepAction.WAIT: lambda: None,
         }
         self.counts = dict.fromkeys(
             ("barriers", "barriers_skipped", "lost_for_ros", "lost_from_ros", "other_episodes"), 0
@@ -225,16 +233,16 @@ class Lockstep:
         self._now = now_seconds
         if self._wait.since is None:
             self._wait.since = now_seconds
-        if self._is_news or not self._machine.expects(Event.SILENCE):
+        if self._is_news or not self._machine.expects(LockstepEvent.SILENCE):
             self._backoff.reset(now_seconds)
             self._is_news = False
         elif self._backoff.is_due(now_seconds):
-            self._handle(Event.SILENCE)
-        if self._machine.expects(Event.OPENED):
-            self._handle(Event.OPENED)
-        if self._machine.expects(Event.ALL_SENT) and self._is_all_sent():
-            self._handle(Event.ALL_SENT)
-        if self._machine.expects(Event.REPLY):
+            self._handle(LockstepEvent.SILENCE)
+        if self._machine.expects(LockstepEvent.OPENED):
+            self._handle(LockstepEvent.OPENED)
+        if self._machine.expects(LockstepEvent.ALL_SENT) and self._is_all_sent():
+            self._handle(LockstepEvent.ALL_SENT)
+        if self._machine.expects(LockstepEvent.REPLY):
             self._look_for_reply()
         is_awaited = self.state in AWAITING_REPLY
         interval = REPEAT_SECONDS if is_awaited else REMIND_SECONDS
@@ -242,7 +250,7 @@ class Lockstep:
             self._send_barrier()
         self._report_wait()
 
-    def _handle(self, event: Event) -> None:
+    def _handle(self, event: LockstepEvent) -> None:
         self._actions[self._machine.take(event)]()
 
     def _hear_clock(self, key: str, clock: Clock) -> None:
@@ -261,7 +269,7 @@ class Lockstep:
             self._acknowledge(Ack(clock.life, clock.tick - behind, clock.tick - behind))
             return
         known.due, self._wait.since = clock, None
-        self._handle(Event.CLOCK)
+        self._handle(LockstepEvent.CLOCK)
 
     def _forward(self, key: str, message: Message) -> None:
         if key in self._gateway.streams:
@@ -292,13 +300,13 @@ class Lockstep:
             return
         reply, _ = found
         if reply.state == RESTARTED and self._now - self._sent.resent_seconds >= REMIND_SECONDS:
-            self._handle(Event.NODE_RESTARTED)  # later copies answer copies of the barrier
+            self._handle(LockstepEvent.NODE_RESTARTED)  # later copies answer copies of the barrier
         if reply.state == DONE:
             missing = self._replies.missing(reply.sent)
             if not missing or self._now - sent.began_seconds > LIMIT_MS / 1e3:
                 if sent.barrier.tick >= 0 and self.state in AWAITING_REPLY:
                     self._replied = _Replied(reply, missing)
-                self._handle(Event.REPLY)
+                self._handle(LockstepEvent.REPLY)
 
     def _send_first_barrier(self) -> None:
         self._sent.began_seconds = self._now
@@ -389,7 +397,7 @@ class Lockstep:
         if state.tick % self._time.ack_ticks or ack.tick >= state.tick:
             return
         if state.life == self._clock.life and state.tick <= self._clock.tick:
-            self._handle(Event.STILL_WAITING)
+            self._handle(LockstepEvent.STILL_WAITING)
             return
         # Sensors do not repeat acknowledgements that a predecessor of this process got.
         self._sensors.all_reached(state.life, state.tick)
@@ -413,9 +421,9 @@ class Lockstep:
         if not wait.is_reported:
             wait.is_reported = True
             self._say(reason)
-        if skips and self._machine.expects(Event.OVERDUE):
+        if skips and self._machine.expects(LockstepEvent.OVERDUE):
             self._say("continuing without the ROS node until it responds")
-            self._handle(Event.OVERDUE)
+            self._handle(LockstepEvent.OVERDUE)
 
     def _waits_for(self) -> str:
         """Return in a line what physics is waiting for; empty while it is stepping."""

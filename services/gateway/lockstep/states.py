@@ -34,7 +34,7 @@ class LockstepState(Enum):
     """As `COLLECTING`, but the ROS node has missed its deadline and not replied since."""
 
 
-class Event(Enum):
+class LockstepEvent(Enum):
     """What can happen."""
 
     OPENED = auto()
@@ -62,7 +62,7 @@ class Event(Enum):
     """Physics was asked and still waits for the acknowledgement of the newest known tick."""
 
 
-class Action(Enum):
+class LockstepAction(Enum):
     """What follows from an event."""
 
     SEND_FIRST_BARRIER = auto()
@@ -95,9 +95,9 @@ class Action(Enum):
     """Nothing."""
 
 
-_S, _E, _A = LockstepState, Event, Action
+_S, _E, _A = LockstepState, LockstepEvent, LockstepAction
 
-TRANSITIONS: dict[LockstepState, dict[Event, tuple[LockstepState, Action]]] = {
+TRANSITIONS: dict[LockstepState, dict[LockstepEvent, tuple[LockstepState, LockstepAction]]] = {
     _S.START: {
         _E.OPENED: (_S.CONNECTING, _A.SEND_FIRST_BARRIER),
     },
@@ -149,17 +149,17 @@ WITHOUT_ROS = frozenset({_S.RUNNING_WITHOUT_ROS, _S.COLLECTING_WITHOUT_ROS})
 """States in which the run goes on although the ROS node does not reply."""
 
 
-class Machine:
+class LockstepMachine:
     """The current state."""
 
     def __init__(self) -> None:
         self.state = LockstepState.START
 
-    def expects(self, event: Event) -> bool:
+    def expects(self, event: LockstepEvent) -> bool:
         """Return whether an event can occur now."""
         return event in TRANSITIONS[self.state]
 
-    def take(self, event: Event) -> Action:
+    def take(self, event: LockstepEvent) -> LockstepAction:
         """Return what follows from an event, in the next state.
 
         Raises

@@ -20,7 +20,7 @@ from groundlink.messages.imagery import Image
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
 from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
-from groundlink.scenario.ros_side import Gateway
+from groundlink.scenario.ros_side import GatewaySettings
 from groundlink.scenario.sensors import Lidar
 from udp_bridge.wire.fragments import TooLarge, plan
 from udp_bridge.wire.message import Message
@@ -32,20 +32,22 @@ LIDAR = ROVER.sensors[0]
 assert isinstance(LIDAR, Lidar)
 
 GATEWAYS = [
-    Gateway(),
-    Gateway(signed_peer=True),
-    Gateway(datagram="mtu"),
-    Gateway(datagram="mtu", signed_peer=True),
-    Gateway(datagram=256),
-    Gateway(datagram=9000),
-    Gateway(datagram=65507),
+    GatewaySettings(),
+    GatewaySettings(signed_peer=True),
+    GatewaySettings(datagram="mtu"),
+    GatewaySettings(datagram="mtu", signed_peer=True),
+    GatewaySettings(datagram=256),
+    GatewaySettings(datagram=9000),
+    GatewaySettings(datagram=65507),
 ]
 
 
 @pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
 @pytest.mark.parametrize("block_deg", [0.0, 15.0, 2.4])
 @pytest.mark.parametrize("sensor", ROVER.sensors, ids=lambda sensor: sensor.name)
-def test_the_cut_is_the_bridges_own(gateway: Gateway, block_deg: float, sensor: Any) -> None:
+def test_the_cut_is_the_bridges_own(
+    gateway: GatewaySettings, block_deg: float, sensor: Any
+) -> None:
     if isinstance(sensor, Lidar):
         sensor = replace(sensor, block_deg=block_deg)
     found = cut(ROVER, sensor, gateway)
@@ -56,7 +58,7 @@ def test_the_cut_is_the_bridges_own(gateway: Gateway, block_deg: float, sensor: 
 
 @pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
 @pytest.mark.parametrize("block_deg", [0.0, 15.0])
-def test_the_truth_is_cut_like_any_message(gateway: Gateway, block_deg: float) -> None:
+def test_the_truth_is_cut_like_any_message(gateway: GatewaySettings, block_deg: float) -> None:
     lidar = replace(LIDAR, block_deg=block_deg, truth=True)
     found = cut(ROVER, lidar, gateway, truth=True)
     points = 57_600 // lidar.blocks_per_revolution
@@ -76,12 +78,12 @@ def test_the_largest_picture_of_a_depth_camera_counts(
     pixels = camera.width * camera.height
     depth = Image(0, "eye", 0, 0, "16UC1", 0, memoryview(b""))
     of_fields = len(to_cdr(depth))
-    assert cut(ROVER, camera, Gateway()).body_bytes == of_fields + bytes_a_pixel * pixels
+    assert cut(ROVER, camera, GatewaySettings()).body_bytes == of_fields + bytes_a_pixel * pixels
 
 
 def test_two_returns_and_a_part_of_the_view_count() -> None:
     def size(**fields: Any) -> int:
-        return cut(ROVER, replace(LIDAR, **fields), Gateway()).body_bytes
+        return cut(ROVER, replace(LIDAR, **fields), GatewaySettings()).body_bytes
 
     whole, rays = size(), 16 * LIDAR.firings_per_revolution
     assert size(returns="dual") == whole + 22 * rays
@@ -92,13 +94,13 @@ def test_what_fits_nowhere_is_refused_by_both() -> None:
     lasers = {"elevations_deg": tuple(range(-16, 16)), "laser_times_us": ()}
     huge = replace(LIDAR, firings_per_revolution=36000, **lasers)
     with pytest.raises(NeverFits, match=r"more than 255 datagrams hold, 166\d{5} bytes"):
-        cut(ROVER, huge, Gateway())
+        cut(ROVER, huge, GatewaySettings())
     with pytest.raises(TooLarge):
         plan(Message(1, "/points", "", 0, 0, bytes(body_bytes(ROVER, huge))))
 
 
 def test_the_block_that_is_offered_fits_and_the_next_larger_does_not() -> None:
-    gateway = Gateway(datagram="mtu")
+    gateway = GatewaySettings(datagram="mtu")
     assert fitting_block_deg(ROVER, LIDAR, gateway) == 90.0
     assert cut(ROVER, replace(LIDAR, block_deg=90.0), gateway).fits
     assert not cut(ROVER, replace(LIDAR, block_deg=120.0), gateway).fits

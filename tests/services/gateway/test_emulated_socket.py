@@ -17,7 +17,7 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.emulation import Impairment, LinkEvent, LinkScript
 from groundlink.emulation.model import OUTCOMES
-from groundlink.scenario.ros_side import Gateway as Settings
+from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
 from services.gateway.emulated_socket import EmulatedSocket
 from udp_bridge import Link, Message
@@ -49,7 +49,7 @@ class Ends:
         self.ros = stack.enter_context(
             Link(LOCAL, socket=around, on_message=lambda *both: self.at_ros.append(both))
         )
-        settings = Settings(key_file=key_file, link=script)
+        settings = GatewaySettings(key_file=key_file, link=script)
         around, emulated = sockets(settings, LOCAL, self.ros.address, None)
         assert emulated is not None
         self.emulated: EmulatedSocket = emulated
@@ -189,7 +189,7 @@ def test_what_strangers_send_takes_no_link(stack: ExitStack) -> None:
 
 @pytest.mark.parametrize("peers", [("127.0.0.2",), ("localhost", "127.0.0.2:0")])
 def test_other_peers_may_be_named(stack: ExitStack, peers: tuple[str, ...]) -> None:
-    around, emulated = sockets(Settings(peers=peers), LOCAL, ("127.0.0.1", 9), None)
+    around, emulated = sockets(GatewaySettings(peers=peers), LOCAL, ("127.0.0.1", 9), None)
     assert emulated is None
     received: list[Message] = []
     link = stack.enter_context(
@@ -204,11 +204,11 @@ def test_other_peers_may_be_named(stack: ExitStack, peers: tuple[str, ...]) -> N
 def test_keys_that_cannot_be_used_are_the_users_to_mend(key_file: str) -> None:
     Path(key_file).chmod(0o644)
     with pytest.raises(UserError, match="chmod 600"):
-        sockets(Settings(key_file=key_file), LOCAL, ("127.0.0.1", 9), None)
+        sockets(GatewaySettings(key_file=key_file), LOCAL, ("127.0.0.1", 9), None)
     with pytest.raises(UserError, match="no variable NO_SUCH_KEY"):
-        sockets(Settings(key_env="NO_SUCH_KEY"), LOCAL, ("127.0.0.1", 9), None)
+        sockets(GatewaySettings(key_env="NO_SUCH_KEY"), LOCAL, ("127.0.0.1", 9), None)
     with pytest.raises(ValueError, match="choose one"):
-        Settings(key_file="a", key_env="b")
+        GatewaySettings(key_file="a", key_env="b")
 
 
 def test_closing_waits_for_nothing_that_is_on_the_way(stack: ExitStack) -> None:
@@ -239,7 +239,7 @@ def test_a_receive_buffer_that_is_too_small_is_told_in_one_line(
         return bare
 
     monkeypatch.setattr("services.gateway.carrier.UdpSocket", granted)
-    around, _ = sockets(Settings(), LOCAL, ("127.0.0.1", 9), None)
+    around, _ = sockets(GatewaySettings(), LOCAL, ("127.0.0.1", 9), None)
     around.close()
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == (1 if missing_bytes else 0)

@@ -12,7 +12,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
-from groundlink.scenario.ros_side import Gateway as GatewaySettings
+from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
 from services.gateway.run_commands import COMMANDS_WAITING, REPLIES_KEPT, RunCommandQueue
 from udp_bridge import Link, Message

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from groundlink.cli.run import running
 from groundlink.core.errors import RequirementError
-from groundlink.scenario.ros_side import Gateway
+from groundlink.scenario.ros_side import GatewaySettings
 
 
 @pytest.mark.parametrize("package", ["mcap", "rosbags", "zstandard"])
@@ -37,7 +37,7 @@ def test_a_recorder_that_cannot_work_is_told_of_before_the_run(
 def test_a_ros_side_that_others_reach_listens_to_the_gateway_alone(
     bind: str, peer: str, words: list[str]
 ) -> None:
-    command = running.ros_side(Gateway(bind=bind, peer=peer), Console(file=io.StringIO()))
+    command = running.ros_side(GatewaySettings(bind=bind, peer=peer), Console(file=io.StringIO()))
     at = command.index("--bind")
     assert command[at : at + 2 + len(words)] == ["--bind", peer, *words]
     assert ("--peer" in command) == bool(words)

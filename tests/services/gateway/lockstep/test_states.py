@@ -13,7 +13,13 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, State
 from groundlink.scenario.schema import Time
 from services.gateway.bus_session import RunStatus
-from services.gateway.lockstep.states import TRANSITIONS, Action, Event, LockstepState, Machine
+from services.gateway.lockstep.states import (
+    TRANSITIONS,
+    LockstepAction,
+    LockstepEvent,
+    LockstepMachine,
+    LockstepState,
+)
 from udp_bridge.wire.lockstep import RESTARTED
 
 from .rig import LIFE, RUN, Rig
@@ -73,29 +79,29 @@ def still_waiting(rig: Rig) -> None:
     rig.turn()
 
 
-HAPPEN: dict[Event, Callable[[Rig], None]] = {
-    Event.OPENED: lambda rig: rig.turn(),
-    Event.CLOCK: lambda rig: rig.clock(rig.lockstep.tick + 4),
-    Event.ALL_SENT: lambda rig: rig.followed(rig.lockstep.tick),
-    Event.REPLY: lambda rig: rig.says(rig.link.barriers[-1].tick),
-    Event.NODE_RESTARTED: lambda rig: rig.says(rig.link.barriers[-1].tick, state=RESTARTED),
-    Event.OVERDUE: lambda rig: rig.turn(OVERDUE_SECONDS),
-    Event.SILENCE: lambda rig: rig.turn(FIRST_SECONDS + 0.1),
-    Event.STILL_WAITING: still_waiting,
+HAPPEN: dict[LockstepEvent, Callable[[Rig], None]] = {
+    LockstepEvent.OPENED: lambda rig: rig.turn(),
+    LockstepEvent.CLOCK: lambda rig: rig.clock(rig.lockstep.tick + 4),
+    LockstepEvent.ALL_SENT: lambda rig: rig.followed(rig.lockstep.tick),
+    LockstepEvent.REPLY: lambda rig: rig.says(rig.link.barriers[-1].tick),
+    LockstepEvent.NODE_RESTARTED: lambda rig: rig.says(rig.link.barriers[-1].tick, state=RESTARTED),
+    LockstepEvent.OVERDUE: lambda rig: rig.turn(OVERDUE_SECONDS),
+    LockstepEvent.SILENCE: lambda rig: rig.turn(FIRST_SECONDS + 0.1),
+    LockstepEvent.STILL_WAITING: still_waiting,
 }
 
-EFFECTS: dict[Action, set[str]] = {
-    Action.SEND_FIRST_BARRIER: {"barriers"},
-    Action.SEND_BARRIER: {"barriers"},
-    Action.SEND_BARRIER_AND_SKIP: {"barriers", "acknowledgements"},
-    Action.RESEND_READINGS: {"barriers"},
-    Action.ACKNOWLEDGE: {"acknowledgements"},
-    Action.ACKNOWLEDGE_AGAIN: {"acknowledgements"},
-    Action.SKIP: {"acknowledgements", "lines"},
-    Action.ASK_PHYSICS: {"gateway asked for"},
-    Action.ASK_FOR_SENSORS: {"sensors asked for"},
-    Action.REPORT_RETURN: {"lines"},
-    Action.WAIT: set(),
+EFFECTS: dict[LockstepAction, set[str]] = {
+    LockstepAction.SEND_FIRST_BARRIER: {"barriers"},
+    LockstepAction.SEND_BARRIER: {"barriers"},
+    LockstepAction.SEND_BARRIER_AND_SKIP: {"barriers", "acknowledgements"},
+    LockstepAction.RESEND_READINGS: {"barriers"},
+    LockstepAction.ACKNOWLEDGE: {"acknowledgements"},
+    LockstepAction.ACKNOWLEDGE_AGAIN: {"acknowledgements"},
+    LockstepAction.SKIP: {"acknowledgements", "lines"},
+    LockstepAction.ASK_PHYSICS: {"gateway asked for"},
+    LockstepAction.ASK_FOR_SENSORS: {"sensors asked for"},
+    LockstepAction.REPORT_RETURN: {"lines"},
+    LockstepAction.WAIT: set(),
 }
 
 
@@ -113,7 +119,7 @@ def seen(rig: Rig) -> dict[str, int]:
 @pytest.mark.parametrize(
     ("state", "event"), [(state, event) for state, row in TRANSITIONS.items() for event in row]
 )
-def test_every_row(state: LockstepState, event: Event) -> None:
+def test_every_row(state: LockstepState, event: LockstepEvent) -> None:
     rig = Rig(SKIPPING)
     REACH[state](rig)
     assert rig.lockstep.state is state
@@ -123,14 +129,14 @@ def test_every_row(state: LockstepState, event: Event) -> None:
     assert rig.lockstep.state is following
     changed = {name for name, count in seen(rig).items() if count > before[name]}
     # A barrier that was sent long ago is also sent again.
-    late = {Event.SILENCE, Event.STILL_WAITING, Event.OVERDUE}
+    late = {LockstepEvent.SILENCE, LockstepEvent.STILL_WAITING, LockstepEvent.OVERDUE}
     more = {"barriers", "gateway asked for"} if event in late else set()
     assert EFFECTS[action] <= changed <= EFFECTS[action] | more
 
 
 def test_an_event_without_a_row_is_refused() -> None:
-    for state, event in itertools.product(LockstepState, Event):
-        machine = Machine()
+    for state, event in itertools.product(LockstepState, LockstepEvent):
+        machine = LockstepMachine()
         machine.state = state
         assert machine.expects(event) == (event in TRANSITIONS[state])
         if not machine.expects(event):

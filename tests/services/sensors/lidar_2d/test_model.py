@@ -15,7 +15,7 @@ from groundlink.messages.base import BadMessage, encode
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import body_bytes, fitting_block_deg
 from groundlink.ros.types import STORE
-from groundlink.scenario.ros_side import Gateway
+from groundlink.scenario.ros_side import GatewaySettings
 from groundlink.scenario.sensors import Lidar2d
 from tests.services.sensors.lidar import rooms
 
@@ -212,7 +212,7 @@ def test_a_block_that_fits_is_a_part_of_the_view() -> None:
     assert isinstance(spec, Lidar2d)
     # 120 degrees would fit, too, but 270 cannot be cut into them.
     large = replace(spec, firings_per_revolution=36000)
-    assert fitting_block_deg(vehicle, large, Gateway(datagram=420)) == 90
+    assert fitting_block_deg(vehicle, large, GatewaySettings(datagram=420)) == 90
 
 
 def test_a_state_without_the_vehicle_is_refused() -> None:
