@@ -196,29 +196,55 @@ def test_the_last_64_finished_messages_are_remembered() -> None:
 
 # Order.
 
+Rows = list[tuple[float, ...]]
+ORDER: dict[str, tuple[int, Rows, list[int], int, int]] = {
+    "ahead, whatever its stamp": (1, [(5, 1000), (6, 999), (7, 500), (9, 1)], [5, 6, 7, 9], 0, 1),
+    "no gap before the first one": (2, [(4_000_000_000,)], [4_000_000_000], 0, 0),
+    "numbers wrap": (2, [(2**32 - 1,), (0,), (2,)], [2**32 - 1, 0, 2], 0, 1),
+    "an outage": (2, [(5,), (9000, 1009), (9001, 1010), (9002, 1011)], [5, 9001, 9002], 1, 8995),
+    "no consecutive jumps": (2, [(5,), (9000,), (6,), (9001,), (7,)], [5, 6, 7], 2, 0),
+    "a clock set back by more than any delay": (2, [(5, 1000), (6, 997.9)], [5, 6], 0, 0),
+    "a clock set back": (2, [(6, 998), (7, 997.4), (8, 997.5), (9, 997.6)], [6, 8, 9], 1, 1),
+    "transforms mix their stamps": (35, [(0, 1000), (1, 999.9), (2, 999.8)], [0, 1, 2], 0, 0),
+    "a restart has newer stamps": (2, [(9, 1000), (0, 1000.1), (1, 1000.2)], [9, 0, 1], 0, 0),
+    "a low number before 1 s of silence": (2, [(1000, 1, 4), (254, 0, 4.999)], [1000], 1, 0),
+    "a low number after 1 s of silence": (2, [(1000, 1, 4), (255, 0, 5)], [1000, 255], 0, 0),
+    "no low number": (2, [(1000, 1, 4), (256, 0, 5)], [1000], 1, 0),
+    "late datagrams don't end a silence": (
+        *(2, [(100,), *((tenth, 5, tenth / 10) for tenth in range(1, 11))], [100, 10], 9, 0),
+    ),
+    "a restart repeats all": (2, [(0,), (1,), (0, 1000, 2), (1, 1000, 2)], [0, 1, 0, 1], 0, 0),
+    "a low number ahead after silence": (2, [(5,), (8, 1000, 2)], [5, 8], 0, 2),
+    "older than the last of a row": (2, [(5, 1000), (6, 1002), (4, 1001)], [5, 6], 1, 0),
+    "silence since the last of a row": (
+        *(2, [(5,), (6, 1000, 0.9), (3, 1000, 1.5), (2, 1000, 1.95)], [5, 6, 2], 1, 0),
+    ),
+}
+"""msg_type; seq_number, stamp and arrival in seconds; delivered, late and missing messages."""
 
-def test_ahead_is_handed_over_whatever_its_stamp() -> None:
-    receiver = Receiver()
-    headers = [cloud(*row, 1) for row in ((5, 1000), (6, 999), (7, 500), (9, 1000))]
-    assert receiver.seqs(*headers) == [5, 6, 7, 9]
-    assert receiver.counts == {"messages": 4, "missing": 1}
+
+@pytest.mark.parametrize(("msg_type", "rows", "got", "late", "missing"), ORDER.values(), ids=ORDER)
+def test_order(msg_type: int, rows: Rows, got: list[int], late: int, missing: int) -> None:
+    receiver, delivered = Receiver(), []
+    for seq, *rest in rows:
+        stamp, receiver.now_s = (*rest, *(1000.0, 0.0)[len(rest) :])
+        delivered += receiver.seqs(imu(int(seq), stamp)._replace(msg_type=msg_type))
+    counters = receiver.reassembler.counters
+    assert (delivered, counters.late, counters.missing) == (got, late, missing)
+    assert set(receiver.counts) <= {"messages", "late", "missing"}
 
 
-def test_the_first_message_of_a_topic_has_no_gap_before_it() -> None:
-    receiver = Receiver()
-    receiver.seqs(imu(4_000_000_000))
-    assert receiver.counts == {"messages": 1}
-
-
-def test_numbers_wrap() -> None:
-    receiver = Receiver()
-    assert receiver.seqs(imu(2**32 - 2), imu(2**32 - 1), imu(0), imu(2)) == [
-        2**32 - 2,
-        2**32 - 1,
-        0,
-        2,
-    ]
-    assert receiver.counts == {"messages": 4, "missing": 1}
+@pytest.mark.parametrize(
+    ("rows", "delivered"),
+    [
+        ([(1000, 1000), (998, 998), (1001, 1000)], [1000, 998, 1001]),
+        ([(5, 1000), (6, 999.9), (7, 1000.1)], [5, 6, 7]),  # the second one is stale
+    ],
+)
+def test_late_messages_are_kept_on_request(rows: Rows, delivered: list[int]) -> None:
+    receiver = Receiver(keep_late=True)
+    assert receiver.seqs(*(imu(int(seq), stamp) for seq, stamp in rows)) == delivered
+    assert "late" not in receiver.counts
 
 
 @pytest.mark.parametrize(
@@ -261,19 +287,6 @@ def test_a_jump_alone_leaves_no_trace_in_the_reports() -> None:
     assert receiver.counts == {"messages": 3, "late": 1}
 
 
-def test_what_an_outage_of_thousands_skipped_is_missing() -> None:
-    receiver = Receiver()
-    assert receiver.seqs(imu(5), imu(9000, 1009), imu(9001, 1010), imu(9002, 1011)) == [
-        *(5, 9001, 9002)
-    ]
-    assert receiver.counts == {"messages": 3, "late": 1, "missing": 8995}
-
-
-def test_two_jumps_with_a_message_in_between_are_not_in_a_row() -> None:
-    receiver = Receiver()
-    assert receiver.seqs(imu(5), imu(9000), imu(6), imu(9001), imu(7)) == [5, 6, 7]
-
-
 def test_parts_of_an_open_message_do_not_jump() -> None:
     receiver = Receiver()
     receiver.parts(cloud(5, 1000), (0, 1, 2))
@@ -297,23 +310,6 @@ def test_a_stale_command_or_measurement_is_dropped_though_its_number_is_ahead(
     assert receiver.counts == {"messages": 3, "late": 2, "missing": 1}
 
 
-def test_a_clock_that_was_set_back_costs_one_message_at_most() -> None:
-    receiver = Receiver()
-    assert receiver.seqs(imu(5, 1000), imu(6, 997.9)) == [5, 6]  # by more than anything is held
-    assert receiver.seqs(imu(7, 997.4), imu(8, 997.5), imu(9, 997.6)) == [8, 9]
-
-
-def test_transforms_may_mix_their_stamps() -> None:
-    receiver = Receiver()
-    headers = [imu(seq, 1000 - seq / 10)._replace(msg_type=35) for seq in range(5)]
-    assert receiver.seqs(*headers) == [0, 1, 2, 3, 4]
-
-
-def test_late_messages_are_kept_where_that_is_wanted_also_stale_ones() -> None:
-    receiver = Receiver(keep_late=True)
-    assert receiver.seqs(imu(5, 1000), imu(6, 999.9), imu(7, 1000.1)) == [5, 6, 7]
-
-
 @pytest.mark.parametrize("stamp", [999.0, 1000.0])
 def test_behind_with_an_older_or_equal_stamp_is_late(stamp: float) -> None:
     receiver = Receiver()
@@ -330,57 +326,6 @@ def test_a_multi_part_message_that_ends_behind_is_late() -> None:
     receiver.parts(cloud(1), (3,))
     assert receiver.counts == {"messages": 1, "late": 1}
     assert receiver.reassembler.memory_bytes == 0
-
-
-def test_late_messages_are_kept_where_that_is_wanted() -> None:
-    receiver = Receiver(keep_late=True)
-    assert receiver.seqs(imu(1000), imu(998, 998), imu(1001)) == [1000, 998, 1001]
-    assert receiver.counts == {"messages": 3}
-
-
-def test_behind_with_a_newer_stamp_is_a_restarted_sender() -> None:
-    receiver = Receiver()
-    assert receiver.seqs(imu(1000, 1000), imu(0, 1000.1), imu(1, 1000.2)) == [1000, 0, 1]
-    assert receiver.counts == {"messages": 3}
-
-
-def test_a_low_number_after_a_second_of_silence_is_a_restarted_sender() -> None:
-    receiver = Receiver()
-    receiver.now_s = 4.0
-    receiver.seqs(imu(1000, 1000))
-    receiver.now_s = 4.999
-    assert receiver.seqs(imu(254, 0)) == []
-    assert receiver.counts == {"messages": 1, "late": 1}
-    receiver.now_s = 5.0
-    assert receiver.seqs(imu(256, 0)) == []
-    assert receiver.seqs(imu(255, 1), imu(256, 1)) == [255, 256]
-    assert receiver.counts == {"messages": 3, "late": 2}
-
-
-def test_silence_is_the_time_without_a_hand_over_not_without_datagrams() -> None:
-    receiver = Receiver()
-    receiver.seqs(imu(100, 1000))
-    for tenth in range(1, 10):
-        receiver.now_s = tenth / 10
-        assert receiver.seqs(imu(tenth, 5)) == []
-    receiver.now_s = 1.0
-    assert receiver.seqs(imu(10, 5)) == [10]
-
-
-def test_a_restarted_sender_may_repeat_its_numbers_and_stamps() -> None:
-    receiver = Receiver()
-    receiver.seqs(imu(0), imu(1), imu(2))
-    receiver.now_s = 2.0
-    assert receiver.seqs(imu(0), imu(1), imu(2)) == [0, 1, 2]
-    assert receiver.counts == {"messages": 6}
-
-
-def test_a_low_number_ahead_after_silence_is_no_restart() -> None:
-    receiver = Receiver()
-    receiver.seqs(imu(5))
-    receiver.now_s = 2.0
-    assert receiver.seqs(imu(8)) == [8]
-    assert receiver.counts == {"messages": 2, "missing": 2}
 
 
 def test_a_restart_after_silence_gives_up_what_was_open() -> None:
@@ -405,24 +350,7 @@ def test_a_restart_gives_up_what_was_open_before_it() -> None:
     assert receiver.counts == {"messages": 3, "incomplete": 1}
 
 
-# Messages that come one behind the other, as nearly all do.
-
-
-def test_the_newest_stamp_and_time_are_those_of_the_last_one_in_a_row() -> None:
-    receiver = Receiver()
-    assert receiver.seqs(imu(5, 1000), imu(6, 1001), imu(7, 1002)) == [5, 6, 7]
-    assert receiver.seqs(imu(4, 1001.5)) == []  # newer than the first, older than the last
-    assert receiver.counts == {"messages": 3, "late": 1}
-
-
-def test_silence_is_counted_from_the_last_one_in_a_row() -> None:
-    receiver = Receiver()
-    for receiver.now_s, number in ((0.0, 5), (0.9, 6)):
-        assert receiver.seqs(imu(number)) == [number]
-    receiver.now_s = 1.5
-    assert receiver.seqs(imu(3)) == []
-    receiver.now_s = 1.95
-    assert receiver.seqs(imu(2)) == [2]
+# Consecutive messages, as nearly all are.
 
 
 def test_the_next_one_that_was_given_up_does_not_come_back_in_a_single_part() -> None:
