@@ -80,7 +80,9 @@ def physics() -> None:
     round_number = itertools.count()
     original = pacer.pacer_for
 
-    def pacer_of_episode(scenario: Scenario, episode: int, others: Sequence[str]) -> pacer.Pacer:
+    def pacer_of_episode(
+        scenario: Scenario, episode: int, others: Sequence[str]
+    ) -> pacer.StepPacer:
         free = next(round_number) % 2
 
         def window(ticks: int) -> AckRequirement:

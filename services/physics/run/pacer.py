@@ -30,7 +30,7 @@ sensor's process buffers."""
 RETRY_SECONDS = 0.001
 
 
-class Pacer:
+class StepPacer:
     """Grants steps.
 
     Parameters
@@ -99,7 +99,7 @@ class Pacer:
         self._held.clear()
 
 
-def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> Pacer:
+def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> StepPacer:
     """Return the pacer of a scenario's time mode.
 
     Parameters
@@ -117,7 +117,7 @@ def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> Pacer:
         if not time.catch_up:
             most = 0.0
         wall_clock = WallClock(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
-        return Pacer(wall_clock, Participants(dict.fromkeys(present, ahead), episode=episode))
+        return StepPacer(wall_clock, Participants(dict.fromkeys(present, ahead), episode=episode))
     requirements = dict.fromkeys((*scenario.sensor_names(), *others), ahead)
     requirements |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
     if time.lockstep == "ros":
@@ -129,4 +129,4 @@ def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> Pacer:
     wall_clock = (
         NoWallClock() if time.mode == "fast" else WallClock(time.factor, SLOW_AT_ONCE_SECONDS)
     )
-    return Pacer(wall_clock, participants)
+    return StepPacer(wall_clock, participants)

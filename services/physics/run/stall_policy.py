@@ -16,7 +16,7 @@ from groundlink.messages.missing_readings import Cause, Gaps, in_words
 from groundlink.messages.stalls import Stalls, by_name
 from groundlink.scenario.schema import Time
 
-from .pacer import Pacer
+from .pacer import StepPacer
 
 FATAL_CAUSES: frozenset[Cause] = frozenset({"overloaded", "states lost", "restarted"})
 """Causes of missing readings that `overload: fail` does not accept; faults are intended."""
@@ -46,7 +46,7 @@ class StallPolicy:
 
     def check(
         self,
-        pacer: Pacer,
+        pacer: StepPacer,
         tick: int,
         now_seconds: float,
         *,
@@ -78,7 +78,7 @@ class StallPolicy:
         return lines + self._check_lost_time(pacer, tick)
 
     def _report(
-        self, pacer: Pacer, tick: int, holding: Collection[str], awaited: Collection[str]
+        self, pacer: StepPacer, tick: int, holding: Collection[str], awaited: Collection[str]
     ) -> list[str]:
         participants = pacer.participants
         self._since = {name: self._since.get(name, self._now) for name in holding}
@@ -131,7 +131,7 @@ class StallPolicy:
         for name in list(self._reported):
             self._end(name)
 
-    def stalls(self, pacer: Pacer) -> Stalls:
+    def stalls(self, pacer: StepPacer) -> Stalls:
         """Return all stalls up to the last check."""
         silent = {name: self._now - since for name, since in self._reported.items()}
         for name, seconds in self._past_seconds.items():
@@ -147,10 +147,10 @@ class StallPolicy:
     def _held(self, name: str) -> float:
         return self._now - self._since[name]
 
-    def _is_due(self, pacer: Pacer, name: str) -> bool:
+    def _is_due(self, pacer: StepPacer, name: str) -> bool:
         return pacer.participants.has_followed(name) or self._held(name) >= START_SECONDS
 
-    def _check_lost_time(self, pacer: Pacer, tick: int) -> list[str]:
+    def _check_lost_time(self, pacer: StepPacer, tick: int) -> list[str]:
         """Return a line when lost time is written off for the first time.
 
         Raises

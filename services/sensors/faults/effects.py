@@ -22,7 +22,7 @@ from groundlink.messages.base import Reading
 from groundlink.messages.missing_readings import Cause
 from groundlink.scenario import faults as specs
 
-from .fault_context import Circumstances
+from .fault_context import FaultContext
 from .offsets import Offsets, changes_of, cover_of
 
 
@@ -40,16 +40,16 @@ def _constant(numbers: specs.Numbers, factor: float) -> Offsets:
     return offsets
 
 
-def _bias(fault: specs.Bias, reading: Reading, now: Circumstances) -> Reading:
+def _bias(fault: specs.Bias, reading: Reading, now: FaultContext) -> Reading:
     return _offset(reading, fault, _constant(fault.value, 1.0))
 
 
-def _drift(fault: specs.Drift, reading: Reading, now: Circumstances) -> Reading:
+def _drift(fault: specs.Drift, reading: Reading, now: FaultContext) -> Reading:
     seconds = (now.sim_nanos - fault.begin_tick * TICK_NANOS) / NANOS
     return _offset(reading, fault, _constant(fault.per_s, seconds))
 
 
-def _noise_burst(fault: specs.NoiseBurst, reading: Reading, now: Circumstances) -> Reading:
+def _noise_burst(fault: specs.NoiseBurst, reading: Reading, now: FaultContext) -> Reading:
     generator = now.streams.at(_purpose(fault), now.sim_nanos)
 
     def offsets(measurements: int, components: int) -> Floats:
@@ -59,25 +59,25 @@ def _noise_burst(fault: specs.NoiseBurst, reading: Reading, now: Circumstances) 
     return _offset(reading, fault, offsets)
 
 
-def _occluded_sector(fault: specs.OccludedSector, reading: Reading, now: Circumstances) -> Reading:
+def _occluded_sector(fault: specs.OccludedSector, reading: Reading, now: FaultContext) -> Reading:
     begin, width = math.radians(fault.from_deg), math.radians(fault.width_deg)
     covered: Reading = cover_of(type(reading))(reading, begin, width)
     return covered
 
 
-def _stuck(fault: specs.Stuck, reading: Reading, now: Circumstances) -> Reading:
+def _stuck(fault: specs.Stuck, reading: Reading, now: FaultContext) -> Reading:
     first = now.past.held.setdefault(fault.begin_tick, reading)
     return replace(first, stamp_nanos=reading.stamp_nanos)  # type: ignore[attr-defined]
 
 
-def _time_jump(fault: specs.TimeJump, reading: Reading, now: Circumstances) -> Reading:
+def _time_jump(fault: specs.TimeJump, reading: Reading, now: FaultContext) -> Reading:
     error = int(exact(fault.offset_s) * NANOS)
     stamp: int = reading.stamp_nanos  # type: ignore[attr-defined]
     wrong = {"stamp_nanos": stamp + error, "clock_error_nanos": reading.clock_error_nanos + error}
     return replace(reading, **wrong)
 
 
-def _rate_change(fault: specs.RateChange, reading: Reading, now: Circumstances) -> Reading | None:
+def _rate_change(fault: specs.RateChange, reading: Reading, now: FaultContext) -> Reading | None:
     """Keep the first reading at or after each event of the lower rate, from the begin on."""
     # Stamps are rounded down to whole nanoseconds.
     since_nanos = now.sim_nanos + 1 - fault.begin_tick * TICK_NANOS
@@ -88,21 +88,21 @@ def _rate_change(fault: specs.RateChange, reading: Reading, now: Circumstances) 
     return reading
 
 
-def _drop(fault: specs.Drop, reading: Reading, now: Circumstances) -> Reading | None:
+def _drop(fault: specs.Drop, reading: Reading, now: FaultContext) -> Reading | None:
     lost = now.streams.at(_purpose(fault), now.sim_nanos).random() < fault.share
     return None if lost else reading
 
 
-def _off(fault: specs.Off, reading: Reading, now: Circumstances) -> None:
+def _off(fault: specs.Off, reading: Reading, now: FaultContext) -> None:
     return None
 
 
-def _delay(fault: specs.Delay, reading: Reading, now: Circumstances) -> Reading:
+def _delay(fault: specs.Delay, reading: Reading, now: FaultContext) -> Reading:
     now.late_ticks += math.ceil(exact(fault.delay_s) * TICK_RATE_HZ)
     return reading
 
 
-EFFECTS: Mapping[type[specs.FaultSpec], Callable[[Any, Reading, Circumstances], Reading | None]] = {
+EFFECTS: Mapping[type[specs.FaultSpec], Callable[[Any, Reading, FaultContext], Reading | None]] = {
     specs.OccludedSector: _occluded_sector,
     specs.Bias: _bias,
     specs.Drift: _drift,
@@ -117,20 +117,20 @@ EFFECTS: Mapping[type[specs.FaultSpec], Callable[[Any, Reading, Circumstances], 
 """What each kind does, in the order in which they act."""
 
 
-class Taken(NamedTuple):
+class Removed(NamedTuple):
     """What is left of a reading that never comes."""
 
     by: Cause
     """Kind of the fault."""
 
 
-def suffer(now: Circumstances, reading: Reading) -> Reading | Taken:
+def apply_faults(now: FaultContext, reading: Reading) -> Reading | Removed:
     """Return what the faults in effect make of a reading."""
     for fault in sorted(now.faults, key=lambda fault: _RANKS[type(fault)]):
-        suffered = EFFECTS[type(fault)](fault, reading, now)
-        if suffered is None:
-            return Taken(cast(Cause, fault.kind))
-        reading = suffered
+        changed = EFFECTS[type(fault)](fault, reading, now)
+        if changed is None:
+            return Removed(cast(Cause, fault.kind))
+        reading = changed
     return reading
 
 

@@ -16,7 +16,7 @@ from groundlink.scenario.faults import Fault
 from services.sensors.noise.random_streams import RandomStreams
 
 
-class Past(NamedTuple):
+class FaultHistory(NamedTuple):
     """What faults keep of earlier readings, each by the tick of its begin."""
 
     held: dict[int, Reading]
@@ -25,17 +25,17 @@ class Past(NamedTuple):
     events: dict[int, int]
     """Of a lower rate, the number of the last event for which a reading came."""
 
-    def of(self, faults: Iterable[Fault]) -> Past:
+    def of(self, faults: Iterable[Fault]) -> FaultHistory:
         """Return a copy of what these faults have kept."""
         ticks = {fault.begin_tick for fault in faults}
-        return Past(
+        return FaultHistory(
             {tick: reading for tick, reading in self.held.items() if tick in ticks},
             {tick: number for tick, number in self.events.items() if tick in ticks},
         )
 
 
 @dataclass
-class Circumstances:
+class FaultContext:
     """What faults may know, besides the reading, and where they tell how late it comes."""
 
     faults: tuple[Fault, ...]
@@ -45,5 +45,5 @@ class Circumstances:
     """When the reading was measured."""
 
     streams: RandomStreams
-    past: Past
+    past: FaultHistory
     late_ticks: int = 0

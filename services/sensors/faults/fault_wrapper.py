@@ -29,8 +29,8 @@ from services.sensors.runtime.model import (
     parted,
 )
 
-from .effects import Taken, suffer
-from .fault_context import Circumstances, Past
+from .effects import Removed, apply_faults
+from .fault_context import FaultContext, FaultHistory
 
 
 class _Memory(msgspec.Struct, array_like=True):
@@ -49,7 +49,7 @@ class _Point(NamedTuple):
 
     settled_tick: int
     inner_memory: bytes
-    pasts: dict[str, Past]
+    pasts: dict[str, FaultHistory]
 
 
 class _Late(NamedTuple):
@@ -61,7 +61,7 @@ class _Late(NamedTuple):
     """From where a successor makes it again."""
 
 
-class FaultyModel:
+class FaultWrapper:
     """A sensor with faults (a `RememberingModel`).
 
     Parameters
@@ -134,7 +134,7 @@ class FaultyModel:
         """All of them, past, present and to come; one that is added must begin after the last
         state."""
 
-        self._pasts = {output: Past({}, events) for output, events in known.events.items()}
+        self._pasts = {output: FaultHistory({}, events) for output, events in known.events.items()}
         for output, held in known.held.items():
             for tick, body in held.items():
                 reading = decode(body, self._messages[output])
@@ -159,19 +159,19 @@ class FaultyModel:
         before = self._now() if self._may_be_late(state.tick) else None
         out: list[Made] = []
         for made in self._inner.readings(state):
-            suffered, late_ticks = self._suffered(made, state.epoch_nanos)
-            if suffered is None:
+            changed, late_ticks = self._apply(made, state.epoch_nanos)
+            if changed is None:
                 out.append(made)
             elif before is not None and (late_ticks or self._late):
-                self._late.append(_Late(state.tick + late_ticks, suffered, before))
+                self._late.append(_Late(state.tick + late_ticks, changed, before))
             else:
-                out.append(suffered)
+                out.append(changed)
         # Nothing overtakes: what comes late holds up what is behind it.
         while self._late and self._late[0].due_tick <= state.tick:
             out.append(self._late.popleft().made)
         return out
 
-    def _suffered(self, made: Made, epoch_nanos: int) -> tuple[Made | None, int]:
+    def _apply(self, made: Made, epoch_nanos: int) -> tuple[Made | None, int]:
         """Return what becomes of a reading and how late; nothing of what no fault can reach."""
         if isinstance(made, LeftOut):
             return made, 0
@@ -179,18 +179,18 @@ class FaultyModel:
         if not isinstance(message, Reading):
             return None, 0
         sim_nanos = measured_nanos(message) - epoch_nanos
-        now = self._circumstances(output, sim_nanos)
-        reading = suffer(now, message)
-        if isinstance(reading, Taken):
+        now = self._context(output, sim_nanos)
+        reading = apply_faults(now, message)
+        if isinstance(reading, Removed):
             return LeftOut(sim_nanos, reading.by, output), now.late_ticks
         return Beside(output, reading) if output else reading, now.late_ticks
 
-    def _circumstances(self, output: str, sim_nanos: int) -> Circumstances:
+    def _context(self, output: str, sim_nanos: int) -> FaultContext:
         faults = self.active(sim_nanos // TICK_NANOS)
-        past = self._pasts.get(output, Past({}, {})).of(faults)
+        past = self._pasts.get(output, FaultHistory({}, {})).of(faults)
         # A new dictionary: the one before may belong to a point to go back to.
         self._pasts = self._pasts | {output: past}
-        return Circumstances(faults, sim_nanos, self._streams, past)
+        return FaultContext(faults, sim_nanos, self._streams, past)
 
     def _may_be_late(self, tick: int) -> bool:
         begins = (fault.begin_tick for fault in self.faults if isinstance(fault, Delay))

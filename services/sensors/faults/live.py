@@ -23,10 +23,10 @@ from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import SensorSpec
 
-from .fault_wrapper import FaultyModel
+from .fault_wrapper import FaultWrapper
 
 
-class Refused(ValueError):
+class FaultRefused(ValueError):
     """A wish that cannot be done; the text says why."""
 
 
@@ -60,7 +60,7 @@ class LiveFaults:
     def __init__(
         self,
         sensor: StateConsumer,
-        model: FaultyModel,
+        model: FaultWrapper,
         *,
         vehicle: Vehicle,
         spec: SensorSpec,
@@ -122,12 +122,12 @@ class LiveFaults:
             tick = self._sensor.tick + 1
             try:
                 if not tick:
-                    raise Refused("the sensor has seen no state yet; try again")
+                    raise FaultRefused("the sensor has seen no state yet; try again")
                 if wish:
                     self._change(wish, tick)
                     self._acknowledge()
                 answer = FaultAnswer("", tick, self._model.active(tick))
-            except (Refused, msgspec.DecodeError) as error:
+            except (FaultRefused, msgspec.DecodeError) as error:
                 answer = FaultAnswer(str(error))
         return [msgspec.json.encode(answer)]
 
@@ -138,5 +138,5 @@ class LiveFaults:
             return
         fault = msgspec.json.decode(wish, type=Fault)
         if found := fault_problem(fault, self._spec, self._vehicle):
-            raise Refused(f"`{found[0]}`: {found[1]}")
+            raise FaultRefused(f"`{found[0]}`: {found[1]}")
         model.faults = (*model.faults, replace(fault, at_s=tick / TICK_RATE_HZ))

@@ -14,7 +14,7 @@ from groundlink.core.fields import Vector3
 from groundlink.scenario.sensors import Gnss
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.noise.walks import BLOCK_TICKS, Walks
+from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
 
 
 class FixErrors(NamedTuple):
@@ -33,7 +33,7 @@ class GnssErrors:
         axes = (spec.horizontal, spec.horizontal, spec.vertical)
         self._white = [axis.white_stddev_m for axis in axes]
         self._velocity = spec.velocity_stddev_mps
-        self._drift = Walks(
+        self._drift = ErrorProcesses(
             streams,
             "drift",
             stddevs=[axis.drift_stddev_m for axis in axes],

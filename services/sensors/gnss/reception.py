@@ -16,7 +16,7 @@ from groundlink.core.frames import Floats
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
-from services.sensors.rays.probe import Probe
+from services.sensors.rays.probe import RayProbe
 
 from . import sky
 
@@ -46,7 +46,7 @@ class Reception:
         self._needed = spec.satellites_needed
         self._towards = sky.directions(spec.satellites_deg)
         self.open_sky = sky.open_sky(self._towards)
-        self._probe = Probe(scenario, vehicle, spec.mount) if spec.sky_view else None
+        self._probe = RayProbe(scenario, vehicle, spec.mount) if spec.sky_view else None
 
     def restart(self) -> None:
         """Forget all states."""

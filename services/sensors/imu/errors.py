@@ -19,7 +19,7 @@ from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.sensors import Imu
 from services.sensors.noise.normal import NORMALS
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.noise.walks import BLOCK_TICKS, Walks
+from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
 
 from .lowpass import Six
 
@@ -43,7 +43,7 @@ class ImuErrors:
         self._white = _six([t.noise_density * math.sqrt(TICK_RATE_HZ) for t in triads])
         self._constant = _six([t.turn_on_bias for t in triads]) * self._of_the_run("turn_on_bias")
         wandering = _six([t.bias_instability / PEAK_OF_GAUSS_MARKOV for t in triads])
-        self._walks = Walks(
+        self._walks = ErrorProcesses(
             streams,
             "bias",
             stddevs=np.concatenate([wandering, _six([t.random_walk for t in triads])]),

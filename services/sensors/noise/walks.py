@@ -25,7 +25,7 @@ BLOCKS_PER_DRAW = 1024
 """Ends of blocks that are drawn together."""
 
 
-class Walks:
+class ErrorProcesses:
     """Independent processes x(k+1) = phi x(k) + q w(k), one a column, a step a tick.
 
     Parameters

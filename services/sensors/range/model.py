@@ -27,7 +27,7 @@ from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.rays.probe import Probe
+from services.sensors.rays.probe import RayProbe
 from services.sensors.runtime.due import Due
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -60,7 +60,7 @@ class RangeModel:
         self._spec = spec
         self._frame = vehicle.frame_prefix + spec.frame
         self._due = Due(Schedule.at(spec.rate_hz))
-        self._probe = Probe(scenario, vehicle, spec.mount)
+        self._probe = RayProbe(scenario, vehicle, spec.mount)
         self._field_of_view_rad = math.radians(spec.field_of_view_deg)
         self._cone = cone(self._field_of_view_rad, spec.rays)
         self._least_cosine = math.cos(math.radians(spec.max_incidence_deg))

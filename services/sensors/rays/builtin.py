@@ -13,9 +13,9 @@ from ctypes import c_void_p
 import numpy as np
 from numpy.typing import NDArray
 
-from .engine import Meshes
+from .engine import SceneMeshes
 from .kernels import kernels
-from .tree import Tree
+from .tree import BoxTree
 
 LEAF_TRIANGLES = 4
 """A leaf of so many costs as much as looking at another pair of boxes."""
@@ -30,7 +30,7 @@ class _Mesh(ctypes.Structure):
 class BuiltinEngine:
     """See `engine.Engine`."""
 
-    def __init__(self, meshes: Meshes) -> None:
+    def __init__(self, meshes: SceneMeshes) -> None:
         self._meshes = meshes
         self._trees = [_tree(meshes.vertices[faces]) for faces in meshes.each()]
         self._structures = [
@@ -44,7 +44,7 @@ class BuiltinEngine:
         self.scenes = [ctypes.addressof(mesh) for mesh in self._structures]
 
 
-def _tree(corners: NDArray[np.float32]) -> Tree:
+def _tree(corners: NDArray[np.float32]) -> BoxTree:
     """Return the tree of triangles, shape (faces, 3, 3)."""
     boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
-    return Tree(boxes, leaf_items=LEAF_TRIANGLES)
+    return BoxTree(boxes, leaf_items=LEAF_TRIANGLES)

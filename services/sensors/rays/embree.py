@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
 
-from .engine import Meshes
+from .engine import SceneMeshes
 
 SUPPORTED = (40400, 40500)
 """Versions up to but excluding the next minor one: layouts may change between minor versions."""
@@ -134,7 +134,7 @@ def device() -> Device:
     return Device()
 
 
-class Mesh:
+class EmbreeMesh:
     """Triangles at rest, alone in a scene."""
 
     def __init__(
@@ -165,7 +165,7 @@ class Mesh:
 class EmbreeEngine:
     """See `engine.Engine`."""
 
-    def __init__(self, meshes: Meshes) -> None:
-        self._meshes = [Mesh(device(), meshes.vertices, faces) for faces in meshes.each()]
+    def __init__(self, meshes: SceneMeshes) -> None:
+        self._meshes = [EmbreeMesh(device(), meshes.vertices, faces) for faces in meshes.each()]
         self.intersect = ctypes.cast(library().rtcIntersect8, c_void_p)
         self.scenes = [mesh.scene for mesh in self._meshes]

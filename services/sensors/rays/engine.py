@@ -2,7 +2,7 @@
 """What an engine is given and what it does: find the triangle of a mesh that a ray meets first.
 
 Rule: an engine knows no motion, and has to be right about which triangle; `tracer.c` does the rest.
-So all engines give the same answers, but for rays within some micrometres of an edge.
+So all engines give the same answers, but for rays within some micrometers of an edge.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ def aligned(shape: Sequence[int], dtype: type[np.generic]) -> NDArray[Any]:
 
 
 @dataclass(frozen=True)
-class Meshes:
+class SceneMeshes:
     """All triangles of a scene in one piece: the static world's, then those of each body."""
 
     vertices: NDArray[np.float32]
-    """Shape (V, 3), metres, each in the frame of its mesh."""
+    """Shape (V, 3), meters, each in the frame of its mesh."""
 
     faces: NDArray[np.uint32]
     """Shape (F, 3), numbers of vertices."""
@@ -48,7 +48,7 @@ class Meshes:
     """Shape (meshes + 1,): where the faces of each mesh begin, and their end."""
 
     @classmethod
-    def joined(cls, meshes: Sequence[Triangles]) -> Meshes:
+    def joined(cls, meshes: Sequence[Triangles]) -> SceneMeshes:
         """Return meshes in one piece."""
         first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         first_triangle = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
@@ -67,10 +67,10 @@ class Meshes:
             yield self.faces[begin:end]
 
 
-class Engine(Protocol):
+class RayEngine(Protocol):
     """Finds the first triangle on a ray, in meshes at rest."""
 
-    def __init__(self, meshes: Meshes) -> None:
+    def __init__(self, meshes: SceneMeshes) -> None:
         """Build what makes rays fast; arrays of the meshes may be read in place."""
 
     @property

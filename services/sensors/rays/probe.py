@@ -21,17 +21,17 @@ from .replica import Replica
 from .scene import Hits
 
 
-class Place(NamedTuple):
+class SensorPose(NamedTuple):
     """Where a sensor is at an instant."""
 
     origin_in_world: Floats
-    """Shape (3,), metres."""
+    """Shape (3,), meters."""
 
     world_from_sensor: Floats
     """Rotation matrix, shape (3, 3)."""
 
 
-class Probe:
+class RayProbe:
     """The world around one sensor on a mount.
 
     Attributes
@@ -65,13 +65,13 @@ class Probe:
         """Return where an instant is between the last two states, 0..1."""
         return 1.0 + (nanos - self._tick * TICK_NANOS) / TICK_NANOS
 
-    def place(self, nanos: int) -> Place:
+    def place(self, nanos: int) -> SensorPose:
         """Return where the sensor is at a sim time not before the last state but one."""
         poses = self.replica.motion(self._tick - 1, self._tick)[:, self.replica.base]
         share = np.array(self._share(nanos))
         world_from_base = matrix_from_quaternion(nlerp(poses[0, 3:], poses[1, 3:], share))
         base = poses[0, :3] + share * (poses[1, :3] - poses[0, :3])
-        return Place(
+        return SensorPose(
             base + world_from_base @ self._sensor_in_base,
             world_from_base @ self._base_from_sensor,
         )

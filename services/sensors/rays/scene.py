@@ -3,7 +3,7 @@
 
 Rule: what stands still is built once; what moves is given poses at evenly spaced times, between
 which positions go linearly and orientations by nlerp, for every ray anew. Ranges are exact but for
-what float32 rounds: rays start where the world's float32 coordinates can say, within 4 micrometres
+what float32 rounds: rays start where the world's float32 coordinates can say, within 4 micrometers
 100 m from the origin, 0.25 mm at 7 km. No sensor, noise or material is known here.
 """
 
@@ -25,10 +25,10 @@ from groundlink.world.triangles import Triangles
 
 from .builtin import BuiltinEngine
 from .embree import EmbreeEngine, EngineUnavailableError, device
-from .engine import Engine, Meshes
+from .engine import RayEngine, SceneMeshes
 from .kernels import kernels
 from .terrain import Relief
-from .tree import Tree
+from .tree import BoxTree
 
 PACKET = 8
 """Rays that `tracer.c` traces at once."""
@@ -72,7 +72,7 @@ class _Surroundings(ctypes.Structure):
 
 
 @cache
-def best_engine() -> type[Engine]:
+def best_engine() -> type[RayEngine]:
     """Return Embree where it works, else the built-in engine, and say so on stderr, once."""
     try:
         device()
@@ -101,11 +101,11 @@ class Scene:
         self,
         static: Triangles,
         bodies: Sequence[Triangles] = (),
-        engine: type[Engine] | None = None,
+        engine: type[RayEngine] | None = None,
         terrain: Relief | None = None,
     ) -> None:
         self._terrain = terrain
-        self._meshes = Meshes.joined([static, *bodies])
+        self._meshes = SceneMeshes.joined([static, *bodies])
         self._engine = (engine or best_engine())(self._meshes)
         self._scenes = (c_void_p * (1 + len(bodies)))(*self._engine.scenes)
         self._radii: Floats = np.array(
@@ -120,14 +120,14 @@ class Scene:
         Parameters
         ----------
         world_from_body : float64 array, shape (steps, bodies, 7)
-            Position xyz in metres and unit quaternion xyzw at evenly spaced instants, of which the
+            Position xyz in meters and unit quaternion xyzw at evenly spaced instants, of which the
             first is time 0 of a ray and the last is time 1; at least two.
         """
         self._poses = np.ascontiguousarray(world_from_body, np.float64)
         positions, reach = self._poses[..., :3], self._radii[:, None]
         ways = np.stack([positions.min(axis=0) - reach, positions.max(axis=0) + reach], axis=1)
         ways += np.array([[-MARGIN], [MARGIN]]) * np.abs(ways).max(axis=1, keepdims=True)
-        self._tree = Tree(ways.astype(np.float32), leaf_items=1)
+        self._tree = BoxTree(ways.astype(np.float32), leaf_items=1)
 
     def cast(self, origins: Reals, directions: Reals, times: Reals, max_range: float) -> Hits:
         """Return the nearest hit of every ray.
@@ -135,7 +135,7 @@ class Scene:
         Parameters
         ----------
         origins, directions : float32 arrays, shape (3, ...)
-            In the world, metres. Neighbours along the last axis are traced together: it is fastest
+            In the world, meters. Neighbors along the last axis are traced together: it is fastest
             where they start near each other and in nearly the same direction.
         times : float32 array, shape (...)
             0..1 between the first and the last pose of the bodies.

@@ -11,7 +11,7 @@ from .kernels import kernels
 _NODE_BYTES = 32
 
 
-class Tree:
+class BoxTree:
     """A tree of boxes.
 
     Parameters

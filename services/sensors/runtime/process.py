@@ -27,7 +27,7 @@ from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensor_kinds import SensorKind, kind_of, load_reference
 from groundlink.world.build import world_hash
-from services.sensors.faults.fault_wrapper import FaultyModel
+from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.faults.live import LiveFaults
 from services.sensors.noise.random_streams import RandomStreams
 
@@ -128,7 +128,7 @@ def follower(
         if not output:
             link.send(message, sensor.epoch_nanos)
 
-    faulty = FaultyModel(
+    faulty = FaultWrapper(
         model,
         faults=spec.faults,
         messages={output.name: output.row.message for output in sensor_outputs(spec)},

@@ -18,7 +18,7 @@ from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 
-from .draws import Draws
+from .draws import RevolutionDraws
 from .sweep import Sweep
 
 
@@ -26,7 +26,7 @@ class Rays(NamedTuple):
     """Rays to cast, the rays of a beam side by side; C-contiguous."""
 
     origins_in_world: Reals
-    """Shape (3, lasers, firings) or (3, lasers, firings, rays of a beam), metres."""
+    """Shape (3, lasers, firings) or (3, lasers, firings, rays of a beam), meters."""
 
     directions_in_world: Reals
     """The same shape, unit vectors."""
@@ -38,7 +38,7 @@ class Rays(NamedTuple):
 class Beams:
     """The beams of a data sheet."""
 
-    def __init__(self, spec: RotatingLidar, sweep: Sweep, draws: Draws) -> None:
+    def __init__(self, spec: RotatingLidar, sweep: Sweep, draws: RevolutionDraws) -> None:
         self._sweep, self._draws = sweep, draws
         self._rays = spec.rays_per_beam
         self._stddevs = np.radians([spec.azimuth_stddev_deg, spec.elevation_stddev_deg])

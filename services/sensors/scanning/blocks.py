@@ -20,7 +20,7 @@ from services.sensors.rays.scene import Reals
 from .sweep import Sweep
 
 
-class Blocks(calendars.Blocks):
+class FiringBlocks(calendars.Blocks):
     """The blocks of one LiDAR."""
 
     def __init__(self, spec: RotatingLidar, sweep: Sweep) -> None:

@@ -15,7 +15,7 @@ from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.scene import Reals
 
 
-class Draws:
+class RevolutionDraws:
     """What has been drawn for the revolution under way, kept for its next block."""
 
     def __init__(self, streams: RandomStreams) -> None:

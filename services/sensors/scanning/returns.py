@@ -7,7 +7,7 @@ are one return, as far as the mean of their ranges by power, and the share of th
 are. What is noticed is measured: white noise, the laser's own error, rounding, limits, loss, in
 this order. Bodies have no inside: a surface is met from either side.
 
-Not modelled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
+Not modeled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Hits, Numbers, Reals
 
 from .beams import Rays
-from .draws import Draws
+from .draws import RevolutionDraws
 from .sweep import Sweep
-from .weather import Air
+from .weather import Atmosphere
 
 
 class Returns(NamedTuple):
@@ -99,7 +99,7 @@ MODES = ("strongest", "last", "dual")
 """The enumeration of `returns.c`."""
 
 
-class Receiver:
+class LidarReceiver:
     """The receiver of a data sheet.
 
     Parameters
@@ -124,9 +124,9 @@ class Receiver:
         spec: RotatingLidar,
         sweep: Sweep,
         reflectance: Reals,
-        air: Air | None,
+        air: Atmosphere | None,
         streams: RandomStreams,
-        draws: Draws,
+        draws: RevolutionDraws,
     ) -> None:
         self._spec, self._draws, self._air = spec, draws, air
         lasers, firings = len(sweep.rings), sweep.seconds.shape[1]

@@ -24,12 +24,12 @@ from services.sensors.rays.replica import Replica
 from services.sensors.runtime.model import LeftOut
 
 from .beams import Beams
-from .blocks import Blocks
-from .draws import Draws
-from .returns import Receiver, Returns
+from .blocks import FiringBlocks
+from .draws import RevolutionDraws
+from .returns import LidarReceiver, Returns
 from .sweep import Sweep
-from .truth import Cast, TrueEye, Truth
-from .weather import air_around
+from .truth import Cast, TrueReturns, TrueView
+from .weather import atmosphere_of
 
 
 class Scan(NamedTuple):
@@ -45,7 +45,7 @@ class Scan(NamedTuple):
     returns: Returns
     """Of these firings."""
 
-    truth: Truth | None
+    truth: TrueReturns | None
     """Behind these returns, if it was asked for."""
 
 
@@ -55,7 +55,7 @@ class Scanner:
     Attributes
     ----------
     sweep : Sweep
-    blocks : Blocks
+    blocks : FiringBlocks
     replica : Replica
     receiver : Receiver
 
@@ -71,14 +71,16 @@ class Scanner:
         self._max_range_m = spec.max_range_m
         self._schedule = Schedule.at(spec.rotation_rate_hz)
         self.sweep = Sweep(spec)
-        self.blocks = Blocks(spec, self.sweep)
+        self.blocks = FiringBlocks(spec, self.sweep)
         self.replica = Replica(scenario, vehicle, spec.mount.xyz_m)
-        self._true_eye = TrueEye(self.replica, spec.mount) if truth else None
+        self._true_view = TrueView(self.replica, spec.mount) if truth else None
         streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
-        draws = Draws(streams)
+        draws = RevolutionDraws(streams)
         self._beams = Beams(spec, self.sweep, draws)
-        air = air_around(spec, scenario.world.weather)
-        self.receiver = Receiver(spec, self.sweep, self.replica.reflectivity, air, streams, draws)
+        air = atmosphere_of(spec, scenario.world.weather)
+        self.receiver = LidarReceiver(
+            spec, self.sweep, self.replica.reflectivity, air, streams, draws
+        )
         self._waiting = 0
         self.restart()
 
@@ -137,8 +139,8 @@ class Scanner:
             _, own = self.blocks.firings(range(block, block + 1))
             of_cast = slice(own.start - firings.start, own.stop - firings.start)
             nanos, truth = self.blocks.nanos(block), None
-            if self._true_eye is not None:
-                truth = self._true_eye.see(cast, of_cast, nanos)
+            if self._true_view is not None:
+                truth = self._true_view.see(cast, of_cast, nanos)
             scans.append(Scan(nanos, revolution, own, cast.returns.of(of_cast), truth))
         return scans
 

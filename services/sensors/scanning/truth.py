@@ -28,11 +28,11 @@ from .beams import Rays
 from .returns import Returns
 
 
-class Truth(NamedTuple):
+class TrueReturns(NamedTuple):
     """The truth behind some returns; where nothing returned it has no meaning."""
 
     points_in_sensor: Reals
-    """Shape (3, returns, lasers, firings), metres."""
+    """Shape (3, returns, lasers, firings), meters."""
 
     body: NDArray[np.uint32]
     """Shape (returns, lasers, firings): what was met, as `groundlink.world.bodies` counts."""
@@ -53,7 +53,7 @@ class Cast(NamedTuple):
     """Of these states."""
 
 
-class TrueEye:
+class TrueView:
     """A sensor's eye that sees everything at once."""
 
     def __init__(self, replica: Replica, mount: Mount) -> None:
@@ -61,7 +61,7 @@ class TrueEye:
         self._base_from_sensor = matrix_from_quaternion(quaternion_from_rpy(*mount.rpy_radians()))
         self._eye_in_base = np.array(mount.xyz_m)
 
-    def see(self, cast: Cast, firings: slice, stamp_nanos: int) -> Truth:
+    def see(self, cast: Cast, firings: slice, stamp_nanos: int) -> TrueReturns:
         """Return the truth behind the returns of some firings, as it is at a sim time.
 
         Parameters
@@ -99,7 +99,7 @@ class TrueEye:
         eye = base + world_from_base @ self._eye_in_base
         sensor_from_world = (world_from_base @ self._base_from_sensor).T
         points = sensor_from_world @ in_world - (sensor_from_world @ eye)[:, None]
-        return Truth(
+        return TrueReturns(
             points.astype(np.float32).reshape(3, *returns.returned.shape),
             self._replica.body_numbers(returns.label, returns.body),
         )

@@ -7,12 +7,12 @@ one. What they send back competes with what stands behind: the receiver notices 
 threshold, and reports it where it is the strongest, or one of two.
 
 Fog and dust: a = ln 20 / visibility (Koschmieder, 5 %), and backscatter 0.046 / visibility per
-metre and steradian, with no echo from nearer than 1 m, where the fields of the laser and of the
+meter and steradian, with no echo from nearer than 1 m, where the fields of the laser and of the
 receiver hardly overlap: Hahner et al. (2021), "Fog simulation on real LiDAR point clouds for 3D
 object detection in adverse weather", after Rasshofer et al. (2011). Only the first half of a
 pulse's length counts, and the echo lies anywhere in it.
 
-Rain: a = 0.01 r^0.6 per metre at r mm/h (Goodin et al. 2019, "Predicting the influence of rain on
+Rain: a = 0.01 r^0.6 per meter at r mm/h (Goodin et al. 2019, "Predicting the influence of rain on
 LIDAR in ADAS"). Of drops there are 8000 exp(-4.1 r^-0.21 D) per m^3 and mm of diameter D (Marshall
 and Palmer 1948). One is noticed if the share of the beam that it fills sends enough light back; of
 those before the nearest surface the first counts. The reflectance of a drop, and how wide a beam
@@ -51,7 +51,7 @@ class _Weather(ctypes.Structure):
     )
 
 
-class Air:
+class Atmosphere:
     """The air as one device meets it.
 
     Attributes
@@ -107,13 +107,13 @@ class Air:
         )
 
 
-def air_around(spec: RotatingLidar, weather: Weather) -> Air | None:
+def atmosphere_of(spec: RotatingLidar, weather: Weather) -> Atmosphere | None:
     """Return what is in the air; None where it is clear, or the device sees through everything."""
-    return Air(spec, weather) if weather != Weather() and spec.least_power else None
+    return Atmosphere(spec, weather) if weather != Weather() and spec.least_power else None
 
 
 def _hazy(visibility_m: float, cell_m: float) -> tuple[float, float]:
-    """Return extinction per metre, and percent of light that comes back from half a pulse.
+    """Return extinction per meter, and percent of light that comes back from half a pulse.
 
     A diffuse surface sends back rho / pi per steradian.
     """

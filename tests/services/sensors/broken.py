@@ -27,7 +27,7 @@ from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.messages.reading_schedule import Calendar
 from groundlink.scenario.faults import Fault
-from services.sensors.faults.fault_wrapper import FaultyModel
+from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime.due import Due
 from services.sensors.runtime.model import LeftOut, RememberingModel, SensorModel
@@ -115,8 +115,8 @@ def faulty(
     message: type[Message],
     *faults: Fault,
     seed: int = 1,
-) -> FaultyModel:
-    return FaultyModel(
+) -> FaultWrapper:
+    return FaultWrapper(
         inner,
         faults=faults,
         messages={"": message},
@@ -129,7 +129,7 @@ def states(ticks: Iterable[int]) -> Iterator[State]:
         yield State("run", EPOCH_NANOS, EPOCH_NANOS, tick, tick * TICK_NANOS, HASH, {})
 
 
-def suffered(model: RememberingModel, ticks: int) -> list[tuple[int, Message]]:
+def changed(model: RememberingModel, ticks: int) -> list[tuple[int, Message]]:
     """Return what comes out, with the tick at which it does."""
     return [
         (state.tick, message)

@@ -26,7 +26,7 @@ from groundlink.scenario.faults import (
     TimeJump,
 )
 from services.sensors.encoders.model import EncodersModel
-from services.sensors.faults.fault_wrapper import FaultyModel
+from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.imu.model import ImuModel
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime.model import Beside, Gone, LeftOut, SensorModel, parted
@@ -91,7 +91,7 @@ KINDS = {"imu": imu, "encoders": encoders, "lidar": lidar}
 
 def model(
     kind: Callable[[], tuple[SensorModel, type[Message]]], faults: tuple[Fault, ...]
-) -> FaultyModel:
+) -> FaultWrapper:
     inner, message = kind()
     return faulty(inner, message, *faults)
 
@@ -203,15 +203,15 @@ class Films(Counts):
 
 @pytest.mark.parametrize("fault", TIMED, ids=lambda fault: fault.kind)
 def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
-    def camera() -> FaultyModel:
-        return FaultyModel(
+    def camera() -> FaultWrapper:
+        return FaultWrapper(
             Films(),
             faults=(fault,),
             messages={"": CompressedImage, "camera_info": CameraInfo},
             streams=RandomStreams(1, "rover/camera"),
         )
 
-    def said(model: FaultyModel, states: list[State]) -> list[tuple[int, str, Message]]:
+    def said(model: FaultWrapper, states: list[State]) -> list[tuple[int, str, Message]]:
         return [
             (s.tick, *parted(made))
             for s in states
@@ -235,8 +235,8 @@ def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
     assert [row for row in again if row[0] > 500] == after
 
 
-def faulty_free() -> FaultyModel:
-    return FaultyModel(Films(), faults=(), messages={}, streams=RandomStreams(1, "rover/camera"))
+def faulty_free() -> FaultWrapper:
+    return FaultWrapper(Films(), faults=(), messages={}, streams=RandomStreams(1, "rover/camera"))
 
 
 def test_a_sensor_that_is_made_anew_keeps_its_faults_until_its_vehicle_has_gone() -> None:

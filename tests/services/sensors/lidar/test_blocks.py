@@ -19,7 +19,7 @@ from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
-from services.sensors.scanning.blocks import Blocks
+from services.sensors.scanning.blocks import FiringBlocks
 from services.sensors.scanning.sweep import Sweep
 
 EPOCH_NANOS = 1_700_000_000_000_000_000
@@ -104,7 +104,7 @@ def test_a_block_leaves_with_the_first_state_after_its_last_ray(
     name: str, block_deg: float
 ) -> None:
     spec = sheet(name, block_deg=block_deg)
-    blocks = Blocks(spec, Sweep(spec))
+    blocks = FiringBlocks(spec, Sweep(spec))
     late_nanos = max(spec.laser_times_us) * 1000
     firing_nanos = REVOLUTION_NANOS / spec.firings_per_revolution
     for i, (tick, cloud) in enumerate(clouds(spec)):
@@ -141,7 +141,7 @@ def test_blocks_do_not_drift(rate_hz: float, block_deg: float) -> None:
     spec = sheet("vlp16_paper", block_deg=block_deg, rotation_rate_hz=rate_hz)
     declared = Schedule.at(rate_hz)
     count = spec.blocks_per_revolution
-    blocks = Blocks(spec, Sweep(spec))
+    blocks = FiringBlocks(spec, Sweep(spec))
     assert spec.message_rate_hz == rate_hz * count
     for revolution in (0, 1, 77, 100_003):
         assert blocks.nanos(revolution * count) == declared.nanos(revolution)

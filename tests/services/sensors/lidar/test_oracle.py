@@ -22,7 +22,7 @@ from groundlink.world.vehicle_links import link_solids
 from services.sensors.rays import scene
 from services.sensors.rays.builtin import BuiltinEngine
 from services.sensors.rays.embree import EmbreeEngine
-from services.sensors.rays.engine import Engine
+from services.sensors.rays.engine import RayEngine
 from tests.services.sensors.rays import oracle
 
 from . import rooms
@@ -105,7 +105,7 @@ def measured(cloud: Any) -> np.ndarray:
 @pytest.mark.parametrize("engine", [EmbreeEngine, BuiltinEngine])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_ranges_are_the_oracles(
-    seed: int, engine: type[Engine], monkeypatch: pytest.MonkeyPatch
+    seed: int, engine: type[RayEngine], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(scene, "best_engine", lambda: engine)
     generator = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.noise.walks import BLOCK_TICKS, BLOCKS_PER_DRAW, Walks
+from services.sensors.noise.walks import BLOCK_TICKS, BLOCKS_PER_DRAW, ErrorProcesses
 from tests.services.sensors.allan import Floats, allan_deviation
 
 TICK_S = 0.0025
@@ -16,8 +16,8 @@ COLUMNS = 24
 
 def walks(
     stddev: float = 1.0, time_constant_s: float = math.inf, *, source: str = "numpy", seed: int = 1
-) -> Walks:
-    return Walks(
+) -> ErrorProcesses:
+    return ErrorProcesses(
         RandomStreams(seed, "rover/imu"),
         "bias",
         stddevs=[stddev] * COLUMNS,
@@ -26,7 +26,7 @@ def walks(
     )
 
 
-def path(model: Walks, seconds: float) -> Floats:
+def path(model: ErrorProcesses, seconds: float) -> Floats:
     blocks = math.ceil(seconds / TICK_S / BLOCK_TICKS)
     return np.concatenate([model.block(i) for i in range(blocks)])
 

@@ -14,7 +14,7 @@ from groundlink.world.triangles import Triangles, merged
 from services.sensors.rays import scene as scene_module
 from services.sensors.rays.builtin import BuiltinEngine
 from services.sensors.rays.embree import EmbreeEngine, EngineUnavailableError
-from services.sensors.rays.engine import Engine
+from services.sensors.rays.engine import RayEngine
 from services.sensors.rays.scene import Scene
 
 from . import oracle
@@ -24,8 +24,8 @@ SECONDS = 0.1
 
 
 @pytest.fixture(params=[EmbreeEngine, BuiltinEngine])
-def engine(request: pytest.FixtureRequest) -> type[Engine]:
-    made: type[Engine] = request.param
+def engine(request: pytest.FixtureRequest) -> type[RayEngine]:
+    made: type[RayEngine] = request.param
     return made
 
 
@@ -94,7 +94,7 @@ def check(hits: Any, answer: oracle.Answer, directions: np.ndarray, *, least_hit
     np.testing.assert_allclose(hits.normal_in_world.T, answer.normal_in_world, atol=1e-6)
 
 
-def test_static_world(engine: type[Engine]) -> None:
+def test_static_world(engine: type[RayEngine]) -> None:
     rng = np.random.default_rng(1)
     static = room(rng, 12)
     origins, directions, times = rays(rng, 2001)
@@ -105,7 +105,7 @@ def test_static_world(engine: type[Engine]) -> None:
 
 
 @pytest.mark.parametrize(("speed", "turn"), [(0.0, 0.0), (15.0, 0.0), (0.0, 6.0), (15.0, 6.0)])
-def test_moving_bodies_at_mixed_times(speed: float, turn: float, engine: type[Engine]) -> None:
+def test_moving_bodies_at_mixed_times(speed: float, turn: float, engine: type[RayEngine]) -> None:
     rng = np.random.default_rng(2)
     static, moving = room(rng, 3), bodies(rng, 12)
     poses = motion(rng, 12, speed=speed, turn=turn)
@@ -119,7 +119,7 @@ def test_moving_bodies_at_mixed_times(speed: float, turn: float, engine: type[En
     assert (answer.body >= 0).sum() > 250
 
 
-def test_poses_count_at_the_instant_of_the_ray(engine: type[Engine]) -> None:
+def test_poses_count_at_the_instant_of_the_ray(engine: type[RayEngine]) -> None:
     """A plate passes at 10 m/s: only rays in time with it meet it."""
     plate = merged([Solid(name="p", shape=Box(size_m=(0.01, 0.1, 0.1)), material="m")])
     scene = Scene(merged([]), [plate], engine)
@@ -134,7 +134,7 @@ def test_poses_count_at_the_instant_of_the_ray(engine: type[Engine]) -> None:
     np.testing.assert_allclose(hits.range_m[50], 1.995, atol=1e-6)
 
 
-def test_alone_and_in_packets(engine: type[Engine]) -> None:
+def test_alone_and_in_packets(engine: type[RayEngine]) -> None:
     """Embree follows a lone ray and eight together in different ways."""
     rng = np.random.default_rng(3)
     static, moving = room(rng, 6), bodies(rng, 10)
@@ -148,7 +148,7 @@ def test_alone_and_in_packets(engine: type[Engine]) -> None:
         np.testing.assert_allclose(one.range_m[0], hits.range_m[i], atol=2e-5)
 
 
-def test_shape_and_count_do_not_matter(engine: type[Engine]) -> None:
+def test_shape_and_count_do_not_matter(engine: type[RayEngine]) -> None:
     rng = np.random.default_rng(4)
     static = room(rng, 6)
     origins, directions, times = rays(rng, 6 * 40)
@@ -167,7 +167,7 @@ def test_shape_and_count_do_not_matter(engine: type[Engine]) -> None:
         np.testing.assert_allclose(part.range_m, flat.range_m[:count], atol=2e-5)
 
 
-def test_what_meets_nothing(engine: type[Engine]) -> None:
+def test_what_meets_nothing(engine: type[RayEngine]) -> None:
     scene = Scene(
         merged([Solid(name="s", shape=Sphere(radius_m=1.0), material="m")]), engine=engine
     )
@@ -182,7 +182,7 @@ def test_what_meets_nothing(engine: type[Engine]) -> None:
         assert not hits.normal_in_world[:, 1].any()
 
 
-def test_the_number_of_poses_may_change(engine: type[Engine]) -> None:
+def test_the_number_of_poses_may_change(engine: type[RayEngine]) -> None:
     rng = np.random.default_rng(5)
     moving = bodies(rng, 4)
     origins, directions, times = rays(rng, 500)
@@ -195,7 +195,7 @@ def test_the_number_of_poses_may_change(engine: type[Engine]) -> None:
         check(hits, answer, directions, least_hits=10)
 
 
-def test_same_bits_every_time(engine: type[Engine]) -> None:
+def test_same_bits_every_time(engine: type[RayEngine]) -> None:
     def run() -> bytes:
         rng = np.random.default_rng(6)
         static, moving = room(rng, 6), bodies(rng, 10)
@@ -259,7 +259,7 @@ def sheet(rng: np.random.Generator, *, points: int, cell_m: float, rough_m: floa
     return Triangles(vertices.astype(np.float32), faces.astype(np.uint32), labels)
 
 
-def test_a_grazing_range_is_as_good_as_any(engine: type[Engine]) -> None:
+def test_a_grazing_range_is_as_good_as_any(engine: type[RayEngine]) -> None:
     """Ground seen from 1.5 m above, 40 to 140 m away: float32 alone is wrong by tenths of mm."""
     rng = np.random.default_rng(8)
     ground = sheet(rng, points=33, cell_m=10.0, rough_m=0.05)
@@ -275,7 +275,7 @@ def test_a_grazing_range_is_as_good_as_any(engine: type[Engine]) -> None:
     np.testing.assert_allclose(hits.range_m[both], answer.range_m[both], rtol=0, atol=2e-5)
 
 
-def test_no_ray_slips_between_triangles(engine: type[Engine]) -> None:
+def test_no_ray_slips_between_triangles(engine: type[RayEngine]) -> None:
     """Rays at edges and corners, straight down, from the side and from below."""
     rng = np.random.default_rng(9)
     ground = sheet(rng, points=17, cell_m=0.5, rough_m=0.0)

@@ -18,7 +18,7 @@ from groundlink.world.terrain import Ground
 from groundlink.world.triangles import Triangles, merged, of_ground
 from services.sensors.rays.builtin import BuiltinEngine
 from services.sensors.rays.embree import EmbreeEngine
-from services.sensors.rays.engine import Engine
+from services.sensors.rays.engine import RayEngine
 from services.sensors.rays.scene import Hits, Scene
 from services.sensors.rays.terrain import Relief
 
@@ -33,7 +33,9 @@ EXACT_M = 1e-5
 Floats = NDArray[np.float64]
 
 
-def scene(made: Ground, static: Triangles = NOTHING, engine: type[Engine] = BuiltinEngine) -> Scene:
+def scene(
+    made: Ground, static: Triangles = NOTHING, engine: type[RayEngine] = BuiltinEngine
+) -> Scene:
     return Scene(static, engine=engine, terrain=Relief(made, first_label=0))
 
 
@@ -94,7 +96,7 @@ def test_the_oracle_agrees(kind: str, rough_m: float) -> None:
 
 
 @pytest.mark.parametrize("engine", [EmbreeEngine, BuiltinEngine])
-def test_the_nearest_counts_among_solids_and_bodies(engine: type[Engine]) -> None:
+def test_the_nearest_counts_among_solids_and_bodies(engine: type[RayEngine]) -> None:
     rng = np.random.default_rng(2)
     surface = rng.integers(0, 3, (39, 39)).astype(np.uint8)
     made = ground(rough(rng, 40, 40, 0.3), 0.5, (-9.75, -9.75), surface)
@@ -301,7 +303,7 @@ def test_a_map_of_15_km_costs_little() -> None:
 
 
 @pytest.mark.parametrize("engine", [EmbreeEngine, BuiltinEngine])
-def test_as_triangles_it_is_met_where_its_heights_are(engine: type[Engine]) -> None:
+def test_as_triangles_it_is_met_where_its_heights_are(engine: type[RayEngine]) -> None:
     """A small terrain is triangles, a large one heights: nobody should be able to tell."""
     random = np.random.default_rng(5)
     surface = random.integers(0, 3, (19, 29)).astype(np.uint8)

@@ -14,7 +14,7 @@ from groundlink.world.bodies import NO_BODY, body_names
 from groundlink.world.build import solids
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Terrain, encode_grid
-from services.sensors.rays.probe import Probe
+from services.sensors.rays.probe import RayProbe
 from services.sensors.rays.replica import Replica
 from tests.services.sensors.lidar import rooms
 
@@ -93,7 +93,7 @@ def test_a_lidar_and_its_truth(hillside: Scenario) -> None:
 
 def test_a_probe_of_few_rays(hillside: Scenario) -> None:
     """As range finders and the sky of GNSS cast them."""
-    probe = Probe(hillside, hillside.vehicles[0], Mount(xyz_m=(0.0, 0.0, 0.9)))
+    probe = RayProbe(hillside, hillside.vehicles[0], Mount(xyz_m=(0.0, 0.0, 0.9)))
     for state in rooms.states(hillside, lambda _: ((2.0, 1.0, 0.6), (0, 0, 0)), 2):
         probe.take(state)
     towards = np.array([[1.0, 0.0, 0.0], [0.2, 0.0, 1.0]]).T

@@ -13,7 +13,7 @@ from scipy import integrate, optimize, stats
 from groundlink.scenario.sensors import Lidar
 from groundlink.world.weather import Dust, Weather
 from services.sensors.scanning.returns import Returns
-from services.sensors.scanning.weather import Air
+from services.sensors.scanning.weather import Atmosphere
 from tests.services.sensors.lidar import rooms
 
 from . import targets
@@ -197,7 +197,7 @@ def drops_up_to(range_m: float, rain_mm_per_h: float) -> float:
 def test_the_number_of_drops_is_the_formulas_integral() -> None:
     spec = targets.scenario(**WET).vehicles[0].sensors[0]
     assert isinstance(spec, Lidar)
-    found = Air(spec, Weather(rain_mm_per_h=20.0))
+    found = Atmosphere(spec, Weather(rain_mm_per_h=20.0))
     for range_m, drops in list(zip(found.drop_ranges_m, found.drops, strict=True))[1::40]:
         assert drops == pytest.approx(drops_up_to(float(range_m), 20.0), rel=1e-3)
 
