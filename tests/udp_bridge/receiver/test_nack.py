@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a receiver asks for, first one event at a time, then over whole simulated links."""
+"""Requests of a receiver: first event by event, then over whole simulated links."""
 
 from __future__ import annotations
 
@@ -23,153 +23,155 @@ def part(number: int, seq: int = 0) -> Header:
 
 
 class Bench:
-    """What is asked of one topic."""
+    """The tracker of one topic, and the parts that have arrived."""
 
     def __init__(self) -> None:
         self.tracker = NackTracker()
-        self.came: dict[int, set[int]] = {}
+        self.arrived: dict[int, set[int]] = {}
 
-    def saw(self, now: int, *numbers: int, seq: int = 0) -> None:
+    def receive(self, now: int, *numbers: int, seq: int = 0) -> None:
         for number in numbers:
-            came = self.came.setdefault(seq, set())
-            came.add(number)
-            self.tracker.on_parts(part(number, seq), is_complete=len(came) == PARTS, now_nanos=now)
+            arrived = self.arrived.setdefault(seq, set())
+            arrived.add(number)
+            self.tracker.on_parts(
+                part(number, seq), is_complete=len(arrived) == PARTS, now_nanos=now
+            )
 
-    def offered(self, now: int, seq: int = 0, *, is_finished: bool = False) -> None:
+    def offer(self, now: int, seq: int = 0, *, is_finished: bool = False) -> None:
         self.tracker.on_offer(part(0, seq), OFFER, is_finished=is_finished, now_nanos=now)
 
     def due(self, now: int) -> list[tuple[int, tuple[int, ...]]]:
         """Return seq_number and parts, or the number of whole messages."""
         return [
-            (asked.seq_number, asked.request.parts or (-asked.request.messages,))
-            for asked in self.tracker.take_due(1, now)
+            (nack.seq_number, nack.request.parts or (-nack.request.messages,))
+            for nack in self.tracker.take_due(1, now)
         ]
 
 
 @pytest.fixture
 def bench() -> Bench:
     bench = Bench()
-    bench.saw(0, *range(PARTS), seq=99)
-    bench.offered(0, 99, is_finished=True)
+    bench.receive(0, *range(PARTS), seq=99)
+    bench.offer(0, 99, is_finished=True)
     assert bench.due(0) == []
     return bench
 
 
 def test_gaps_within_a_round_trip_of_a_request_are_asked_for_together(bench: Bench) -> None:
-    bench.saw(0, 0, 2, seq=100)
+    bench.receive(0, 0, 2, seq=100)
     assert bench.due(MS) == [(100, (1,))]
-    bench.saw(5 * MS, 1, seq=100)  # so the round trip takes 4 ms
-    bench.saw(10 * MS, 0, 2, seq=101)
+    bench.receive(5 * MS, 1, seq=100)  # so the round trip takes 4 ms
+    bench.receive(10 * MS, 0, 2, seq=101)
     assert (101, (1,)) in bench.due(11 * MS)
-    bench.saw(12 * MS, 4, seq=101)
-    bench.saw(13 * MS, 6, seq=101)
+    bench.receive(12 * MS, 4, seq=101)
+    bench.receive(13 * MS, 6, seq=101)
     assert [asked for asked in bench.due(14 * MS) if asked[0] == 101] == []
     assert (101, (3, 5)) in bench.due(15 * MS)
-    bench.saw(16 * MS, 0, 2, seq=102)
+    bench.receive(16 * MS, 0, 2, seq=102)
     bench.due(17 * MS)
-    bench.saw(17 * MS, 4, seq=102)
-    bench.offered(17 * MS, 102)  # now it is known that nothing overtook it
+    bench.receive(17 * MS, 4, seq=102)
+    bench.offer(17 * MS, 102)  # now it is known that nothing overtook it
     assert (102, (3, 5, 6, 7)) in bench.due(17 * MS)
 
 
 def test_a_gap_is_asked_for_when_it_is_a_millisecond_old(bench: Bench) -> None:
-    bench.saw(0, 0, 1, 4, seq=100)
+    bench.receive(0, 0, 1, 4, seq=100)
     assert bench.due(MS - 1) == []
-    bench.saw(MS, 7, seq=100)
+    bench.receive(MS, 7, seq=100)
     assert bench.due(MS) == [(100, (2, 3))]
     assert bench.due(2 * MS) == [(100, (5, 6))]
 
 
 def test_what_comes_after_all_is_not_asked_for(bench: Bench) -> None:
-    bench.saw(0, 0, 2, 1, seq=100)
+    bench.receive(0, 0, 2, 1, seq=100)
     assert bench.due(SECOND // 4) == []
 
 
 def test_an_offer_shows_the_lost_end_at_once(bench: Bench) -> None:
-    bench.saw(0, *range(5), seq=100)
+    bench.receive(0, *range(5), seq=100)
     assert bench.due(MS) == []
-    bench.offered(MS, 100)
+    bench.offer(MS, 100)
     assert bench.due(MS) == [(100, (5, 6, 7))]
 
 
 def test_a_newer_message_shows_the_lost_end_too(bench: Bench) -> None:
-    bench.saw(0, *range(5), seq=100)
-    bench.saw(0, 0, seq=101)
+    bench.receive(0, *range(5), seq=100)
+    bench.receive(0, 0, seq=101)
     assert bench.due(MS) == [(100, (5, 6, 7))]
 
 
 def test_lost_messages_are_asked_for_together(bench: Bench) -> None:
-    bench.saw(0, *range(PARTS), seq=103)
+    bench.receive(0, *range(PARTS), seq=103)
     assert bench.due(MS) == [(100, (-3,))]
-    bench.offered(MS, 104)
+    bench.offer(MS, 104)
     assert bench.due(MS) == [(104, (-1,))]
 
 
 def test_a_whole_message_on_its_way_is_not_asked_for_part_by_part(bench: Bench) -> None:
-    bench.saw(0, *range(PARTS), seq=101)
+    bench.receive(0, *range(PARTS), seq=101)
     assert bench.due(MS) == [(100, (-1,))]
-    bench.saw(20 * MS, 0, 1, 2, seq=100)
+    bench.receive(20 * MS, 0, 1, 2, seq=100)
     assert bench.due(22 * MS) == []
-    bench.saw(22 * MS, 3, 4, 5, seq=100)
+    bench.receive(22 * MS, 3, 4, 5, seq=100)
     assert bench.due(23 * MS) == []
     assert bench.due(SECOND // 4) == [(100, (6, 7))]
 
 
 def test_numbers_wrap() -> None:
     bench = Bench()
-    bench.offered(0, 2**32 - 2, is_finished=True)
-    bench.saw(0, *range(PARTS), seq=1)
+    bench.offer(0, 2**32 - 2, is_finished=True)
+    bench.receive(0, *range(PARTS), seq=1)
     assert bench.due(MS) == [(2**32 - 1, (-2,))]
 
 
 def test_repetitions_come_more_slowly_and_in_more_copies(bench: Bench) -> None:
-    bench.saw(0, *range(7), seq=100)
-    bench.offered(0, 100)
+    bench.receive(0, *range(7), seq=100)
+    bench.offer(0, 100)
     times, copies = [], []
     for now in range(0, 600 * MS, MS):
-        for asked in bench.tracker.take_due(1, now):
+        for nack in bench.tracker.take_due(1, now):
             times.append(now // MS)
-            copies.append(asked.copies)
+            copies.append(nack.copies)
     assert times == [0, 50, 125, 238, 388]  # 50 ms times 1, 1.5, 2.25, 3, and then too old
     assert copies == [1, 2, 2, 3, 3]
 
 
 def test_waiting_follows_the_round_trip(bench: Bench) -> None:
-    bench.saw(0, *range(7), seq=100)
-    bench.offered(0, 100)
+    bench.receive(0, *range(7), seq=100)
+    bench.offer(0, 100)
     assert bench.due(0) == [(100, (7,))]
-    bench.saw(4 * MS, 7, seq=100)
-    bench.saw(10 * MS, *range(7), seq=101)
-    bench.offered(10 * MS, 101)
+    bench.receive(4 * MS, 7, seq=100)
+    bench.receive(10 * MS, *range(7), seq=101)
+    bench.offer(10 * MS, 101)
     assert bench.due(10 * MS) == [(101, (7,))]
     assert bench.due(10 * MS + 11 * MS) == []
     assert bench.due(10 * MS + 12 * MS) == [(101, (7,))]  # 4 ms and four times half of it
 
 
-def test_on_a_short_way_a_gap_is_asked_for_sooner(bench: Bench) -> None:
-    bench.saw(0, *range(7), seq=100)
-    bench.offered(0, 100)
+def test_on_a_short_path_a_gap_is_asked_for_sooner(bench: Bench) -> None:
+    bench.receive(0, *range(7), seq=100)
+    bench.offer(0, 100)
     assert bench.due(0) == [(100, (7,))]
-    bench.saw(MS // 5, 7, seq=100)  # a round trip of 0.2 ms
-    bench.saw(MS, 0, 2, seq=101)
+    bench.receive(MS // 5, 7, seq=100)  # a round trip of 0.2 ms
+    bench.receive(MS, 0, 2, seq=101)
     assert bench.due(MS + MS // 20 - 1) == []
     assert bench.due(MS + MS // 20) == [(101, (1,))]
 
 
 def measured(bench: Bench, nanos: int) -> None:
-    """Let a round trip take so long."""
-    bench.saw(0, *range(7), seq=100)
-    bench.offered(0, 100)
+    """Let a round trip take this long."""
+    bench.receive(0, *range(7), seq=100)
+    bench.offer(0, 100)
     assert bench.due(0) == [(100, (7,))]
-    bench.saw(nanos, 7, seq=100)
+    bench.receive(nanos, 7, seq=100)
 
 
 def test_what_was_lost_again_is_seen_by_what_came_behind_it(bench: Bench) -> None:
     measured(bench, 4 * MS)
-    bench.saw(10 * MS, 0, 7, seq=101)
-    bench.offered(10 * MS, 101)
+    bench.receive(10 * MS, 0, 7, seq=101)
+    bench.offer(10 * MS, 101)
     assert bench.due(10 * MS) == [(101, (1, 2, 3, 4, 5, 6))]
-    bench.saw(14 * MS, 1, 4, seq=101)
+    bench.receive(14 * MS, 1, 4, seq=101)
     assert bench.due(15 * MS - 1) == []
     assert bench.due(15 * MS) == [(101, (2, 3))]  # it might have been overtaken until then
     assert bench.due(16 * MS) == []  # 5 and 6 are on their way
@@ -177,60 +179,60 @@ def test_what_was_lost_again_is_seen_by_what_came_behind_it(bench: Bench) -> Non
 
 def test_an_offer_behind_what_was_sent_again_shows_its_lost_end(bench: Bench) -> None:
     measured(bench, 4 * MS)
-    bench.saw(10 * MS, 0, 7, seq=101)
-    bench.offered(10 * MS, 101)
+    bench.receive(10 * MS, 0, 7, seq=101)
+    bench.offer(10 * MS, 101)
     assert bench.due(10 * MS) == [(101, (1, 2, 3, 4, 5, 6))]
-    bench.offered(11 * MS, 101)
+    bench.offer(11 * MS, 101)
     assert bench.due(11 * MS) == []  # the sender had not heard of it yet
-    bench.saw(12 * MS, *range(1, 5), seq=101)
-    bench.offered(12 * MS, 101)
+    bench.receive(12 * MS, *range(1, 5), seq=101)
+    bench.offer(12 * MS, 101)
     assert bench.due(12 * MS) == [(101, (5, 6))]
-    bench.offered(12 * MS, 101)
+    bench.offer(12 * MS, 101)
     assert bench.due(12 * MS) == []
 
 
 def test_an_offer_when_the_round_trip_is_over_repeats_a_request_once(bench: Bench) -> None:
     measured(bench, 4 * MS)
-    bench.saw(10 * MS, *range(7), seq=101)
-    bench.offered(10 * MS, 101)
+    bench.receive(10 * MS, *range(7), seq=101)
+    bench.offer(10 * MS, 101)
     assert bench.due(10 * MS) == [(101, (7,))]
     asked = []
     for now in range(11 * MS, 30 * MS, MS):
-        bench.offered(now, 101)
+        bench.offer(now, 101)
         asked += [now // MS] * len(bench.due(now))
     assert asked == [16]  # 4 ms and half of it; from then on as without the offers
 
 
-def test_parts_in_a_row_are_taken_together(bench: Bench) -> None:
+def test_consecutive_parts_are_taken_together(bench: Bench) -> None:
     bench.tracker.on_parts(part(2, 100), is_complete=False, now_nanos=0, count=3)
     assert bench.due(MS) == [(100, (0, 1))]
-    bench.offered(MS, 100)
+    bench.offer(MS, 100)
     assert bench.due(MS) == [(100, (5, 6, 7))]
     bench.tracker.on_parts(part(5, 100), is_complete=False, now_nanos=2 * MS, count=2)
     assert bench.due(500 * MS) == [(100, (0, 1, 7))]
 
 
 def test_a_stale_message_is_not_asked_for_any_more(bench: Bench) -> None:
-    bench.saw(0, 0, seq=100)
-    bench.offered(500 * MS, 100)
+    bench.receive(0, 0, seq=100)
+    bench.offer(500 * MS, 100)
     assert bench.tracker.is_missing(part(1, 100), 500 * MS)
     assert not bench.tracker.is_missing(part(1, 100), 500 * MS + 1)
     assert bench.due(500 * MS + 1) == []
 
 
-def test_what_is_kept_in_mind_is_bounded(bench: Bench) -> None:
-    bench.saw(0, *range(PARTS), seq=100_000)
+def test_memory_of_a_tracker_is_bounded(bench: Bench) -> None:
+    bench.receive(0, *range(PARTS), seq=100_000)
     assert bench.due(MS) == [(100_000 - MAX_ENTRIES + 1, (1 - MAX_ENTRIES,))]
     asked = 1
     for now in range(2 * MS, 400 * SECOND, SECOND // 2):
-        bench.offered(now, 100_000, is_finished=True)
+        bench.offer(now, 100_000, is_finished=True)
         asked += len(bench.due(now))
     assert asked <= MAX_TRIES
     assert bench.due(400 * SECOND) == []
 
 
 def test_a_part_is_asked_for_so_often_and_no_more(bench: Bench) -> None:
-    bench.saw(0, *range(7), seq=100)
+    bench.receive(0, *range(7), seq=100)
     offer = OFFER._replace(limit_ms=100_000)
     bench.tracker.on_offer(part(0, 100), offer, is_finished=False, now_nanos=0)
     asked = sum(len(bench.due(now)) for now in range(0, 90 * SECOND, SECOND // 10))
@@ -238,9 +240,9 @@ def test_a_part_is_asked_for_so_often_and_no_more(bench: Bench) -> None:
 
 
 def test_a_restarted_sender_is_asked_for_nothing_old(bench: Bench) -> None:
-    bench.saw(0, 0, seq=100)
+    bench.receive(0, 0, seq=100)
     bench.tracker.reset()
-    bench.saw(MS, *range(PARTS), seq=0)
+    bench.receive(MS, *range(PARTS), seq=0)
     assert bench.due(SECOND // 4) == []
 
 
@@ -303,7 +305,7 @@ def test_without_repair_messages_are_lost() -> None:
 
 
 @pytest.mark.parametrize("stamp", [1, 10])  # topics such as /tf mix their stamps
-def test_a_mended_message_behind_a_newer_one_is_handed_over(stamp: int) -> None:
+def test_a_repaired_message_behind_a_newer_one_is_delivered(stamp: int) -> None:
     lost = iter([False, False, True])  # the first message, its offer, the second message
     sim = Simulation(
         repair={(2, "/p"): Resend(500 * MS)}, loss=lambda _: next(lost, False), delay=10 * MS
@@ -318,7 +320,7 @@ def test_a_mended_message_behind_a_newer_one_is_handed_over(stamp: int) -> None:
     assert sim.inbox.reassembler.counters.messages == 4
 
 
-def test_the_end_of_a_topic_that_falls_silent_is_mended() -> None:
+def test_the_end_of_a_topic_that_falls_silent_is_repaired() -> None:
     lost = iter([False, False, True, True, True])
     sim = Simulation(
         repair={(2, "/p"): Resend(500 * MS)}, loss=lambda _: next(lost, False), delay=10 * MS
