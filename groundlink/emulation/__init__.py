@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bad link on purpose: what it does to datagrams, when, and how that is told.
+"""Link emulation: loss, delay, rate limits and outages of datagrams.
 
-Rule: pure. Time and datagrams come in, datagrams with their times go out. Sockets
-and threads are those of the relay and of the gateway.
+Imported by the scenario, the gateway and the relay. Pure: time is an argument; no sockets, no
+threads.
 """
 
 from __future__ import annotations

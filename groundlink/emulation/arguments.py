@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The relay's command line: one option for each field of `Impairment` and direction.
-
-Rule: options are derived from the fields, so that scenario and command line use the same words.
-"""
+"""Command line of the relay: one option for each direction and field of `Impairment`."""
 
 from __future__ import annotations
 
@@ -18,37 +15,39 @@ from groundlink.core.errors import UserError
 from .script import changed
 from .settings import Impairment
 
-WAYS = {"forward": "--", "back": "--back-"}
-"""By direction: how its options begin."""
+OPTION_PREFIXES = {"forward": "--", "back": "--back-"}
+"""Option prefix of each direction."""
 
 _FIELDS = [field.name for field in msgspec.structs.fields(Impairment) if field.type is not bool]
 _HELP = {
-    "loss": "share of datagrams lost, 0..1",
-    "burst": "mean number lost in a row; 0 = each on its own",
-    "duplicate": "share that arrives twice",
-    "reorder": "share that is overtaken",
-    "reorder_ms": "how long those are held up",
-    "delay_ms": "time on the way",
-    "jitter_ms": "at most this much more",
-    "rate_mbps": "megabits a second; 0 = no limit",
-    "queue_kb": "kilobytes that may wait for the rate",
-    "bit_errors": "probability of an error in each bit",
+    "loss": "share of lost datagrams, 0..1",
+    "burst": "mean length of loss bursts in datagrams; 0 = independent losses",
+    "duplicate": "share of duplicated datagrams",
+    "reorder": "share of reordered datagrams",
+    "reorder_ms": "extra delay of reordered datagrams",
+    "delay_ms": "delay",
+    "jitter_ms": "maximum additional delay, uniformly distributed",
+    "rate_mbps": "rate limit in Mbit/s; 0 = none",
+    "queue_kb": "queue of the rate limit in kilobytes",
+    "bit_errors": "bit error probability",
 }
 
 Outages = list[tuple[int, int]]
-"""Begin and end of each, nanoseconds from the start."""
+"""Start and end of each outage, nanoseconds from the start of the relay."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the relay's options."""
-    parser.add_argument("--listen", metavar="HOST:PORT", help="where senders send to")
-    parser.add_argument("--to", metavar="HOST:PORT", help="where it goes from here")
-    parser.add_argument("--seed", type=int, help="of what is random (0)")
+    parser.add_argument("--listen", metavar="HOST:PORT", help="address to receive at")
+    parser.add_argument("--to", metavar="HOST:PORT", help="address to relay to")
+    parser.add_argument("--seed", type=int, help="random seed (0)")
     parser.add_argument(
-        "--keyed", action="store_true", help="the ends share a key: deliver bit errors"
+        "--keyed",
+        action="store_true",
+        help="the ends share a key: deliver datagrams with bit errors",
     )
-    for way, prefix in WAYS.items():
-        group = parser.add_argument_group(f"what happens on the way {way}")
+    for way, prefix in OPTION_PREFIXES.items():
+        group = parser.add_argument_group(f"impairments, direction {way}")
         for field in _FIELDS:
             option = prefix + field.replace("_", "-")
             group.add_argument(option, type=float, metavar="X", help=_HELP[field])
@@ -56,15 +55,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             f"{prefix}outage",
             action="append",
             metavar="START:LENGTH",
-            help="seconds in which nothing gets through; may be repeated",
+            help="outage in seconds; repeatable",
         )
 
 
 def command_line(options: argparse.Namespace) -> list[str]:
-    """Return the options as they were given, for the relay's own process."""
+    """Return the command line of the relay's process."""
     words = ["--keyed"] if options.keyed else []
     named = {"--listen": options.listen, "--to": options.to, "--seed": options.seed}
-    for prefix in WAYS.values():
+    for prefix in OPTION_PREFIXES.values():
         for field in _FIELDS:
             named[prefix + field.replace("_", "-")] = _value(options, prefix, field)
         for outage in _value(options, prefix, "outage") or ():
@@ -73,22 +72,22 @@ def command_line(options: argparse.Namespace) -> list[str]:
 
 
 def impairments(options: argparse.Namespace) -> tuple[dict[str, Impairment], dict[str, Outages]]:
-    """Return settings and outages of each way.
+    """Return settings and outages of each direction.
 
     Raises
     ------
     UserError
-        when an option has a value that its field cannot have.
+        if the value of an option is invalid.
     """
     settings, outages = {}, {}
-    for way, prefix in WAYS.items():
+    for way, prefix in OPTION_PREFIXES.items():
         given = {field: _value(options, prefix, field) for field in _FIELDS}
         try:
             settings[way] = changed(Impairment(), {k: v for k, v in given.items() if v is not None})
         except ValueError as error:
             field = str(error).partition(": ")[0].strip("`")
             if field not in given:  # about several fields
-                raise UserError(f"on the way {way}: {error}") from None
+                raise UserError(f"direction {way}: {error}") from None
             problem = str(error).removeprefix(f"`{field}`: ")
             option = prefix + field.replace("_", "-")
             raise UserError(f"{option} {given[field]:g}: {problem}") from None

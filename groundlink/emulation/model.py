@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One direction of an emulated link: datagrams and time in, datagrams and times of delivery out.
+"""One direction of an emulated link: datagrams and time in, datagrams and delivery times out.
 
-Rule: what is random about a datagram depends on seed, direction, its index and the settings alone,
-not on when it came. Rate, queue and outages depend on time, as they must. Every datagram is counted
-under exactly one fate, and so is every copy:
-datagrams + duplicated = lost + outage + rate_limited + corrupted + overflow + delivered + waiting.
+Random effects on a datagram depend only on seed, direction, index and settings, not on its time.
+Rate, queue and outages depend on time. Every datagram and every copy counts under exactly one
+outcome: datagrams + duplicated = lost + outage + rate_limited + corrupted + overflow + delivered +
+waiting.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from .settings import Impairment
 T = TypeVar("T")
 
 WAITING_BYTES = 64 << 20
-"""What may be on the way at a time; each datagram counts `OVERHEAD_BYTES` more."""
+"""Limit of bytes in flight; each datagram counts `OVERHEAD_BYTES` more."""
 
 OVERHEAD_BYTES = 256
 OUTCOMES = ("lost", "outage", "rate_limited", "corrupted", "overflow", "delivered")
-"""Every datagram and every copy ends as one of these, unless it is still on the way."""
+"""Outcomes of datagrams and copies that are no longer in flight."""
 
 NOTES = ("delayed", "reordered", "flipped")
-"""Of those on the way or delivered: later than they came, out of order, or with wrong bits."""
+"""Additional counts of datagrams in flight or delivered: delayed, out of order, with bit errors."""
 
 _NANOS_PER_MS = 1_000_000
 _DRAWS = struct.Struct("<8Q")
@@ -36,29 +36,29 @@ _LOSS, _DUPLICATE, _CORRUPT, _FLIPS, _JITTER, _REORDER, _JITTER_2, _REORDER_2 = 
 
 
 class DirectionState(NamedTuple):
-    """How far a direction has come: what decides on the next datagram's fate, but for time."""
+    """State of the random process of a direction; determines the next outcome, except for time."""
 
     datagrams: int
     in_burst: bool
 
 
 class LinkDirection(Generic[T]):
-    """One direction.
+    """One direction of a link.
 
     Parameters
     ----------
     seed, direction
-        what randomness depends on; the two directions of a link have different names.
+        key of the randomness; the two directions of a link have different names.
     flips
-        whether a datagram with bit errors is delivered with these bits flipped. Otherwise it is
-        dropped, as the checksum of UDP would have it; that lets 1 in 65,536 pass, this none.
+        whether to deliver a datagram with bit errors with flipped bits. Otherwise it is dropped,
+        as by the checksum of UDP (which lets 1 in 65,536 pass; this lets none pass).
     """
 
     def __init__(
         self, settings: Impairment, *, seed: int, direction: str, flips: bool = False
     ) -> None:
         self.settings = settings
-        """May be exchanged at any time, and holds for datagrams from then on."""
+        """May be replaced at any time; applies to later datagrams."""
 
         self.counts = dict.fromkeys(("datagrams", "duplicated", *OUTCOMES, *NOTES), 0)
         self.waiting_bytes = 0
@@ -66,38 +66,38 @@ class LinkDirection(Generic[T]):
         self._flips = flips
         self._index = 0
         self._in_burst = False
-        self._busy_until_nanos = 0.0  # when the last queued datagram will be on the wire
+        self._busy_until_nanos = 0.0  # when the last queued datagram leaves the queue
         self._last_due_nanos = 0
         self._waiting: list[tuple[int, int, bytes, T]] = []
         self._order = 0
 
     @property
     def waiting(self) -> int:
-        """How many datagrams are on the way."""
+        """Number of datagrams in flight."""
         return len(self._waiting)
 
     @property
-    def course(self) -> DirectionState:
-        """How far it has come; what is on the way is no part of it."""
+    def state(self) -> DirectionState:
+        """State of the random process, without datagrams in flight."""
         return DirectionState(self._index, self._in_burst)
 
-    @course.setter
-    def course(self, course: DirectionState) -> None:
-        self._index, self._in_burst = course
+    @state.setter
+    def state(self, state: DirectionState) -> None:
+        self._index, self._in_burst = state
 
     def next_due(self) -> int | None:
-        """Return when the next datagram arrives; None when none is on the way."""
+        """Return the delivery time of the next datagram; None without datagrams in flight."""
         return self._waiting[0][0] if self._waiting else None
 
     def put(self, datagram: bytes, tag: T, now_nanos: int) -> None:
-        """Send a datagram on its way.
+        """Send a datagram.
 
         Parameters
         ----------
         tag
-            what comes out with it, such as its destination.
+            returned with the datagram, such as its destination.
         now_nanos
-            a clock that never goes back.
+            time of a monotonic clock.
         """
         self.counts["datagrams"] += 1
         draws = self._draws(self._index)
@@ -128,7 +128,7 @@ class LinkDirection(Generic[T]):
             self._deliver_later(datagram, tag, now_nanos, sent_nanos, *later)
 
     def take(self, now_nanos: int) -> tuple[int, bytes, T] | None:
-        """Return the next datagram that has arrived by now: due time, bytes and tag."""
+        """Return the next due datagram: delivery time, bytes and tag; None if none is due."""
         if not self._waiting or self._waiting[0][0] > now_nanos:
             return None
         due_nanos, _, datagram, tag = heapq.heappop(self._waiting)
@@ -137,10 +137,10 @@ class LinkDirection(Generic[T]):
         return due_nanos, datagram, tag
 
     def _draws(self, index: int) -> list[float]:
-        """Return eight numbers in [0, 1) that belong to one datagram: BLAKE2b as a counter RNG."""
+        """Return eight numbers in [0, 1) for one datagram: BLAKE2b as a counter-based RNG."""
         state = self._state.copy()
         state.update(index.to_bytes(8, "little"))
-        # The upper 53 bits, so that none rounds up to 1.
+        # Use 53 bits so that no value rounds up to 1.
         return [(number >> 11) * 2.0**-53 for number in _DRAWS.unpack(state.digest())]
 
     def _is_lost(self, draw: float) -> bool:
@@ -155,7 +155,7 @@ class LinkDirection(Generic[T]):
         return self._in_burst
 
     def _on_the_wire(self, size: int, now_nanos: int) -> int | None:
-        """Return when a datagram has left the queue of the rate limit; None when it is full."""
+        """Return when a datagram leaves the queue of the rate limit; None if the queue is full."""
         settings = self.settings
         if not settings.rate_mbps:
             self._busy_until_nanos = 0.0
@@ -169,14 +169,14 @@ class LinkDirection(Generic[T]):
         return math.ceil(self._busy_until_nanos)
 
     def _first_error(self, draw: float) -> int:
-        """Return the index of the first wrong bit: geometrically distributed."""
+        """Return the index of the first bit error; geometrically distributed."""
         probability = self.settings.bit_errors
         if probability == 1:
             return 0
         return int(min(math.log1p(-draw) / math.log1p(-probability), 2.0**32))
 
     def _flipped(self, datagram: bytes, at: int, draw: float) -> bytes:
-        """Return a copy with the bit `at`, and further ones behind it, inverted."""
+        """Return a copy with bit `at` and random later bits inverted."""
         further = random.Random(int(draw * 2**53))
         wrong = bytearray(datagram)
         while at < 8 * len(wrong):

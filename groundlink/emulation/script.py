@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the two directions of a link change in the course of a run, as users write it.
+"""Link script: how both directions of a link change during a run.
 
-Rule: pure. An event names only the fields that change. All is checked before anything starts: a
-script that was made can be played to its end. Changes during a run go through the same checks.
+An event names only the fields that change. A script is checked completely when it is created;
+changes during a run pass the same checks.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Changes = dict[str, float | bool]
 
 
 class LinkEvent(Spec, frozen=True, kw_only=True):
-    """From `at_s` seconds of sim time on, the named fields have new values."""
+    """New values of fields from `at_s` seconds of sim time on."""
 
     at_s: NonNegative
     to_ros: Changes = msgspec.field(default_factory=dict)
@@ -30,12 +30,12 @@ class LinkEvent(Spec, frozen=True, kw_only=True):
 
 
 class LinkScript(Spec, frozen=True, kw_only=True):
-    """A link and its course.
+    """Initial impairments of a link, and events.
 
     Raises
     ------
     ValueError
-        when an event names no field or a value that its field cannot have.
+        if an event names an unknown field or an invalid value.
     """
 
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -49,7 +49,7 @@ class LinkScript(Spec, frozen=True, kw_only=True):
 
 
 class ScriptPlayer:
-    """A link script that is being played."""
+    """Plays a link script."""
 
     def __init__(self, script: LinkScript) -> None:
         self._script = script
@@ -58,7 +58,7 @@ class ScriptPlayer:
         self._begin()
 
     def at(self, sim_seconds: float) -> dict[str, Impairment]:
-        """Return the settings of each direction at an instant; going back begins anew."""
+        """Return the settings of each direction at a sim time; earlier times restart the script."""
         if sim_seconds < self._now:
             self._begin()
         self._now = sim_seconds
@@ -70,11 +70,11 @@ class ScriptPlayer:
         return self.now()
 
     def now(self) -> dict[str, Impairment]:
-        """Return the settings of each direction as they are."""
+        """Return the current settings of each direction."""
         return dict(self._settings)
 
     def change_all(self, changes: dict[str, Changes]) -> None:
-        """Change fields by direction now, or nothing; errors are those of `change`."""
+        """Change fields of several directions, all or none; errors are those of `change`."""
         before = self.now()
         try:
             for direction, fields in changes.items():
@@ -84,16 +84,16 @@ class ScriptPlayer:
             raise
 
     def change(self, direction: str, changes: Changes, where: str = "") -> None:
-        """Change fields of one direction now; later events change theirs all the same.
+        """Change fields of one direction; later events still apply.
 
         Raises
         ------
         ValueError
-            when there is no such direction or field, or the value is none for it.
+            if the direction or field is unknown, or the value is invalid.
         """
         if direction not in DIRECTIONS:
             raise ValueError(
-                f"{where}no direction `{direction}`; expected {' or '.join(DIRECTIONS)}"
+                f"{where}unknown direction `{direction}`; expected {' or '.join(DIRECTIONS)}"
             )
         try:
             self._settings[direction] = changed(self._settings[direction], changes)
@@ -106,12 +106,12 @@ class ScriptPlayer:
 
 
 def parse_changes(text: str) -> dict[str, Changes]:
-    """Return changes by direction, of a text such as `to_ros.loss=0.1;from_ros.outage=true`.
+    """Return changes by direction from a text such as `to_ros.loss=0.1;from_ros.outage=true`.
 
     Raises
     ------
     ValueError
-        when it is no such text.
+        if the text is malformed.
     """
     changes: dict[str, Changes] = {}
     for part in filter(None, text.split(";")):
@@ -133,7 +133,7 @@ def changed(settings: Impairment, changes: dict[str, Any]) -> Impairment:
     Raises
     ------
     ValueError
-        when there is no such field, or the value is none for it.
+        if a field is unknown or a value is invalid.
     """
     fields = msgspec.to_builtins(settings)
     for name in changes:
@@ -142,7 +142,7 @@ def changed(settings: Impairment, changes: dict[str, Any]) -> Impairment:
             hint = (
                 f"did you mean `{close[0]}`?" if close else f"expected one of {', '.join(fields)}"
             )
-            raise ValueError(f"no field `{name}`; {hint}")
+            raise ValueError(f"unknown field `{name}`; {hint}")
     try:
         return msgspec.convert(fields | changes, Impairment)
     except msgspec.ValidationError as error:

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one direction of a link does to datagrams, as users write it.
-
-Rule: one table of fields. Scenario, command line and changes during a run all have these names.
-"""
+"""Impairments of one direction of a link: fields of scenarios, options and live changes."""
 
 from __future__ import annotations
 
@@ -16,55 +13,55 @@ Milliseconds = Annotated[float, Meta(ge=0, le=60_000)]
 
 
 class Impairment(Spec, frozen=True, kw_only=True):
-    """One direction. The default leaves every datagram as it is.
+    """Impairments of one direction; none by default.
 
     Raises
     ------
     ValueError
-        when loss and burst contradict each other.
+        if loss and burst contradict each other.
     """
 
     loss: Fraction01 = 0.0
-    """Share of datagrams that are lost."""
+    """Share of lost datagrams."""
 
     burst: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
-    """Mean number of datagrams that are lost in a row (Gilbert 1960); 0 = each on its own."""
+    """Mean length of loss bursts in datagrams (Gilbert 1960); 0 = independent losses."""
 
     duplicate: Fraction01 = 0.0
-    """Share of datagrams that arrive twice."""
+    """Share of duplicated datagrams."""
 
     reorder: Fraction01 = 0.0
-    """Share of datagrams that are held up by `reorder_ms`, so that later ones overtake them."""
+    """Share of datagrams delayed by `reorder_ms`, so that later ones overtake them."""
 
     reorder_ms: Milliseconds = 5.0
     delay_ms: Milliseconds = 0.0
-    """Time on the way."""
+    """Delay."""
 
     jitter_ms: Milliseconds = 0.0
-    """At most this much more, evenly distributed; it changes no order."""
+    """Maximum additional delay, uniformly distributed; keeps the order."""
 
     rate_mbps: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
-    """Megabits of UDP payload a second; 0 = no limit."""
+    """Rate limit in megabits of UDP payload a second; 0 = none."""
 
     queue_kb: Annotated[float, Meta(gt=0, le=1e6)] = 256.0
-    """Kilobytes that may wait for the rate; what does not fit is dropped."""
+    """Queue of the rate limit in kilobytes; further datagrams are dropped."""
 
     bit_errors: Fraction01 = 0.0
-    """Probability of an error in each bit of UDP payload."""
+    """Bit error probability of the UDP payload."""
 
     outage: bool = False
-    """Nothing gets through."""
+    """Drop every datagram."""
 
     def __post_init__(self) -> None:
         if self.burst and (self.burst < 1 or self.loss > self.burst / (1 + self.burst)):
             raise ValueError(
-                f"loss {self.loss:g} cannot come in bursts of {self.burst:g} datagrams; expected "
-                "burst 0 or at least 1, and loss at most burst / (1 + burst)"
+                f"loss {self.loss:g} is impossible with bursts of {self.burst:g} datagrams; "
+                "expected burst 0 or at least 1, and loss at most burst / (1 + burst)"
             )
 
     def chance_of_burst(self) -> float:
-        """Return the probability that a burst begins behind a datagram that was not lost.
+        """Return the probability that a burst starts after a datagram that was not lost.
 
-        The share of lost datagrams of a two-state chain is p / (p + r), its mean burst 1 / r.
+        In a two-state chain the share of losses is p / (p + r) and the mean burst 1 / r.
         """
         return self.loss / (1 - self.loss) / self.burst

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run under way may be told: to pause, go on, step, begin again, take in or give up things.
+"""Run commands: pause, resume, step, reset, spawn, remove, restore; and the answer of physics.
 
-Rule: a wish and its answer, as JSON in a query of `control_key` and its reply. Physics does what is
-wished between two ticks; sensors see nothing of a pause but that no state comes.
+JSON in a query of `control_key` and its reply. Physics executes a command between two ticks. During
+a pause, sensors receive no states.
 """
 
 from __future__ import annotations
@@ -14,44 +14,44 @@ import msgspec
 from groundlink.scenario.addition import Addition
 
 
-class RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
-    """What somebody wants of a run."""
+class _RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
+    """A command to a run. The tag keeps its name of before in the JSON."""
 
 
-class Pause(RunCommand, frozen=True, tag="pause"):
-    """Let sim time stand still."""
+class Pause(_RunCommand, frozen=True, tag="pause"):
+    """Pause sim time."""
 
 
-class Resume(RunCommand, frozen=True, tag="resume"):
-    """Let sim time go on, as the scenario's mode has it."""
+class Resume(_RunCommand, frozen=True, tag="resume"):
+    """Resume sim time in the mode of the scenario."""
 
 
-class Step(RunCommand, frozen=True, tag="step"):
-    """Let sim time stand still after so many ticks more."""
+class Step(_RunCommand, frozen=True, tag="step"):
+    """Advance by some ticks, then pause."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=10**9)] = 1
 
 
-class Reset(RunCommand, frozen=True, tag="reset"):
-    """Begin again at tick 0 with everything at its start; a run that was paused is so still."""
+class Reset(_RunCommand, frozen=True, tag="reset"):
+    """Restart at tick 0 from the initial state; a paused run stays paused."""
 
 
-class Spawn(RunCommand, frozen=True, tag="spawn"):
-    """Put something into the world; after a reset it is there from the start."""
+class Spawn(_RunCommand, frozen=True, tag="spawn"):
+    """Add objects to the world; after a reset they exist from the start."""
 
     more: Addition
 
 
-class Remove(RunCommand, frozen=True, tag="remove"):
-    """Take a vehicle, an actor or a solid out of the world; a reset does not bring it back."""
+class Remove(_RunCommand, frozen=True, tag="remove"):
+    """Remove a vehicle, an actor or a solid; a reset does not restore it."""
 
     name: str
 
 
-class Restore(RunCommand, frozen=True, tag="restore"):
-    """Go on from where a saved run was; the query's payload is the file, see `journal`.
+class Restore(_RunCommand, frozen=True, tag="restore"):
+    """Restore a saved run; the payload of the query is the file, see `run.journal`.
 
-    The answer comes when the file has been read; `ControlAnswer.restoring_to` tells how it goes on.
+    The answer comes after the file was read. `ControlAnswer.restoring_to` is the progress.
     """
 
 
@@ -59,21 +59,20 @@ AnyRunCommand = Pause | Resume | Step | Reset | Spawn | Remove | Restore
 
 
 class ControlAnswer(msgspec.Struct, frozen=True):
-    """What became of a wish."""
+    """Answer of physics: result of a command and state of the run."""
 
     error: str
-    """Why it could not be done; empty where it was."""
+    """Reason of a rejected command; empty if it was executed."""
 
     tick: int = -1
-    """The last one that was stepped to."""
+    """Tick of the newest state."""
 
     paused: bool = False
     restoring_to: int = -1
-    """The tick that physics steps to again, `tick` being how far it is; -1: it restores nothing."""
+    """Target tick of a restore in progress, with `tick` as its progress; -1 without a restore."""
 
     warning: str = ""
-    """What is to be said of the last restore; empty for nothing."""
+    """Warning of the last restore; empty without one."""
 
     failure: str = ""
-    """Why the last restore was given up, after which the run is as it was; empty where it was not.
-    """
+    """Reason why the last restore failed and left the run unchanged; empty otherwise."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who held up a run and for how long, as physics tells it among its counters.
+"""Stalls of a run: which processes delayed it and for how long, as counters of physics.
 
-Rule: counters are whole numbers by name; which names stand for what is known here alone.
+Counters are integers by name; only this module knows the names of stalls.
 """
 
 from __future__ import annotations
@@ -10,34 +10,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 _SILENT_NOW, _SILENT, _STRETCHED = "silent_now ", "silent_ms ", "stretched_ms "
-"""Before a process's name. That of one that is silent now has 1."""
+"""Prefixes of process names. The counter of a process that is silent now is 1."""
 
 _BEHIND = "behind_ms"
 
 _SHOWN_SECONDS = 0.05
-"""Less is not shown in a line."""
+"""Shorter times are not shown in a line."""
 
 
 @dataclass(frozen=True)
 class Stalls:
-    """What a run has been through."""
+    """Stalls of a run so far."""
 
     silent_now: tuple[str, ...] = ()
-    """Processes that have been waited for in vain for longer than the scenario's deadline."""
+    """Processes that physics has waited for longer than the scenario's `deadline_s`."""
 
     silent_seconds: Mapping[str, float] = field(default_factory=dict)
-    """Wall time, by process, of all such waits, from their begin; the present ones included."""
+    """Wall time of all such waits by process, current ones included."""
 
     stretched_seconds: Mapping[str, float] = field(default_factory=dict)
-    """Wall time that the run has lost, caught up with since or not, by the process that was waited
-    for, or physics where it was late by itself."""
+    """Wall time lost by the process that physics waited for, or by physics itself. Includes time
+    that was recovered later."""
 
     behind_seconds: float = 0.0
-    """Wall time that the run has still to catch up with: so much are stamps behind the wall clock
-    because of hold-ups."""
+    """Wall time still to recover: how far stamps are behind the wall clock because of stalls."""
 
     def counters(self) -> dict[str, int]:
-        """Return this as counters."""
+        """Return the stalls as counters."""
         seconds = {
             _SILENT: self.silent_seconds,
             _STRETCHED: self.stretched_seconds,
@@ -52,7 +51,7 @@ class Stalls:
 
     @classmethod
     def read(cls, counters: Mapping[str, int]) -> Stalls:
-        """Return what counters tell; of others than physics, nothing."""
+        """Return the stalls from counters of physics; none from those of other processes."""
 
         def seconds(prefix: str) -> dict[str, float]:
             return {
@@ -65,7 +64,7 @@ class Stalls:
         return cls(tuple(seconds(_SILENT_NOW)), seconds(_SILENT), seconds(_STRETCHED), behind)
 
     def __str__(self) -> str:
-        """Return it in a line; empty where nothing was held up."""
+        """Return the stalls as a line; empty without stalls."""
         parts = []
         if self.silent_now:
             parts.append(f"silent: {', '.join(self.silent_now)}")
@@ -79,6 +78,6 @@ class Stalls:
 
 
 def by_name(seconds: Mapping[str, float]) -> str:
-    """Return seconds by process, the longest first."""
+    """Return seconds by process as text, the longest first."""
     longest = sorted(seconds.items(), key=lambda item: -item[1])
     return ", ".join(f"{name} {value:.1f} s" for name, value in longest if value >= _SHOWN_SECONDS)

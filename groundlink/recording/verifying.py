@@ -23,12 +23,12 @@ from groundlink.ros.codec import Moment
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
 from groundlink.run.journal import (
-    Changed,
     Commanded,
     JointsCommanded,
     Journal,
+    WorldChanged,
     encode_entry,
-    this_machine,
+    this_platform,
 )
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
@@ -206,7 +206,7 @@ def _guessed(recording: Recording) -> Journal:
             command = from_cdr(recorded.cdr, Command, Moment(nanos, 0))
             entries.append(encode_entry(Commanded(tick, vehicle, command)))
     return Journal(
-        made_on=this_machine(),
+        made_on=this_platform(),
         run=run.run,
         life=0,
         epoch_nanos=run.epoch_nanos,
@@ -239,7 +239,7 @@ def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> I
     if world_hash(then) != world_hash(scenario):
         yield "the world is another: its hash differs, so nearly everything may"
     if then.world != run.scenario.world:
-        changes = journal and any(isinstance(entry, Changed) for entry in journal.read())
+        changes = journal and any(isinstance(entry, WorldChanged) for entry in journal.read())
         yield "the recording began in a world that had been changed; " + (
             "it changes again"
             if changes
@@ -247,7 +247,7 @@ def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> I
         )
     here = versions()
     others = [f"{name} {v}" for name, v in run.versions.items() if here.get(name) != v]
-    if journal and journal.made_on.processor != this_machine().processor:
+    if journal and journal.made_on.processor != this_platform().processor:
         others.insert(0, journal.made_on.processor)
     if others:
         yield f"recorded with {', '.join(others)}; last digits may differ here"

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run's journal: all that physics needs to do the same again, and the last words of the others.
+"""Journal of a run: the inputs of physics, and the last acknowledgements of other processes.
 
-Rule: physics is deterministic, so what it was told, and before which step, is its state. A journal
-that is read again and stepped through gives the world of its last tick; with it go the last
-acknowledgements of sensors, drivers and the gateway, from which each goes on as after a crash. The
-same bytes travel over the bus and lie in a file: a line of text, then MessagePack. What is in them
-is data and nothing that runs.
+Physics is deterministic, so its inputs with their ticks determine its state: stepping through a
+journal reproduces the world of its last tick. Sensors, drivers and the gateway continue from their
+acknowledgements, as after a crash. On the bus and in files a journal is a line of text followed by
+MessagePack; it contains data only, no code.
 """
 
 from __future__ import annotations
@@ -37,74 +36,73 @@ VERSION = 1
 
 _FIRST_LINE = b"groundlink journal "
 _FIRST_LINE_BYTES = 128
-"""More than it is long."""
+"""Upper limit of its length."""
 
 PART_BYTES = 2**20
-"""Of a journal in one reply on the bus, so that states need not wait for all of it."""
-
+"""Bytes of a journal in one reply on the bus; larger replies would delay states."""
 
 BLOCK_ENTRIES = 1024
-"""That are compressed together."""
+"""Entries that are compressed together."""
 
-MOST_BLOCK_BYTES = 1 << 28
-"""Of one block: a scenario has megabytes at most, whatever somebody has put into a file."""
+MAX_BLOCK_BYTES = 1 << 28
+"""Limit of an uncompressed block, against malicious files. A scenario has a few megabytes."""
 
 _LENGTH = struct.Struct("<I")
 
 
 class Entry(Struct, frozen=True, array_like=True, tag=True):
-    """Something that physics took in between two steps."""
+    """An input of physics between two steps."""
 
     tick: int
-    """The last one that was stepped to before."""
+    """Tick of the newest state at that time."""
 
 
 class Commanded(Entry, frozen=True, tag="command"):
-    """A velocity that a vehicle was asked for."""
+    """A velocity command of a vehicle."""
 
     vehicle: str
     command: Command
-    """Stamped in nanoseconds of sim time, whatever the epoch."""
+    """The stamp is sim time, without the epoch."""
 
 
 class WheelsCommanded(Entry, frozen=True, tag="wheels"):
-    """What single wheels were asked for."""
+    """A command of single wheels."""
 
     vehicle: str
     command: WheelCommand
-    """As above."""
+    """Stamp as in `Commanded`."""
 
 
 class JointsCommanded(Entry, frozen=True, tag="joints"):
-    """Where joints were asked to go."""
+    """A command of joints."""
 
     vehicle: str
     command: JointState
-    """As above."""
+    """Stamp as in `Commanded`."""
 
 
-class Changed(Entry, frozen=True, tag="world"):
-    """Something that was put into the world or taken out."""
+class WorldChanged(Entry, frozen=True, tag="world"):
+    """Objects that were added to the world or removed."""
 
-    wish: Spawn | Remove
+    change: Spawn | Remove
 
 
-AnyEntry = Commanded | WheelsCommanded | JointsCommanded | Changed
+AnyEntry = Commanded | WheelsCommanded | JointsCommanded | WorldChanged
 
 _ENTRY = msgspec.msgpack.Decoder(AnyEntry)
 
 encode_entry = msgspec.msgpack.Encoder().encode
-"""Returns an entry as a journal holds it."""
+"""Return the bytes of an entry in a journal."""
 
 
-class Machine(Struct, frozen=True):
-    """What the last bits of a sum depend on."""
+class Platform(Struct, frozen=True):
+    """Processor and software versions, which affect the last bits of floating-point results."""
 
     processor: str
     versions: dict[str, str]
 
-    def unlike(self, other: Machine) -> str:
-        """Return what this one has otherwise than another; empty for nothing."""
+    def differences(self, other: Platform) -> str:
+        """Return what differs from another platform, as text; empty if equal."""
         found = [self.processor] if self.processor != other.processor else []
         for name, version in self.versions.items():
             if version != other.versions.get(name):
@@ -113,9 +111,9 @@ class Machine(Struct, frozen=True):
 
 
 class Journal(Struct, frozen=True, kw_only=True):
-    """One life of a run, from tick 0 to a tick."""
+    """One episode of a run, from tick 0 to a tick."""
 
-    made_on: Machine
+    made_on: Platform
     run: str
     life: int
     """See `State.life`."""
@@ -124,41 +122,41 @@ class Journal(Struct, frozen=True, kw_only=True):
     """Stamp of sim time zero."""
 
     scenario: Scenario
-    """As it was at tick 0."""
+    """Scenario at tick 0."""
 
     tick: int
-    """The last one that was stepped to; what came after it and acts later is among the entries."""
+    """Tick of the newest state. Entries that arrived later and take effect later are included."""
 
     digest: str
-    """Of the state at that tick, see `state_digest`."""
+    """Digest of the state at that tick, see `state_digest`."""
 
     entries: tuple[bytes, ...]
-    """Each one an entry as MessagePack, in the order in which they were taken in."""
+    """Entries as MessagePack, in the order of arrival."""
 
     left_out: int = 0
-    """How many entries came before these: who asks again and again need not get all each time."""
+    """Number of earlier entries that are omitted because the reader has them."""
 
     acks: dict[str, Ack] = {}
-    """The last word of every process, by name."""
+    """Last acknowledgement of every process, by name."""
 
     def read(self) -> Iterator[AnyEntry]:
         """Yield the entries."""
         return map(_ENTRY.decode, self.entries)
 
-    def still_there(self) -> Scenario:
-        """Return the scenario without the vehicles that were taken out since its start."""
-        wishes = (entry.wish for entry in self.read() if isinstance(entry, Changed))
-        gone = {wish.name for wish in wishes if isinstance(wish, Remove)}
-        there = tuple(v for v in self.scenario.vehicles if v.name not in gone)
-        return replace(self.scenario, vehicles=there)
+    def remaining_scenario(self) -> Scenario:
+        """Return the scenario without vehicles that were removed since tick 0."""
+        changes = (entry.change for entry in self.read() if isinstance(entry, WorldChanged))
+        removed = {change.name for change in changes if isinstance(change, Remove)}
+        remaining = tuple(v for v in self.scenario.vehicles if v.name not in removed)
+        return replace(self.scenario, vehicles=remaining)
 
     def followed_by(self, later: Journal) -> Journal:
-        """Return a later journal of the same life with what it leaves out, as far as it is here.
+        """Return a later journal of the same episode, with its omitted entries from this one.
 
         Raises
         ------
         ValueError
-            when it is of another life, or leaves out more.
+            if it is of another episode, or this journal lacks omitted entries.
         """
         if later.life != self.life or later.left_out > len(self.entries):
             raise ValueError("not the continuation of this journal")
@@ -168,16 +166,16 @@ class Journal(Struct, frozen=True, kw_only=True):
 def acting_before(
     tick: int, entries: Iterable[bytes]
 ) -> tuple[tuple[bytes, ...], tuple[bytes, ...]]:
-    """Split entries into those that act before a tick, and the others as they were.
+    """Split entries into those that take effect before a tick, and the rest unchanged.
 
-    A command is moved to the tick of its stamp, from which it acts, but never beyond a change of
-    the world. So the first part does not depend on how early commands arrived.
+    In the first part, a command is moved to the tick of its stamp, where it takes effect, but never
+    past a change of the world. So this part does not depend on when commands arrived.
     """
     placed = []
     part, limit = 0, 2**63
     for raw in reversed(tuple(entries)):
         entry = _ENTRY.decode(raw)
-        if isinstance(entry, Changed):
+        if isinstance(entry, WorldChanged):
             limit = entry.tick
             placed.append(((part - 1, limit, ""), raw, raw))
             part -= 2
@@ -192,24 +190,24 @@ def acting_before(
 
 
 class JournalError(UserError):
-    """A journal that cannot be read, and why."""
+    """A journal that cannot be read."""
 
 
 def state_digest(state: State) -> str:
-    """Return the sha256 of a state, whatever its run and life are called and its epoch is."""
+    """Return the sha256 of a state without run name, episode and epoch."""
     plain = replace(state, run="", life=0, epoch_nanos=0)
     return hashlib.sha256(encode(plain)).hexdigest()
 
 
 @cache
-def this_machine() -> Machine:
-    """Return what this process computes with."""
+def this_platform() -> Platform:
+    """Return the platform of this process."""
     names = ("groundlink", "pybullet", "numpy")
     versions = {"python": platform.python_version()}
     for name in names:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-    return Machine(_processor(), versions)
+    return Platform(_processor(), versions)
 
 
 def _processor() -> str:
@@ -222,9 +220,9 @@ def _processor() -> str:
 
 
 def dumped(journal: Journal) -> bytes:
-    """Return a journal as a file has it.
+    """Return a journal as the bytes of a file.
 
-    That of an hour takes a fifth of a second; in blocks, so that other threads are not held up.
+    The journal of an hour takes 0.2 s. Blocks keep other threads responsive.
     """
     content = msgspec.msgpack.Encoder()
     entries = journal.entries
@@ -237,25 +235,25 @@ def dumped(journal: Journal) -> bytes:
 
 
 def loaded(content: bytes, where: str) -> Journal:
-    """Return the journal that `content` holds; `where` names it in errors.
+    """Return the journal in `content`; `where` names it in errors.
 
     Raises
     ------
     JournalError
-        with one line, when it holds none, or one that this version cannot read.
+        if it is no journal, damaged, or of another version.
     """
     line, newline, _ = content[:_FIRST_LINE_BYTES].partition(b"\n")
     words = line.removeprefix(_FIRST_LINE).split()
     if not line.startswith(_FIRST_LINE) or not newline or len(words) != 2 or not words[0].isdigit():
-        raise JournalError(f"{where}: no saved run; expected a file that `groundlink save` wrote")
+        raise JournalError(f"{where}: no saved run; expected a file of `groundlink save`")
     if int(words[0]) != VERSION:
         raise JournalError(
-            f"{where}: a saved run of format {int(words[0])}; this version of Groundlink reads "
-            f"format {VERSION}, so restore it by the one that saved it"
+            f"{where}: unsupported format; expected {VERSION}, got {int(words[0])}. Fix: restore "
+            "it with the version of Groundlink that saved it"
         )
     body = memoryview(content)[len(line) + 1 :]
     if hashlib.sha256(body).hexdigest().encode() != words[1]:
-        raise JournalError(f"{where}: cut off or damaged; save the run again, or copy it again")
+        raise JournalError(f"{where}: truncated or damaged. Fix: copy or save the run again")
     try:
         blocks = _blocks(body)
         head = msgspec.msgpack.decode(next(blocks), type=Journal)
@@ -265,8 +263,8 @@ def loaded(content: bytes, where: str) -> Journal:
             pass
     except (msgspec.DecodeError, zlib.error, struct.error, StopIteration) as error:
         raise JournalError(
-            f"{where}: saved by a version of Groundlink whose scenarios are others ({error}); "
-            "restore it by that version"
+            f"{where}: the scenario does not match this version of Groundlink ({error}). Fix: "
+            "restore it with the version that saved it"
         ) from None
     return journal
 
@@ -276,16 +274,16 @@ def _blocks(body: memoryview) -> Iterator[bytes]:
     while at < len(body):
         (size,) = _LENGTH.unpack_from(body, at)
         at += _LENGTH.size + size
-        yield zlib.decompressobj().decompress(body[at - size : at], MOST_BLOCK_BYTES)
+        yield zlib.decompressobj().decompress(body[at - size : at], MAX_BLOCK_BYTES)
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; one that is there is replaced.
+    """Write a file atomically, replacing an existing one.
 
     Raises
     ------
     UserError
-        when it cannot be written.
+        if it cannot be written.
     """
     with write_atomically(path) as part, part.open("wb") as file:
         file.write(content)
@@ -294,12 +292,12 @@ def write(path: Path, content: bytes) -> None:
 
 
 def read(path: Path) -> bytes:
-    """Return a file's content.
+    """Return the content of a file.
 
     Raises
     ------
     JournalError
-        when it cannot be read.
+        if it cannot be read.
     """
     try:
         return path.read_bytes()
@@ -310,12 +308,12 @@ def read(path: Path) -> bytes:
 
 
 def is_saved_run(path: Path) -> bool:
-    """Return whether a file says that it is one; what cannot be read does not."""
+    """Return whether a file starts like a saved run; False if it cannot be read."""
     with suppress(OSError), path.open("rb") as file:
         return file.read(len(_FIRST_LINE)) == _FIRST_LINE
     return False
 
 
 def parts(content: bytes) -> list[bytes]:
-    """Return a journal's bytes as replies to one query, in order."""
+    """Split the bytes of a journal into replies to one query."""
     return [content[i : i + PART_BYTES] for i in range(0, len(content), PART_BYTES)]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The line on the floor that a route means.
+"""Geometry of routes: the line on the ground, in x and y of the world.
 
-Rule: pure geometry in the world's x and y. A figure begins at the vehicle's base and along its
-heading; waypoints are where they are, and the way to the first of them is a part of the line.
+A figure starts at the base of the vehicle, along its heading. Waypoints are world positions; the
+line includes the path to the first one.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from groundlink.scenario.route import (
 Floats = NDArray[np.float64]
 
 STEPS = 180
-"""Chords of a circle: with a radius of 10 m, none is farther than 1.6 mm from it."""
+"""Chords of a circle; for a radius of 10 m they deviate by at most 1.6 mm."""
 
 SAME_M = 1e-6
-"""Points nearer than this are one."""
+"""Points closer than this count as one."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """Straight pieces between points, each with the speed that is asked for on it."""
+    """Straight segments between points, each with a target speed."""
 
     points_m: Floats
-    """Shape (N, 2), N >= 1: x, y in the world; no two neighbours are the same."""
+    """Shape (N, 2), N >= 1: x, y in the world; consecutive points differ."""
 
     speeds_mps: Floats
     """Shape (N - 1,)."""
 
     @property
     def length_m(self) -> float:
-        """The whole length."""
+        """Total length."""
         return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
 
 
 def line(route: Route, *, start_m: tuple[float, float], heading_rad: float) -> Line:
-    """Return all laps of a route as one line, from where a vehicle stands.
+    """Return all laps of a route as one line, from the position of a vehicle.
 
     Parameters
     ----------
@@ -81,13 +81,13 @@ def _through(route: Waypoints, start_m: Floats) -> Line:
 
 
 def _joined(points: Floats, speeds: Floats) -> Line:
-    """Return the line through points, without those that repeat the one before."""
+    """Return the line through points, without repeated points."""
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1) > SAME_M
     return Line(points[np.concatenate([[True], moves])], speeds[moves])
 
 
 def _figure(route: Circle | FigureEight | Square | ThereAndBack) -> Floats:
-    """Return one lap in the vehicle's frame at its start: x ahead, y to the left."""
+    """Return one lap in the vehicle's initial frame: x forward, y left."""
     match route:
         case Circle():
             return _circle(route.radius_m, route.turn)

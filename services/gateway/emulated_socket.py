@@ -104,14 +104,14 @@ class EmulatedSocket(Around):
     def direction_states(self) -> dict[str, DirectionState]:
         """Return the state of the random numbers, by direction."""
         with self._outgoing, self._incoming:
-            return {"to_ros": self._to_ros.course, "from_ros": self._from_ros.course}
+            return {"to_ros": self._to_ros.state, "from_ros": self._from_ros.state}
 
     def restore(self, states: dict[str, DirectionState]) -> None:
         """Continue the random numbers of an earlier link with the same script."""
         with self._outgoing, self._incoming:
             for direction, way in (("to_ros", self._to_ros), ("from_ros", self._from_ros)):
                 if direction in states:
-                    way.course = states[direction]
+                    way.state = states[direction]
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
         """Put a datagram into the link; return True, as its delivery is not known here."""

@@ -70,7 +70,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def up(options: argparse.Namespace) -> int:
     """Run a scenario until Ctrl-C or `--duration`; return 0 if every declared rate was kept."""
     if journal.is_saved_run(file := Path(options.scenario)):
-        described = journal.loaded(journal.read(file), options.scenario).still_there()
+        described = journal.loaded(journal.read(file), options.scenario).remaining_scenario()
     else:
         described = load(options.scenario)
     scenario = time_options.with_time_options(described, options)

@@ -21,14 +21,14 @@ from groundlink.messages.navigation import JointState
 from groundlink.messages.vitals import VITALS_HZ
 from groundlink.run.journal import (
     AnyEntry,
-    Changed,
     Commanded,
     JointsCommanded,
     Journal,
     WheelsCommanded,
+    WorldChanged,
     encode_entry,
     state_digest,
-    this_machine,
+    this_platform,
 )
 from groundlink.scenario import Scenario
 from groundlink.scenario.change import with_more, without
@@ -130,7 +130,7 @@ class Episode:
             known.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
         ]
         self.pacer.participants.only((*process_names(scenario), RECORDER, *self._others))
-        self._entries.append(encode_entry(Changed(self.tick, command)))
+        self._entries.append(encode_entry(WorldChanged(self.tick, command)))
 
     def process_left(self, process: str) -> None:
         """Record that a process has left, or that its connection is lost.
@@ -181,8 +181,8 @@ class Episode:
 
     def replay(self, entry: AnyEntry) -> None:
         """Apply a journal entry at its tick."""
-        if isinstance(entry, Changed):
-            self.change(entry.wish)
+        if isinstance(entry, WorldChanged):
+            self.change(entry.change)
         else:
             self._apply(entry)
 
@@ -197,7 +197,7 @@ class Episode:
         if not self._history:
             raise UserError("the run has not begun yet: it is waiting for its processes")
         return Journal(
-            made_on=this_machine(),
+            made_on=this_platform(),
             run=self._run,
             life=self.number,
             epoch_nanos=self.epoch_nanos,

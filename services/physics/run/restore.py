@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError
 from groundlink.messages.control import Spawn
 from groundlink.process import asset_exchange
-from groundlink.run.journal import AnyEntry, Changed, Journal, this_machine
+from groundlink.run.journal import AnyEntry, Journal, WorldChanged, this_platform
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 
@@ -30,7 +30,7 @@ class JournalArchive:
 
     def __init__(self) -> None:
         self._ended: Journal | None = None
-        this_machine()  # Slow the first time; not to be called first between two ticks.
+        this_platform()  # Slow the first time; not to be called first between two ticks.
 
     def ends(self, episode: Episode) -> None:
         """Keep the journal of an episode that ends."""
@@ -122,7 +122,7 @@ class Restoration:
         there, here = self._journal, self.episode.journal()
         if here.digest == there.digest:
             return ""
-        unlike = there.made_on.unlike(here.made_on)
+        unlike = there.made_on.differences(here.made_on)
         cause = f"it was saved with {unlike}" if unlike else "though the machine is the same"
         return (
             f"the state restored at tick {here.tick} differs from the saved one, {cause}; the run "
@@ -140,7 +140,7 @@ def check_data(journal: Journal) -> None:
     """
     if journal.left_out:
         raise UserError(f"the saved run lacks its first {journal.left_out} entries; save it again")
-    changes = (entry.wish for entry in journal.read() if isinstance(entry, Changed))
+    changes = (entry.change for entry in journal.read() if isinstance(entry, WorldChanged))
     added = (change.more for change in changes if isinstance(change, Spawn))
     needed = [digest for it in (journal.scenario, *added) for digest in asset_exchange.needed(it)]
     if lacking := assets.missing(needed):

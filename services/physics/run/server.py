@@ -75,7 +75,7 @@ class PhysicsServer:
             check_data(saved)
             self._start_to_restore(saved, scenario)
             # Processes that the saved run knew are to miss nothing.
-            self._awaited |= saved.acks.keys() & process_names(saved.still_there()).keys()
+            self._awaited |= saved.acks.keys() & process_names(saved.remaining_scenario()).keys()
         bus.serve(history_key(run), self._history_for)
         bus.serve_content(control_key(run), self.control.answer)
         bus.serve(journal_key(run), self._journal_of)

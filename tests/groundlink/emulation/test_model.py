@@ -253,7 +253,7 @@ def test_another_link_goes_on_with_the_numbers_of_the_first() -> None:
     whole, first, second = (way(**settings) for _ in range(3))
     expected = run(whole, 2000)
     arrived = run(first, 1234)
-    second.course = first.course
+    second.state = first.state
     for index in range(1234, 2000):
         second.put(bytes(8), index, index * MS)
         arrived += [tag for _, _, tag in drain(second)]

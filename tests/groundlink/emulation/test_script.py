@@ -48,7 +48,7 @@ def test_a_change_during_a_run_holds_until_an_event_names_its_field() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"los": 0.1}, ["no field `los`", "did you mean `loss`?"]),
+        ({"los": 0.1}, ["unknown field `los`", "did you mean `loss`?"]),
         ({"loss": 1.5}, ["`loss`", "<= 1"]),
         ({"loss": True}, ["`loss`", "expected `float`"]),
         ({"outage": 0.5}, ["`outage`", "expected `bool`"]),
@@ -68,7 +68,7 @@ def test_mistakes_are_told_in_one_line(changes: dict[str, Any], words: list[str]
 
 
 def test_a_direction_that_is_none() -> None:
-    with pytest.raises(ValueError, match="no direction `back`; expected to_ros or from_ros"):
+    with pytest.raises(ValueError, match="unknown direction `back`; expected to_ros or from_ros"):
         ScriptPlayer(SCRIPT).change("back", {})
 
 
@@ -104,7 +104,10 @@ def test_text_that_is_no_change(text: str) -> None:
         ("link: {to_ros: {los: 0.1}}", ["unknown key `gateway.link.to_ros.los`", "`loss`?"]),
         ("link: {to_ros: {loss: 2}}", ["gateway.link.to_ros.loss", "<= 1"]),
         ("link: {to_ros: {loss: 0.9, burst: 2}}", ["gateway.link.to_ros", "burst / (1 + burst)"]),
-        ("link: {events: [{at_s: 3, to_ros: {los: 1}}]}", ["event at 3 s: to_ros: no field `los`"]),
+        (
+            "link: {events: [{at_s: 3, to_ros: {los: 1}}]}",
+            ["event at 3 s: to_ros: unknown field `los`"],
+        ),
         ("peers: [a b]", ["gateway.peers"]),
         ("key_file: a, key_env: b", ["choose one"]),
     ],

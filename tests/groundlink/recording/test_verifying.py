@@ -33,7 +33,7 @@ from groundlink.run.journal import (
     Journal,
     dumped,
     encode_entry,
-    this_machine,
+    this_platform,
 )
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
@@ -91,7 +91,7 @@ def stamp(message: Any) -> int:
 
 def journal(scenario: Scenario, seconds: float) -> Journal:
     return Journal(
-        made_on=this_machine(),
+        made_on=this_platform(),
         run="lab",
         life=1,
         epoch_nanos=EPOCH,

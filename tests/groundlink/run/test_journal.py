@@ -19,13 +19,13 @@ from groundlink.messages.navigation import JointState
 from groundlink.run import journal as module
 from groundlink.run.journal import (
     BLOCK_ENTRIES,
-    Changed,
     Commanded,
     JointsCommanded,
     Journal,
     JournalError,
-    Machine,
+    Platform,
     WheelsCommanded,
+    WorldChanged,
     acting_before,
     dumped,
     encode_entry,
@@ -34,7 +34,7 @@ from groundlink.run.journal import (
     parts,
     read,
     state_digest,
-    this_machine,
+    this_platform,
     write,
 )
 
@@ -46,12 +46,12 @@ ENTRIES = (
     JointsCommanded(
         4, "tank", JointState(10_000_000, "", ("gun",), *3 * (packed(np.array([0.1])),))
     ),
-    Changed(3, Spawn(KINDS["person"])),
-    Changed(9, Remove("person")),
+    WorldChanged(3, Spawn(KINDS["person"])),
+    WorldChanged(9, Remove("person")),
 )
 
 SAVED = Journal(
-    made_on=this_machine(),
+    made_on=this_platform(),
     run="run",
     life=7,
     epoch_nanos=10**18,
@@ -71,7 +71,7 @@ def test_what_is_read_is_what_was_saved() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK_ENTRIES, 3 * BLOCK_ENTRIES + 1])
 def test_any_number_of_entries_is_kept_in_order(count: int) -> None:
-    entries = tuple(encode_entry(Changed(i, Remove("x"))) for i in range(count))
+    entries = tuple(encode_entry(WorldChanged(i, Remove("x"))) for i in range(count))
     assert loaded(dumped(replace(SAVED, entries=entries)), "file").entries == entries
 
 
@@ -100,24 +100,24 @@ GOOD = dumped(SAVED)
 BODY = GOOD[GOOD.index(b"\n") + 1 :]
 
 WRONG = {
-    "empty": (b"", "file: no saved run; expected a file that `groundlink save` wrote"),
+    "empty": (b"", "file: no saved run; expected a file of `groundlink save`"),
     "foreign": (b"name: lab\nworld: x\n", "no saved run"),
     "binary": (bytes(range(256)), "no saved run"),
     "first line alone": (GOOD[:19], "no saved run"),
-    "cut off": (GOOD[:-1], "cut off or damaged"),
-    "longer": (GOOD + b"x", "cut off or damaged"),
-    "damaged": (GOOD[:-9] + b"x" + GOOD[-8:], "cut off or damaged"),
+    "cut off": (GOOD[:-1], "truncated or damaged"),
+    "longer": (GOOD + b"x", "truncated or damaged"),
+    "damaged": (GOOD[:-9] + b"x" + GOOD[-8:], "truncated or damaged"),
     "newer": (
         foreign(2, BODY),
-        "file: a saved run of format 2; this version of Groundlink reads format 1, so restore it "
-        "by the one that saved it",
+        "file: unsupported format; expected 1, got 2. Fix: restore it with the version of "
+        "Groundlink that saved it",
     ),
-    "no blocks": (foreign(1, b""), "saved by a version of Groundlink"),
-    "half a length": (foreign(1, b"\0"), "saved by a version of Groundlink"),
-    "not compressed": (foreign(1, b"\1\0\0\0x"), "saved by a version of Groundlink"),
+    "no blocks": (foreign(1, b""), "the scenario does not match this version"),
+    "half a length": (foreign(1, b"\0"), "the scenario does not match this version"),
+    "not compressed": (foreign(1, b"\1\0\0\0x"), "the scenario does not match this version"),
     "other entries": (
         dumped(replace(SAVED, entries=(b"\x93\xa4warp\0\0",))),
-        "saved by a version of Groundlink",
+        "the scenario does not match this version",
     ),
 }
 
@@ -154,10 +154,10 @@ def test_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
 
 
 def test_a_machine_says_what_it_has_otherwise() -> None:
-    here, there = Machine("one", {"a": "1", "b": "2"}), Machine("two", {"a": "1", "b": "3"})
-    assert here.unlike(here) == ""
-    assert here.unlike(there) == "one, b 2"
-    assert this_machine().versions.keys() >= {"python", "pybullet", "numpy"}
+    here, there = Platform("one", {"a": "1", "b": "2"}), Platform("two", {"a": "1", "b": "3"})
+    assert here.differences(here) == ""
+    assert here.differences(there) == "one, b 2"
+    assert this_platform().versions.keys() >= {"python", "pybullet", "numpy"}
 
 
 def test_a_state_has_one_digest_in_every_life() -> None:
@@ -167,9 +167,9 @@ def test_a_state_has_one_digest_in_every_life() -> None:
 
 
 def test_who_was_taken_out_is_there_no_more() -> None:
-    assert SAVED.still_there() == SCENARIO
-    gone = encode_entry(Changed(12, Remove("rover")))
-    assert replace(SAVED, entries=(gone,)).still_there().vehicles == ()
+    assert SAVED.remaining_scenario() == SCENARIO
+    gone = encode_entry(WorldChanged(12, Remove("rover")))
+    assert replace(SAVED, entries=(gone,)).remaining_scenario().vehicles == ()
 
 
 def test_what_acts_before_a_tick_does_not_depend_on_when_it_came() -> None:
@@ -188,7 +188,7 @@ def test_what_acts_before_a_tick_does_not_depend_on_when_it_came() -> None:
 
 def test_a_command_is_not_moved_beyond_a_change_of_the_world() -> None:
     command = Command(40 * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    removed = encode_entry(Changed(9, Remove("rover")))
+    removed = encode_entry(WorldChanged(9, Remove("rover")))
     entries = (encode_entry(Commanded(5, "rover", command)), removed)
     moved = encode_entry(Commanded(9, "rover", command))
     assert acting_before(10, entries) == ((moved, removed), ())

@@ -130,7 +130,7 @@ def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> 
     [
         ("nonsense", "expected DIRECTION.FIELD=VALUE"),
         ("to_ros.los=1", "did you mean `loss`?"),
-        ("to_ros.loss=0.5;both.loss=1", "no direction `both`"),
+        ("to_ros.loss=0.5;both.loss=1", "unknown direction `both`"),
         ("to_ros.outage=yes", "expected DIRECTION.FIELD=VALUE"),
         ("to_ros.loss=7", "`loss`"),
     ],

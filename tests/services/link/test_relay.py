@@ -231,7 +231,7 @@ def test_an_outage_of_the_command(stack: ExitStack) -> None:
         (["--listen", "127.0.0.1:0", "--loss", "many"], "invalid float"),
         (
             ["--listen", "127.0.0.1:0", "--back-loss", "0.9", "--back-burst", "2"],
-            "way back: loss 0.9 ",
+            "direction back: loss 0.9 ",
         ),
         (["--listen", "127.0.0.1:0", "--outage", "5"], "START:LENGTH"),
         (["--listen", "127.0.0.1:0", "--seed", "-1"], "--seed -1"),

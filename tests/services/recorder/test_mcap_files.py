@@ -13,7 +13,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command
 from groundlink.recording.reader import Recording
-from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_machine
+from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.scenario import Scenario
 from services.recorder.mcap_files import JOURNAL_NANOS, McapFiles
 from services.recorder.recorder import Recorder
@@ -58,7 +58,7 @@ class Physics:
             for tick in range(0, self.tick, 10)
         ]
         return Journal(
-            made_on=this_machine(),
+            made_on=this_platform(),
             run=RUN,
             life=self.life,
             epoch_nanos=5,

@@ -16,7 +16,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command, Imu
 from groundlink.recording.reader import Recording
-from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_machine
+from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.scenario import Scenario
 from services.recorder.ordered_mcap_files import SLICE_NANOS, OrderedMcapFiles
 from services.recorder.recorder import Recorder
@@ -60,7 +60,7 @@ class Physics:
             self._entries.append(encode_entry(Commanded(taken_in, "rover", command)))
         return dumped(
             Journal(
-                made_on=this_machine(),
+                made_on=this_platform(),
                 run=RUN,
                 life=LIFE,
                 epoch_nanos=EPOCH,

@@ -20,7 +20,7 @@ def test_a_damaged_file_is_told_in_one_line(
     file.write_bytes(DAMAGED)
     assert main([command, str(file)]) == 2
     assert capsys.readouterr().err == (
-        f"groundlink: {file}: cut off or damaged; save the run again, or copy it again\n"
+        f"groundlink: {file}: truncated or damaged. Fix: copy or save the run again\n"
     )
 
 

@@ -15,7 +15,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, Command, Message, State, WheelCommand, decode, encode
 from groundlink.messages.control import Remove, Spawn
-from groundlink.run.journal import Journal, Machine, dumped, loaded
+from groundlink.run.journal import Journal, Platform, dumped, loaded
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.world import assets
@@ -230,7 +230,7 @@ def test_a_result_that_differs_is_told_with_its_cause(scenario: Scenario) -> Non
         saved = replace(episode.journal(), digest="")
         for made_on, cause in (
             (saved.made_on, "though the machine is the same"),
-            (Machine("abacus", {"python": "4.0"}), "it was saved with abacus, python 4.0"),
+            (Platform("abacus", {"python": "4.0"}), "it was saved with abacus, python 4.0"),
         ):
             restoration = Restoration(replace(saved, made_on=made_on), again)
             assert restoration.advance(100)

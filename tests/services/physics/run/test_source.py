@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.run.journal import Journal, dumped, this_machine
+from groundlink.run.journal import Journal, dumped, this_platform
 from services.physics.run.source import RunSource, add_arguments, source_of
 
 LAB = Path(__file__).parents[4] / "scenarios" / "indoor_lab_tour.yaml"
@@ -25,7 +25,7 @@ def chosen(*words: str) -> RunSource:
 @pytest.fixture(scope="module")
 def saved() -> Journal:
     return Journal(
-        made_on=this_machine(),
+        made_on=this_platform(),
         run="run",
         life=1,
         epoch_nanos=0,
