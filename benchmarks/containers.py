@@ -171,10 +171,7 @@ def measure(vehicles: int) -> dict[str, Any]:
 
 
 def _rate(
-    process: str,
-    count: Callable[[Health], int],
-    before: dict[str, Word],
-    after: dict[str, Word],
+    process: str, count: Callable[[Health], int], before: dict[str, Word], after: dict[str, Word]
 ) -> float:
     """Return how many a second a process has counted between two words of its own."""
     then, now = before[process], after[process]

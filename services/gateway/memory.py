@@ -35,10 +35,7 @@ class GatewayMemory:
     """Packs and restores the memory of a gateway and its emulated link."""
 
     def __init__(
-        self,
-        gateway: Gateway,
-        emulated: EmulatedSocket | None,
-        publish: Callable[[Ack], object],
+        self, gateway: Gateway, emulated: EmulatedSocket | None, publish: Callable[[Ack], object]
     ) -> None:
         self._gateway, self._emulated, self._publish = gateway, emulated, publish
 

@@ -21,7 +21,7 @@ from groundlink.messages.base import floats
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 
 from .colors import RAINBOW
-from .drawing_context import DrawingContext, VehicleHistory
+from .drawing import Drawing, Track
 from .point_placement import points_in_world
 
 ColourModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
@@ -49,18 +49,18 @@ _DEPTH_HEADER = struct.Struct("<iff")
 """Header of compressed_depth_image_transport before the PNG: format, A and B."""
 
 
-def image(context: DrawingContext, history: VehicleHistory, path: str, message: Image) -> None:
+def image(drawing: Drawing, track: Track, path: str, message: Image) -> None:
     """Show an image or, by its encoding, a depth image."""
     if message.encoding in _DEPTHS:
         dtype, meter = _DEPTHS[message.encoding]
         depth = rr.DepthImage(_pixels(message, 1, dtype), meter=meter, point_fill_ratio=0.4)
-        _show(context, path, message, depth)
+        _show(drawing, path, message, depth)
     elif message.encoding in _COLOURS:
         model, dtype = _COLOURS[message.encoding]
         pixels = _pixels(message, len(model), dtype)
-        _show(context, path, message, rr.Image(pixels, color_model=model))
+        _show(drawing, path, message, rr.Image(pixels, color_model=model))
     else:
-        context.not_drawn += 1
+        drawing.not_drawn += 1
 
 
 def _pixels(message: Image, channels: int, dtype: Any) -> NDArray[Any]:
@@ -71,26 +71,24 @@ def _pixels(message: Image, channels: int, dtype: Any) -> NDArray[Any]:
     return pixels.reshape(message.height, message.width, channels) if channels > 1 else pixels
 
 
-def compressed_image(
-    context: DrawingContext, history: VehicleHistory, path: str, message: CompressedImage
-) -> None:
+def compressed_image(drawing: Drawing, track: Track, path: str, message: CompressedImage) -> None:
     """Show a compressed image without decoding it."""
     said = message.format.lower()
     if "compresseddepth" in said:
         try:
             depth = _compressed_depth(message, meters="32fc1" in said)
         except (OSError, SyntaxError, struct.error):  # what Pillow says of a broken PNG; no header
-            context.not_drawn += 1
+            drawing.not_drawn += 1
             return
-        _show(context, path, message, depth)
+        _show(drawing, path, message, depth)
         return
     kind = next((kind for kind in ("png", "jpeg", "jpg") if kind in said), None)
     if kind is None:
-        context.not_drawn += 1
+        drawing.not_drawn += 1
         return
     media_type = "image/png" if kind == "png" else "image/jpeg"
     picture = rr.EncodedImage(contents=bytes(message.data), media_type=media_type)
-    _show(context, path, message, picture)
+    _show(drawing, path, message, picture)
 
 
 def _compressed_depth(message: CompressedImage, *, meters: bool) -> rr.AsComponents:
@@ -111,20 +109,18 @@ def _compressed_depth(message: CompressedImage, *, meters: bool) -> rr.AsCompone
 
 
 def _show(
-    context: DrawingContext, path: str, message: Image | CompressedImage, drawn: rr.AsComponents
+    drawing: Drawing, path: str, message: Image | CompressedImage, drawn: rr.AsComponents
 ) -> None:
-    context.in_frame(path, f"{message.frame}/image")
-    context.log(path, message.stamp_nanos, drawn)
+    drawing.in_frame(path, f"{message.frame}/image")
+    drawing.log(path, message.stamp_nanos, drawn)
 
 
-def camera_info(
-    context: DrawingContext, history: VehicleHistory, path: str, message: CameraInfo
-) -> None:
+def camera_info(drawing: Drawing, track: Track, path: str, message: CameraInfo) -> None:
     """Attach the image's frame to the camera's optical frame, whenever it changes."""
-    before = context.last.get(path)
+    before = drawing.last.get(path)
     if isinstance(before, CameraInfo) and before.intrinsic == message.intrinsic:
         return
-    context.last[path] = message
+    drawing.last[path] = message
     lens = rr.Pinhole(
         image_from_camera=floats(message.intrinsic).reshape(3, 3),
         resolution=[message.width, message.height],
@@ -132,12 +128,10 @@ def camera_info(
         child_frame=f"{message.frame}/image",
         image_plane_distance=IMAGE_PLANE_M,
     )
-    context.log(path, message.stamp_nanos, lens)
+    drawing.log(path, message.stamp_nanos, lens)
 
 
-def laser_scan(
-    context: DrawingContext, history: VehicleHistory, path: str, message: LaserScan
-) -> None:
+def laser_scan(drawing: Drawing, track: Track, path: str, message: LaserScan) -> None:
     """Draw a scan's returns in the world, each with the scanner's pose at its instant."""
     ranges = np.frombuffer(message.ranges_m, np.float32)
     met = np.flatnonzero((ranges >= message.min_range_m) & (ranges <= message.max_range_m))
@@ -145,32 +139,28 @@ def laser_scan(
     directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(met))], axis=-1)
     points = (ranges[met, None] * directions).astype(np.float32)
     seconds = (met * message.time_increment_s).astype(np.float32)
-    base_from_sensor = history.base_from(message.frame)
+    base_from_sensor = track.base_from(message.frame)
     if base_from_sensor is not None:
-        placed = points_in_world(
-            points, seconds, message.stamp_nanos, history.base, base_from_sensor
-        )
+        placed = points_in_world(points, seconds, message.stamp_nanos, track.base, base_from_sensor)
         if placed is None:
-            context.not_drawn += 1
+            drawing.not_drawn += 1
             return
         points = placed
     else:
-        context.in_frame(path, message.frame)
-    if (whole := context.revolution(history, path, points)) is not None:
+        drawing.in_frame(path, message.frame)
+    if (whole := drawing.revolution(track, path, points)) is not None:
         drawn = rr.Points3D(whole[0], colors=SCAN_COLOR, radii=-2.0)
-        context.log(path, message.stamp_nanos, drawn)
+        drawing.log(path, message.stamp_nanos, drawn)
 
 
-def range_reading(
-    context: DrawingContext, history: VehicleHistory, path: str, message: Range
-) -> None:
+def range_reading(drawing: Drawing, track: Track, path: str, message: Range) -> None:
     """Draw a distance as an arrow along the beam and plot it; skip a failed measurement."""
     if math.isnan(message.range_m):
         return
-    context.in_frame(path, message.frame)
+    drawing.in_frame(path, message.frame)
     reach = min(max(message.range_m, message.min_range_m), message.max_range_m)
     near = 1 - reach / max(message.max_range_m, 1e-9)
     arrow = rr.Arrows3D(vectors=[[reach, 0, 0]], colors=[int(RAINBOW[int(near * 255)])])
-    context.log(path, message.stamp_nanos, arrow)
-    at = context.sim_nanos(message.stamp_nanos)
-    context.plots.add(f"{path}/distance", at, [reach], ["distance"])
+    drawing.log(path, message.stamp_nanos, arrow)
+    at = drawing.sim_nanos(message.stamp_nanos)
+    drawing.plots.add(f"{path}/distance", at, [reach], ["distance"])

@@ -27,7 +27,7 @@ from groundlink.scenario.sensors import Encoders, Lidar
 
 from . import draw_imagery, draw_ros_messages
 from .colors import Colors, of_bodies, of_cells, of_points
-from .drawing_context import WORLD, DrawingContext, Trail, VehicleHistory
+from .drawing import WORLD, Drawing, Track, Trail
 from .plots import XYZ, XYZ_COLORS
 from .point_placement import Reals, points_in_world
 
@@ -43,34 +43,32 @@ POINT_RADIUS = -1.1
 """In points of the screen, which Rerun expresses by a negative radius."""
 
 
-def command(context: DrawingContext, history: VehicleHistory, path: str, message: Command) -> None:
+def command(drawing: Drawing, track: Track, path: str, message: Command) -> None:
     """Plot the commanded beside the true velocity."""
-    at = context.sim_nanos(message.stamp_nanos)
-    name = history.spec.name
-    context.plots.add(
+    at = drawing.sim_nanos(message.stamp_nanos)
+    name = track.spec.name
+    drawing.plots.add(
         f"{name}/speed/commanded", at, [message.linear_mps[0]], ["commanded"], [ASKED]
     )
-    context.plots.add(
+    drawing.plots.add(
         f"{name}/turning/commanded", at, [message.angular_radps[2]], ["commanded"], [ASKED]
     )
 
 
-def imu(context: DrawingContext, history: VehicleHistory, path: str, message: Imu) -> None:
+def imu(drawing: Drawing, track: Track, path: str, message: Imu) -> None:
     """Plot acceleration and angular velocity."""
-    at = context.sim_nanos(message.stamp_nanos)
+    at = drawing.sim_nanos(message.stamp_nanos)
     for what, values in (
         ("acceleration", message.linear_acceleration_mps2),
         ("angular_velocity", message.angular_velocity_radps),
     ):
-        context.plots.add(f"{path}/{what}", at, values, XYZ, XYZ_COLORS)
+        drawing.plots.add(f"{path}/{what}", at, values, XYZ, XYZ_COLORS)
 
 
-def wheel_encoders(
-    context: DrawingContext, history: VehicleHistory, path: str, message: WheelEncoders
-) -> None:
+def wheel_encoders(drawing: Drawing, track: Track, path: str, message: WheelEncoders) -> None:
     """Plot each wheel's circumferential speed, from the ticks since the last message."""
-    before, context.last[path] = context.last.get(path), message
-    spec = history.sensor(path)
+    before, drawing.last[path] = drawing.last.get(path), message
+    spec = track.sensor(path)
     if not isinstance(before, WheelEncoders) or before.names != message.names:
         return
     seconds = (message.stamp_nanos - before.stamp_nanos) / NANOS
@@ -78,7 +76,7 @@ def wheel_encoders(
         return
     per_tick = {}
     if isinstance(spec, Encoders):
-        for wheel in history.spec.model.wheels:
+        for wheel in track.spec.model.wheels:
             tread = 2 * math.pi * wheel.radius_m / spec.ticks_per_wheel_revolution
             per_tick[wheel.name] = -tread if wheel.name in spec.reversed_wheels else tread
     speeds = [
@@ -86,133 +84,118 @@ def wheel_encoders(
         for name, now, then in zip(message.names, message.ticks, before.ticks, strict=False)
     ]
     names = [name.removesuffix("_wheel") for name in message.names]
-    context.plots.add(path, context.sim_nanos(message.stamp_nanos), speeds, names)
+    drawing.plots.add(path, drawing.sim_nanos(message.stamp_nanos), speeds, names)
 
 
-def point_cloud(
-    context: DrawingContext, history: VehicleHistory, path: str, message: PointCloud
-) -> None:
+def point_cloud(drawing: Drawing, track: Track, path: str, message: PointCloud) -> None:
     """Draw a revolution in the world, each point with the LiDAR's pose at its instant."""
     records = message.records()
-    spec = history.sensor(path)
+    spec = track.sensor(path)
     rings = len(spec.elevations_deg) if isinstance(spec, Lidar) else 16
-    colors = of_points(records, context.coloring, rings)
-    _points(context, history, path, message, records["time"], colors)
+    colors = of_points(records, drawing.coloring, rings)
+    _points(drawing, track, path, message, records["time"], colors)
 
 
-def true_points(
-    context: DrawingContext, history: VehicleHistory, path: str, message: TruePoints
-) -> None:
+def true_points(drawing: Drawing, track: Track, path: str, message: TruePoints) -> None:
     """Draw the true points of a revolution, all of one instant, in the colors of bodies."""
     bodies = message.records()["body"]
     at_once = np.zeros(len(bodies), np.float32)
-    _points(context, history, path, message, at_once, of_bodies(bodies))
+    _points(drawing, track, path, message, at_once, of_bodies(bodies))
 
 
 def _points(
-    context: DrawingContext,
-    history: VehicleHistory,
+    drawing: Drawing,
+    track: Track,
     path: str,
     message: PointCloud | TruePoints,
     seconds: Reals,
     colors: Colors,
 ) -> None:
-    base_from_sensor = history.base_from(message.frame)
+    base_from_sensor = track.base_from(message.frame)
     records = message.records()
     placed = None
     if base_from_sensor is not None:
         packed = np.stack([records[axis] for axis in XYZ], axis=-1)
-        placed = points_in_world(
-            packed, seconds, message.stamp_nanos, history.base, base_from_sensor
-        )
+        placed = points_in_world(packed, seconds, message.stamp_nanos, track.base, base_from_sensor)
     if placed is None:
-        context.not_drawn += 1
+        drawing.not_drawn += 1
         return
-    if (whole := context.revolution(history, path, placed, colors)) is not None:
+    if (whole := drawing.revolution(track, path, placed, colors)) is not None:
         points, colors = whole
         drawn = rr.Points3D(points, colors=colors, radii=POINT_RADIUS)
-        context.log(path, message.stamp_nanos, drawn)
+        drawing.log(path, message.stamp_nanos, drawn)
 
 
 def pose_stamped(
-    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.PoseStamped
+    drawing: Drawing, track: Track, path: str, message: navigation.PoseStamped
 ) -> None:
     """Draw the stack's estimate of the pose as a line beside the ground truth."""
-    _told(context, history, path, message, message.position_m, message.orientation)
+    _told(drawing, track, path, message, message.position_m, message.orientation)
 
 
-def odometry(
-    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.Odometry
-) -> None:
+def odometry(drawing: Drawing, track: Track, path: str, message: navigation.Odometry) -> None:
     """Draw odometry as a pose and plot its speed."""
     if path.endswith("/ground_truth"):
         return  # states say the same, and more often
-    _told(context, history, path, message, message.position_m, message.orientation)
-    at = context.sim_nanos(message.stamp_nanos)
-    context.plots.add(
-        f"{history.spec.name}/speed/odometry", at, [message.linear_mps[0]], ["odometry"]
+    _told(drawing, track, path, message, message.position_m, message.orientation)
+    at = drawing.sim_nanos(message.stamp_nanos)
+    drawing.plots.add(
+        f"{track.spec.name}/speed/odometry", at, [message.linear_mps[0]], ["odometry"]
     )
 
 
 def _told(
-    context: DrawingContext,
-    history: VehicleHistory,
-    path: str,
-    message: Any,
-    position: Any,
-    orientation: Any,
+    drawing: Drawing, track: Track, path: str, message: Any, position: Any, orientation: Any
 ) -> None:
     stamp: int = message.stamp_nanos
-    if message.frame != WORLD and not _lay(context, history, stamp, position, orientation):
-        context.not_drawn += 1
+    if message.frame != WORLD and not _lay(drawing, track, stamp, position, orientation):
+        drawing.not_drawn += 1
         return
-    context.in_frame(path, WORLD if message.frame == WORLD else history.stack_frame)
-    trail = context.trails.setdefault(path, Trail())
+    drawing.in_frame(path, WORLD if message.frame == WORLD else track.stack_frame)
+    trail = drawing.trails.setdefault(path, Trail())
     if trail.add(position):
         line = rr.LineStrips3D([trail.points], colors=[TOLD], radii=[-2.5])
-        context.log(path, stamp, line)
+        drawing.log(path, stamp, line)
 
 
-def _lay(
-    context: DrawingContext, history: VehicleHistory, stamp: int, position: Any, orientation: Any
-) -> bool:
+def _lay(drawing: Drawing, track: Track, stamp: int, position: Any, orientation: Any) -> bool:
     """Align the stack's frame so that its first pose is the true pose of that instant."""
-    if history.world_from_stack is None:
-        states = history.base.span(stamp, stamp)
+    if track.world_from_stack is None:
+        states = track.base.span(stamp, stamp)
         if states is None:
             return False
         true = states[1][0]
         stack_from_base = transform(position, orientation)
         world_from_base = transform(true[:3], true[3:])
-        history.world_from_stack = world_from_base @ np.linalg.inv(stack_from_base)
-        _show_frame(context, history, history.world_from_stack)
-        for path, waiting in list(context.last.items()):
-            mine = path.startswith(f"{history.spec.name}/")
+        track.world_from_stack = world_from_base @ np.linalg.inv(stack_from_base)
+        _show_frame(drawing, track, track.world_from_stack)
+        for path, waiting in list(drawing.last.items()):
+            mine = path.startswith(f"{track.spec.name}/")
             if mine and isinstance(waiting, navigation.OccupancyGrid):
-                occupancy_grid(context, history, path, waiting)
+                occupancy_grid(drawing, track, path, waiting)
     return True
 
 
-def _show_frame(context: DrawingContext, history: VehicleHistory, world_from_stack: Floats) -> None:
+def _show_frame(drawing: Drawing, track: Track, world_from_stack: Floats) -> None:
     frame = rr.Transform3D(
         translation=world_from_stack[:3, 3],
         mat3x3=world_from_stack[:3, :3],
         parent_frame=WORLD,
-        child_frame=history.stack_frame,
+        child_frame=track.stack_frame,
     )
-    context.recording.log(f"tf/{history.stack_frame}", frame, static=True)
+    drawing.recording.log(f"tf/{track.stack_frame}", frame, static=True)
 
 
 def occupancy_grid(
-    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.OccupancyGrid
+    drawing: Drawing, track: Track, path: str, message: navigation.OccupancyGrid
 ) -> None:
     """Draw a map as an image in the plane of its frame."""
     if not message.width or not message.height:
         return
-    if message.frame != WORLD and history.world_from_stack is None:
-        context.last[path] = message  # where the stack's frame lies is known with its first pose
+    if message.frame != WORLD and track.world_from_stack is None:
+        drawing.last[path] = message  # where the stack's frame lies is known with its first pose
         return
-    context.in_frame(path, WORLD if message.frame == WORLD else history.stack_frame)
+    drawing.in_frame(path, WORLD if message.frame == WORLD else track.stack_frame)
     cells = np.frombuffer(message.cells, np.int8).reshape(message.height, message.width)
     plane = rr.GridMap(
         data=of_cells(cells[::-1]).tobytes(),  # a picture's first row is at its top
@@ -224,44 +207,38 @@ def occupancy_grid(
         quaternion=rr.Quaternion(xyzw=message.origin_orientation),
         opacity=MAP_OPACITY,
     )
-    context.log(path, message.stamp_nanos, plane)
+    drawing.log(path, message.stamp_nanos, plane)
 
 
-def transforms(
-    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.Transforms
-) -> None:
+def transforms(drawing: Drawing, track: Track, path: str, message: navigation.Transforms) -> None:
     """Place frames of the stack; the scenario's frames keep their true poses."""
     for t in message.transforms:
-        if history.base_from(t.child) is None:
-            context.move(t.child, t.parent, (*t.translation_m, *t.rotation), t.stamp_nanos)
+        if track.base_from(t.child) is None:
+            drawing.move(t.child, t.parent, (*t.translation_m, *t.rotation), t.stamp_nanos)
 
 
-def joint_state(
-    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.JointState
-) -> None:
+def joint_state(drawing: Drawing, track: Track, path: str, message: navigation.JointState) -> None:
     """Plot the joints' positions and speeds."""
     if path.endswith("/ground_truth/wheels"):
         return  # encoders show nearly the same
-    at = context.sim_nanos(message.stamp_nanos)
+    at = drawing.sim_nanos(message.stamp_nanos)
     for what in ("positions", "velocities"):
         values = floats(getattr(message, what)).tolist()
         if values:
-            context.plots.add(f"{path}/{what}", at, values, message.names)
+            drawing.plots.add(f"{path}/{what}", at, values, message.names)
 
 
-def nav_sat_fix(
-    context: DrawingContext, history: VehicleHistory, path: str, message: navigation.NavSatFix
-) -> None:
+def nav_sat_fix(drawing: Drawing, track: Track, path: str, message: navigation.NavSatFix) -> None:
     """Draw the fix and the path of fixes on a map."""
     if message.status < 0:
         return
     fix = (message.latitude_deg, message.longitude_deg)
     here = rr.GeoPoints(lat_lon=[fix], radii=[-6.0], colors=[(255, 90, 60)])
-    context.log(path, message.stamp_nanos, here)
-    trail = context.trails.setdefault(path, Trail(3e-7))  # of a degree: 3 cm
+    drawing.log(path, message.stamp_nanos, here)
+    trail = drawing.trails.setdefault(path, Trail(3e-7))  # of a degree: 3 cm
     if trail.add(fix) and len(trail.points) > 1:
         way = rr.GeoLineStrings(lat_lon=[trail.points], radii=[-2.0], colors=[(255, 170, 60)])
-        context.log(f"{path}/way", message.stamp_nanos, way)
+        drawing.log(f"{path}/way", message.stamp_nanos, way)
 
 
 RELAYED_FORMS = {
@@ -270,21 +247,21 @@ RELAYED_FORMS = {
 }
 
 
-def relayed(context: DrawingContext, history: VehicleHistory, path: str, message: Relayed) -> None:
+def relayed(drawing: Drawing, track: Track, path: str, message: Relayed) -> None:
     """Draw a relayed ROS message by its type, or as the bus message of the same type."""
     if draw := RELAYED_FORMS.get(message.ros_type):
         found = STORE.deserialize_cdr(bytes(message.cdr), message.ros_type)
-        draw(context, history, path, message.stamp_nanos, found)
+        draw(drawing, track, path, message.stamp_nanos, found)
         return
     read = READERS.get(message.ros_type)
     known = read(message.cdr, message.stamp_nanos) if read is not None else None
     if isinstance(known, navigation.PoseStamped | navigation.Odometry | navigation.OccupancyGrid):
-        FORMS[type(known)](context, history, path, known)
+        FORMS[type(known)](drawing, track, path, known)
     else:
-        context.not_drawn += 1
+        drawing.not_drawn += 1
 
 
-Form = Callable[[DrawingContext, VehicleHistory, str, Any], None]
+Form = Callable[[Drawing, Track, str, Any], None]
 
 FORMS: dict[type[Message], Form] = {
     Command: command,

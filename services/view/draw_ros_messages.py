@@ -2,7 +2,7 @@
 """Draw paths and point clouds of a vehicle's own stack in Rerun.
 
 Their fields are found by name, as other ROS tools do. A cloud without float32 fields x, y and z is
-not drawn. Frames of the stack are placed by `drawing_context`.
+not drawn. Frames of the stack are placed by `drawing`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from groundlink.ros.types import xyz
 
-from .drawing_context import WORLD, DrawingContext, VehicleHistory
+from .drawing import WORLD, Drawing, Track
 
 PLANNED = (130, 230, 110)
 """Color of a stack's plans and derived data."""
@@ -28,37 +28,35 @@ _FLOAT32 = 7
 """sensor_msgs/PointField."""
 
 
-def path(
-    context: DrawingContext, history: VehicleHistory, entity: str, stamp_nanos: int, message: Any
-) -> None:
+def path(drawing: Drawing, track: Track, entity: str, stamp_nanos: int, message: Any) -> None:
     """Draw a nav_msgs/Path as a line; an empty one removes the last."""
-    if _place(context, history, entity, message.header.frame_id):
+    if _place(drawing, track, entity, message.header.frame_id):
         line = [xyz(row.pose.position) for row in message.poses]
         strips = [line] if len(line) > 1 else []
         drawn = rr.LineStrips3D(strips, colors=[PLANNED], radii=[PATH_RADIUS])
-        context.log(entity, stamp_nanos, drawn)
+        drawing.log(entity, stamp_nanos, drawn)
 
 
 def point_cloud(
-    context: DrawingContext, history: VehicleHistory, entity: str, stamp_nanos: int, message: Any
+    drawing: Drawing, track: Track, entity: str, stamp_nanos: int, message: Any
 ) -> None:
     """Draw the points of a sensor_msgs/PointCloud2."""
     points = _points(message)
     if points is None:
-        context.not_drawn += 1
-    elif _place(context, history, entity, message.header.frame_id):
+        drawing.not_drawn += 1
+    elif _place(drawing, track, entity, message.header.frame_id):
         drawn = rr.Points3D(points, colors=[PLANNED], radii=POINT_RADIUS)
-        context.log(entity, stamp_nanos, drawn)
+        drawing.log(entity, stamp_nanos, drawn)
 
 
-def _place(context: DrawingContext, history: VehicleHistory, entity: str, frame: str) -> bool:
+def _place(drawing: Drawing, track: Track, entity: str, frame: str) -> bool:
     """Set the frame of an entity; return whether the frame is known."""
-    if frame != WORLD and history.base_from(frame) is None:
-        if history.world_from_stack is None:
-            context.not_drawn += 1
+    if frame != WORLD and track.base_from(frame) is None:
+        if track.world_from_stack is None:
+            drawing.not_drawn += 1
             return False
-        frame = history.stack_frame
-    context.in_frame(entity, frame)
+        frame = track.stack_frame
+    drawing.in_frame(entity, frame)
     return True
 
 

@@ -24,7 +24,7 @@ from groundlink.world.vehicle_links import link_solids
 from . import link_panel
 from .colors import Coloring
 from .draw_messages import FORMS
-from .drawing_context import WORLD, DrawingContext, VehicleHistory
+from .drawing import WORLD, Drawing, Track
 from .layout import TEXT
 from .meshes import ShadedMesh, mesh, world
 from .rerun_destinations import RerunDestination
@@ -54,12 +54,7 @@ class RerunView:
     """
 
     def __init__(
-        self,
-        scenario: Scenario,
-        run: str,
-        *,
-        coloring: Coloring,
-        destination: RerunDestination,
+        self, scenario: Scenario, run: str, *, coloring: Coloring, destination: RerunDestination
     ) -> None:
         self._scenario, self._run = scenario, run
         self._coloring = coloring
@@ -68,69 +63,69 @@ class RerunView:
         self._next_frame_nanos = 0
         self._next_plot_nanos = 0
         self._life: int | None = None
-        self.context = self._begin()
+        self.drawing = self._begin()
 
     def change(self, scenario: Scenario) -> None:
         """Draw another world from now on, in a new recording."""
-        self.context.plots.flush()
+        self.drawing.plots.flush()
         self._scenario = scenario
-        self.context = self._begin()
+        self.drawing = self._begin()
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take states; draw the newest of them when it is due."""
         for state in states:
             if state.life != self._life:
                 if self._life is not None:
-                    self.context = self._begin()
+                    self.drawing = self._begin()
                 self._life = state.life
-            self.context.epoch_nanos = state.epoch_nanos
-            self.context.now_nanos = state.sim_nanos
-            for name, history in self.context.vehicles.items():
+            self.drawing.epoch_nanos = state.epoch_nanos
+            self.drawing.now_nanos = state.sim_nanos
+            for name, track in self.drawing.vehicles.items():
                 if name in state.vehicles:
-                    history.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
-        if states and self.context.now_nanos >= self._next_frame_nanos:
-            self._next_frame_nanos = self.context.now_nanos + FRAME_NANOS * 3 // 4
+                    track.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
+        if states and self.drawing.now_nanos >= self._next_frame_nanos:
+            self._next_frame_nanos = self.drawing.now_nanos + FRAME_NANOS * 3 // 4
             newest = {name: state for state in states for name in state.vehicles}
-            for name, history in self.context.vehicles.items():
+            for name, track in self.drawing.vehicles.items():
                 if name in newest:
-                    self._draw(newest[name], history)
+                    self._draw(newest[name], track)
             poses = floats(states[-1].actors).reshape(-1, 7).tolist()
             for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
-                self.context.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
+                self.drawing.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
 
     def take(self, path: str, stream: RosStream, message: Message) -> None:
         """Draw a message of a vehicle, if a state came before it: its epoch is needed."""
-        history = self.context.vehicles.get(path.partition("/")[0])
-        if self.context.epoch_nanos is not None and history is not None:
+        track = self.drawing.vehicles.get(path.partition("/")[0])
+        if self.drawing.epoch_nanos is not None and track is not None:
             if draw := FORMS.get(stream.message):
-                draw(self.context, history, path, message)
+                draw(self.drawing, track, path, message)
             else:
-                self.context.not_drawn += 1
+                self.drawing.not_drawn += 1
 
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Show the health of a process."""
         self._monitor.update(health, now_seconds)
-        if self.context.epoch_nanos is None:
+        if self.drawing.epoch_nanos is None:
             return
         if health.streams:
-            link_panel.plot(self.context.plots, self.context.now_nanos, health)
+            link_panel.plot(self.drawing.plots, self.drawing.now_nanos, health)
         if health.process == "physics":
             color = {"intensity": "intensity", "ring": "laser"}[self._coloring]
             title = f"{self._scenario.name} · run {self._run}"
             said = link_panel.text(title, self._monitor, shown=f"points colored by {color}")
-            stamp = self.context.epoch_nanos + self.context.now_nanos
-            self.context.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
+            stamp = self.drawing.epoch_nanos + self.drawing.now_nanos
+            self.drawing.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
 
     def tell(self, text: str) -> None:
         """Show a text in the run's panel."""
         document = rr.TextDocument(text, media_type="text/markdown")
-        self.context.recording.log(TEXT, document, static=True)
+        self.drawing.recording.log(TEXT, document, static=True)
 
     def flush(self) -> None:
         """Pass the plots to Rerun, some times a second of simulation time."""
-        if self.context.now_nanos >= self._next_plot_nanos:
-            self._next_plot_nanos = self.context.now_nanos + NANOS // 5
-            self.context.plots.flush()
+        if self.drawing.now_nanos >= self._next_plot_nanos:
+            self._next_plot_nanos = self.drawing.now_nanos + NANOS // 5
+            self.drawing.plots.flush()
 
     def alive(self) -> bool:
         """Return whether the view is still open."""
@@ -138,65 +133,65 @@ class RerunView:
 
     def counters(self) -> dict[str, int]:
         """Return how many messages could not be drawn."""
-        return {"not_drawn": self.context.not_drawn}
+        return {"not_drawn": self.drawing.not_drawn}
 
     def close(self) -> None:
         """Show waiting data and close."""
-        self.context.plots.flush()
+        self.drawing.plots.flush()
         self._destination.close()
 
-    def _begin(self) -> DrawingContext:
+    def _begin(self) -> Drawing:
         """Return a new recording with all static things."""
         recording = self._destination.new_recording()
-        context = DrawingContext(recording, self._scenario, self._coloring)
+        drawing = Drawing(recording, self._scenario, self._coloring)
         self._next_frame_nanos = self._next_plot_nanos = 0
         recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        context.fix(WORLD, ROOT, IDENTITY)
+        drawing.fix(WORLD, ROOT, IDENTITY)
         for name, solid in world(self._scenario).items():
             recording.log(f"world/{name}", _drawn(solid, WORLD_LIGHT), static=True)
         materials = self._scenario.world.materials
         for actor in self._scenario.world.actors:
             path = f"actors/{actor.name}"
-            context.in_frame(path, actor.name)
+            drawing.in_frame(path, actor.name)
             recording.log(
                 path, _drawn(mesh(actors.form_solids(actor.form), materials)), static=True
             )
-        for history in context.vehicles.values():
-            model, prefix = history.spec.model, history.spec.frame_prefix
+        for track in drawing.vehicles.values():
+            model, prefix = track.spec.model, track.spec.frame_prefix
             for link, parts in zip(model.link_names(), link_solids(model), strict=True):
-                path = f"{history.spec.name}/links/{link}"
-                context.in_frame(path, prefix + link)
+                path = f"{track.spec.name}/links/{link}"
+                drawing.in_frame(path, prefix + link)
                 recording.log(path, _drawn(mesh(parts, materials)), static=True)
-            for sensor in history.spec.sensors:
+            for sensor in track.spec.sensors:
                 frame = prefix + sensor.frame
-                placed = history.base_from(frame)
-                if frame != history.base_frame and placed is not None:
+                placed = track.base_from(frame)
+                if frame != track.base_frame and placed is not None:
                     mount = rr.Transform3D(
                         translation=placed[:3, 3],
                         mat3x3=placed[:3, :3],
-                        parent_frame=history.base_frame,
+                        parent_frame=track.base_frame,
                         child_frame=frame,
                     )
                     recording.log(f"tf/{frame}", mount, static=True)
-        return context
+        return drawing
 
-    def _draw(self, state: State, history: VehicleHistory) -> None:
+    def _draw(self, state: State, track: Track) -> None:
         """Draw the pose and velocity of a vehicle."""
-        vehicle, context = state.vehicles[history.spec.name], self.context
-        name, prefix = history.spec.name, history.spec.frame_prefix
+        vehicle, drawing = state.vehicles[track.spec.name], self.drawing
+        name, prefix = track.spec.name, track.spec.frame_prefix
         poses = vehicle.poses()
-        for link, pose in zip(history.spec.model.link_names(), poses.tolist(), strict=False):
-            context.move(prefix + link, WORLD, pose, state.stamp_nanos)
+        for link, pose in zip(track.spec.model.link_names(), poses.tolist(), strict=False):
+            drawing.move(prefix + link, WORLD, pose, state.stamp_nanos)
         # Just above the floor, so that the vehicle does not hide it.
         x, y, z = poses[0, :3].tolist()
-        if history.trail.add((x, y, z - history.spec.model.base_height_m + 0.01)):
-            line = rr.LineStrips3D([history.trail.points], colors=[TRUTH], radii=[-2.5])
-            context.log(f"{name}/path", state.stamp_nanos, line)
+        if track.trail.add((x, y, z - track.spec.model.base_height_m + 0.01)):
+            line = rr.LineStrips3D([track.trail.points], colors=[TRUTH], radii=[-2.5])
+            drawing.log(f"{name}/path", state.stamp_nanos, line)
         base_from_world = matrix_from_quaternion(conjugate(poses[0, 3:]))
         linear, angular = floats(vehicle.base_velocity).reshape(2, 3) @ base_from_world.T
         at = state.sim_nanos
-        context.plots.add(f"{name}/speed/true", at, [float(linear[0])], ["true"], [TRUTH])
-        context.plots.add(f"{name}/turning/true", at, [float(angular[2])], ["true"], [TRUTH])
+        drawing.plots.add(f"{name}/speed/true", at, [float(linear[0])], ["true"], [TRUTH])
+        drawing.plots.add(f"{name}/turning/true", at, [float(angular[2])], ["true"], [TRUTH])
 
 
 def _drawn(solid: ShadedMesh, light: float = 1.0) -> rr.Mesh3D:

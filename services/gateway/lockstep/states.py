@@ -98,9 +98,7 @@ class LockstepAction(Enum):
 _S, _E, _A = LockstepState, LockstepEvent, LockstepAction
 
 TRANSITIONS: dict[LockstepState, dict[LockstepEvent, tuple[LockstepState, LockstepAction]]] = {
-    _S.START: {
-        _E.OPENED: (_S.CONNECTING, _A.SEND_FIRST_BARRIER),
-    },
+    _S.START: {_E.OPENED: (_S.CONNECTING, _A.SEND_FIRST_BARRIER)},
     _S.CONNECTING: {
         _E.REPLY: (_S.RUNNING, _A.ASK_PHYSICS),
         _E.NODE_RESTARTED: (_S.CONNECTING, _A.RESEND_READINGS),

@@ -300,11 +300,7 @@ def test_ground_truth_goes_to_those_who_subscribe(bench: Bench) -> None:
 
 def test_a_stream_of_any_kind_is_carried() -> None:
     scenario = load(SHIPPED / "indoor_lab.yaml")
-    kinds = {
-        "PoseStamped": "pose",
-        "OccupancyGrid": "map",
-        "TFMessage": "transforms",
-    }
+    kinds = {"PoseStamped": "pose", "OccupancyGrid": "map", "TFMessage": "transforms"}
     streams, messages = [], {}
     for name, example in EXAMPLES.items():
         if name == "text":

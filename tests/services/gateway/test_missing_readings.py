@@ -51,8 +51,7 @@ def run() -> Run:
 
 @pytest.mark.parametrize("sensor", STREAMS)
 @pytest.mark.parametrize(
-    ("readings", "not_come"),
-    [([7, 8, 9], 0), ([7, 9], 1), ([7, 10, 11, 15], 5), ([12], 0)],
+    ("readings", "not_come"), [([7, 8, 9], 0), ([7, 9], 1), ([7, 10, 11, 15], 5), ([12], 0)]
 )
 def test_what_is_left_out_between_two_is_counted(
     run: Run, sensor: str, readings: list[int], not_come: int

@@ -51,9 +51,7 @@ def test_an_unlimited_subscription_ends_when_unsubscribed(subscriptions: Subscri
     assert subscriptions.receivers(IMU, 1, 1.0) == []
 
 
-def test_the_last_subscribe_of_an_unlimited_subscription_counts(
-    subscriptions: Subscribers,
-) -> None:
+def test_the_last_subscribe_of_an_unlimited_subscription_counts(subscriptions: Subscribers) -> None:
     subscriptions.request(OTHER, "/imu", Subscribe(2), 0.0)
     subscriptions.request(OTHER, "/imu", Subscribe(2, max_rate_hz=5.0, lease_s=3), 0.0)
     sent = [bool(subscriptions.receivers(IMU, i * 10**7, 0.0)) for i in range(100)]

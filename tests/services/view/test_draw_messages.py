@@ -45,7 +45,7 @@ from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
 from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.view.draw_messages import FORMS
-from services.view.drawing_context import MOST_POINTS, Trail
+from services.view.drawing import MOST_POINTS, Trail
 from services.view.rerun_view import RerunView
 
 from .scenes import EPOCH, SCENARIO, Nowhere, Remembering, state
@@ -58,7 +58,7 @@ UP = (0.0, 0.0, 0.0, 1.0)
 def picture(
     coloring: Any = "intensity", scenario: Scenario = SCENARIO
 ) -> tuple[RerunView, Remembering]:
-    """Return a picture that has history a second of driving."""
+    """Return a picture that has track a second of driving."""
     nowhere = Nowhere()
     it = RerunView(scenario, "run", coloring=coloring, destination=nowhere)
     it.take_states([state(tick) for tick in range(401)])
@@ -201,8 +201,8 @@ def test_each_message_is_drawn(kind: type[Message]) -> None:
     if kind is WheelEncoders:
         show(it, "rover/x", encoders(0, STAMP - 20_000_000))
     show(it, "rover/x", message)
-    it.context.plots.flush()
-    assert it.context.not_drawn == 0
+    it.drawing.plots.flush()
+    assert it.drawing.not_drawn == 0
     if drawn is None:
         assert recording.columns[path] == 1
     else:
@@ -214,8 +214,8 @@ def test_a_failed_distance_and_a_lost_fix_are_not_drawn() -> None:
     nan = float("nan")
     show(it, "rover/x", imagery.Range(STAMP, "front", "ultrasound", 0.5, 0.1, 4.0, nan, 0.0))
     show(it, "rover/y", navigation.NavSatFix(STAMP, "gnss", -1, 1, nan, nan, nan, EYE9, 0))
-    it.context.plots.flush()
-    assert it.context.not_drawn == 0
+    it.drawing.plots.flush()
+    assert it.drawing.not_drawn == 0
     assert not {"rover/x", "rover/y"} & recording.logged.keys()
     assert not any(path.startswith(("rover/x", "rover/y")) for path in recording.columns)
 
@@ -279,8 +279,8 @@ def test_blocks_of_a_scan_are_drawn_as_one(block_deg: float, drawn: int) -> None
 
 def test_the_truth_is_of_one_instant_and_coloured_by_body() -> None:
     it, recording = picture()
-    history = [(2.0, 0, 0, 50, 0, 0.0, 7), (2.0, 0, 0, 50, 9, 0.1, 7), (2.0, 0, 0, 50, 0, 0.0, 8)]
-    show(it, "rover/lidar/truth", true_points(history))
+    track = [(2.0, 0, 0, 50, 0, 0.0, 7), (2.0, 0, 0, 50, 9, 0.1, 7), (2.0, 0, 0, 50, 0, 0.0, 8)]
+    show(it, "rover/lidar/truth", true_points(track))
     (points,) = recording.logged["rover/lidar/truth"]
     placed = np.array(points.positions.as_arrow_array().to_pylist())
     assert placed == pytest.approx(np.tile(placed[0], (3, 1)))
@@ -300,7 +300,7 @@ def test_colours_are_by_intensity_or_by_ring(coloring: str, differ: bool) -> Non
 def test_a_cloud_from_before_the_first_state_is_counted() -> None:
     it, recording = picture()
     show(it, "rover/lidar", cloud([(1, 0, 0, 9, 0, 0)], stamp=EPOCH - 1))
-    assert it.context.not_drawn == 1
+    assert it.drawing.not_drawn == 1
     assert "rover/lidar" not in recording.logged
 
 
@@ -318,7 +318,7 @@ def test_a_cloud_from_before_the_first_state_is_counted() -> None:
 def test_what_cannot_be_drawn_is_counted(message: Message) -> None:
     it, _ = picture()
     show(it, "rover/x", message)
-    assert it.context.not_drawn == 1
+    assert it.drawing.not_drawn == 1
 
 
 @pytest.mark.parametrize(
@@ -357,7 +357,7 @@ def test_a_plan_lies_in_the_frame_of_the_stack_and_a_cloud_in_the_sensors() -> N
     it, recording = picture()
     path = "rover/from_ros/topics/plan"
     show(it, path, plan("map", (0, 0, 0), (1, 2, 0)))
-    assert it.context.not_drawn == 1, "where the stack's map lies is not known yet"
+    assert it.drawing.not_drawn == 1, "where the stack's map lies is not known yet"
     show(it, "rover/from_ros/pose", navigation.PoseStamped(STAMP, "map", (0, 0, 0), UP))
     show(it, path, plan("map", (0, 0, 0), (1, 2, 0)))
     frame, line = recording.logged[path]
@@ -368,7 +368,7 @@ def test_a_plan_lies_in_the_frame_of_the_stack_and_a_cloud_in_the_sensors() -> N
     frame, points = recording.logged["rover/y"]
     assert frame.frame.as_arrow_array().to_pylist() == ["lidar_link"]
     assert points.positions.as_arrow_array().to_pylist() == [[1, 2, 3]]
-    assert it.context.not_drawn == 1
+    assert it.drawing.not_drawn == 1
 
 
 def test_what_else_is_relayed_is_drawn_as_what_it_is_or_counted() -> None:
@@ -378,18 +378,18 @@ def test_what_else_is_relayed_is_drawn_as_what_it_is_or_counted() -> None:
     assert any(isinstance(what, rr.GridMap) for what in recording.logged["rover/x"])
     show(it, "rover/y", relayed("std_msgs/msg/String", data="hello"))
     show(it, "rover/z", filtered("lidar_link", [(1, 2, 3)], axes="abc"))
-    assert it.context.not_drawn == 2
+    assert it.drawing.not_drawn == 2
 
 
 def test_what_is_stamped_by_another_clock_is_drawn_now() -> None:
     """A node that does not use sim time, or stamps nothing, stretches no time line."""
     it, _ = picture()
-    newest = it.context.now_nanos
+    newest = it.drawing.now_nanos
     assert newest == 400 * TICK_NANOS
-    assert it.context.sim_nanos(EPOCH + newest // 2) == newest // 2
-    assert it.context.sim_nanos(EPOCH + newest + NANOS) == newest + NANOS
+    assert it.drawing.sim_nanos(EPOCH + newest // 2) == newest // 2
+    assert it.drawing.sim_nanos(EPOCH + newest + NANOS) == newest + NANOS
     for stamp in (0, EPOCH - 1, EPOCH + newest + 3600 * NANOS):
-        assert it.context.sim_nanos(stamp) == newest
+        assert it.drawing.sim_nanos(stamp) == newest
 
 
 def test_a_new_life_of_physics_gets_a_recording_of_its_own() -> None:
@@ -399,7 +399,7 @@ def test_a_new_life_of_physics_gets_a_recording_of_its_own() -> None:
     it.take_states([state(0, epoch=EPOCH + 10**10)])
     assert len(nowhere.recordings) == 2
     show(it, "rover/lidar", cloud([(1, 0, 0, 9, 0, 0)]))
-    assert it.context.not_drawn == 1
+    assert it.drawing.not_drawn == 1
 
 
 def test_a_vehicle_that_moves_at_400_hz_is_drawn_at_30() -> None:

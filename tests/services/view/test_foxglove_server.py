@@ -137,9 +137,7 @@ def test_the_clock_is_the_servers_time(served: tuple[FoxgloveServer, Client]) ->
     assert client.times == [EPOCH + 10**9]
 
 
-def test_the_scene_has_the_room_without_its_ceiling(
-    served: tuple[FoxgloveServer, Client],
-) -> None:
+def test_the_scene_has_the_room_without_its_ceiling(served: tuple[FoxgloveServer, Client]) -> None:
     server, client = served
     client.subscribe("/scene")
     say(server, client, {}, 1)

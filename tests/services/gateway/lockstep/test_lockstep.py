@@ -24,18 +24,7 @@ from udp_bridge.wire.lockstep import (
 )
 from udp_bridge.wire.types import CONTROL
 
-from .rig import (
-    CLOCK,
-    COMMAND_KEY,
-    ENCODERS,
-    JOINTS,
-    LIFE,
-    PEER,
-    RUN,
-    SENSORS,
-    TWIST,
-    Rig,
-)
+from .rig import CLOCK, COMMAND_KEY, ENCODERS, JOINTS, LIFE, PEER, RUN, SENSORS, TWIST, Rig
 
 
 @pytest.fixture

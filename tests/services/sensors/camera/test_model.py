@@ -23,7 +23,7 @@ from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.rendering.gl.target import ALL_LAYERS
 from services.sensors.runtime.model import LeftOut, parted
-from services.view.drawing_context import Seen
+from services.view.drawing import Seen
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, resting, yard
 

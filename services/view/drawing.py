@@ -56,7 +56,7 @@ class Trail:
 
 
 @dataclass
-class VehicleHistory:
+class Track:
     """Poses and frames of a vehicle."""
 
     spec: Vehicle
@@ -94,7 +94,7 @@ class VehicleHistory:
         return None
 
 
-class DrawingContext:
+class Drawing:
     """A Rerun recording with the state that drawing functions need."""
 
     def __init__(
@@ -104,7 +104,7 @@ class DrawingContext:
         self.scenario = scenario
         self.coloring = coloring
         self.plots = Plots(recording)
-        self.vehicles = {v.name: VehicleHistory(v) for v in scenario.vehicles}
+        self.vehicles = {v.name: Track(v) for v in scenario.vehicles}
         self.epoch_nanos: int | None = None
         """None before the first state."""
 
@@ -141,13 +141,11 @@ class DrawingContext:
         self.recording.set_time(TIMELINE, duration=now)
         self.recording.log(path, drawn)
 
-    def revolution(
-        self, history: VehicleHistory, path: str, *part: NDArray[Any]
-    ) -> list[NDArray[Any]] | None:
+    def revolution(self, track: Track, path: str, *part: NDArray[Any]) -> list[NDArray[Any]] | None:
         """Take arrays of a block of a revolution; with its last block return the revolution."""
         parts = self._blocks.setdefault(path, [])
         parts.append(part)
-        spec = history.sensor(path)
+        spec = track.sensor(path)
         if isinstance(spec, RotatingLidar) and len(parts) < spec.blocks_per_revolution:
             return None
         del self._blocks[path]
