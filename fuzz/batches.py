@@ -16,7 +16,7 @@ from collections import Counter
 from typing import Any
 
 from udp_bridge import Limits, Message, fragments
-from udp_bridge.io.batch_io import IS_BUILT
+from udp_bridge.io.native import batch_io
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.receiver.inbox import Inbox
 
@@ -81,7 +81,7 @@ class InboxPair:
         until = self._batched.datagrams + count
         while self._batched.datagrams < until:
             slots, credits = self._batched.predict_slots()
-            batch = self._socket.receive_run(slots, credits)
+            batch = self._socket.receive_batch(slots, credits)
             assert batch is not None, "a datagram was lost on loopback"
             self.counts["in_slots"] += batch.parts_count
             received = self._batched.receive_batch(slots, batch, self._now_nanos)
@@ -173,7 +173,7 @@ def run_batch(seed: int) -> Counter[str]:
 def main() -> int:
     """Run batches until there were enough datagrams or the time is over."""
     counts, summary = run_batches("fuzz.batches", run_batch)
-    how = "many at a time" if IS_BUILT else "one at a time"
+    how = "many at a time" if batch_io else "one at a time"
     print(
         f"{summary}; received {how}, {counts['in_slots']} in their slots; equal to single"
         " datagrams, nothing raised, limits held"

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversation of several senders and one receiver, with loss, restarts and forged datagrams.
 
-Senders and receiver are the real ones (`Outbox`, `Inbox`); time and the network are simulated. Each
-method is one event. Invariants: the receiver keeps its limits, its requests can be parsed, and a
-body of an honest sender is delivered unchanged and at most once. `sequences` and the stateful test
-of `tests/udp_bridge` choose the events.
+Senders and receiver are the real ones (`SendQueue`, `Inbox`); time and the network are simulated.
+Each method is one event. Invariants: the receiver keeps its limits, its requests can be parsed, and
+a body of an honest sender is delivered unchanged and at most once. `sequences` and the stateful
+test of `tests/udp_bridge` choose the events.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from udp_bridge import Limits, Message
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.sender.repair import Fec, Mode, Resend
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 from udp_bridge.wire.fec import is_available
 from udp_bridge.wire.header import NANOS, SEQ_NUMBERS, Header, parse
 from udp_bridge.wire.message import Address
@@ -79,7 +79,7 @@ class Sender:
         """Restart from number 0; delayed datagrams are lost."""
         self.count_since_restart = 0
         self.held.clear()
-        self.outbox = Outbox(RECEIVER, DATAGRAM, repair={(1, "/p"): self.mode})
+        self.queue = SendQueue(RECEIVER, DATAGRAM, repair={(1, "/p"): self.mode})
 
     def make(self, size: int, stamp_nanos: int) -> Message:
         """Return a message with a unique body."""
@@ -103,16 +103,16 @@ class Conversation:
     def send(self, index: int, size: int) -> None:
         """Queue a message of 1 to `LARGEST_BODY` bytes."""
         sender = self.senders[index]
-        sender.outbox.put(sender.make(32 + size % (LARGEST_BODY - 32), self._clock(sender)))
+        sender.queue.put(sender.make(32 + size % (LARGEST_BODY - 32), self._clock(sender)))
 
     def transfer(self, index: int, actions: list[int]) -> None:
         """Send datagrams, with one network action each; those held before arrive after them."""
         sender = self.senders[index]
         held, sender.held = sender.held, []
         for action in actions:
-            datagram = sender.outbox.take(self.now_nanos)
+            datagram = sender.queue.take(self.now_nanos)
             if datagram is None:
-                wake_nanos = sender.outbox.next_wake(self.now_nanos)
+                wake_nanos = sender.queue.next_wake(self.now_nanos)
                 if wake_nanos is None:
                     break
                 self.now_nanos = max(wake_nanos, self.now_nanos + MS // 10)
@@ -162,7 +162,7 @@ class Conversation:
 
     def end(self) -> None:
         """Check that a new sender gets its message through, and that nothing stays held."""
-        fresh = Outbox(RECEIVER, DATAGRAM)
+        fresh = SendQueue(RECEIVER, DATAGRAM)
         fresh.put(Message(1, "/p", "", START_NANOS, 0, bytes(2000)))
         delivered = 0
         while (datagram := fresh.take(self.now_nanos)) is not None:
@@ -179,11 +179,11 @@ class Conversation:
 
     def _back_inbox(self, sender: Sender) -> Inbox:
         """Return the inbox for the answers to a sender since its restart."""
-        outbox = sender.outbox
+        queue = sender.queue
         return Inbox(
             receive_buffer=1 << 16,
-            on_credit=lambda _, key, size: outbox.pacer.acknowledged(key, size, self.now_nanos),
-            on_request=lambda _, header, request: outbox.resender.asked(
+            on_credit=lambda _, key, size: queue.flow.acknowledged(key, size, self.now_nanos),
+            on_request=lambda _, header, request: queue.resender.requested(
                 header, request, self.now_nanos
             ),
         )

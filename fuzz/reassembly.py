@@ -21,7 +21,7 @@ from typing import Any
 
 from udp_bridge import MSG_TYPES, Header, Limits, Message, Reassembler, Refused, fragments, parse
 from udp_bridge.sender.repair import parse_mode
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 from udp_bridge.wire.capture import datagrams
 from udp_bridge.wire.fec import is_available
 from udp_bridge.wire.fragments import DatagramSize
@@ -118,12 +118,12 @@ def message(rng: random.Random) -> list[bytes]:
 def repaired(rng: random.Random) -> list[bytes]:
     """Return the datagrams of two messages with their repair symbols or offers, if any."""
     mode = parse_mode(rng.choice(MODES))
-    outbox = Outbox(("", 0), rng.choice(SIZES), repair={} if mode is None else {(1, "/a"): mode})
+    queue = SendQueue(("", 0), rng.choice(SIZES), repair={} if mode is None else {(1, "/a"): mode})
     cut: list[bytes] = []
     for index in range(2):
         body = rng.randbytes(rng.choice([1, 300, 3000]))
-        outbox.put(Message(1, "/a", "l", index * 10**9, 0, body))
-        while (datagram := outbox.take(index)) is not None:
+        queue.put(Message(1, "/a", "l", index * 10**9, 0, body))
+        while (datagram := queue.take(index)) is not None:
             cut.append(datagram.header + bytes(datagram.part))
     return cut
 

@@ -22,8 +22,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TESTS = (
-    "tests/udp_bridge/io/test_batch_io.py",
-    "tests/udp_bridge/test_orders.py",
+    "tests/udp_bridge/io/test_udp_socket.py",
+    "tests/udp_bridge/test_delegated_sends.py",
     "tests/udp_bridge/io/test_credit_mailbox.py",
     "tests/bridge/test_fuzz.py::test_batches_of_parts_give_what_single_datagrams_give",
     "tests/services/sensors/rays",

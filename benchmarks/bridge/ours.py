@@ -114,7 +114,7 @@ class UdpBridge:
         try:
             times = [self.receiver.number(self._patience_s) for _ in range(count)]
         except Late:
-            told = (self._link.accounts(), self._link.counters(), self._report)
+            told = (self._link.delivery_counts(), self._link.counters(), self._report)
             raise Late(f"a message has not arrived; {told}") from None
         return (times[-1] - began) / 1e6
 
@@ -123,7 +123,7 @@ class UdpBridge:
         self._report = None  # one that was on its way may not know of all
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
-            for row in self._link.accounts():
+            for row in self._link.delivery_counts():
                 if row.topic == TOPIC and self._report is not None and not row.in_flight:
                     drops, room = self._report.kernel_drops, self._report.receive_buffer
                     stalls = self._link.counters()["stalls"]

@@ -24,7 +24,7 @@ import time
 from typing import Any
 
 from udp_bridge import Link, Message
-from udp_bridge.io.link import DEFAULT_RECEIVE_BUFFER
+from udp_bridge.io.udp_socket import RECOMMENDED_BUFFER
 
 from .lossy import lossy_socket
 
@@ -101,7 +101,7 @@ def library(options: argparse.Namespace) -> None:
 
     lossy = None
     if options.lost:
-        lossy = lossy_socket(options.lost, receive_buffer=DEFAULT_RECEIVE_BUFFER)
+        lossy = lossy_socket(options.lost, receive_buffer=RECOMMENDED_BUFFER)
     with Link(("127.0.0.1", 0), on_message=on_message, report=True, socket=lossy) as link:
         print(link.address[1], flush=True)
         threading.Event().wait()

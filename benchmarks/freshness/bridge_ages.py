@@ -154,7 +154,7 @@ def _send(
     table = {} if mode is None else {(MSG_TYPE, TOPIC): mode}
     bodies = [bytes([block]) + bytes(size // blocks - 1) for block in range(blocks)]
     waiting = {(MSG_TYPE, TOPIC): size if blocks > 1 else 0}
-    with Link(bind, to, datagram=datagram, repair=table, large_waiting=waiting) as link:
+    with Link(bind, to, datagram=datagram, repair=table, queue_limits=waiting) as link:
         begin = time.monotonic_ns()
         for index in range(round(seconds * rate_hz)):
             due = begin + round(index / rate_hz * 1e9)

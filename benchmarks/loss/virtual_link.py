@@ -14,7 +14,7 @@ from groundlink.emulation import Impairment, LinkDirection
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.sender.repair import Mode
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 from udp_bridge.wire.fragments import DatagramSize
 from udp_bridge.wire.header import Header
 from udp_bridge.wire.message import Address, DatagramKey
@@ -59,7 +59,7 @@ class VirtualLink:
         self.there: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="there")
         self.back: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="back")
         table = {} if mode is None else {(MSG_TYPE, TOPIC): mode}
-        self.outbox = Outbox(RECEIVER, datagram, repair=table)
+        self.queue = SendQueue(RECEIVER, datagram, repair=table)
         self.receiver = Inbox(receive_buffer=RECEIVE_BUFFER, on_credit=lambda *_: None)
         self._sender = Inbox(
             receive_buffer=RECEIVE_BUFFER, on_credit=self._credited, on_request=self._requested
@@ -68,7 +68,7 @@ class VirtualLink:
 
     def send(self, body: bytes) -> None:
         """Send a message that is measured now."""
-        self.outbox.put(Message(MSG_TYPE, TOPIC, LINK, self.now_nanos, 0, body))
+        self.queue.put(Message(MSG_TYPE, TOPIC, LINK, self.now_nanos, 0, body))
 
     def impair(self, impairment: Impairment) -> None:
         """Let the link be another one from now on, both ways."""
@@ -78,7 +78,7 @@ class VirtualLink:
         """Let time pass, and everything happen that is due in it."""
         end = self.now_nanos + nanos
         while True:
-            while (sent := self.outbox.take(self.now_nanos)) is not None:
+            while (sent := self.queue.take(self.now_nanos)) is not None:
                 datagram = b"".join((sent.header, sent.part))
                 self.sent_bytes += len(datagram)
                 self.there.put(datagram, None, self.now_nanos)
@@ -90,7 +90,7 @@ class VirtualLink:
             self._deliver()
 
     def _next_nanos(self) -> int:
-        wake = self.outbox.next_wake(self.now_nanos)
+        wake = self.queue.next_wake(self.now_nanos)
         # What may not go at a moment may not go at the same moment a second time.
         wake = wake if wake is None else max(wake, self.now_nanos + 1)
         times = (self.there.next_due(), self.back.next_due(), wake, self._look_nanos)
@@ -117,7 +117,7 @@ class VirtualLink:
             self.handed.append(Handed(message._replace(body=bytes(message.body)), now))
 
     def _credited(self, _: Address, key: DatagramKey, receive_buffer: int) -> None:
-        self.outbox.pacer.acknowledged(key, receive_buffer, self.now_nanos)
+        self.queue.flow.acknowledged(key, receive_buffer, self.now_nanos)
 
     def _requested(self, _: Address, header: Header, request: Request) -> None:
-        self.outbox.resender.asked(header, request, self.now_nanos)
+        self.queue.resender.requested(header, request, self.now_nanos)

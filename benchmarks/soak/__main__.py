@@ -19,7 +19,7 @@ import threading
 import time
 from collections import Counter
 
-from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.delivery_counts import DeliveryCounts
 
 from .ends import LOCAL, REPAIR, TOOK, TOPICS, End, Receiver, Sender
 from .lossy_relay import Books, Relay
@@ -161,11 +161,11 @@ class Soak:
             self.books.seen.add(number)
             self.books.delivered[msg_type, str(topic)] += 1
 
-    def _accounts(self) -> list[Account]:
-        accounts: list[Account] = self._sender.do("accounts")
+    def _accounts(self) -> list[DeliveryCounts]:
+        accounts: list[DeliveryCounts] = self._sender.do("delivery_counts")
         return accounts
 
-    def _check_bounds(self, account: Account) -> None:
+    def _check_bounds(self, account: DeliveryCounts) -> None:
         """Check what always holds, whatever is in flight and whoever was restarted."""
         key = (account.msg_type, account.topic)
         lost = account.dropped + account.incomplete + account.late + account.missing
@@ -181,7 +181,7 @@ class Soak:
         negative = [count for count in account[2:-1] if isinstance(count, int) and count < 0]
         self._expect(account, "no count is negative", negative, [])
 
-    def _check_exactly(self, account: Account) -> None:
+    def _check_exactly(self, account: DeliveryCounts) -> None:
         """Check what holds at rest; where receivers ended, but for what they did not report."""
         key = (account.msg_type, account.topic)
         self._expect(account, "nothing is in flight", account.in_flight, 0)
@@ -206,7 +206,7 @@ class Soak:
         self._expect(account, "incomplete", account.incomplete, self.books.partial[key])
         self._expect(account, "missing", account.missing, never)
 
-    def _expect(self, account: Account, what: str, got: object, expected: object) -> None:
+    def _expect(self, account: DeliveryCounts, what: str, got: object, expected: object) -> None:
         if got != expected:
             self.faults.append(f"{account.topic}: {what}: {got} instead of {expected}; {account}")
 

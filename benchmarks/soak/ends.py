@@ -20,7 +20,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from udp_bridge import Link, Message
-from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import MSG_TYPES
@@ -72,9 +72,9 @@ class Sender:
         """Wait until nothing waits to be sent."""
         self._link.flush(5.0)
 
-    def accounts(self) -> list[Account]:
+    def delivery_counts(self) -> list[DeliveryCounts]:
         """Return what became of what was sent."""
-        return self._link.accounts()
+        return self._link.delivery_counts()
 
     def close(self) -> None:
         """End the link."""
@@ -101,7 +101,7 @@ class Receiver:
         """End the link, in a crash without a last word, and make another one in its place."""
         address = self._link.address
         if is_crash:
-            self._link._listening._report = False
+            self._link._receiving._report = False
         self._link.close()
         self.open(address)
 

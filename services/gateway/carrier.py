@@ -18,9 +18,9 @@ from groundlink.messages.base import Clock
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import GatewaySettings
-from udp_bridge.io.link import DEFAULT_RECEIVE_BUFFER, Link
-from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
-from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket, buffer_hint
+from udp_bridge.io.link import Link
+from udp_bridge.io.socket_wrappers import PeerFilter, SealedSocket
+from udp_bridge.io.udp_socket import RECOMMENDED_BUFFER, DatagramSocket, UdpSocket, buffer_hint
 from udp_bridge.wire.header import BadMessage
 from udp_bridge.wire.keys import BadKey, RefusalHints, read_key
 from udp_bridge.wire.printable import printable
@@ -37,7 +37,7 @@ from .lockstep.reply_mailbox import ReplyMailbox
 from .memory import GatewayMemory
 from .peer_resolver import PeerResolver
 from .rmw_zenoh import RmwZenohBridge
-from .streams import repair_table, waiting_table
+from .streams import queue_limits, repair_table
 from .subscribers import Address
 
 RECEIVE_WAIT_SECONDS = 0.1
@@ -203,7 +203,7 @@ def _link(
             on_message=gateway.on_message,
             report=True,
             repair=dict.fromkeys(gateway.places, REPAIR) if in_lockstep else repair_table(streams),
-            large_waiting=waiting_table(streams),
+            queue_limits=queue_limits(streams),
         )
     except BaseException as error:
         socket.close()
@@ -256,17 +256,17 @@ def sockets(
     for text in settings.peers:
         peers.append(address(text) if ":" in text else address(f"{text}:0"))
     try:
-        bare = UdpSocket(bind, receive_buffer=DEFAULT_RECEIVE_BUFFER, wait_s=RECEIVE_WAIT_SECONDS)
+        bare = UdpSocket(bind, receive_buffer=RECOMMENDED_BUFFER, wait_s=RECEIVE_WAIT_SECONDS)
     except OSError as error:
         raise UserError(
             f"{error.strerror}. Fix: end the other process there or change `gateway.bind`"
         ) from None
-    if hint := buffer_hint(bare.receive_buffer, DEFAULT_RECEIVE_BUFFER):
+    if hint := buffer_hint(bare.receive_buffer, RECOMMENDED_BUFFER):
         say(hint)
-    socket: DatagramSocket = PeersOnly(bare, peers)
+    socket: DatagramSocket = PeerFilter(bare, peers)
     emulated = None
     if settings.link is not None:
         socket = emulated = EmulatedSocket(socket, settings.link, flips=secret is not None)
     if secret is not None:
-        socket = Sealed(socket, secret, sends=TO_ROS)
+        socket = SealedSocket(socket, secret, sends=TO_ROS)
     return socket, emulated

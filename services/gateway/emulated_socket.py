@@ -18,7 +18,7 @@ from groundlink.core.clock import NANOS
 from groundlink.emulation import Impairment, LinkDirection, LinkScript, ScriptPlayer
 from groundlink.emulation.model import DirectionState
 from groundlink.emulation.script import Changes, parse_changes
-from udp_bridge.io.socket_wrappers import Around
+from udp_bridge.io.socket_wrappers import SocketWrapper
 from udp_bridge.io.udp_socket import DatagramSocket
 from udp_bridge.io.worker_thread import ErrorCounter, WorkerThread
 from udp_bridge.wire.header import Buffer, Refused
@@ -32,7 +32,7 @@ REFUSALS_KEPT = 1024
 """Refused datagrams that wait to be reported; with more, the receiving thread waits."""
 
 
-class EmulatedSocket(Around):
+class EmulatedSocket(SocketWrapper):
     """A socket whose datagrams pass an emulated link.
 
     Parameters

@@ -226,7 +226,7 @@ class Gateway:
             by key: messages that newer ones replaced before they were forwarded.
         """
         came = [(topic, report) for of, topic, _, report in link.arrivals() if of == self.peer]
-        rows = self._reports.streams(link.accounts(self.peer), came)
+        rows = self._reports.streams(link.delivery_counts(self.peer), came)
         topics = {key: stream.topic for key, stream in self.streams.items()}
         pushed_out = {topics[key]: count for key, count in dropped.items() if key in topics}
         rows = [with_pushed_out(row, pushed_out) for row in rows]

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import StreamReport
-from udp_bridge.sender.accounts import Account, arrived
+from udp_bridge.sender.delivery_counts import DeliveryCounts, received_counts
 from udp_bridge.wire.control import NO_AGE, LinkReport, TopicReport
 from udp_bridge.wire.types import MSG_TYPES, TYPED
 
@@ -42,7 +42,7 @@ class PeerReports:
         self.link: LinkReport | None = None
 
     def streams(
-        self, accounts: Iterable[Account], arrivals: Iterable[tuple[str, TopicReport]] = ()
+        self, accounts: Iterable[DeliveryCounts], arrivals: Iterable[tuple[str, TopicReport]] = ()
     ) -> list[StreamReport]:
         """Return a row for every declared topic, in that order, then for the others.
 
@@ -61,11 +61,14 @@ class PeerReports:
         back = [row for row in arrivals if MSG_TYPES[row[1].msg_type].ros_type]
         return [
             *(self._sent(key, sent.get(key), reported=reported) for key in keys),
-            *(_row(arrived(topic, report), FROM_ROS, has_ages=True) for topic, report in back),
+            *(
+                _row(received_counts(topic, report), FROM_ROS, has_ages=True)
+                for topic, report in back
+            ),
         ]
 
     def _sent(
-        self, key: tuple[int, str], account: Account | None, *, reported: bool
+        self, key: tuple[int, str], account: DeliveryCounts | None, *, reported: bool
     ) -> StreamReport:
         msg_type, topic = key
         declared = self._declared_hz.get(key)
@@ -81,7 +84,7 @@ class PeerReports:
 
 
 def _row(
-    account: Account, direction: str, declared_hz: float | None = None, *, has_ages: bool
+    account: DeliveryCounts, direction: str, declared_hz: float | None = None, *, has_ages: bool
 ) -> StreamReport:
     report = account.report
     aged = report if has_ages else None

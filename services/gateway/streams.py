@@ -39,7 +39,7 @@ def wire_body(place: TopicKey, message: Message, cdr: memoryview) -> memoryview:
     return memoryview(pack_typed(CODECS[type(message)].ros_type, cdr))
 
 
-def waiting_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
+def queue_limits(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
     """Return the bytes that may wait of each stream sent in blocks, by wire type and topic.
 
     These are the bytes of a revolution, so a block waits no longer than a whole cloud would.

@@ -13,7 +13,7 @@ import pytest
 
 from tests.udp_bridge.vectors import VECTORS
 from udp_bridge import MSG_TYPES, Header, Link, Message, Refused, parse
-from udp_bridge.io.socket_wrappers import Around
+from udp_bridge.io.socket_wrappers import SocketWrapper
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.wire import control
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
@@ -344,7 +344,7 @@ def test_names_are_utf8_where_they_are_for_the_library(tmp_path: Path) -> None:
     assert expected.count("topic_not_utf8") == len(NO_NAMES.split())
 
 
-class RecordingSocket(Around):
+class RecordingSocket(SocketWrapper):
     """A socket that keeps what is sent."""
 
     def __init__(self, packets: list[Packet]) -> None:

@@ -43,7 +43,7 @@ def test_the_sanitizers_find_nothing_in_the_extension_modules() -> None:
         command, cwd=ROOT, capture_output=True, text=True, timeout=380, check=False
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[:5000]
-    modules = "services.sensors.rays._kernels udp_bridge.io.native._runs"
+    modules = "services.sensors.rays._kernels udp_bridge.io.native._batch_io"
     assert f"with sanitizers: {modules}" in done.stdout
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 
 from udp_bridge import Link, Message
-from udp_bridge.io.socket_wrappers import Around
+from udp_bridge.io.socket_wrappers import SocketWrapper
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.wire.header import Buffer
 from udp_bridge.wire.message import Address
@@ -17,7 +17,7 @@ MESSAGES = 60
 PATIENCE_S = 20.0
 
 
-class Garbling(Around):
+class Garbling(SocketWrapper):
     """Sends a broken copy of some kind after each datagram, and now and then random bytes."""
 
     def __init__(self) -> None:

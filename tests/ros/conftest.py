@@ -93,7 +93,7 @@ class FarEnd:
     def skip(self, msg_type: int, topic: str) -> None:
         """Lose a message on the way: its number is missing."""
         with self._link._wake:
-            self._link._outboxes[self._to].accounts.numbered((msg_type, topic), 1, 0)
+            self._link._queues[self._to].delivery.next_number((msg_type, topic), 1, 0)
 
     def refuse(self) -> None:
         """Send what is no datagram of the bridge."""

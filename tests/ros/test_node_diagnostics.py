@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire.control import NO_AGE, TopicReport
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
@@ -86,7 +86,7 @@ def test_the_values_of_a_topic_add_up() -> None:
 
 
 def test_a_topic_that_leaves() -> None:
-    account = Account(9, "/cmd_vel", 10, 480, 2, 5, 1, 1, 1, 1, 1, 0, 240, None)
+    account = DeliveryCounts(9, "/cmd_vel", 10, 480, 2, 5, 1, 1, 1, 1, 1, 0, 240, None)
     verdict = NodeDiagnostics().leaving(account, "a:1", 0)
     parts = ("delivered", "missing", "incomplete", "late", "dropped", "in flight")
     assert int(verdict.values["sent"]) == sum(int(verdict.values[part]) for part in parts)
@@ -108,9 +108,9 @@ class SilentPeer:
     def arrivals(self) -> list[Any]:
         return [(("a", 1), "/clock", "", report_of(8))]
 
-    def accounts(self, _: Any) -> list[Account]:
+    def delivery_counts(self, _: Any) -> list[DeliveryCounts]:
         return [
-            Account(
+            DeliveryCounts(
                 kind, topic, 10, 0, 0, 0, 0, 0, 0, 9, 1, 0, 0, report_of(kind) if told else None
             )
             for kind, topic in ((9, "/cmd_vel"), (10, "/pose"))

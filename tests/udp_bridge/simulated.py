@@ -12,7 +12,7 @@ from typing import Any
 
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 
 MS = 1_000_000
 SECOND = 1000 * MS
@@ -72,8 +72,8 @@ class Simulation:
         )
         self.back = Inbox(
             receive_buffer=receive_buffer,
-            on_credit=lambda _, key, size: self.outbox.pacer.credited(key, size, self.now),
-            on_request=lambda _, header, request: self.outbox.resender.asked(
+            on_credit=lambda _, key, size: self.queue.flow.credited(key, size, self.now),
+            on_request=lambda _, header, request: self.queue.resender.requested(
                 header, request, self.now
             ),
         )
@@ -86,14 +86,14 @@ class Simulation:
 
     def restart_sender(self) -> None:
         datagram, repair = self._options
-        self.outbox = Outbox(RECEIVER, datagram, repair=repair)
+        self.queue = SendQueue(RECEIVER, datagram, repair=repair)
 
     def at(self, when: int, what: Callable[[], None]) -> None:
         heapq.heappush(self._events, (when, next(self._order), what))
 
     def send(self, when: int, message: Message) -> None:
         def put() -> None:
-            self.outbox.put(message)
+            self.queue.put(message)
             self._pump()
 
         self.at(when, put)
@@ -108,9 +108,9 @@ class Simulation:
         if self._free > self.now:
             self._pump_later(self._free)
             return
-        datagram = self.outbox.take(self.now)
+        datagram = self.queue.take(self.now)
         if datagram is None:
-            wake = self.outbox.next_wake(self.now)
+            wake = self.queue.next_wake(self.now)
             if wake is not None:
                 self._pump_later(max(wake, self.now + 1000))
             return

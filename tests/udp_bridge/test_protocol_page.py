@@ -12,8 +12,8 @@ import pytest
 import udp_bridge
 from udp_bridge import Limits, parse
 from udp_bridge.receiver import assembly, nack, round_trip
-from udp_bridge.sender import credit_window as flow
-from udp_bridge.sender import resend, resend_budget, resend_offers, token_bucket
+from udp_bridge.sender import flow_control as flow
+from udp_bridge.sender import resend
 from udp_bridge.wire import address_validation, control
 from udp_bridge.wire.control import Subscribe
 
@@ -130,18 +130,18 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"begin {limits.incomplete_per_s} messages of several parts a second",
         f"{limits.senders} senders, {limits.topics} topics",
         f"{limits.time_limit_nanos // 10**9} s after its first part",
-        f"bursts of {token_bucket.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
-        f"{token_bucket.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
-        f"still for {flow.ASK_NANOS // 10**6} ms",
-        f"within {flow.ANSWER_NANOS // 10**6} ms of the first request",
+        f"bursts of {flow.DEFAULT_BURST_BYTES:,} bytes".replace(",", " "),
+        f"{flow.DEFAULT_RATE_BYTES_PER_S / 1e6:.0f} MB/s",
+        f"still for {flow.REQUEST_NANOS // 10**6} ms",
+        f"within {flow.FIRST_CREDIT_NANOS // 10**6} ms of the first request",
         f"later within {flow.GIVE_UP_NANOS // 10**9} s",
-        f"again after {resend_offers.FIRST_STEP_NANOS // 10**6} ms",
-        f"every {resend_offers.LONGEST_STEP_NANOS // 10**6} ms, until",
-        f"one part at most every {resend_offers.SMALL_STEP_NANOS // 10**6} ms",
+        f"again after {resend.FIRST_STEP_NANOS // 10**6} ms",
+        f"every {resend.LONGEST_STEP_NANOS // 10**6} ms, until",
+        f"one part at most every {resend.SMALL_STEP_NANOS // 10**6} ms",
         f"at most {resend.HISTORY_BYTES >> 20} MiB of bodies and {resend.HISTORY_MESSAGES}",
-        f"within any {resend_budget.WINDOW_S} s and for",
-        f"up to {resend_budget.BURST_BYTES:,}; and in".replace(",", " "),
-        f"in any case {resend_budget.LEAST_BYTES:,}.".replace(",", " "),
+        f"within any {resend.BUDGET_WINDOW_S} s and for",
+        f"up to {resend.BURST_BYTES:,}; and in".replace(",", " "),
+        f"in any case {resend.MINIMUM_BYTES:,}.".replace(",", " "),
         f"below {nack.MAX_ENTRIES}, the messages from 0 on",
         f"again within {resend.DEBOUNCE_NANOS / 1e6} ms",
         f"the {nack.MAX_ENTRIES} newest such messages",

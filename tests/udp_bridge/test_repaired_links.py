@@ -39,7 +39,7 @@ class Lossy:
         return received
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("receive_run", "send_run"):
+        if name in ("receive_batch", "send_batch"):
             raise AttributeError(name)
         return getattr(self._inner, name)
 
@@ -99,13 +99,13 @@ def test_a_topic_may_be_mended_from_some_message_on() -> None:
         ) as to,
         Link(LOCAL, to.address) as link,
     ):
-        assert link.left() == {}
+        assert link.sent_counts() == {}
         for index in range(2 * count):
             if index == count:
-                link.mend(9, "/cmd_vel", Resend(5_000_000_000))
+                link.enable_repair(9, "/cmd_vel", Resend(5_000_000_000))
             link.send(9, "/cmd_vel", "", time.time_ns(), bytes(52))
         assert link.flush(20)
-        assert link.left() == {(9, "/cmd_vel"): 2 * count}
+        assert link.sent_counts() == {(9, "/cmd_vel"): 2 * count}
         wait_for(lambda: received >= set(range(count, 2 * count)))
     assert not received >= set(range(count))
 

@@ -259,7 +259,7 @@ class Lockstep:
             return
         if clock.life != known.life:
             # Messages of the episode before that no barrier has listed are never listed.
-            self._announced.mark_announced(self._link.left(self._gateway.peer))
+            self._announced.mark_announced(self._link.sent_counts(self._gateway.peer))
             self._forwarded.clear()
             known.life, known.commanded = clock.life, {}
         known.tick = clock.tick
@@ -335,7 +335,7 @@ class Lockstep:
 
     def _newly_sent(self) -> tuple[SentMessages, ...]:
         """Return the ranges of messages that were sent to ROS since the last call."""
-        left = self._link.left(self._gateway.peer)
+        left = self._link.sent_counts(self._gateway.peer)
         sent = self._announced.unannounced(
             {k: n for k, n in left.items() if k in self._gateway.places}
         )

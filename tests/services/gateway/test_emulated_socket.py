@@ -21,7 +21,7 @@ from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
 from services.gateway.emulated_socket import EmulatedSocket
 from udp_bridge import Link, Message
-from udp_bridge.io.socket_wrappers import Sealed
+from udp_bridge.io.socket_wrappers import SealedSocket
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.wire.seal import FROM_ROS
 
@@ -43,7 +43,7 @@ class Ends:
     def __init__(self, stack: ExitStack, script: LinkScript, *, key_file: str | None = None):
         bare = UdpSocket(LOCAL, receive_buffer=4 << 20, wait_s=0.05)
         secret = bytes.fromhex(SECRET)
-        around = Sealed(bare, secret, sends=FROM_ROS) if key_file else bare
+        around = SealedSocket(bare, secret, sends=FROM_ROS) if key_file else bare
         self.at_ros: list[tuple[Message, Any]] = []
         self.at_gateway: list[Message] = []
         self.ros = stack.enter_context(

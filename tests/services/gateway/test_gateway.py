@@ -37,7 +37,7 @@ from services.gateway.ros_subscriptions import LEASE_SECONDS
 from services.gateway.streams import TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
-from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire import run_commands as wishing
 from udp_bridge.wire.control import LinkReport, RunCommand, Subscribe, TopicReport
 from udp_bridge.wire.message import Message as WireMessage
@@ -56,10 +56,10 @@ class RecordingLink:
 
     def __init__(self) -> None:
         self.sent: list[dict[str, Any]] = []
-        self.accounts_of: dict[Any, list[Account]] = {}
+        self.accounts_of: dict[Any, list[DeliveryCounts]] = {}
         self.came: list[tuple[Any, str, str, TopicReport]] = []
 
-    def accounts(self, to: Any) -> list[Account]:
+    def delivery_counts(self, to: Any) -> list[DeliveryCounts]:
         return self.accounts_of.get(to, [])
 
     def arrivals(self) -> list[tuple[Any, str, str, TopicReport]]:
@@ -367,7 +367,9 @@ def test_a_stranger_may_subscribe_but_not_report(bench: Bench) -> None:
 def test_rows_are_of_the_peer_alone(bench: Bench) -> None:
     came = TopicReport(9, 0, 0, 3, 2, 0, 0, 1, 0, 0, 0, 48, 0, 0, 0, 5_000_000, 6_000_000)
     told = came._replace(msg_type=2, numbers=99, published=99)
-    bench.link.accounts_of[PEER] = [Account(2, "/imu", 100, 0, 0, 99, 0, 0, 0, 1, 0, 0, 0, told)]
+    bench.link.accounts_of[PEER] = [
+        DeliveryCounts(2, "/imu", 100, 0, 0, 99, 0, 0, 0, 1, 0, 0, 0, told)
+    ]
     bench.link.came = [(PEER, "/cmd_vel", "", came), (STRANGER, "/cmd_vel", "", came)]
     rows = bench.report()[0]
     assert [(row.sent, row.messages, row.lost) for row in rows if row.topic == "/imu"] == [

@@ -5,13 +5,13 @@ import pytest
 
 from groundlink.messages.base import StreamReport
 from services.gateway.reports import PeerReports, peer_counters
-from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire.control import NO_AGE, LinkReport, TopicReport
 
 NANOS = 10**9
 
 
-def account(msg_type: int = 2, topic: str = "/imu", **changes: int) -> Account:
+def account(msg_type: int = 2, topic: str = "/imu", **changes: int) -> DeliveryCounts:
     counts = dict.fromkeys(TopicReport._fields, 0) | {
         "msg_type": msg_type,
         "published": 401,
@@ -21,7 +21,7 @@ def account(msg_type: int = 2, topic: str = "/imu", **changes: int) -> Account:
         "age_p99_nanos": 8_000_000,
     }
     report = TopicReport(**(counts | changes))
-    return Account(msg_type, topic, 420, 0, 1, 401, 2, 3, 4, 5, 5, 6, 7, report)
+    return DeliveryCounts(msg_type, topic, 420, 0, 1, 401, 2, 3, 4, 5, 5, 6, 7, report)
 
 
 def reports(declared: bool = True, follows: bool = True) -> PeerReports:

@@ -11,7 +11,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.ros.streams import outgoing
 from groundlink.scenario.sensors import Repair, RepairBy
-from services.gateway.streams import repair_table, waiting_table
+from services.gateway.streams import queue_limits, repair_table
 from udp_bridge.sender.repair import Fec, Mode, Resend
 
 
@@ -39,7 +39,7 @@ def test_blocks_of_one_revolution_may_wait_and_nothing_else(block_deg: float) ->
     (vehicle,) = scenario.vehicles
     lidar = replace(vehicle.sensors[0], block_deg=block_deg)
     changed = replace(scenario, vehicles=(replace(vehicle, sensors=(lidar, *vehicle.sensors[1:])),))
-    table = waiting_table(outgoing(changed, "run"))
+    table = queue_limits(outgoing(changed, "run"))
     points = 3600 * 16 * 22
     assert list(table) == ([(1, "/points")] if block_deg else [])
     assert all(points < most < 1.01 * points for most in table.values())

@@ -11,7 +11,7 @@ from tests.ros.waiting import wait_until
 from udp_bridge import Link, Message
 from udp_bridge.io import address_guard
 from udp_bridge.io.address_guard import AddressGuard, Unguarded, open_socket
-from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
+from udp_bridge.io.socket_wrappers import PeerFilter, SealedSocket
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.wire import address_validation
 from udp_bridge.wire.message import Address
@@ -46,10 +46,10 @@ def kind(
     ("bind", "peer", "secret", "allowed", "kinds"),
     [
         (LOCAL, None, None, False, [UdpSocket]),
-        (LOCAL, LOCAL, None, False, [PeersOnly, UdpSocket]),
-        (EVERYWHERE, LOCAL, None, False, [PeersOnly, UdpSocket]),
-        (EVERYWHERE, None, SECRET, False, [Sealed, UdpSocket]),
-        (EVERYWHERE, LOCAL, SECRET, False, [Sealed, PeersOnly, UdpSocket]),
+        (LOCAL, LOCAL, None, False, [PeerFilter, UdpSocket]),
+        (EVERYWHERE, LOCAL, None, False, [PeerFilter, UdpSocket]),
+        (EVERYWHERE, None, SECRET, False, [SealedSocket, UdpSocket]),
+        (EVERYWHERE, LOCAL, SECRET, False, [SealedSocket, PeerFilter, UdpSocket]),
         (EVERYWHERE, None, None, True, [AddressGuard, UdpSocket]),
         (LOCAL, None, None, True, [UdpSocket]),
     ],
@@ -91,7 +91,7 @@ def test_large_messages_pass_a_guard_that_knows_nobody(other_hosts: None) -> Non
                 sender.send(1, "/points", "", stamp, body)
                 assert sender.flush(20)
             wait_until(lambda: len(received) == len(bodies), "all messages")
-            assert sender._outboxes[sender._outbox(there).to].pacer.waits_for_credit
+            assert sender._queues[sender._queue_for(there).to].flow.is_window_in_use
         counters = receiver.counters()
         assert 0 < counters["sent_bytes"] < counters["received_bytes"]
     assert [bytes(message.body) for message in received] == bodies

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 import pytest
 
 from udp_bridge import Link, Message
-from udp_bridge.io import batch_io as runs
-from udp_bridge.io.credit_mailbox import Parking
-from udp_bridge.io.socket_wrappers import PeersOnly
+from udp_bridge.io.credit_mailbox import CreditMailbox
+from udp_bridge.io.native import batch_io
+from udp_bridge.io.socket_wrappers import PeerFilter
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 from udp_bridge.wire.control import Credit, CreditRequest
 from udp_bridge.wire.header import Header, parse
 from udp_bridge.wire.message import DatagramKey
@@ -27,7 +27,7 @@ LOCAL = ("127.0.0.1", 0)
 TO = ("127.0.0.1", 9)
 PATIENCE_S = 10.0
 BODY = random.Random(5).randbytes(3_000_000)
-needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
+needs_many = pytest.mark.skipif(batch_io is None, reason="the C extension was not built")
 
 
 def credit(number: int, part: int = 3, *, topic: str = "/image", msg_type: int = 33) -> bytes:
@@ -44,10 +44,10 @@ def ends() -> Iterator[tuple[socket.socket, UdpSocket]]:
     receiver.close()
 
 
-def taken(receiver: UdpSocket | PeersOnly) -> list[PartBatch]:
+def taken(receiver: UdpSocket | PeerFilter) -> list[PartBatch]:
     """Receive until nothing comes."""
     found = []
-    while (run := receiver.receive_run(NO_SLOTS, CreditState(0, 1 << 20, 0))) is not None:
+    while (run := receiver.receive_batch(NO_SLOTS, CreditState(0, 1 << 20, 0))) is not None:
         found.append(run)
     return found
 
@@ -61,7 +61,7 @@ def test_credits_for_what_is_sent_are_kept_and_counted(
     ends: tuple[socket.socket, UdpSocket],
 ) -> None:
     peer, receiver = ends
-    assert receiver.park_credits(peer.getsockname(), credit(0)) == []
+    assert receiver.credit_store.keep(peer.getsockname(), credit(0)) == []
     sent = [credit(number) for number in range(5)]
     for raw in sent:
         peer.sendto(raw, receiver.address)
@@ -70,36 +70,38 @@ def test_credits_for_what_is_sent_are_kept_and_counted(
     assert sum(run.mailbox_credits for run in found) == 5
     assert sum(run.mailbox_bytes for run in found) == sum(map(len, sent))
     kept = [(number, 3, 4 << 20) for number in range(5)]
-    assert receiver.parked_credits(False) == kept
-    assert receiver.parked_credits(False) == []
+    assert receiver.credit_store.collect(False) == kept
+    assert receiver.credit_store.collect(False) == []
     peer.sendto(sent[0], receiver.address)
     taken(receiver)
-    assert receiver.park_credits(peer.getsockname(), credit(0, topic="/other")) == kept[:1]
+    assert receiver.credit_store.keep(peer.getsockname(), credit(0, topic="/other")) == kept[:1]
 
 
 @needs_many
 def test_an_awaited_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
     peer, receiver = ends
-    receiver.park_credits(peer.getsockname(), credit(0))
-    receiver.parked_credits(True)
+    receiver.credit_store.keep(peer.getsockname(), credit(0))
+    receiver.credit_store.collect(True)
     peer.sendto(credit(1), receiver.address)
     assert strays(taken(receiver)) == [credit(1)]
-    receiver.parked_credits(False)
+    receiver.credit_store.collect(False)
     peer.sendto(credit(2), receiver.address)
     assert strays(taken(receiver)) == []
-    assert receiver.parked_credits(True) == [(2, 3, 4 << 20)]
+    assert receiver.credit_store.collect(True) == [(2, 3, 4 << 20)]
 
 
-def ordered(outbox: Outbox, receiver: UdpSocket) -> Parking:
+def delegated(queue: SendQueue, receiver: UdpSocket) -> CreditMailbox:
     """Send what fits of a message and leave the rest to the socket."""
-    outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), receiver.receive_buffer, 0)
-    outbox.put(Message(33, "/image", "", 5, 0, BODY))
-    parking = Parking(receiver, dict.fromkeys(("sent_messages", "sent_datagrams", "sent_bytes"), 0))
-    while outbox.take(0, 1 << 20) is not None:
-        parking.follow(outbox, 0)
-    parking.collect(0, waits=True)
-    parking.order()
-    return parking
+    queue.flow.acknowledged(DatagramKey(33, "", 0, 0), receiver.receive_buffer, 0)
+    queue.put(Message(33, "/image", "", 5, 0, BODY))
+    mailbox = CreditMailbox(
+        receiver.credit_store, dict.fromkeys(("sent_messages", "sent_datagrams", "sent_bytes"), 0)
+    )
+    while queue.take(0, 1 << 20) is not None:
+        mailbox.follow(queue, 0)
+    mailbox.collect(0, is_awaited=True)
+    mailbox.delegate()
+    return mailbox
 
 
 def parts_at(peer: socket.socket) -> list[tuple[int, bytes]]:
@@ -119,13 +121,13 @@ def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
     ends: tuple[socket.socket, UdpSocket],
 ) -> None:
     peer, receiver = ends
-    outbox = Outbox(peer.getsockname(), "loopback")
-    parking = ordered(outbox, receiver)
-    window = outbox.pacer.window
+    queue = SendQueue(peer.getsockname(), "loopback")
+    mailbox = delegated(queue, receiver)
+    window = queue.flow.window
     parts = -(-len(BODY) // 65280)
     assert window.room(65280) == 0
     newest = -1
-    (flight,) = window.flights(33, "/image") or []
+    (flight,) = window.in_flight(33, "/image") or []
     upcoming = first = flight[2]
     runs_over = []
     while upcoming < parts:
@@ -139,12 +141,12 @@ def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
         assert [n for n, _ in came] == list(range(upcoming, min(upcoming + 2, parts)))
         upcoming += len(came)
     assert runs_over == [False] * (len(runs_over) - 1) + [True]
-    assert not outbox.is_idle  # until it is told
-    assert parking.collect(9, waits=False)
-    assert outbox.is_idle
-    assert parking._sent["sent_messages"] == 1
-    assert parking._sent["sent_datagrams"] == parts - first
-    rows = window.flights(33, "/image") or []
+    assert not queue.is_idle  # until it is told
+    assert mailbox.collect(9, is_awaited=False)
+    assert queue.is_idle
+    assert mailbox._sent["sent_messages"] == 1
+    assert mailbox._sent["sent_datagrams"] == parts - first
+    rows = window.in_flight(33, "/image") or []
     assert [row[:3] for row in rows] == [(0, newest + 1, parts - newest - 1)]
 
 
@@ -154,15 +156,15 @@ def test_credits_that_tell_an_order_nothing_are_handed_over(
     ends: tuple[socket.socket, UdpSocket], wrong: tuple[int, int, int]
 ) -> None:
     peer, receiver = ends
-    outbox = Outbox(peer.getsockname(), "loopback")
-    parking = ordered(outbox, receiver)
+    queue = SendQueue(peer.getsockname(), "loopback")
+    mailbox = delegated(queue, receiver)
     number, part, buffer = wrong
     header = Header(CONTROL, 1, 0, 1, 5, 6, "/image").pack()
     raw = header + Credit(33, part, number, buffer).pack()
     peer.sendto(raw, receiver.address)
     assert strays(taken(receiver)) == [raw]
     assert parts_at(peer) == []
-    assert not parking.collect(0, waits=True)
+    assert not mailbox.collect(0, is_awaited=True)
     peer.sendto(credit(0), receiver.address)  # taken back, it is held no more
     assert strays(taken(receiver)) == [credit(0)]
     assert parts_at(peer) == []
@@ -171,12 +173,14 @@ def test_credits_that_tell_an_order_nothing_are_handed_over(
 @needs_many
 def test_more_than_can_be_kept_are_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
     peer, receiver = ends
-    receiver.park_credits(peer.getsockname(), credit(0))
+    receiver.credit_store.keep(peer.getsockname(), credit(0))
     for number in range(70):
         peer.sendto(credit(number), receiver.address)
     found = taken(receiver)
     assert strays(found) == [credit(number) for number in range(64, 70)]
-    assert len(receiver.parked_credits(False)) == sum(run.mailbox_credits for run in found) == 64
+    assert (
+        len(receiver.credit_store.collect(False)) == sum(run.mailbox_credits for run in found) == 64
+    )
 
 
 def flipped(raw: bytes, at: int) -> bytes:
@@ -191,7 +195,7 @@ FREE_OF_BODY = {2, 3, 4, 5, 6, 7, 8, 9, 10, 11}
 @needs_many
 def test_what_is_no_such_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
     peer, receiver = ends
-    receiver.park_credits(peer.getsockname(), credit(0))
+    receiver.credit_store.keep(peer.getsockname(), credit(0))
     right = credit(1)
     body_at = len(right) - 12
     fixed = [
@@ -209,7 +213,7 @@ def test_what_is_no_such_credit_is_handed_over(ends: tuple[socket.socket, UdpSoc
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.sendto(right, receiver.address)
         assert strays(taken(receiver)) == [right]
-    assert receiver.parked_credits(False) == []
+    assert receiver.credit_store.collect(False) == []
 
 
 @needs_many
@@ -217,14 +221,14 @@ def test_credits_of_those_who_were_not_let_in_are_refused(
     ends: tuple[socket.socket, UdpSocket],
 ) -> None:
     peer, receiver = ends
-    around = PeersOnly(receiver, [TO])
-    around.park_credits(peer.getsockname(), credit(0))
+    around = PeerFilter(receiver, [TO])
+    around.credit_store.keep(peer.getsockname(), credit(0))
     peer.sendto(credit(1), receiver.address)
     assert [run.refused for run in taken(around)] == ["stranger"]
-    assert around.parked_credits(False) == []
+    assert around.credit_store.collect(False) == []
 
 
-class Shelf:
+class FakeStore:
     """A socket that keeps what it is given."""
 
     def __init__(self) -> None:
@@ -232,52 +236,52 @@ class Shelf:
         self.like: list[bytes] = []
         self.is_awaited = False
 
-    def park_credits(self, to: tuple[str, int], like: bytes) -> list[tuple[int, int, int]]:
+    def keep(self, to: tuple[str, int], like: bytes) -> list[tuple[int, int, int]]:
         self.like.append(like)
-        return self.parked_credits(self.is_awaited)
+        return self.collect(self.is_awaited)
 
-    def parked_credits(self, is_awaited: bool) -> list[tuple[int, int, int]]:
+    def collect(self, is_awaited: bool) -> list[tuple[int, int, int]]:
         self.is_awaited = is_awaited
         kept, self.kept = self.kept, []
         return kept
 
 
-def outbox_with(*topics: str) -> Outbox:
-    outbox = Outbox(TO, "loopback")
-    outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+def outbox_with(*topics: str) -> SendQueue:
+    queue = SendQueue(TO, "loopback")
+    queue.flow.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
     for topic in topics:
-        outbox.put(Message(33, topic, "", 5, 0, bytes(3_000_000)))
-    return outbox
+        queue.put(Message(33, topic, "", 5, 0, bytes(3_000_000)))
+    return queue
 
 
 def test_what_was_kept_makes_room() -> None:
-    shelf = Shelf()
-    parking = Parking(shelf, {})
-    outbox = outbox_with("/image", "/other")
-    assert not parking.collect(0, waits=True)  # nothing was sent yet
-    while (datagram := outbox.take(0, 1 << 20)) is not None:
-        assert datagram.run is not None
-        parking.follow(outbox, 0)
-    assert [like[18:24] for like in shelf.like] == [b"/image", b"/other"]
-    assert not outbox.is_idle
-    assert not parking.collect(0, waits=True)
-    assert shelf.is_awaited
-    before = outbox.pacer.window.in_flight_bytes
-    shelf.kept = [(0, 3, 8 << 20)]
-    assert parking.collect(0, waits=False)
-    assert not shelf.is_awaited
-    assert outbox.pacer.window.in_flight_bytes < before
+    store = FakeStore()
+    mailbox = CreditMailbox(store, {})
+    queue = outbox_with("/image", "/other")
+    assert not mailbox.collect(0, is_awaited=True)  # nothing was sent yet
+    while (datagram := queue.take(0, 1 << 20)) is not None:
+        assert datagram.batch is not None
+        mailbox.follow(queue, 0)
+    assert [like[18:24] for like in store.like] == [b"/image", b"/other"]
+    assert not queue.is_idle
+    assert not mailbox.collect(0, is_awaited=True)
+    assert store.is_awaited
+    before = queue.flow.window.in_flight_bytes
+    store.kept = [(0, 3, 8 << 20)]
+    assert mailbox.collect(0, is_awaited=False)
+    assert not store.is_awaited
+    assert queue.flow.window.in_flight_bytes < before
 
 
 def test_nothing_is_awaited_when_nothing_waits() -> None:
-    shelf = Shelf()
-    parking = Parking(shelf, {})
-    outbox = outbox_with("/image")
-    while outbox.take(0, 1 << 22) is not None:
-        parking.follow(outbox, 0)
-    assert outbox.is_idle
-    parking.collect(0, waits=True)
-    assert not shelf.is_awaited
+    store = FakeStore()
+    mailbox = CreditMailbox(store, {})
+    queue = outbox_with("/image")
+    while queue.take(0, 1 << 22) is not None:
+        mailbox.follow(queue, 0)
+    assert queue.is_idle
+    mailbox.collect(0, is_awaited=True)
+    assert not store.is_awaited
 
 
 def test_a_stream_of_many_threads_and_topics_never_waits_in_vain() -> None:
@@ -295,7 +299,7 @@ def test_a_stream_of_many_threads_and_topics_never_waits_in_vain() -> None:
     waiting = {(33, topic): 1 << 30 for topic in topics}
     with (
         Link(LOCAL, on_message=on_message) as receiver,
-        Link(LOCAL, receiver.address, large_waiting=waiting) as link,
+        Link(LOCAL, receiver.address, queue_limits=waiting) as link,
     ):
 
         def send(topic: str) -> None:

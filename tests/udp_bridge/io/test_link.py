@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from udp_bridge import BadMessage, Link, Message, TooLarge, fragments
-from udp_bridge.io.receive_thread import DEAF_NANOS
+from udp_bridge.io.receive_thread import BLOCKED_NANOS
 from udp_bridge.io.udp_socket import UdpSocket, buffer_hint
 from udp_bridge.wire import control
 from udp_bridge.wire.control import LinkReport, TopicReport
@@ -243,13 +243,13 @@ def test_a_receiver_that_ends_tells_what_arrived_so_that_another_one_goes_on(mak
         sender.link.send(2, "/imu", "imu", 1 + index, b"x")
     wait_for(lambda: len(receiver.received) == 5)
     receiver.link.close()
-    wait_for(lambda: sender.link.accounts()[0].delivered == 5)
+    wait_for(lambda: sender.link.delivery_counts()[0].delivered == 5)
     again = make(bind=address, report=True)
     sender.link.send(2, "/imu", "imu", 6, b"x")
     wait_for(lambda: len(again.received) == 1)
     again.link.close()
-    wait_for(lambda: sender.link.accounts()[0].delivered == 6)
-    (account,) = sender.link.accounts()
+    wait_for(lambda: sender.link.delivery_counts()[0].delivered == 6)
+    (account,) = sender.link.delivery_counts()
     assert (account.sent, account.missing, account.in_flight) == (6, 0, 0)
 
 
@@ -262,8 +262,8 @@ def test_what_is_confirmed_counts_when_it_is_told(make: Make) -> None:
     receiver.link.published(receiver.received[0], sender.link.address)
     receiver.link.dropped(receiver.received[1], sender.link.address)
     receiver.link.close()
-    wait_for(lambda: sender.link.accounts()[0].delivered == 1)
-    (account,) = sender.link.accounts()
+    wait_for(lambda: sender.link.delivery_counts()[0].delivered == 1)
+    (account,) = sender.link.delivery_counts()
     assert (account.dropped, account.in_flight) == (1, 1)
 
 
@@ -375,7 +375,7 @@ def test_a_receiving_thread_that_makes_no_turn_is_deaf(make: Make) -> None:
         make(peer=link.address).link.send(8, "/clock", "", 0, b"t")
         assert is_held.wait(PATIENCE_S)
         assert link.counters()["deaf"] == 0
-        link._listening._turned_nanos -= DEAF_NANOS
+        link._receiving._turn_nanos -= BLOCKED_NANOS
         wait_for(lambda: link.counters()["deaf"] == 1)
         held.set()
         wait_for(lambda: link.counters()["deaf"] == 0)

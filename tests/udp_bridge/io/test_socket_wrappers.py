@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from udp_bridge import Link, Message, fragments
-from udp_bridge.io.batch_io import IS_BUILT
-from udp_bridge.io.socket_wrappers import PeersOnly, Sealed
+from udp_bridge.io.native import batch_io
+from udp_bridge.io.socket_wrappers import PeerFilter, SealedSocket
 from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket
 from udp_bridge.wire.fragments import LARGEST_DATAGRAM, MTU_DATAGRAM, DatagramSize
 from udp_bridge.wire.seal import FROM_ROS, TO_ROS
@@ -62,9 +62,11 @@ def end(stack: ExitStack, around: DatagramSocket, **options: Any) -> tuple[Link,
 def test_sealed_links_understand_each_other_at_every_size(
     stack: ExitStack, datagram: DatagramSize
 ) -> None:
-    ros, received = end(stack, Sealed(Tap(), SECRET, sends=FROM_ROS))
+    ros, received = end(stack, SealedSocket(Tap(), SECRET, sends=FROM_ROS))
     tap = Tap()
-    gateway, _ = end(stack, Sealed(tap, SECRET, sends=TO_ROS), peer=ros.address, datagram=datagram)
+    gateway, _ = end(
+        stack, SealedSocket(tap, SECRET, sends=TO_ROS), peer=ros.address, datagram=datagram
+    )
     body = bytes(range(256)) * 1000
     topic, frame = "/" + "t" * 200, "f" * 33  # the largest header there is
     gateway.send(1, topic, frame, 1, body)
@@ -81,15 +83,15 @@ def test_sealed_links_understand_each_other_at_every_size(
 
 
 def test_what_is_not_sealed_for_us_is_counted_and_changes_nothing(stack: ExitStack) -> None:
-    ros, received = end(stack, Sealed(Tap(), SECRET, sends=FROM_ROS))
+    ros, received = end(stack, SealedSocket(Tap(), SECRET, sends=FROM_ROS))
     plain = stack.enter_context(Link(LOCAL, ros.address))
     plain.send(9, "/cmd_vel", "", 1, b"twist")
     wait_for(lambda: ros.counters()["refused"] == {"unsealed": 1})
-    stranger, _ = end(stack, Sealed(Tap(), SECRET * 2, sends=TO_ROS), peer=ros.address)
+    stranger, _ = end(stack, SealedSocket(Tap(), SECRET * 2, sends=TO_ROS), peer=ros.address)
     stranger.send(9, "/cmd_vel", "", 1, b"twist")
     wait_for(lambda: ros.counters()["refused"] == {"unsealed": 1, "bad_tag": 1})
     tap = Tap()
-    gateway, _ = end(stack, Sealed(tap, SECRET, sends=TO_ROS), peer=ros.address)
+    gateway, _ = end(stack, SealedSocket(tap, SECRET, sends=TO_ROS), peer=ros.address)
     gateway.send(9, "/cmd_vel", "", 1, b"twist")
     wait_for(lambda: len(received) == 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:
@@ -105,15 +107,15 @@ def test_what_is_not_sealed_for_us_is_counted_and_changes_nothing(stack: ExitSta
 
 def test_a_link_without_key_says_what_came(stack: ExitStack) -> None:
     plain = stack.enter_context(Link(LOCAL))
-    gateway, _ = end(stack, Sealed(Tap(), SECRET, sends=TO_ROS), peer=plain.address)
+    gateway, _ = end(stack, SealedSocket(Tap(), SECRET, sends=TO_ROS), peer=plain.address)
     gateway.send(9, "/cmd_vel", "", 1, b"twist")
     wait_for(lambda: plain.counters()["refused"] == {"sealed": 1})
 
 
 def test_a_restarted_sender_is_understood(stack: ExitStack) -> None:
-    ros, received = end(stack, Sealed(Tap(), SECRET, sends=FROM_ROS))
+    ros, received = end(stack, SealedSocket(Tap(), SECRET, sends=FROM_ROS))
     for life in range(3):
-        gateway, _ = end(stack, Sealed(Tap(), SECRET, sends=TO_ROS), peer=ros.address)
+        gateway, _ = end(stack, SealedSocket(Tap(), SECRET, sends=TO_ROS), peer=ros.address)
         gateway.send(9, "/cmd_vel", "", 1, b"twist")
         wait_for(lambda life=life: len(received) == life + 1)
         gateway.close()
@@ -124,7 +126,7 @@ def test_only_peers_are_heard(stack: ExitStack) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(LOCAL)
         friend_address = probe.getsockname()
-    guarded, received = end(stack, PeersOnly(Tap(), [friend_address, ("127.0.0.2", 0)]))
+    guarded, received = end(stack, PeerFilter(Tap(), [friend_address, ("127.0.0.2", 0)]))
     stranger = stack.enter_context(Link(LOCAL, guarded.address))
     stranger.send(9, "/cmd_vel", "", 1, b"stranger")
     wait_for(lambda: guarded.counters()["refused"] == {"stranger": 1})
@@ -137,7 +139,7 @@ def test_only_peers_are_heard(stack: ExitStack) -> None:
 
 def test_large_messages_of_peers_come_in_runs_past_strangers(stack: ExitStack) -> None:
     tap = Tap()
-    guarded, received = end(stack, PeersOnly(tap, [("127.0.0.1", 0)]), report=False)
+    guarded, received = end(stack, PeerFilter(tap, [("127.0.0.1", 0)]), report=False)
     friend = stack.enter_context(Link(LOCAL, guarded.address))
     stranger = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     stranger.bind(("127.0.0.2", 0))
@@ -153,12 +155,12 @@ def test_large_messages_of_peers_come_in_runs_past_strangers(stack: ExitStack) -
     assert all(message.body == body for message in received)
     counters = guarded.counters()
     assert counters["duplicates"] == counters["incomplete"] == 0
-    if IS_BUILT:
+    if batch_io:
         assert len(tap.sent) < counters["sent_datagrams"]  # most credits went out beside runs
 
 
 def test_a_flood_of_strangers_takes_no_memory(stack: ExitStack) -> None:
-    guarded, received = end(stack, PeersOnly(Tap(), [("127.0.0.9", 0)]))
+    guarded, received = end(stack, PeerFilter(Tap(), [("127.0.0.9", 0)]))
     count = 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:
         attacker.bind(LOCAL)

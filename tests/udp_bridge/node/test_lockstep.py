@@ -69,13 +69,13 @@ class StandIn:
         self.published += messages
         then()
 
-    def mend(self, *_: Any) -> None:
+    def enable_repair(self, *_: Any) -> None:
         pass
 
     def flush(self, _: float) -> bool:
         return True
 
-    def left(self, _: Any) -> dict[tuple[int, str], int]:
+    def sent_counts(self, _: Any) -> dict[tuple[int, str], int]:
         return {}
 
     def send(self, kind: int, topic: str, _: str, stamp: int, body: bytes, to: Any) -> None:

@@ -286,7 +286,7 @@ def test_9990_of_10000_arrive_in_time_over_20_ms(kind: str) -> None:
     assert report.repaired == counters.repaired
     # What goes out again is what was lost, and little more.
     lost = sim.sent_datagrams - sim.inbox.datagrams
-    assert sim.outbox.resender.resent < 1.2 * lost
+    assert sim.queue.resender.resent < 1.2 * lost
 
 
 def test_without_loss_nothing_is_asked_for() -> None:

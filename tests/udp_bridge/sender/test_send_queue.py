@@ -8,13 +8,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
-from udp_bridge.io.send_thread import take_in_turn
-from udp_bridge.sender.outgoing import Datagram
-from udp_bridge.sender.pending import SMALL_WAITING_PER_TOPIC
 from udp_bridge.sender.repair import Fec, Mode, RepairTable, Resend
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import (
+    MAX_TEMPLATES,
+    SMALL_PER_TOPIC,
+    OutgoingDatagram,
+    SendQueue,
+    take_in_turn,
+)
 from udp_bridge.wire.fragments import datagram_of
-from udp_bridge.wire.known_headers import EXPRESS_TOPICS
 from udp_bridge.wire.message import DatagramKey
 from udp_bridge.wire.repair import Offer, Request, parse_resend
 
@@ -30,14 +32,14 @@ def cloud(name: bytes, link: str = "", topic: str = "/points") -> Message:
     return message(topic, name * (PARTS * 1452), 1, link)
 
 
-def outbox() -> Outbox:
+def queue() -> SendQueue:
     """Return one whose peer has a receive buffer that never fills."""
-    box = Outbox(TO, "mtu")
-    box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
+    box = SendQueue(TO, "mtu")
+    box.flow.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
     return box
 
 
-def taken(box: Outbox, count: int = 10**9) -> list[tuple[Header, bytes]]:
+def taken(box: SendQueue, count: int = 10**9) -> list[tuple[Header, bytes]]:
     """Return header and the body's first byte of all that goes now."""
     out: list[tuple[Header, bytes]] = []
     while len(out) < count:
@@ -53,7 +55,7 @@ def taken(box: Outbox, count: int = 10**9) -> list[tuple[Header, bytes]]:
 
 
 def test_small_messages_go_at_once_and_in_order() -> None:
-    box = Outbox(TO, "mtu")
+    box = SendQueue(TO, "mtu")
     for index in range(200):
         box.put(message("/imu" if index % 2 else "/clock", bytes([index])))
     assert box.next_wake(0) == 0
@@ -64,7 +66,7 @@ def test_small_messages_go_at_once_and_in_order() -> None:
 
 
 def test_small_messages_overtake_the_parts_of_large_ones() -> None:
-    box = outbox()
+    box = queue()
     box.put(cloud(b"a"))
     taken(box, 2)
     box.put(message("/clock", b"t", 8))
@@ -75,7 +77,7 @@ def test_small_messages_overtake_the_parts_of_large_ones() -> None:
 
 
 def test_of_large_messages_the_newest_waits_behind_the_one_on_its_way() -> None:
-    box = outbox()
+    box = queue()
     box.put(cloud(b"a"))
     taken(box, 1)
     for name in (b"b", b"c", b"d"):
@@ -88,8 +90,8 @@ def test_of_large_messages_the_newest_waits_behind_the_one_on_its_way() -> None:
 
 def test_blocks_of_a_whole_wait_for_each_other_within_their_bytes() -> None:
     size = PARTS * 1452
-    box = Outbox(TO, "mtu", large_waiting={(1, "/points"): 2 * size})
-    box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
+    box = SendQueue(TO, "mtu", limits={(1, "/points"): 2 * size})
+    box.flow.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
     for name in (b"a", b"b", b"c"):
         box.put(cloud(name))
     out = taken(box)
@@ -98,7 +100,7 @@ def test_blocks_of_a_whole_wait_for_each_other_within_their_bytes() -> None:
 
 
 def test_large_messages_of_other_topics_and_links_are_not_superseded() -> None:
-    box = outbox()
+    box = queue()
     for link, topic in (("l1", "/points"), ("l2", "/points"), ("l1", "/more")):
         box.put(cloud(b"a", link, topic))
     box.put(cloud(b"b", "l1"))  # keeps the place of the one that it replaces
@@ -112,20 +114,20 @@ def test_large_messages_of_other_topics_and_links_are_not_superseded() -> None:
 
 
 def test_waiting_small_messages_are_bounded_by_topic_and_the_oldest_go() -> None:
-    box = Outbox(TO, "mtu")
+    box = SendQueue(TO, "mtu")
     box.put(message("/clock", b"t", 8))
-    for index in range(SMALL_WAITING_PER_TOPIC + 3):
+    for index in range(SMALL_PER_TOPIC + 3):
         box.put(message("/imu", index.to_bytes(2, "big")))
     assert box.superseded == 3
     out = taken(box)
-    assert len(out) == SMALL_WAITING_PER_TOPIC + 1
+    assert len(out) == SMALL_PER_TOPIC + 1
     assert out[0][0].topic == "/clock"
-    assert [header.seq_number for header, _ in out[1:]] == list(range(SMALL_WAITING_PER_TOPIC))
+    assert [header.seq_number for header, _ in out[1:]] == list(range(SMALL_PER_TOPIC))
 
 
 def test_large_messages_wait_for_the_pacer_and_small_ones_do_not() -> None:
-    box = Outbox(TO, "mtu")
-    box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 1000, 0)
+    box = SendQueue(TO, "mtu")
+    box.flow.acknowledged(DatagramKey(1, "", 0, 0), 1000, 0)
     box.put(cloud(b"a"))
     assert len(taken(box)) == 1
     wake = box.next_wake(0)
@@ -134,21 +136,21 @@ def test_large_messages_wait_for_the_pacer_and_small_ones_do_not() -> None:
     box.put(message("/clock", b"t", 8))
     assert box.next_wake(0) == 0
     assert [header.topic for header, _ in taken(box)] == ["/clock"]
-    box.pacer.acknowledged(DatagramKey(1, "/points", 0, 0), 1000, 0)
+    box.flow.acknowledged(DatagramKey(1, "/points", 0, 0), 1000, 0)
     for number in range(1, PARTS + 1):
         assert [header.part_number for header, _ in taken(box)] == [number]
-        assert box.pacer.stalls == 0
-        box.pacer.acknowledged(DatagramKey(1, "/points", 0, number), 1000, 0)
+        assert box.flow.stalls == 0
+        box.flow.acknowledged(DatagramKey(1, "/points", 0, number), 1000, 0)
     box.put(cloud(b"b"))
     taken(box)
-    box.pacer.acknowledged(DatagramKey(1, "/points", 1, 0), 1000, 0)
+    box.flow.acknowledged(DatagramKey(1, "/points", 1, 0), 1000, 0)
     assert [header.part_number for header, _ in taken(box)] == [1]
     assert box.take(wake) is not None  # a stall
-    assert box.pacer.stalls == 1
+    assert box.flow.stalls == 1
 
 
 def test_destinations_take_turns() -> None:
-    boxes = [Outbox((host, 1), "mtu") for host in "abc"]
+    boxes = [SendQueue((host, 1), "mtu") for host in "abc"]
     for host, count in (("a", 4), ("c", 2)):
         for _ in range(count):
             next(box for box in boxes if box.to[0] == host).put(message("/imu"))
@@ -159,19 +161,19 @@ def test_destinations_take_turns() -> None:
 
 
 def test_what_can_not_be_sent_is_not_queued() -> None:
-    box = Outbox(TO, "mtu", signed_peer=True)
+    box = SendQueue(TO, "mtu", signed_peer=True)
     with pytest.raises(BadMessage, match="take 235 bytes"):
         box.put(message("/" + "x" * 234))
     with pytest.raises(TooLarge, match="/points"):
         box.put(message("/points", bytes(127 * 65507)))
     assert box.next_wake(0) is None
     with pytest.raises(BadMessage, match="datagram size"):
-        Outbox(TO, 100)
+        SendQueue(TO, 100)
 
 
 def test_bodies_are_not_copied() -> None:
     body = bytearray(b"a" * 3000)
-    box = outbox()
+    box = queue()
     box.put(message("/points", body, 1))  # type: ignore[arg-type]
     body[0:1] = b"z"
     assert taken(box, 1)[0][1] == b"z"
@@ -181,13 +183,13 @@ IMU = (2, "/imu", "imu_link")
 """Type, topic and link of a small message."""
 
 
-def express(box: Outbox, stamp_nanos: int, body: bytes) -> Datagram | None:
-    return box.express(*IMU, stamp_nanos, body)
+def express(box: SendQueue, stamp_nanos: int, body: bytes) -> OutgoingDatagram | None:
+    return box.take_small_directly(*IMU, stamp_nanos, body)
 
 
-def known(**options: Any) -> Outbox:
-    """Return an outbox by which a small message has gone the long way."""
-    box = Outbox(TO, "mtu", **options)
+def known(**options: Any) -> SendQueue:
+    """Return an queue by which a small message has gone the long way."""
+    box = SendQueue(TO, "mtu", **options)
     box.put(message("/imu", b"first", link="imu_link"))
     while box.take(0) is not None:
         pass
@@ -212,17 +214,17 @@ def test_express_is_the_long_way_in_one_step(
         assert at_once is not None
         assert queued is not None
         assert at_once._replace(part=memoryview(bytes(at_once.part))) == queued
-    assert short.accounts.rows(0) == long.accounts.rows(0)
+    assert short.delivery.counts(0) == long.delivery.counts(0)
 
 
 def test_what_has_more_to_it_takes_the_long_way() -> None:
-    assert express(Outbox(TO, "mtu"), 1, b"x") is None  # nothing is known of its topic
+    assert express(SendQueue(TO, "mtu"), 1, b"x") is None  # nothing is known of its topic
     box = known()
     largest = 1472 - len(Header(2, 0, 0, 1, 0, 0, "/imu", "imu_link").pack())
     assert express(box, 1, bytes(largest + 1)) is None
     assert express(box, 2**31 * 10**9, b"x") is None
     assert express(box, -(2**31) * 10**9 - 1, b"x") is None
-    assert box.express(2, "/imu", "other_link", 1, b"x") is None
+    assert box.take_small_directly(2, "/imu", "other_link", 1, b"x") is None
     box.put(message("/clock", b"t", 8))
     assert express(box, 1, b"x") is None  # it would overtake one that waits
     taken(box)
@@ -230,7 +232,7 @@ def test_what_has_more_to_it_takes_the_long_way() -> None:
     assert datagram is not None
     assert parse(datagram.header)[0].seq_number == 1  # none was used up above
     with pytest.raises(BadMessage, match="bytes-like"):
-        box.express(*IMU, 1, "text")  # type: ignore[arg-type]
+        box.take_small_directly(*IMU, 1, "text")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("mode", [Resend(10**9), Fec(0.2)])
@@ -244,19 +246,19 @@ def cloud_of(size: int, stamp_nanos: int = 5, topic: str = "/image") -> Message:
     return Message(33, topic, "camera", stamp_nanos, 0, bytes(size))
 
 
-def known_run(size: int, **options: Any) -> Outbox:
-    """Return an outbox by which a large message has gone the long way, and that got a Credit."""
-    box = Outbox(TO, "loopback", **options)
-    box.pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+def known_run(size: int, **options: Any) -> SendQueue:
+    """Return an queue by which a large message has gone the long way, and that got a Credit."""
+    box = SendQueue(TO, "loopback", **options)
+    box.flow.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
     box.put(cloud_of(size))
     while box.take(0, 1 << 20) is not None:
         pass
     return box
 
 
-def express_run(box: Outbox, message: Message, most_bytes: int) -> Datagram | None:
+def express_run(box: SendQueue, message: Message, most_bytes: int) -> OutgoingDatagram | None:
     msg_type, topic, link, stamp_nanos, _, body, _ = message
-    return box.express_run(msg_type, topic, link, stamp_nanos, body, 0, most_bytes)
+    return box.take_large_directly(0, most_bytes, msg_type, topic, link, stamp_nanos, body)
 
 
 @settings(max_examples=40)  # to compare a megabyte takes a while
@@ -281,16 +283,16 @@ def test_an_express_run_is_the_long_way_in_one_step(
         long.put(cloud_of(size, stamp_nanos))
         while (queued := long.take(0, most_bytes)) is not None:
             assert at_once is not None
-            assert (*at_once[:4], at_once.run and at_once.run[1:]) == (
+            assert (*at_once[:4], at_once.batch and at_once.batch[1:]) == (
                 *queued[:4],
-                queued.run and queued.run[1:],
+                queued.batch and queued.batch[1:],
             )
-            if queued.run is not None and at_once.run is not None:
-                assert at_once.run.parts.packed == queued.run.parts.packed
+            if queued.batch is not None and at_once.batch is not None:
+                assert at_once.batch.parts.packed == queued.batch.parts.packed
             at_once = short.take(0, most_bytes)
         assert at_once is None
-    assert short.accounts.rows(0) == long.accounts.rows(0)
-    assert short.pacer.window.in_flight_bytes == long.pacer.window.in_flight_bytes
+    assert short.delivery.counts(0) == long.delivery.counts(0)
+    assert short.flow.window.in_flight_bytes == long.flow.window.in_flight_bytes
     assert short.resender.history_bytes == long.resender.history_bytes
     assert short.resender.next_offer_nanos == long.resender.next_offer_nanos
 
@@ -298,13 +300,13 @@ def test_an_express_run_is_the_long_way_in_one_step(
 def left_with(most_bytes: int, names: str) -> tuple[list[bytes], list[bool], int, int]:
     """Return all datagrams of two coded blocks, which ended a message, the calls, and the cost."""
     block = Message(1, names, names[:-3], 5, 0, bytes(i % 251 for i in range(26_400)))
-    box = Outbox(TO, "mtu", repair={(1, names): Fec(0.3)})
-    box.pacer.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
+    box = SendQueue(TO, "mtu", repair={(1, names): Fec(0.3)})
+    box.flow.acknowledged(DatagramKey(1, "", 0, 0), 10**9, 0)
     datagrams, ends, calls = [], [], 0
     for _ in range(2):
         box.put(block)
         while (datagram := box.take(0, most_bytes)) is not None:
-            run, calls = datagram.run, calls + 1
+            run, calls = datagram.batch, calls + 1
             pieces = [(datagram.header, datagram.part)]
             if run is not None:
                 numbers = range(run.first, run.first + run.parts_count)
@@ -314,7 +316,7 @@ def left_with(most_bytes: int, names: str) -> tuple[list[bytes], list[bool], int
             datagrams += [head + bytes(part) for head, part in pieces]
             ends += [False] * (len(pieces) - 1) + [datagram.is_last]
         assert box.is_idle
-    return datagrams, ends, calls, box.pacer.window.in_flight_bytes
+    return datagrams, ends, calls, box.flow.window.in_flight_bytes
 
 
 @pytest.mark.parametrize("names", ["/points", "/" + "n" * 116])
@@ -331,11 +333,11 @@ def test_what_left_by_express_is_sent_again_when_it_is_asked_for() -> None:
     message = cloud_of(700_000)
     at_once = express_run(box, message, 1 << 20)
     assert at_once is not None
-    assert at_once.run is not None
-    header, offset = parse(at_once.run.behind or b"")
-    assert parse_resend((at_once.run.behind or b"")[offset:]) == Offer(33, 11, 1000)
+    assert at_once.batch is not None
+    header, offset = parse(at_once.batch.trailer or b"")
+    assert parse_resend((at_once.batch.trailer or b"")[offset:]) == Offer(33, 11, 1000)
     request = Request(33, 11, 1, 10**6, (3,))
-    box.resender.asked(header, request, 2 * 10**6)
+    box.resender.requested(header, request, 2 * 10**6)
     again = box.take(2 * 10**6)
     assert again is not None
     assert again.header == at_once.header[:6] + b"\3" + at_once.header[7:]
@@ -344,7 +346,7 @@ def test_what_left_by_express_is_sent_again_when_it_is_asked_for() -> None:
 
 def test_a_large_message_with_more_to_it_takes_the_long_way() -> None:
     most, fits = 1 << 20, cloud_of(700_000)
-    fresh = Outbox(TO, "loopback")
+    fresh = SendQueue(TO, "loopback")
     assert express_run(fresh, fits, most) is None  # nothing is known of its topic
     box = known_run(700_000)
     for other in (
@@ -362,12 +364,12 @@ def test_a_large_message_with_more_to_it_takes_the_long_way() -> None:
     assert not box.is_idle
     resent = known_run(700_000, repair={(33, "/image"): Resend(10**9)})
     fields = (33, "/image", "camera", 5, fits.body)
-    assert resent.express_run(*fields, 10**6, most) is None  # an offer is due
+    assert resent.take_large_directly(10**6, most, *fields) is None  # an offer is due
 
 
 def test_headers_are_kept_of_a_bounded_number_of_topics() -> None:
-    box = Outbox(TO, "mtu")
-    for index in range(2 * EXPRESS_TOPICS + 1):
+    box = SendQueue(TO, "mtu")
+    for index in range(2 * MAX_TEMPLATES + 1):
         box.put(message(str(index), b"x"))
         taken(box)
-        assert len(box._known.small) + len(box._known.large) <= EXPRESS_TOPICS
+        assert len(box._templates) <= MAX_TEMPLATES

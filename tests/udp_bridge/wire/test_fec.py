@@ -15,7 +15,7 @@ from udp_bridge import MSG_TYPES, Message, fragments, parse
 from udp_bridge.receiver.assembly import OVERHEAD_BYTES
 from udp_bridge.receiver.reassembly import Reassembler
 from udp_bridge.sender.repair import Fec
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 from udp_bridge.wire import fec
 from udp_bridge.wire.fragments import plan
 from udp_bridge.wire.header import Refused
@@ -31,7 +31,7 @@ def cloud(size: int, stamp: int = 1) -> Message:
 
 def datagrams(message: Message, size: int | str = 300, share: float = 0.2) -> list[bytes]:
     """Return all datagrams of a coded message, parts first."""
-    box = Outbox(TO, size, repair={(1, "/points"): Fec(share)})
+    box = SendQueue(TO, size, repair={(1, "/points"): Fec(share)})
     box.put(message)
     out = []
     now = 0

@@ -45,7 +45,7 @@ class StandIn:
         self.sent.append((msg_type, topic, stamp, bytes(body)))
         self.counts[msg_type, topic] = self.counts.get((msg_type, topic), 0) + 1
 
-    def left(self, to: Any) -> dict[tuple[int, str], int]:
+    def sent_counts(self, to: Any) -> dict[tuple[int, str], int]:
         return dict(self.counts)
 
     def flush(self, seconds: float) -> bool:

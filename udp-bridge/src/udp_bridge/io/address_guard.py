@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens a link's socket behind the guard that its user asked for: a peer, a key, or neither.
+"""Opens a link's socket with the protection that its user configured: a peer, a key, or neither.
 
-A socket that other hosts can reach, without a peer and without a key, validates addresses: it takes
-data from any address, but neither Subscribe nor Barrier before the address is validated, and it
-sends an unvalidated address no more bytes than came from there.
+A socket that other hosts can reach, without a peer and without a key, validates addresses. It takes
+data from any address, but refuses Subscribe and Barrier from addresses that are not validated, and
+sends them no more bytes than it received from them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import time
 from typing import List, Optional, Sequence, Tuple
 
 from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
-from udp_bridge.sender.outgoing import Run as Leaving
+from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire import control
 from udp_bridge.wire.address_validation import (
     CHALLENGE_SIZE,
@@ -28,14 +28,14 @@ from udp_bridge.wire.header import Buffer, Header, Refused, parse
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE
 
-from .socket_wrappers import Around, PeersOnly, Sealed
-from .udp_socket import ENOUGH_BUFFER, DatagramSocket, UdpSocket, resolve
+from .socket_wrappers import PeerFilter, SealedSocket, SocketWrapper
+from .udp_socket import RECOMMENDED_BUFFER, DatagramSocket, UdpSocket, resolve
 
 _WAIT_S = 0.1
 _KEY_SIZE = 32
 _CHALLENGE_HEAD = Header(CONTROL, 0, 0, 1, 0, 0).pack()
-_ANSWERS_OF_A_RUN = 4096
-"""More than the Credits and the Request take that a socket sends while it receives one run."""
+_ANSWER_BYTES = 4096
+"""Upper bound of the Credits and the Request that a socket sends while it receives one batch."""
 
 
 class Unguarded(ValueError):
@@ -49,16 +49,16 @@ def open_socket(
     secret: Optional[bytes] = None,
     sends: int,
     allow_any_peer: bool = False,
-    receive_buffer: int = ENOUGH_BUFFER,
+    receive_buffer: int = RECOMMENDED_BUFFER,
 ) -> DatagramSocket:
-    """Return a bound socket behind its guard.
+    """Return a bound socket with its protection.
 
     Parameters
     ----------
     peer
-        The only sender whose datagrams are taken; port 0 stands for every port of the host.
+        The only sender whose datagrams are accepted; port 0 stands for every port of the host.
     secret
-        The key that both ends share; see `Sealed`.
+        The key that both ends share; see `SealedSocket`.
     sends
         `seal.TO_ROS` or `seal.FROM_ROS`.
     allow_any_peer
@@ -67,7 +67,7 @@ def open_socket(
     Raises
     ------
     Unguarded
-        When other hosts can reach the socket, and nothing says who may send to it.
+        When other hosts can reach the socket and neither peer nor secret is given.
     OSError
         When an address can't be resolved or bound.
     """
@@ -81,86 +81,87 @@ def open_socket(
             "from any address"
         )
     if secret is not None:
-        around = PeersOnly(bare, [allowed]) if allowed is not None else bare
-        return Sealed(around, secret, sends=sends)
-    return guarded(bare, allowed)
+        filtered = PeerFilter(bare, [allowed]) if allowed is not None else bare
+        return SealedSocket(filtered, secret, sends=sends)
+    return guard(bare, allowed)
 
 
-def guarded(bare: UdpSocket, peer: Optional[Address]) -> DatagramSocket:
-    """Return a bound socket behind the guard that it needs; `peer` is numeric."""
+def guard(bare: UdpSocket, peer: Optional[Address]) -> DatagramSocket:
+    """Return a bound socket with the wrapper that it needs; `peer` is numeric."""
     if peer is not None:
-        return PeersOnly(bare, [peer])
+        return PeerFilter(bare, [peer])
     return bare if is_local(bare.address) else AddressGuard(bare)
 
 
-class AddressGuard(Around):
-    """Validates addresses, and limits what is sent to others; see `address_validation`."""
+class AddressGuard(SocketWrapper):
+    """Validates addresses and limits what is sent to others; see `address_validation`."""
 
     def __init__(self, inner: UdpSocket) -> None:
         super().__init__(inner)
         self._validator = AddressValidator(os.urandom(_KEY_SIZE))
-        self._vouched: List[Address] = []
-        self._lock = threading.Lock()  # one thread receives while another one sends
-        self._inner_run, self._inner_send_run = inner.receive_run, inner.send_run
-        for name in ("park_credits", "parked_credits", "order_run", "order_taken_back"):
-            if hasattr(inner, name):
-                setattr(self, name, getattr(inner, name))
+        self._trusted: List[Address] = []
+        self._lock = threading.Lock()  # one thread receives while another sends
+        self._receive_inner, self._send_inner = inner.receive_batch, inner.send_batch
+        self.credit_store = inner.credit_store
 
-    def vouch(self, address: Address) -> None:
-        """Send to an address without asking it: the user named it."""
-        self._vouched = [*self._vouched, address]
+    def trust(self, address: Address) -> None:
+        """Send to an address without validating it, because the user named it."""
+        self._trusted = [*self._trusted, address]
 
     def is_known(self, address: Address) -> bool:
-        """Return whether an address is validated, or was named by the user."""
-        if address in self._vouched:
+        """Return whether an address is validated or trusted."""
+        if address in self._trusted:
             return True
         with self._lock:
             return self._validator.is_validated(address, time.monotonic_ns())
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
-        """Wait for a datagram; return its size and sender, or None when there was none.
+        """Wait for a datagram; return its size and sender, or None if nothing was received.
 
         Raises
         ------
         Refused
-            When it asks for what only a validated address gets.
+            When it requests what only a validated address gets.
         """
         received = self._inner.receive_into(buffer)
         if received is not None:
             self._examine(memoryview(buffer)[: received[0]], received[1])
         return received
 
-    def receive_run(self, place: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
-        """Do as `UdpSocket.receive_run`, where the sender may be sent what parts are answered."""
-        is_limited = bool(place.arrived) and not self.is_known(place.sender)
-        if is_limited and self._validator.unsent(place.sender) < _ANSWERS_OF_A_RUN:
-            place, credits = NO_SLOTS, CreditState(0, self.receive_buffer, 0)
-        run = self._inner_run(place, credits)
-        if run is None:
+    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
+        """See `UdpSocket.receive_batch`; unvalidated senders get few answers."""
+        is_limited = bool(slots.arrived) and not self.is_known(slots.sender)
+        if is_limited and self._validator.unsent(slots.sender) < _ANSWER_BYTES:
+            slots, credits = NO_SLOTS, CreditState(0, self.receive_buffer, 0)
+        batch = self._receive_inner(slots, credits)
+        if batch is None:
             return None
-        if run.part_ranges and is_limited:
+        if batch.part_ranges and is_limited:
             with self._lock:
-                size = run.parts_count * len(run.header) + (run.parts_count - 1) * place.part_size
-                self._validator.received(place.sender, size)
-                if run.credits_sent or run.nack_bitmap:
-                    self._validator.spend(place.sender, _ANSWERS_OF_A_RUN)
-        if run.unmatched is not None and run.unmatched_sender is not None:
+                size = (
+                    batch.parts_count * len(batch.header)
+                    + (batch.parts_count - 1) * slots.part_size
+                )
+                self._validator.received(slots.sender, size)
+                if batch.credits_sent or batch.nack_bitmap:
+                    self._validator.spend(slots.sender, _ANSWER_BYTES)
+        if batch.unmatched is not None and batch.unmatched_sender is not None:
             try:
-                self._examine(memoryview(run.unmatched), run.unmatched_sender)
+                self._examine(memoryview(batch.unmatched), batch.unmatched_sender)
             except Refused as refused:
-                return run._replace(unmatched=None, unmatched_sender=None, refused=refused.reason)
-        return run
+                return batch._replace(unmatched=None, unmatched_sender=None, refused=refused.reason)
+        return batch
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
-        """Send one datagram; return False where the address may not be sent so much."""
+        """Send one datagram; return False if the address may not get so many bytes."""
         return self._may_send(to, sum(map(len, buffers))) and self._inner.send(buffers, to)
 
-    def send_run(self, run: Leaving, to: Address) -> int:
+    def send_batch(self, batch: OutgoingBatch, to: Address) -> int:
         """Send parts of a message; return how many were sent."""
-        return self._inner_send_run(run, to) if self._may_send(to, run.size) else 0
+        return self._send_inner(batch, to) if self._may_send(to, batch.size) else 0
 
     def _may_send(self, to: Address, size: int) -> bool:
-        if to in self._vouched:
+        if to in self._trusted:
             return True
         now_nanos = time.monotonic_ns()
         with self._lock:
@@ -172,7 +173,7 @@ class AddressGuard(Around):
         return True
 
     def _examine(self, datagram: memoryview, sender: Address) -> None:
-        """Refuse what only a validated address gets, and challenge its sender."""
+        """Refuse what only a validated address gets and challenge its sender."""
         now_nanos = time.monotonic_ns()
         with self._lock:
             is_validated = self._validator.is_validated(sender, now_nanos)
@@ -183,12 +184,12 @@ class AddressGuard(Around):
             try:
                 header, offset = parse(datagram)
                 is_control = header.msg_type == CONTROL
-                said = (control.parse if is_control else Subscribe.parse)(datagram[offset:])
+                body = (control.parse if is_control else Subscribe.parse)(datagram[offset:])
             except Refused:
-                return  # the link refuses it, too, and counts why
-            if isinstance(said, AddressResponse):
-                self._validator.respond(sender, said.cookie, now_nanos)
-            if not isinstance(said, (Subscribe, Barrier)):
+                return  # the link refuses and counts it, too
+            if isinstance(body, AddressResponse):
+                self._validator.respond(sender, body.cookie, now_nanos)
+            if not isinstance(body, (Subscribe, Barrier)):
                 return
             if is_validated:
                 is_due = self._validator.is_renewal_due(sender, now_nanos)

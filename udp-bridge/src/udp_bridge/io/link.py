@@ -1,78 +1,82 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages in, messages out, over a socket of its own: the library's only threads and clocks.
+"""Link: one end of a bridge, with a UDP socket, a receiving thread and a sending thread.
 
-One thread receives, one sends what has to wait. Nothing that the network does raises: it is
-counted. What is decided is decided in `sending` and `receiving`, which know no time of day.
+Network errors are counted, not raised. The protocol itself is in `sender` and `receiver`.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from types import TracebackType
-from typing import Any, Dict, List, Optional, Tuple, Type
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from udp_bridge.receiver.delivery_log import Counters
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.receiver.limits import Limits
-from udp_bridge.sender.accounts import Account
-from udp_bridge.sender.pending import WaitingTable
+from udp_bridge.sender.delivery_counts import DeliveryCounts
+from udp_bridge.sender.flow_control import REQUEST_NANOS
 from udp_bridge.sender.repair import Mode, RepairTable, check_table
+from udp_bridge.sender.send_queue import OutgoingDatagram, QueueLimits, SendQueue, take_in_turn
+from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import TopicReport
-from udp_bridge.wire.fragments import DatagramSize, TooLarge, check_datagram_size
-from udp_bridge.wire.header import BadMessage, Buffer
-from udp_bridge.wire.message import Address, Message
+from udp_bridge.wire.fragments import DatagramSize, check_datagram_size
+from udp_bridge.wire.header import NANOS, BadMessage, Buffer, Header
+from udp_bridge.wire.message import Address, DatagramKey, Message, TopicKey
+from udp_bridge.wire.repair import Request
+from udp_bridge.wire.types import CONTROL
 
-from .address_guard import guarded
-from .receive_thread import Listening, OnMessage
-from .send_thread import AT_ONCE_BYTES, Departures
-from .udp_socket import DatagramSocket, UdpSocket
+from .address_guard import guard
+from .credit_mailbox import mailbox_for
+from .receive_thread import OnMessage, ReceiveLoop
+from .udp_socket import RECOMMENDED_BUFFER, DatagramSocket, UdpSocket, resolve
 from .worker_thread import ErrorCounter, WorkerThread
 
-DEFAULT_RECEIVE_BUFFER = 8 << 20
-"""The most that an unprivileged Linux process commonly gets, as the kernel accounts it."""
+DIRECT_BYTES = 1 << 24
+"""Most bytes that `send` sends in the calling thread: the largest message, nearly. Handing the rest
+to the sending thread would cost a fifth of the throughput at 16 MB."""
+_BATCH_BYTES = 1 << 21
+"""Most bytes of a batch. A small message waits for at most one batch, about 0.2 ms."""
 _WAIT_S = 0.1
-"""How long the receiving thread sleeps at most; messages expire at this grain."""
+"""Longest sleep of the receiving thread, and so the resolution at which messages expire."""
 
 
-class Link(Departures):
-    """One end of a bridge: a bound socket with a sending and a receiving thread.
+class Link:
+    """One end of a bridge.
+
+    One thread at a time sends. If another thread is sending, `send` queues the message, and that
+    thread drains the queue. The link's own sending thread only sends what has to wait.
 
     Parameters
     ----------
     bind
         Host and port to receive at; port 0 takes a free one, see `address`.
     peer
-        Where `send` sends to when it is not told otherwise. With a peer, datagrams are taken from
-        it and from addresses that the link sends to; others are refused as `stranger`.
+        Default destination of `send`. With a peer, datagrams are accepted from it and from
+        addresses that the link sends to; others are refused as `stranger`.
     on_message
-        Called in the receiving thread with each message and its sender, from the first one on,
-        which may be before the constructor returns. While it runs, nothing is received. An
-        exception in it is counted as one of `errors`, logged, and ends nothing.
+        Called in the receiving thread with each message and its sender, possibly before the
+        constructor returns. Nothing is received while it runs; its exceptions are counted.
     receive_buffer
-        Bytes to ask the kernel for, as the kernel accounts them; see the attribute.
+        Bytes to request of the kernel, in kernel bytes; see the attribute.
     datagram
         `mtu`, `loopback` or the bytes of the largest datagram.
     signed_peer
-        Keep to what a peer understands that reads the header's counts as signed.
+        Limit header counts for a peer that reads them as signed.
     report
-        Tell every sender once a second what arrived.
+        Report the outcome of received messages to their senders once a second.
     confirmed
-        The user tells of each message of a ROS type what became of it, by `published` or
-        `dropped`. Otherwise it is published when `on_message` has returned.
+        The user reports the outcome of each message of a ROS type by `published` or `dropped`.
+        Otherwise a message counts as published when `on_message` has returned.
     limits
-        What reassembly spends at most.
+        Limits of reassembly.
     repair
-        How lost datagrams of a topic are made good, by msg_type and topic; see `repair`. What is
-        sent with `Resend` is kept until it is stale, so leave the body unchanged until then.
-    large_waiting
-        By msg_type and topic, the body bytes of messages of several parts that may wait, where
-        those do not supersede each other: blocks of a whole. Otherwise only the newest waits.
+        Repair modes by topic. Do not change a body sent with `Resend` until it is stale.
+    queue_limits
+        Body bytes of a topic's large messages that may wait; of others only the newest waits.
     socket
-        What to send and receive by instead of a socket of the link's own: anything bound that is
-        used as `UdpSocket` is. It becomes the link's, which closes it; `bind` and
-        `receive_buffer` are then as it has them, and so is who may send. Without it and without
-        a peer, a socket that other hosts can reach validates addresses; see `address_guard`.
+        A bound socket, such as a wrapper of `UdpSocket`; the link closes it. By default the link
+        opens one with the protection that it needs; see `address_guard`.
 
     Raises
     ------
@@ -88,50 +92,63 @@ class Link(Departures):
         peer: Optional[Address] = None,
         *,
         on_message: Optional[OnMessage] = None,
-        receive_buffer: int = DEFAULT_RECEIVE_BUFFER,
+        receive_buffer: int = RECOMMENDED_BUFFER,
         datagram: DatagramSize = "loopback",
         signed_peer: bool = False,
         report: bool = False,
         confirmed: bool = False,
         limits: Optional[Limits] = None,
         repair: Optional[RepairTable] = None,
-        large_waiting: Optional[WaitingTable] = None,
+        queue_limits: Optional[QueueLimits] = None,
         socket: Optional[DatagramSocket] = None,
     ) -> None:
-        super().__init__(
-            check_datagram_size(datagram), signed_peer=signed_peer, repair=check_table(repair)
-        )
+        self._datagram = check_datagram_size(datagram)
+        self._repair: Dict[TopicKey, Mode] = dict(check_table(repair))
+        self._queue_options: Dict[str, Any] = {
+            "signed_peer": signed_peer,
+            "reserve": socket.overhead if socket is not None else 0,
+            "limits": queue_limits,
+        }
         self._peer = peer
-        self._too_large = 0
-        self._overhead = socket.overhead if socket is not None else 0
-        self._large_waiting = large_waiting
-        if peer is not None:
-            self._outbox(peer)
+        self._lock = threading.RLock()  # guards all that is below
+        self._wake = threading.Condition(self._lock)  # of the sending thread
+        self._idle = threading.Condition(self._lock)  # of threads that wait until all is sent
+        self._idle_waiters = 0
+        self._queues_by_name: Dict[Address, SendQueue] = {}  # by address as the user gave it
+        self._queues: Dict[Address, SendQueue] = {}  # by numeric address
+        self._turns: List[SendQueue] = []
+        self._is_sending = False
+        self._has_more = False  # another thread queued something for the one that is sending
+        self._sleeps_until_nanos = 0.0  # of the sending thread; 0 while it is awake
+        self._rechecks = False  # something waits: the sending thread looks again before long
+        self._is_closed = False
+        self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
+        self._trust: Callable[[Address], object] = lambda _: None
+        numeric = self._queue_for(peer).to if peer is not None else None
         if socket is None:
-            bare = UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S)
-            socket = guarded(bare, self._outbox(peer).to if peer is not None else None)
-            self._vouch = getattr(socket, "vouch", self._vouch)
+            socket = guard(UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S), numeric)
+            self._trust = getattr(socket, "trust", self._trust)
         self._socket = socket
-        self._departs_by(socket)
+        self._send_batch: Any = getattr(socket, "send_batch", None)
+        self._batch_bytes = _BATCH_BYTES if self._send_batch is not None else 0
+        self._mailbox = mailbox_for(getattr(socket, "credit_store", None), self._sent)
         self._inbox = Inbox(
-            receive_buffer=self.receive_buffer,
-            on_credit=self._credited,
-            on_report=self._reported,
-            on_request=self._requested,
-            on_send_order_done=self._order_is_over,
-            on_challenge=self._challenged,
+            receive_buffer=socket.receive_buffer,
+            on_credit=self._on_credit,
+            on_report=self._on_report,
+            on_request=self._on_request,
+            on_send_order_done=self._on_delegated_end,
+            on_challenge=self._on_challenge,
             limits=limits,
         )
         self._errors = ErrorCounter()
-        self._listening = Listening(
+        self._receiving = ReceiveLoop(
             *(socket, self._inbox, on_message, self._answer, self._errors),
             report=report,
             confirmed=confirmed,
         )
-        self._threads = [
-            WorkerThread("udp_bridge receive", self._listening.turn, self._errors),
-            WorkerThread("udp_bridge send", self._send_turn, self._errors),
-        ]
+        turns = {"receive": self._receiving.turn, "send": self._send_turn}
+        self._threads = [WorkerThread(f"udp_bridge {n}", t, self._errors) for n, t in turns.items()]
         for thread in self._threads:
             thread.start()
 
@@ -142,12 +159,12 @@ class Link(Departures):
 
     @property
     def receive_buffer(self) -> int:
-        """Bytes of the receive buffer that the kernel granted, as it accounts them."""
+        """Bytes of the receive buffer that the kernel granted, in kernel bytes."""
         return self._socket.receive_buffer
 
     @property
     def received(self) -> Counters:
-        """What became of the datagrams that came."""
+        """Counters of the received datagrams."""
         return self._inbox.reassembler.counters
 
     def send(
@@ -159,29 +176,25 @@ class Link(Departures):
         body: Buffer,
         to: Optional[Address] = None,
     ) -> None:
-        """Send a message, or as much of it as may go now, and queue the rest; from any thread.
+        """Send a message from any thread: as much as possible now, the rest from the queue.
 
-        It waits for no peer and no other message; the kernel's copying of up to 16 MB, which takes
-        0.1 to 0.2 ms a MB, is done here, because to wake another thread takes longer. After `close`
-        it does nothing.
+        Up to 16 MB are copied into the kernel in the calling thread, at 0.1 to 0.2 ms per MB,
+        because waking another thread takes longer. After `close` it does nothing.
 
         Parameters
         ----------
-        msg_type, topic, link
-            As in the header.
-        stamp_nanos
-            Nanoseconds since the POSIX epoch.
+        msg_type, topic, link, stamp_nanos
+            As in the header; the stamp counts from the POSIX epoch.
         body
-            Any contiguous bytes-like object. It is not copied: leave it unchanged.
+            Any contiguous bytes-like object. It is not copied, so do not change it.
         to
-            Where to; the link's peer when not given.
+            Destination; the link's peer by default.
 
         Raises
         ------
         BadMessage
-            When a field is out of range, or there is nowhere to send to.
-        TooLarge
-            When the message fits at no datagram size; also counted.
+            When a field is out of range, there is no destination, or the message fits at no
+            datagram size (`TooLarge`).
         """
         to = to if to is not None else self._peer
         if to is None:
@@ -189,74 +202,79 @@ class Link(Departures):
         with self._lock:
             if self._is_closed:
                 return
-            outbox = self._routes.get(to) or self._outbox(to)
-            express = None
+            queue = self._queues_by_name.get(to) or self._queue_for(to)
+            datagram = None
             if not self._is_sending:
-                express = outbox.express(
-                    msg_type, topic, link, stamp_nanos, body
-                ) or self._express_run(outbox, msg_type, topic, link, stamp_nanos, body)
-            if express is not None:
+                fields = (msg_type, topic, link, stamp_nanos, body)
+                datagram = queue.take_small_directly(*fields) or self._take_large(queue, *fields)
+            if datagram is not None:
                 self._is_sending = True
             else:
-                try:
-                    outbox.put(Message(msg_type, topic, link, stamp_nanos, 0, body))
-                except TooLarge:
-                    self._too_large += 1
-                    raise
-        if express is not None:
-            self._send(express)
-            is_offered = express.run is not None and express.run.behind is not None
-            if express.is_last and not self._is_relied_on and not is_offered:
+                queue.put(Message(msg_type, topic, link, stamp_nanos, 0, body))
+        if datagram is not None:
+            self._send(datagram)
+            has_trailer = datagram.batch is not None and datagram.batch.trailer is not None
+            if datagram.is_last and not self._has_more and not has_trailer:
                 return
-        self._send_at_once(AT_ONCE_BYTES)
+        self._send_queued(DIRECT_BYTES)
 
-    def mend(self, msg_type: int, topic: str, mode: Mode) -> None:
-        """Make good what is lost of a topic from now on; from any thread.
-
-        Raises
-        ------
-        BadMessage
-            When that needs a package that is not installed.
-        """
+    def enable_repair(self, msg_type: int, topic: str, mode: Mode) -> None:
+        """Set the repair mode of a topic; `BadMessage` if it needs a package that is missing."""
         check_table({(msg_type, topic): mode})
         with self._lock:
             self._repair[msg_type, topic] = mode
-            for outbox in self._turn:
-                outbox.mends(msg_type, topic)
-
-    def left(self, to: Optional[Address] = None) -> Dict[Tuple[int, str], int]:
-        """Return how many messages have left for `to`, or else the peer, by msg_type and topic."""
-        to = to if to is not None else self._peer
-        with self._lock:
-            outbox = self._routes.get(to) if to is not None else None
-            return outbox.accounts.left() if outbox is not None else {}
+            for queue in self._turns:
+                queue.forget_templates(msg_type, topic)
 
     def flush(self, timeout_s: float) -> bool:
-        """Wait until all that was queued is sent; return whether it is."""
+        """Wait until the queues are empty; return whether they are."""
         return self._wait_idle(self._is_idle, timeout_s)
 
-    def counters(self) -> Dict[str, Any]:
-        """Return what was sent, received and lost, by name; `refused` is a dict by reason.
+    def sent_counts(self, to: Optional[Address] = None) -> Dict[TopicKey, int]:
+        """Return the number of messages sent to `to` (default: the peer) by topic."""
+        with self._lock:
+            queue = self._known_queue(to)
+            return queue.delivery.sent() if queue is not None else {}
 
-        `errors` counts exceptions that the link's threads survived: each is a bug, here or in
-        `on_message`. `deaf` is 1 while the receiving thread has made no turn for 5 s.
+    def delivery_counts(self, to: Optional[Address] = None) -> List[DeliveryCounts]:
+        """Return the outcome of all messages sent to `to` (default: the peer), by topic."""
+        with self._lock:
+            queue = self._known_queue(to)
+            return queue.delivery.counts(time.monotonic_ns()) if queue is not None else []
+
+    def arrivals(self) -> List[Tuple[Address, str, str, TopicReport]]:
+        """Return the newest reports of received topics: sender, topic, link, report."""
+        return list(self._inbox.last_reports)
+
+    def published(self, message: Message, sender: Address) -> None:
+        """Report, from any thread, that a received message reached its user."""
+        self._inbox.mark_published(message, sender, time.time_ns())
+
+    def dropped(self, message: Message, sender: Address) -> None:
+        """Report, from any thread, that a received message will not reach its user."""
+        self._inbox.mark_dropped(message, sender)
+
+    def counters(self) -> Dict[str, Any]:
+        """Return counts of what was sent, received and lost; `refused` is a dict by reason.
+
+        `errors` are bugs. `deaf` is 1 if the receiving thread has been blocked for over 5 s.
         """
-        with self._wake:
-            outboxes = list(self._outboxes.values())
+        with self._lock:
+            queues = list(self._queues.values())
             counts: Dict[str, Any] = {
                 **self._sent,
-                "superseded": sum(outbox.superseded for outbox in outboxes),
-                "too_large": self._too_large,
+                "superseded": sum(queue.superseded for queue in queues),
+                "too_large": sum(queue.too_large for queue in queues),
                 "unreachable": self._socket.unreachable,
-                "stalls": sum(outbox.pacer.stalls for outbox in outboxes),
-                "resent": sum(outbox.resender.resent for outbox in outboxes),
-                "resend_refused": sum(outbox.resender.over_budget for outbox in outboxes),
+                "stalls": sum(queue.flow.stalls for queue in queues),
+                "resent": sum(queue.resender.resent for queue in queues),
+                "resend_refused": sum(queue.resender.over_budget for queue in queues),
             }
         counts["sent_messages"] += self._inbox.socket_answers
         counts["sent_datagrams"] += self._inbox.socket_answers
         counts["sent_bytes"] += self._inbox.socket_answer_bytes
         counts["errors"] = self._errors.count
-        counts["deaf"] = int(self._listening.is_deaf)
+        counts["deaf"] = int(self._receiving.is_blocked)
         counts["received_datagrams"] = self._inbox.datagrams
         counts["received_bytes"] = self._inbox.bytes_received
         counts["repaired"] = self.received.repaired
@@ -265,35 +283,13 @@ class Link(Departures):
         counts.update(self.received.as_dict())
         return counts
 
-    def accounts(self, to: Optional[Address] = None) -> List[Account]:
-        """Return what became of all that was sent to `to`, or else the peer, topic by topic."""
-        to = to if to is not None else self._peer
-        with self._wake:
-            outbox = self._routes.get(to) if to is not None else None
-            return outbox.accounts.rows(time.monotonic_ns()) if outbox is not None else []
-
-    def arrivals(self) -> List[Tuple[Address, str, str, TopicReport]]:
-        """Return sender, topic, link and report of what arrived, as told with `report` last."""
-        return list(self._inbox.last_reports)
-
-    def published(self, message: Message, sender: Address) -> None:
-        """Tell, from any thread, that a message that was handed over has reached its user."""
-        self._inbox.mark_published(message, sender, time.time_ns())
-
-    def dropped(self, message: Message, sender: Address) -> None:
-        """Tell, from any thread, that a message that was handed over won't reach its user."""
-        self._inbox.mark_dropped(message, sender)
-
     def close(self) -> None:
-        """End both threads at once; what waits is dropped, what is open counts as incomplete.
-
-        With `report`, senders are told a last time what arrived.
-        """
-        with self._wake:
+        """Drop what waits, send a last report with `report`, and end both threads."""
+        with self._lock:
             if self._is_closed:
                 return
             self._is_closed = True
-            self._listening.end()
+            self._receiving.end()
             self._wake.notify_all()
             self._idle.notify_all()
             self._wait_idle(lambda: not self._is_sending, _WAIT_S)
@@ -301,17 +297,204 @@ class Link(Departures):
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join()
-        self._listening.tell_last()
+        self._receiving.finish()
         self._socket.close()
         self._inbox.close()
 
     def __enter__(self) -> Link:
         return self
 
-    def __exit__(
-        self,
-        kind: Optional[Type[BaseException]],
-        error: Optional[BaseException],
-        traceback: Optional[TracebackType],
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _known_queue(self, to: Optional[Address]) -> Optional[SendQueue]:
+        return self._queues_by_name.get(to or self._peer or ("", 0))
+
+    def _queue_for(self, to: Address) -> SendQueue:
+        numeric = resolve(to)
+        queue = self._queues.get(numeric)
+        if queue is None:
+            queue = SendQueue(numeric, self._datagram, repair=self._repair, **self._queue_options)
+            self._queues[numeric] = queue
+            self._turns.append(queue)
+            self._trust(numeric)
+        self._queues_by_name[to] = queue
+        return queue
+
+    def _take_large(self, queue: SendQueue, *fields: Any) -> Optional[OutgoingDatagram]:
+        """Return the first parts of a large message if all queues are empty."""
+        if not self._is_idle():
+            return None
+        now_nanos = time.monotonic_ns()
+        if queue.flow.is_mostly_used:
+            self._mailbox.collect(now_nanos, is_awaited=False)
+        datagram = queue.take_large_directly(now_nanos, self._batch_bytes, *fields)
+        if datagram is not None:
+            self._mailbox.follow(queue, now_nanos)
+        return datagram
+
+    def _send_queued(self, most_bytes: int) -> None:
+        """Send what may be sent now, in the calling thread, because waking ours takes longer."""
+        left_bytes = most_bytes
+        while left_bytes > 0:
+            with self._lock:
+                datagram = None if self._is_closed else self._take()
+                if datagram is None:
+                    break
+            left_bytes -= self._send(datagram)
+        with self._lock:
+            if self._is_sending:
+                self._has_more = True
+            elif self._sleeps_until_nanos:
+                now_nanos = time.monotonic_ns()
+                if left_bytes <= 0:  # this thread does not send the rest
+                    self._mailbox.collect(now_nanos, is_awaited=True)
+                    self._mailbox.delegate()
+                next_wake_nanos = self._next_wake(now_nanos)
+                self._rechecks |= next_wake_nanos < math.inf
+                if next_wake_nanos < self._sleeps_until_nanos:
+                    self._wake.notify_all()
+
+    def _take(self) -> Optional[OutgoingDatagram]:
+        """Return what to send now, unless another thread is sending; `_send` must follow."""
+        self._has_more = self._is_sending
+        if self._is_sending:
+            return None
+        now_nanos = time.monotonic_ns()
+        self._mailbox.collect(now_nanos, is_awaited=False)
+        datagram = take_in_turn(self._turns, now_nanos, self._batch_bytes)
+        if datagram is None and self._mailbox.collect(now_nanos, is_awaited=True):
+            datagram = take_in_turn(self._turns, now_nanos, self._batch_bytes)
+        if datagram is None:
+            self._mailbox.delegate()
+        elif datagram.batch is not None:
+            self._mailbox.follow(self._turns[-1], now_nanos)
+        self._is_sending = datagram is not None
+        return datagram
+
+    def _send(self, datagram: OutgoingDatagram) -> int:
+        """Send what was taken, without the lock; return its bytes."""
+        batch = datagram.batch
+        count, size, sent, trailers = 1, len(datagram.header) + datagram.part.nbytes, 0, 0
+        has_failed = True
+        try:
+            if batch is not None:
+                count = batch.parts_count
+                sent = self._send_batch(batch, datagram.to)
+                size = batch.size if sent == count else sent * batch.datagram_size
+                if batch.trailer is not None:
+                    trailers = int(self._socket.send((batch.trailer,), datagram.to))
+                    size += trailers * len(batch.trailer)
+            else:
+                sent = int(self._socket.send((datagram.header, datagram.part), datagram.to))
+            has_failed = False
+        finally:
+            with self._lock:
+                self._is_sending = False
+                is_last = datagram.is_last and sent == count
+                self._count_sent(size, sent + trailers, is_last=is_last)
+                if self._idle_waiters and self._is_idle():
+                    self._idle.notify_all()
+                if has_failed:
+                    self._wake.notify_all()  # the sending thread sends the rest
+        return size
+
+    def _send_turn(self) -> bool:
+        """Send what waits, or sleep until something may be sent; return False after `close`."""
+        with self._lock:
+            if self._is_closed:
+                return False
+            datagram = self._take()
+            if datagram is None:
+                self._sleep()
+                return True
+        self._send(datagram)
+        return True
+
+    def _sleep(self) -> None:
+        """Let the sending thread wait; another thread that is sending sends the rest."""
+        now_nanos = time.monotonic_ns()
+        self._sleeps_until_nanos = math.inf if self._is_sending else self._next_wake(now_nanos)
+        if self._rechecks:  # cheaper than waking this thread for each full window
+            self._sleeps_until_nanos = min(self._sleeps_until_nanos, now_nanos + REQUEST_NANOS)
+            self._rechecks = False
+        if self._idle_waiters:
+            self._idle.notify_all()  # messages may have become stale while they waited
+        wait_nanos = self._sleeps_until_nanos - now_nanos
+        self._wake.wait(None if wait_nanos == math.inf else max(0.0, wait_nanos) / NANOS)
+        self._sleeps_until_nanos = 0.0
+
+    def _next_wake(self, now_nanos: int) -> float:
+        """Return when something may be sent if nothing happens; infinity if nothing waits."""
+        wakes = [queue.next_wake(now_nanos) for queue in self._turns]
+        return min((wake for wake in wakes if wake is not None), default=math.inf)
+
+    def _is_idle(self) -> bool:
+        is_empty = not self._is_sending and all(queue.is_idle for queue in self._turns)
+        return self._is_closed or is_empty
+
+    def _wait_idle(self, is_idle: Callable[[], bool], timeout_s: float) -> bool:
+        with self._lock:
+            if is_idle():
+                return True
+            self._idle_waiters += 1
+            try:
+                return self._idle.wait_for(is_idle, timeout_s)
+            finally:
+                self._idle_waiters -= 1
+
+    def _count_sent(self, size: int, datagrams: int, *, is_last: bool) -> None:
+        if datagrams:
+            self._sent["sent_datagrams"] += datagrams
+            self._sent["sent_bytes"] += size
+            self._sent["sent_messages"] += is_last
+
+    def _answer(self, answer: bytes, to: Address) -> None:
+        is_sent = self._socket.send([answer], to)
+        with self._lock:
+            self._count_sent(len(answer), int(is_sent), is_last=is_sent)
+
+    def _on_credit(self, sender: Address, key: DatagramKey, receive_buffer: int) -> None:
+        with self._lock:
+            if (queue := self._queues.get(sender)) is None:
+                return
+            now_nanos = time.monotonic_ns()
+            self._mailbox.collect(now_nanos, is_awaited=True)  # these Credits came before
+            queue.flow.credited(key, receive_buffer, now_nanos)
+            if queue.is_idle:
+                return
+            if self._datagram != "loopback":
+                self._wake.notify_all()
+                return
+        # On one host, sending takes less time than waking a thread; over a network it may block.
+        self._send_queued(_BATCH_BYTES)
+
+    def _on_request(self, sender: Address, header: Header, request: Request) -> None:
+        with self._lock:
+            if (queue := self._queues.get(sender)) is not None:
+                now_nanos = time.monotonic_ns()
+                self._mailbox.collect(now_nanos, is_awaited=True)  # delegated parts count as sent
+                queue.resender.requested(header, request, now_nanos)
+        self._send_queued(_BATCH_BYTES)
+
+    def _on_report(self, sender: Address, topic: str, report: TopicReport, nanos: int) -> None:
+        with self._lock:
+            if (queue := self._queues.get(sender)) is not None:
+                queue.delivery.reported(topic, report, nanos)
+
+    def _on_challenge(self, sender: Address, challenge: AddressChallenge) -> None:
+        with self._lock:
+            if sender not in self._queues:
+                return  # this link does not send there, so it needs no validation
+        response = Header(CONTROL, 0, 0, 1, 0, 0).pack() + AddressResponse(challenge.cookie).pack()
+        self._answer(response, sender)
+
+    def _on_delegated_end(self) -> None:
+        with self._lock:
+            now_nanos = time.monotonic_ns()
+            self._mailbox.collect(now_nanos, is_awaited=True)
+            if self._is_idle() and self._next_wake(now_nanos) > now_nanos:  # no offer is due
+                if self._idle_waiters:
+                    self._idle.notify_all()
+                return
+        self._send_queued(_BATCH_BYTES)

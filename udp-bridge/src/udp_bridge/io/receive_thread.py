@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiving half of a link: the thread that takes what comes and hands messages over.
+"""Receive loop: receives datagrams in the link's receiving thread and hands messages over.
 
-Nothing that the network does ends it: what is wrong was counted in `receiving`, and `WorkerThread`
-counts what a turn raises. Parts that are expected come many at once where the socket can; what
-stands around one may lack that, and then each datagram comes by itself.
+Errors of the network were counted in `receiver`; `WorkerThread` counts exceptions of a turn. A
+socket with `receive_batch` returns many predicted parts at once, any other socket single datagrams.
 """
 
 from __future__ import annotations
@@ -22,24 +21,24 @@ from .worker_thread import ErrorCounter
 
 _REPORT_NANOS = NANOS
 _LAST_REPORTS = 3
-"""Nobody repeats the last word, and one copy in some may be lost."""
-DEAF_NANOS = 5 * NANOS
-"""A turn takes 0.1 s at most, unless `on_message` does not return."""
+"""Copies of the last report, which is never repeated and may be lost."""
+BLOCKED_NANOS = 5 * NANOS
+"""A turn takes at most 0.1 s unless `on_message` does not return."""
 
 OnMessage = Callable[[Message, Address], None]
 
 
-class Listening:
-    """Takes datagrams from a socket, for as long as it is told.
+class ReceiveLoop:
+    """Receives datagrams from a socket until it is told to end.
 
     Parameters
     ----------
     answer
-        Sends what is to be answered.
+        Sends Credits, requests and reports.
     errors
-        Counts what `on_message` raises.
+        Counts exceptions of `on_message`.
     report, confirmed
-        As `Link` has them.
+        See `Link`.
     """
 
     def __init__(
@@ -61,53 +60,53 @@ class Listening:
         self._report = report
         self._confirmed = confirmed
         self._is_ended = False
-        self._receive_run: Any = getattr(socket, "receive_run", None)
+        self._receive_batch: Any = getattr(socket, "receive_batch", None)
         self._buffer = bytearray(1 << 16)
-        self._turned_nanos = time.monotonic_ns()
-        self._report_nanos = self._turned_nanos + _REPORT_NANOS
+        self._turn_nanos = time.monotonic_ns()
+        self._report_nanos = self._turn_nanos + _REPORT_NANOS
 
     def end(self) -> None:
-        """Make the turn that is under way the last, as soon as the socket gives something."""
+        """End after the current turn."""
         self._is_ended = True
 
     @property
-    def is_deaf(self) -> bool:
-        """Whether no turn has begun for so long that nothing is received any more."""
-        is_late = time.monotonic_ns() - self._turned_nanos > DEAF_NANOS
+    def is_blocked(self) -> bool:
+        """Whether the current turn has taken so long that datagrams are lost."""
+        is_late = time.monotonic_ns() - self._turn_nanos > BLOCKED_NANOS
         return is_late and not self._is_ended
 
     def turn(self) -> bool:
-        """Take what has come, or what comes within 0.1 s; return False after `end`."""
-        self._turned_nanos = now_nanos = time.monotonic_ns()
+        """Process what was received, or is received within 0.1 s; return False after `end`."""
+        self._turn_nanos = now_nanos = time.monotonic_ns()
         if self._report and now_nanos >= self._report_nanos:
             self._report_nanos = now_nanos + _REPORT_NANOS
-            self._tell(now_nanos)
+            self._send_reports(now_nanos)
         try:
-            if self._receive_run is None:
+            if self._receive_batch is None:
                 self._receive_one()
             else:
                 self._receive_many()
         except Exception:
-            self._inbox.reset_prediction()  # what was expected may be what failed
+            self._inbox.reset_prediction()  # the predicted parts may have caused it
             raise
-        self._inbox.update_logs()  # behind the messages, which should not wait for it
+        self._inbox.update_logs()  # after the messages, which should not wait for it
         return not self._is_ended
 
-    def tell_last(self) -> None:
-        """Give up what is open, tell all senders what became of what they sent, and let go."""
+    def finish(self) -> None:
+        """Give up unfinished messages, send the last reports, and release the link."""
         self._inbox.reassembler.give_up_all()
         for _ in range(_LAST_REPORTS if self._report else 0):
-            self._tell(time.monotonic_ns())
-        self._answer, self._on_message = _to_nobody, None  # who answers refers to us again
+            self._send_reports(time.monotonic_ns())
+        self._answer, self._on_message = _ignore, None  # both refer to the link
 
     def _receive_many(self) -> None:
-        place, credits = self._inbox.predict_slots()
-        run = self._receive_run(place, credits)
+        slots, credits = self._inbox.predict_slots()
+        batch = self._receive_batch(slots, credits)
         now_nanos = time.monotonic_ns()
-        if run is None:
+        if batch is None:
             self._inbox.reassembler.expire(now_nanos)
-        elif not self._is_ended:  # a socket that is shut gives empty datagrams
-            for taken in self._inbox.receive_batch(place, run, now_nanos):
+        elif not self._is_ended:  # a socket that was shut returns empty datagrams
+            for taken in self._inbox.receive_batch(slots, batch, now_nanos):
                 self._hand_over(*taken, now_nanos)
 
     def _receive_one(self) -> None:
@@ -125,7 +124,7 @@ class Listening:
             taken = self._inbox.receive(datagram, sender, now_nanos)
             self._hand_over(*taken, sender, now_nanos)
 
-    def _tell(self, now_nanos: int) -> None:
+    def _send_reports(self, now_nanos: int) -> None:
         self._inbox.kernel_drops = self._socket.kernel_drops
         for answer, to in self._inbox.reports(now_nanos, time.time_ns()):
             self._answer(answer, to)
@@ -138,7 +137,7 @@ class Listening:
         now_nanos: int,
     ) -> None:
         if self._inbox.reassembler.pending_nacks:
-            for request in self._inbox.requests(now_nanos):  # a message waits for what they ask for
+            for request in self._inbox.requests(now_nanos):  # first: a message waits for these
                 self._answer(*request)
         if credit is not None:
             self._answer(*credit)
@@ -155,5 +154,5 @@ class Listening:
             self._inbox.mark_published(message, sender, time.time_ns())
 
 
-def _to_nobody(_: bytes, __: Address) -> None:
-    """Answer nobody."""
+def _ignore(_: bytes, __: Address) -> None:
+    """Do nothing."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sockets around a link's socket: what they refuse never reaches reassembly.
+"""Socket wrappers: filter or seal the datagrams of a link's socket.
 
-Each is a `DatagramSocket` and stands around another one. A refused datagram is raised as
-`Refused` by `receive_into`, so that the link counts it like any other.
+Each wrapper is a `DatagramSocket` around another one. `receive_into` raises `Refused` for a
+rejected datagram, so that the link counts it like any other refused datagram.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from __future__ import annotations
 import os
 import threading
 import time
-from typing import Iterable, List, Optional, Sequence, Tuple
+from typing import Iterable, Optional, Sequence, Tuple
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
+from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.header import Buffer, Refused
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import OVERHEAD, Seal
 
-from .credit_mailbox import Kept
-from .udp_socket import DatagramSocket
+from .udp_socket import DatagramSocket, UdpSocket
 
 
-class Around:
-    """What all of them pass on."""
+class SocketWrapper:
+    """Passes everything on to the socket within; base class of the wrappers."""
 
     def __init__(self, inner: DatagramSocket) -> None:
         self._inner = inner
@@ -32,16 +32,16 @@ class Around:
 
     @property
     def kernel_drops(self) -> int:
-        """As `UdpSocket` has it."""
+        """See `UdpSocket`."""
         return self._inner.kernel_drops
 
     @property
     def unreachable(self) -> int:
-        """As `UdpSocket` has it."""
+        """See `UdpSocket`."""
         return self._inner.unreachable
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
-        """Wait for a datagram; return its size and sender, or None when there was none."""
+        """Wait for a datagram; return its size and sender, or None if nothing was received."""
         return self._inner.receive_into(buffer)
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
@@ -49,16 +49,30 @@ class Around:
         return self._inner.send(buffers, to)
 
     def shut(self) -> None:
-        """Wake the thread that receives."""
+        """Wake the receiving thread."""
         self._inner.shut()
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._inner.close()
 
 
-class PeersOnly(Around):
-    """Takes datagrams from certain addresses alone.
+class _Peers:
+    """Addresses that may send; port 0 stands for every port of the host."""
+
+    def __init__(self, peers: Iterable[Address]) -> None:
+        self._peers = frozenset(peers)
+
+    def add(self, address: Address) -> None:
+        self._peers |= {address}  # replaced as a whole, because another thread receives
+
+    def __contains__(self, sender: object) -> bool:
+        assert isinstance(sender, tuple)
+        return sender in self._peers or (sender[0], 0) in self._peers
+
+
+class PeerFilter(SocketWrapper):
+    """Receives from certain addresses only.
 
     Parameters
     ----------
@@ -66,79 +80,53 @@ class PeersOnly(Around):
         Numeric hosts with ports; port 0 stands for every port of the host.
     """
 
-    def __init__(self, inner: DatagramSocket, peers: Iterable[Address]) -> None:
+    def __init__(self, inner: UdpSocket, peers: Iterable[Address]) -> None:
         super().__init__(inner)
-        self._peers = frozenset(peers)  # replaced as a whole, for another thread receives
-        if hasattr(inner, "send_run"):  # what is sent passes as it is
-            self.send_run = inner.send_run
-        if hasattr(inner, "receive_run"):
-            self._inner_run = inner.receive_run
-            self.receive_run = self._receive_run
-        if hasattr(inner, "park_credits"):
-            self._inner_park = inner.park_credits
-            self.park_credits = self._park_credits
-        if hasattr(inner, "parked_credits"):
-            self.parked_credits = inner.parked_credits
-        if hasattr(inner, "order_run"):
-            self.order_run = inner.order_run
-        if hasattr(inner, "order_taken_back"):
-            self.order_taken_back = inner.order_taken_back
+        self._peers = _Peers(peers)
+        self._receive_inner, self._send_inner = inner.receive_batch, inner.send_batch
+        self.credit_store = inner.credit_store
+        if self.credit_store is not None:
+            self.credit_store.peers = self._peers
 
-    def vouch(self, address: Address) -> None:
-        """Take datagrams from an address, too: the user sends there."""
-        self._peers |= {address}
+    def trust(self, address: Address) -> None:
+        """Receive from an address, too, because the user sends to it."""
+        self._peers.add(address)
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
-        """Wait for a datagram; return its size and sender, or None when there was none.
+        """Wait for a datagram; return its size and sender, or None if nothing was received.
 
         Raises
         ------
         Refused
-            When it came from elsewhere.
+            When it came from another address.
         """
         received = self._inner.receive_into(buffer)
-        if received is not None:
-            if not self._is_peer(received[1]):
-                raise Refused("stranger")
+        if received is not None and received[1] not in self._peers:
+            raise Refused("stranger")
         return received
 
-    def close(self) -> None:
-        """Give the socket back."""
-        super().close()
-        for name in ("receive_run", "park_credits"):  # they refer to this object itself
-            self.__dict__.pop(name, None)
+    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
+        """See `UdpSocket.receive_batch`; parts are only predicted of peers."""
+        batch = self._receive_inner(slots, credits)
+        if batch is not None and batch.unmatched_sender is not None:
+            if batch.unmatched_sender not in self._peers:
+                return batch._replace(unmatched=None, unmatched_sender=None, refused="stranger")
+        return batch
 
-    def _receive_run(self, place: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
-        """Do as `UdpSocket.receive_run`; parts are expected of those alone who were let in."""
-        run: Optional[PartBatch] = self._inner_run(place, credits)
-        if (
-            run is not None
-            and run.unmatched_sender is not None
-            and not self._is_peer(run.unmatched_sender)
-        ):
-            run = run._replace(unmatched=None, unmatched_sender=None, refused="stranger")
-        return run
-
-    def _park_credits(self, to: Address, like: bytes) -> List[Kept]:
-        """Do as `UdpSocket.park_credits`, but let those of others be refused."""
-        kept: List[Kept] = []
-        if self._is_peer(to):
-            kept = self._inner_park(to, like)
-        return kept
-
-    def _is_peer(self, sender: Address) -> bool:
-        return sender in self._peers or (sender[0], 0) in self._peers
+    def send_batch(self, batch: OutgoingBatch, to: Address) -> int:
+        """Send parts of a message; return how many the kernel took."""
+        return self._send_inner(batch, to)
 
 
-class Sealed(Around):
-    """Sends and takes sealed datagrams alone.
+class SealedSocket(SocketWrapper):
+    """Sends and receives sealed datagrams only; see `seal`.
 
     Parameters
     ----------
     secret
-        What both ends share; see `keys`.
+        The key that both ends share; see `keys`.
     sends
-        `seal.TO_ROS` or `seal.FROM_ROS`, what this end sends.
+        `seal.TO_ROS` or `seal.FROM_ROS`: the direction in which this end sends.
     """
 
     def __init__(self, inner: DatagramSocket, secret: bytes, *, sends: int) -> None:
@@ -146,27 +134,27 @@ class Sealed(Around):
         self.overhead += OVERHEAD
         sender = int.from_bytes(os.urandom(4), "little")
         self._seal = Seal(secret, sends=sends, sender=sender)
-        self._counting = threading.Lock()  # a link sends in two threads
-        self._came = bytearray(1 << 16)
+        self._counter_lock = threading.Lock()  # several threads of a link send
+        self._sealed = bytearray(1 << 16)
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
-        """Wait for a datagram; return the size of the one within and its sender, or None.
+        """Wait for a datagram; return the size of the plain one and its sender, or None.
 
         Raises
         ------
         Refused
-            When what came must not be trusted.
+            When its seal is wrong.
         """
-        received = self._inner.receive_into(self._came)
+        received = self._inner.receive_into(self._sealed)
         if received is None:
             return None
         size, sender = received
-        plain = self._seal.opened(memoryview(self._came)[:size], time.time_ns())
+        plain = self._seal.opened(memoryview(self._sealed)[:size], time.time_ns())
         buffer[: len(plain)] = plain
         return len(plain), sender
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
-        """Send one datagram, sealed; return whether the kernel took it."""
-        with self._counting:
+        """Seal and send one datagram; return whether the kernel took it."""
+        with self._counter_lock:
             counter = self._seal.next_counter(time.time_ns())
         return self._inner.send(self._seal.sealed(buffers, counter), to)

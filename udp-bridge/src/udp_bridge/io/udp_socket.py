@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The socket itself: its options, and what the kernel tells about losses. No threads, no messages.
+"""UDP socket: its options, its losses, and batches of datagrams. No threads, no messages.
 
-IPv4 on POSIX systems. Linux also tells of datagrams that it dropped for want of buffer and of
-peers that are not there; elsewhere these counts stay 0.
+IPv4 on POSIX systems. Batches use the C extension; without it every datagram is a system call of
+its own, with the same result. Only Linux reports datagrams dropped for lack of buffer and
+unreachable peers; elsewhere these counts stay 0.
 """
 
 from __future__ import annotations
@@ -11,31 +12,40 @@ import errno
 import socket
 import struct
 import sys
-from typing import Optional, Protocol, Sequence, Tuple, Union
+from typing import Callable, List, Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
-from udp_bridge.sender.outgoing import Run as Leaving
-from udp_bridge.wire.header import Buffer
+from udp_bridge.sender.send_queue import OutgoingBatch
+from udp_bridge.wire.fragments import datagram_of
+from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer
 from udp_bridge.wire.message import Address
 
-from . import batch_io as runs
+from .credit_mailbox import CreditStore
+from .native import batch_io
 
 _IS_LINUX = sys.platform == "linux"
 _SO_RCVBUFFORCE = 33  # Linux numbers that the socket module does not name in every version
 _SO_RXQ_OVFL = 40
 _IP_RECVERR = 11
 _DROP_COUNT = struct.Struct("=I")
-ENOUGH_BUFFER = 8 << 20
-"""What links ask for; in half of it 60 datagrams of 64 KB may be under way."""
+RECOMMENDED_BUFFER = 8 << 20
+"""Receive buffer that links ask for. Half of it holds 60 datagrams of 64 KB."""
 _ANCILLARY_BYTES = 64
 """Room for the drop count beside a datagram."""
+_REST_BYTES = 1 << 16
+
+RetryPolicy = Callable[[int], bool]
+"""Called with the errno of a datagram that was not sent; returns whether to try again."""
+ReceiveResult = Tuple[Optional[PartBatch], int]
+"""The received datagrams, and the errno that ended the batch or 0."""
 
 
 class DatagramSocket(Protocol):
-    """What a link needs of its socket; also of what stands around one, such as `seal`.
+    """Interface of `UdpSocket` and of the wrappers around it.
 
-    `UdpSocket` says what each member means. `receive_into` returns within about 0.1 s, with None
-    when nothing came, and raises `Refused` when something came that must not be taken.
+    `receive_into` returns within about 0.1 s, with None if nothing was received, and raises
+    `Refused` for a datagram that must not be used. A socket may also have `send_batch`,
+    `receive_batch` and `credit_store`.
     """
 
     address: Address
@@ -57,8 +67,111 @@ class DatagramSocket(Protocol):
     def close(self) -> None: ...  # noqa: D102
 
 
+class NativeBatches:
+    """Batches by the C extension."""
+
+    def __init__(self) -> None:
+        self.drops = 0
+        """Datagrams that the kernel dropped for lack of buffer, as last reported."""
+        self.credit_store: Optional[CreditStore] = CreditStore()
+        self._mailbox = self.credit_store.memory
+        self._rest = bytearray(_REST_BYTES)
+        self._is_flowing = False
+
+    def receive(
+        self, source: socket.socket, slots: ReceiveSlots, credits: CreditState
+    ) -> ReceiveResult:
+        """Return at least one datagram; None if nothing was received."""
+        found = batch_io.receive(
+            source.fileno(), self._rest, *slots, *credits, self._is_flowing, self._mailbox
+        )
+        self._is_flowing = found is not None
+        if found is None:
+            return None, -1
+        batch, error, drops = found
+        if drops >= 0:
+            self.drops = drops
+        return tuple.__new__(PartBatch, batch), error  # faster than `PartBatch._make`
+
+    def send(
+        self, source: socket.socket, batch: OutgoingBatch, to: Address, retry: RetryPolicy
+    ) -> int:
+        """Send a batch; return how many datagrams the kernel took."""
+        fd, parts = source.fileno(), batch.parts
+        number, end, sent, is_retry = batch.first, batch.first + batch.parts_count, 0, False
+        while number < end:
+            count, error = batch_io.send(
+                fd, to, parts.packed, parts.body, parts.cut.part_size, number, end - number
+            )
+            number, sent = number + count, sent + count
+            if count:
+                is_retry = False
+            if error:
+                is_retry = retry(error) and not is_retry
+                number += not is_retry  # skip this one
+        return sent
+
+
+class PortableBatches:
+    """Batches by one system call a datagram."""
+
+    def __init__(self) -> None:
+        self.drops = 0
+        """Datagrams that the kernel dropped for lack of buffer, as last reported."""
+        self.credit_store: Optional[CreditStore] = None
+        self._rest = bytearray(_REST_BYTES)
+
+    def receive(
+        self, source: socket.socket, slots: ReceiveSlots, credits: CreditState
+    ) -> ReceiveResult:
+        """Return a single datagram; None if nothing was received."""
+        room = slots.part_size if slots.arrived else 0
+        head = bytearray(len(slots.header) if slots.arrived else 0)
+        start = slots.next_part * slots.part_size
+        with memoryview(slots.block)[start : start + room] as slot:
+            buffers: List[Union[bytearray, memoryview]] = [head, slot, self._rest]
+            try:
+                size, ancillary, _, sender = source.recvmsg_into(buffers, _ANCILLARY_BYTES)
+            except OSError as error:
+                return None, error.errno or -1
+            if sender is None:  # the socket was shut
+                return None, -1
+            self.drops = _drops_in(ancillary, self.drops)
+            if size > len(head) and slots.matches(bytes(head), size, sender):
+                number, body_size = head[PART_NUMBER_OFFSET], size - len(head)
+                if number != slots.next_part:
+                    start = number * slots.part_size
+                    with memoryview(slots.block)[start : start + body_size] as right_slot:
+                        right_slot[:] = slot[:body_size]
+                is_last = number == len(slots.arrived) - 1
+                last_size = body_size if is_last else slots.part_size
+                uncredited = credits.uncredited_bytes + size
+                ranges = ((number, 1),)
+                return PartBatch(bytes(head), ranges, last_size, 0, uncredited, None, None), 0
+            beyond = max(0, size - len(head) - room)
+            unmatched = b"".join((head, slot, memoryview(self._rest)[:beyond]))[:size]
+        return PartBatch(b"", (), 0, 0, credits.uncredited_bytes, unmatched, sender), 0
+
+    def send(
+        self, source: socket.socket, batch: OutgoingBatch, to: Address, retry: RetryPolicy
+    ) -> int:
+        """Send a batch; return how many datagrams the kernel took."""
+        parts, sent = batch.parts, 0
+        for number in range(batch.first, batch.first + batch.parts_count):
+            buffers = datagram_of(parts.packed, parts.body, parts.cut, number)
+            for _ in range(2):
+                try:
+                    source.sendmsg(buffers, [], 0, to)
+                    sent += 1
+                    break
+                except OSError as error:
+                    if not retry(error.errno or 0):
+                        break
+        return sent
+
+
 class UdpSocket:
-    """A bound, connectionless socket; one thread may receive while another one sends.
+    """A bound, connectionless socket. One thread may receive while another one sends.
 
     Raises
     ------
@@ -72,21 +185,12 @@ class UdpSocket:
         self.kernel_drops = 0
         """Datagrams that the kernel dropped because the receive buffer was full."""
         self.unreachable = 0
-        """Datagrams that the peer's host or the network turned away."""
-        self._runs: Union[runs.ManyAtOnce, runs.OneByOne] = runs.OneByOne()
-        if runs.IS_BUILT:
-            self._runs = runs.ManyAtOnce()
-            self.park_credits = self._runs.park
-            """Keep credits of a peer that look like one from now on; return what was kept."""
-            self.parked_credits = self._runs.parked
-            """Return the credits that were kept; while one is awaited, none is without an order."""
-            self.order_run = self._runs.order
-            """Send the rest of a message from `receive_run` as credits come that can be kept."""
-            self.order_taken_back = self._runs.taken_back
-            """Send no more; return how many parts were sent since the order was given."""
-        self._sending: Union[runs.SendingMany, runs.SendingOne] = (
-            runs.SendingMany() if runs.IS_BUILT else runs.SendingOne()
+        """Datagrams that the peer's host or the network rejected."""
+        self._batches: Union[NativeBatches, PortableBatches] = (
+            NativeBatches() if batch_io is not None else PortableBatches()
         )
+        self.credit_store = self._batches.credit_store
+        """Keeps Credits for the sender; None without the C extension."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._set_up(receive_buffer, wait_s)
@@ -97,32 +201,30 @@ class UdpSocket:
             raise OSError(error.errno, f"can't bind to {bind[0]}:{bind[1]}: {why}") from None
         self.address: Address = self._socket.getsockname()
         self.receive_buffer: int = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-        """Bytes of the receive buffer that the kernel granted, as it accounts them."""
+        """Bytes of the receive buffer that the kernel granted, in kernel bytes."""
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
-        """Wait for a datagram; return its size and sender, or None when there was none."""
+        """Wait for a datagram; return its size and sender, or None if nothing was received."""
         try:
             size, ancillary, _, sender = self._socket.recvmsg_into([buffer], _ANCILLARY_BYTES)
-        except OSError:  # time is over, an absent peer's host answered, or the socket was shut
+        except OSError:  # timeout, an ICMP error, or the socket was shut
             self._drain_errors()
             return None
-        for level, kind, data in ancillary:
-            if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
-                (self.kernel_drops,) = _DROP_COUNT.unpack(data)
-        if sender is None:  # so does the kernel tell that the socket was shut
+        self.kernel_drops = _drops_in(ancillary, self.kernel_drops)
+        if sender is None:  # the socket was shut
             return None
         return size, sender
 
-    def receive_run(self, place: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
-        """Wait for what is expected, or for anything else; return None when nothing came.
+    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
+        """Wait for the predicted parts or any other datagram; return None if nothing came.
 
-        Parts are put into their places, and may be acknowledged.
+        Parts are received into their slots and may be acknowledged.
         """
-        run, error = self._runs.receive(self._socket, place, credits)
-        self.kernel_drops = self._runs.drops or self.kernel_drops
-        if run is None or error not in (0, errno.EAGAIN):
+        batch, error = self._batches.receive(self._socket, slots, credits)
+        self.kernel_drops = self._batches.drops or self.kernel_drops
+        if batch is None or error not in (0, errno.EAGAIN):
             self._drain_errors()
-        return run
+        return batch
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
         """Send one datagram gathered from `buffers`; return whether the kernel took it."""
@@ -131,39 +233,39 @@ class UdpSocket:
                 self._socket.sendmsg(buffers, [], 0, to)
                 return True
             except ConnectionRefusedError:
-                # This tells of an earlier datagram, perhaps to another peer; ours was not sent.
+                # It reports an earlier datagram, perhaps to another peer; this one was not sent.
                 self._drain_errors()
             except OSError:
                 break
         self.unreachable += 1
         return False
 
-    def send_run(self, run: Leaving, to: Address) -> int:
+    def send_batch(self, batch: OutgoingBatch, to: Address) -> int:
         """Send parts of a message; return how many the kernel took."""
-        sent = self._sending.send(self._socket, run, to, self._may_try_again)
-        self.unreachable += run.parts_count - sent
+        sent = self._batches.send(self._socket, batch, to, self._may_retry)
+        self.unreachable += batch.parts_count - sent
         return sent
 
-    def _may_try_again(self, error_number: int) -> bool:
+    def _may_retry(self, error_number: int) -> bool:
         if error_number != errno.ECONNREFUSED:
             return False
-        self._drain_errors()  # it tells of an earlier datagram; this one was not sent
+        self._drain_errors()  # it reports an earlier datagram; this one was not sent
         return True
 
     def shut(self) -> None:
-        """Wake the thread that receives."""
+        """Wake the receiving thread; sending still works."""
         try:
-            self._socket.shutdown(socket.SHUT_RD)  # last reports are yet to be sent
+            self._socket.shutdown(socket.SHUT_RD)
         except OSError:
-            pass  # an unconnected socket has nothing to shut down, but waiting threads do wake
+            pass  # expected of an unconnected socket; waiting threads wake anyway
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._socket.close()
 
     def _set_up(self, receive_buffer: int, wait_s: float) -> None:
         set_option = self._socket.setsockopt
-        # Linux grants twice what is asked for, and counts its own overhead in what it granted.
+        # Linux grants twice what is requested and counts its own overhead in it.
         wanted = receive_buffer // 2 if _IS_LINUX else receive_buffer
         set_option(socket.SOL_SOCKET, socket.SO_RCVBUF, wanted)
         seconds, fraction = divmod(wait_s, 1)
@@ -175,10 +277,10 @@ class UdpSocket:
             try:
                 set_option(socket.SOL_SOCKET, _SO_RCVBUFFORCE, wanted)
             except PermissionError:
-                pass  # the system's limit holds; `receive_buffer` tells
+                pass  # the system's limit applies; see `receive_buffer`
 
     def _drain_errors(self) -> None:
-        """Count and forget what hosts answered; kept, it would take room in the buffer."""
+        """Count and remove queued ICMP errors, which would take room in the receive buffer."""
         if not _IS_LINUX:
             return
         try:
@@ -189,18 +291,26 @@ class UdpSocket:
             pass
 
 
-def buffer_hint(granted: int, wanted: int = ENOUGH_BUFFER) -> str:
-    """Return a line that says how to raise a receive buffer; empty when it is large enough."""
+def _drops_in(ancillary: Sequence[Tuple[int, int, bytes]], drops: int) -> int:
+    """Return the kernel's drop count beside a datagram, or else `drops`."""
+    for level, kind, data in ancillary:
+        if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
+            (drops,) = _DROP_COUNT.unpack(data)
+    return drops
+
+
+def buffer_hint(granted: int, wanted: int = RECOMMENDED_BUFFER) -> str:
+    """Return a line that tells how to raise the receive buffer; empty if it is large enough."""
     if granted >= wanted or not _IS_LINUX:
         return ""
     return (
-        f"the receive buffer is {granted} bytes instead of {wanted}; large messages will be slower;"
-        f" raise it by: sysctl -w net.core.rmem_max={wanted // 2}"
+        f"the receive buffer is {granted} bytes instead of {wanted}; large messages will be slower."
+        f" Fix: sysctl -w net.core.rmem_max={wanted // 2}"
     )
 
 
 def resolve(address: Address) -> Address:
-    """Return the numeric IPv4 address of a host, which is what senders are known by.
+    """Return the numeric IPv4 address of a host, as senders are identified.
 
     Raises
     ------

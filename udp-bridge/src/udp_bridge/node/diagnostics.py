@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import Any, Callable, Dict, List, Mapping, Tuple
 
 from udp_bridge.io.link import Link
-from udp_bridge.sender.accounts import Account
+from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire.control import NO_AGE, TopicReport
 from udp_bridge.wire.types import MSG_TYPES
 
@@ -78,7 +78,7 @@ class NodeDiagnostics:
                 of = lost(topic or MSG_TYPES[report.msg_type].default_topic)
                 rows.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
         for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
-            accounts = link.accounts((host, port))
+            accounts = link.delivery_counts((host, port))
             # A peer that reports one topic reports every topic of which something arrived.
             reported = any(account.report is not None for account in accounts)
             for account in accounts:
@@ -116,7 +116,7 @@ class NodeDiagnostics:
         return self._row(key, topic, causes, report.published, values, now_nanos)
 
     def leaving(
-        self, account: Account, peer: str, now_nanos: int, *, reported: bool = True
+        self, account: DeliveryCounts, peer: str, now_nanos: int, *, reported: bool = True
     ) -> StatusRow:
         """Return the row of a topic that goes to a peer, which may have reported nothing yet."""
         if not reported:

@@ -180,7 +180,7 @@ class BarrierResponder:
                 return
             known = gateway.barrier
             if known is None:
-                gateway.announced.mark_announced(link.left(sender))
+                gateway.announced.mark_announced(link.sent_counts(sender))
             if known is None or (known.episode, known.tick) != (barrier.episode, barrier.tick):
                 gateway.take(barrier, now_s)
                 if barrier.tick < 0:
@@ -242,7 +242,7 @@ class BarrierResponder:
     ) -> None:
         """Create publishers and subscriptions until the messages can be delivered."""
         for key in set(self._subscriptions.topics) - self._mended:
-            link.mend(*key, Resend(barrier.limit_ms * 1_000_000))
+            link.enable_repair(*key, Resend(barrier.limit_ms * 1_000_000))
             self._mended.add(key)
         if gateway.is_queued:
             return
@@ -263,7 +263,9 @@ class BarrierResponder:
         self._give_up(gateway, barrier, now_s)
         if self._responses.due_topic() or not link.flush(FLUSH_S):
             return
-        left = {key: count for key, count in link.left(sender).items() if key[0] in ROS_TYPES}
+        left = {
+            key: count for key, count in link.sent_counts(sender).items() if key[0] in ROS_TYPES
+        }
         gateway.reply = BarrierReply(
             barrier.episode, barrier.tick, DONE, gateway.lost, gateway.announced.unannounced(left)
         )

@@ -217,7 +217,7 @@ class LeasedSubscriptions:
             if complaint:
                 return
             if self._repair is not None:
-                link.mend(*key, self._repair)
+                link.enable_repair(*key, self._repair)
         leases = self._leases.setdefault(key, {})
         if sender not in leases and len(leases) >= MAX_SUBSCRIPTIONS:
             slots = [_slot(peer, {peer: lease}) for peer, lease in leases.items()]

@@ -1,34 +1,168 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What waits to be sent, and which datagram goes next. No socket, no thread, no clock.
+"""Send queue of one destination: the messages that wait, and which datagram is sent next.
 
-Single-part messages (clock, commands, IMU) go before parts of large ones; of the large ones of
-a topic only the newest waits, behind the one that is on its way. A message gets its number
-when it leaves, so that what was superseded here leaves no gap there.
+Order: single-part messages, requested resends, offers, parts of large messages. A message gets its
+sequence number when it is sent, so a superseded message leaves no gap. No socket, thread or clock.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from typing import Deque, Optional, Tuple
+from collections import OrderedDict, deque
+from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from udp_bridge.wire.control import CreditRequest
-from udp_bridge.wire.fragments import DatagramSize, Parts, Split, check_datagram_size, flat, plan
-from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, Header, is_stamp, restamped
-from udp_bridge.wire.known_headers import KnownHeaders
-from udp_bridge.wire.message import Address, DatagramKey, Message
+from udp_bridge.wire.fragments import (
+    DatagramSize,
+    Parts,
+    Split,
+    TooLarge,
+    check_datagram_size,
+    datagram_of,
+    flat,
+    plan,
+)
+from udp_bridge.wire.header import Buffer, Header, is_stamp, restamped
+from udp_bridge.wire.message import Address, DatagramKey, Message, TopicKey
 from udp_bridge.wire.numbering import Numbering
 from udp_bridge.wire.types import CONTROL, REPAIR
 
-from .accounts import Accounts
-from .credit_window import Pacer, kernel_bytes
-from .fec import symbols_of
-from .outgoing import Datagram, Order, Run
-from .pending import LargeWaiting, SmallWaiting, WaitingTable
-from .repair import Fec, RepairTable, Resend
-from .resend import Resender, Sent
+from .delivery_counts import DeliveryCounter
+from .flow_control import FlowControl, InFlight, kernel_bytes
+from .repair import Fec, RepairTable, Resend, repair_parts
+from .resend import HistoryEntry, QueuedResend, Resender
+
+SMALL_PER_TOPIC = 512
+"""Most single-part messages of a topic that wait; more than a second of a 400 Hz topic."""
+MAX_TEMPLATES = 1024
+"""Most topics, with their links, whose header is kept as a template."""
+
+QueueLimits = Mapping[TopicKey, int]
+"""Body bytes of a topic's large messages that may wait; only the newest one of other topics."""
+_LinkKey = Tuple[int, str, str]
+"""msg_type, topic and link."""
 
 
-class Outbox:
+class OutgoingBatch(NamedTuple):
+    """Consecutive parts of one message that may be sent at once."""
+
+    parts: Parts
+    first: int
+    """Number of the first part."""
+    parts_count: int
+    size: int
+    """Bytes of all datagrams."""
+    trailer: Optional[bytes] = None
+    """A datagram to send right behind them."""
+
+    @property
+    def datagram_size(self) -> int:
+        """Bytes of each datagram but the message's last one, which may be smaller."""
+        return len(self.parts.packed) + self.parts.cut.part_size
+
+
+class OutgoingDatagram(NamedTuple):
+    """What to send next: `sendmsg([header, part], [], 0, to)`, or a batch."""
+
+    header: bytes
+    part: memoryview
+    to: Address
+    is_last: bool
+    """Whether its message is completely sent with it."""
+    batch: Optional[OutgoingBatch] = None
+    """If given, send this instead."""
+
+
+class DelegatedSend(NamedTuple):
+    """The rest of a message, which the receiving thread sends as Credits arrive."""
+
+    parts: Parts
+    to: Address
+    next_part: int
+    end: int
+    cost: int
+    """Bytes of the peer's receive buffer that each part takes."""
+    in_flight_bytes: int
+    window_bytes: int
+    in_flight: List[InFlight]
+    """Oldest first; the newest entry is of the message itself."""
+
+
+class _Template(NamedTuple):
+    """A message that was sent; the next one of its topic often differs only in number and stamp."""
+
+    packed: bytes
+    """Header of part 0."""
+    body_size: int
+    cut: Split
+    resend_limit_nanos: Optional[int]
+
+
+class SmallMessages:
+    """Waiting single-part messages by order of arrival, bounded by topic."""
+
+    def __init__(self) -> None:
+        self._messages: OrderedDict[int, Message] = OrderedDict()
+        self._of_topic: Dict[TopicKey, Deque[int]] = {}
+        self._arrivals = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._messages)
+
+    def put(self, message: Message) -> List[Message]:
+        """Add a message; return those that it supersedes."""
+        superseded = []
+        waiting = self._of_topic.setdefault((message.msg_type, message.topic), deque())
+        if len(waiting) >= SMALL_PER_TOPIC:
+            superseded.append(self._messages.pop(waiting.popleft()))
+        self._arrivals += 1
+        waiting.append(self._arrivals)
+        self._messages[self._arrivals] = message
+        return superseded
+
+    def pop(self) -> Message:
+        """Remove and return the oldest message."""
+        _, message = self._messages.popitem(last=False)
+        key = (message.msg_type, message.topic)
+        self._of_topic[key].popleft()
+        if not self._of_topic[key]:
+            del self._of_topic[key]
+        return message
+
+
+class LargeMessages:
+    """Waiting multi-part messages; topics take turns.
+
+    Of a topic and link only the newest message waits, or as many as fit into `limits`.
+    """
+
+    def __init__(self, limits: QueueLimits) -> None:
+        self._limits = limits
+        self._of_link: OrderedDict[_LinkKey, Deque[Message]] = OrderedDict()
+
+    def __bool__(self) -> bool:
+        return bool(self._of_link)
+
+    def put(self, message: Message) -> List[Message]:
+        """Add a message; return those that it supersedes."""
+        key = (message.msg_type, message.topic, message.link)
+        waiting = self._of_link.setdefault(key, deque())
+        waiting.append(message)
+        superseded = []
+        limit = self._limits.get(key[:2], 0)
+        while len(waiting) > 1 and sum(flat(one.body).nbytes for one in waiting) > limit:
+            superseded.append(waiting.popleft())
+        return superseded
+
+    def pop(self) -> Message:
+        """Remove and return the message whose turn it is."""
+        key, waiting = self._of_link.popitem(last=False)
+        message = waiting.popleft()
+        if waiting:
+            self._of_link[key] = waiting  # behind other topics
+        return message
+
+
+class SendQueue:
     """All that waits for one destination."""
 
     def __init__(
@@ -39,313 +173,304 @@ class Outbox:
         signed_peer: bool = False,
         repair: Optional[RepairTable] = None,
         reserve: int = 0,
-        large_waiting: Optional[WaitingTable] = None,
+        limits: Optional[QueueLimits] = None,
     ) -> None:
         self.to = to
-        self.pacer = Pacer()
-        self.accounts = Accounts(signed_peer=signed_peer)
+        self.flow = FlowControl()
+        self.delivery = DeliveryCounter(signed_peer=signed_peer)
+        self.resender = Resender()
         self.superseded = 0
-        """Messages dropped here because newer ones of their topic came."""
+        """Messages that were dropped here because newer ones of their topic came."""
+        self.too_large = 0
+        """Messages that did not fit at any datagram size."""
         self._datagram_size = check_datagram_size(datagram_size)
         self._signed_peer = signed_peer
-        self._reserve = reserve  # bytes of each datagram for what is put around it
+        self._reserve = reserve  # bytes of each datagram that a socket wrapper adds
         self._repair = repair if repair is not None else {}
-        self.resender = Resender()
-        self._numbering = Numbering(signed_peer=signed_peer)
-        self._small = SmallWaiting()
-        self._large = LargeWaiting(large_waiting if large_waiting is not None else {})
-        self._known = KnownHeaders()
-        self._message: Optional[Message] = None  # the one on its way, with its number
-        self._planned: Optional[Tuple[Message, Split]] = None  # the last one that was
-        self._parts: Optional[Parts] = None  # its datagrams: of the body, then of its repair
-        self._part: Optional[Tuple[bytes, memoryview]] = None  # its next datagram
-        self._coded: Optional[Fec] = None  # how it is repaired, until that is computed
-        self._leaving: Optional[Sent] = None  # its place in the history
-        self._symbols: Deque[Tuple[bytes, memoryview]] = deque()  # of small messages
+        self._numbering = Numbering(signed_peer=signed_peer)  # of CreditRequests
+        self._small = SmallMessages()
+        self._large = LargeMessages(limits if limits is not None else {})
+        self._templates: Dict[_LinkKey, _Template] = {}
+        self._planned: Optional[Tuple[Message, Split]] = None  # newest result of `_plan`
+        # The large message that is being sent, with its number:
+        self._message: Optional[Message] = None
+        self._parts: Optional[Parts] = None  # what is left of it: its parts, then its repair data
+        self._entry: Optional[HistoryEntry] = None
+        self._fec: Optional[Fec] = None  # until its repair data is computed
+        self._repair_datagrams: Deque[Tuple[bytes, memoryview]] = deque()  # of small messages
 
     def put(self, message: Message) -> None:
-        """Queue a message; its seq_number is given later.
+        """Queue a message; its seq_number is assigned when it is sent.
 
         Raises
         ------
         BadMessage
             When it can't be sent to this destination (`TooLarge`: at no datagram size).
         """
-        if self._plan(message).parts_max == 1:
-            oldest = self._small.put(message)
-            pushed_out = [oldest] if oldest is not None else []
-        else:
-            pushed_out = self._large.put(message)
-        for message in pushed_out:
-            self.accounts.superseded(message)
-            self.superseded += 1
+        try:
+            is_small = self._plan(message).parts_max == 1
+        except TooLarge:
+            self.too_large += 1
+            raise
+        superseded = self._small.put(message) if is_small else self._large.put(message)
+        for old in superseded:
+            self.delivery.superseded(old)
+        self.superseded += len(superseded)
 
-    def express(
+    def take_small_directly(
         self, msg_type: int, topic: str, link: str, stamp_nanos: int, body: Buffer
-    ) -> Optional[Datagram]:
-        """Return the datagram of a small message that meets nobody it would have to wait behind.
+    ) -> Optional[OutgoingDatagram]:
+        """Do `put` and `take` in one step for a small message that has nothing to wait for.
 
-        It is `put` and `take` in one, with the header of the last message of its topic and only
-        number and stamp anew. None means that the message has to take the long way, where it is
-        also judged: it may be the first of its topic, have parts or repair, or be wrong.
+        Only number and stamp of its topic's template change. None means that `put` must be used,
+        which also validates: the message may be the first of its topic, be large, have a repair
+        mode, or be invalid.
         """
-        known = self._known.small.get((msg_type, topic, link))
-        if known is None or self._small or self._symbols:
+        template = self._templates.get((msg_type, topic, link))
+        if template is None or self._small or self._repair_datagrams:
             return None
-        packed, largest = known
+        packed, _, cut, _ = template
         view = flat(body)
         size = view.nbytes
-        if size > largest or not is_stamp(stamp_nanos):
+        if cut.parts_max != 1 or size > cut.part_size or not is_stamp(stamp_nanos):
             return None
-        number = self.accounts.numbered((msg_type, topic), stamp_nanos, size)
-        return Datagram(restamped(packed, number, stamp_nanos), view, self.to, True)
+        number = self.delivery.next_number((msg_type, topic), stamp_nanos, size)
+        return OutgoingDatagram(restamped(packed, number, stamp_nanos), view, self.to, True)
 
-    def express_run(
+    def take_large_directly(
         self,
+        now_nanos: int,
+        most_bytes: int,
         msg_type: int,
         topic: str,
         link: str,
         stamp_nanos: int,
         body: Buffer,
-        now_nanos: int,
-        most_bytes: int,
-    ) -> Optional[Datagram]:
-        """Return the first parts of a message that is cut like the last one of its topic.
+    ) -> Optional[OutgoingDatagram]:
+        """Do `put` and `take` in one step for a message of the same size as its topic's last one.
 
-        It is `put` and `take` in one, as `express` is for small ones, for a caller who knows that
-        nothing waits; None means the long way. What remains of the message is for `take`.
+        Call it only when the queue is idle. None means that `put` must be used. The rest of the
+        message is returned by `take`.
         """
-        alike = self._known.large.get((msg_type, topic, link))
-        if alike is None or not is_stamp(stamp_nanos):
+        template = self._templates.get((msg_type, topic, link))
+        if template is None or not most_bytes or not is_stamp(stamp_nanos):
             return None
-        view, cut = flat(body), alike.cut
-        size = len(alike.packed) + cut.part_size
-        if view.nbytes != alike.body_size or self.resender.is_offer_due(now_nanos):
+        packed, body_size, cut, limit_nanos = template
+        view, offer_nanos = flat(body), self.resender.next_offer_nanos
+        is_offer_due = offer_nanos is not None and offer_nanos <= now_nanos
+        if cut.parts_max == 1 or view.nbytes != body_size or is_offer_due:
             return None
-        most = min(most_bytes // size, cut.parts_max)
-        count = self.pacer.granted(size, most, now_nanos) if most else 0
-        if not count:
+        size = len(packed) + cut.part_size
+        count = self.flow.allowed(size, min(most_bytes // size, cut.parts_max), now_nanos)
+        if count < 1:
             return None
-        number = self.accounts.numbered((msg_type, topic), stamp_nanos, view.nbytes)
-        message = self._message = Message(msg_type, topic, link, stamp_nanos, number, body)
-        packed, limit_nanos = restamped(alike.packed, number, stamp_nanos), alike.limit_nanos
-        self._leaving = None
-        if limit_nanos is not None:
-            self._leaving = self.resender.leaves(message, cut, packed, limit_nanos, now_nanos)
-        self._parts = Parts(packed, view, cut)
-        return self._with_offer(self._leave(self._parts, 0, count, now_nanos), now_nanos)
+        number = self.delivery.next_number((msg_type, topic), stamp_nanos, view.nbytes)
+        message = Message(msg_type, topic, link, stamp_nanos, number, body)
+        parts = Parts(restamped(packed, number, stamp_nanos), view, cut)
+        self._begin(message, parts, limit_nanos, now_nanos)
+        return self._send_parts(parts, count, now_nanos, is_batch=True)
 
-    def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[Datagram]:
-        """Return the datagram to send now, if one may go.
+    def take(self, now_nanos: int, most_bytes: int = 0) -> Optional[OutgoingDatagram]:
+        """Return what to send now, if anything may be sent.
 
-        Others of its message may go with it, up to `most_bytes` together.
+        With `most_bytes`, parts of a large message are returned as a batch of up to this size.
         """
-        if self._symbols:
-            return Datagram(*self._symbols.popleft(), self.to, is_last=False)
+        if self._repair_datagrams:
+            return OutgoingDatagram(*self._repair_datagrams.popleft(), self.to, is_last=False)
         if self._small:
             return self._take_small(now_nanos)
-        again = self.resender.next_again(now_nanos)
-        # It goes behind what was asked for, so that who gets it knows whether that was lost.
-        offer = self.resender.next_offer(now_nanos) if again is None else None
+        resend = self.resender.next_resend(now_nanos)
+        if resend is not None:
+            return self._take_resend(resend, now_nanos)
+        # An offer follows the requested parts, so that the receiver can tell if they were lost.
+        offer = self.resender.next_offer(now_nanos)
         if offer is not None:
-            return Datagram(offer, memoryview(b""), self.to, is_last=False)
-        part = again.datagram() if again is not None else self._next_part(now_nanos)
-        if part is None:
+            return OutgoingDatagram(offer, memoryview(b""), self.to, is_last=False)
+        parts = self._next_parts(now_nanos)
+        if parts is None:
             return None
-        if self.pacer.must_ask(_size(part), now_nanos):
-            return self._ask(now_nanos)
-        if again is None:
-            return self._take_large(part, now_nanos, most_bytes)
-        if not self._may_send(again.sent.message, part, now_nanos):
+        size = parts.datagram_size(parts.upcoming)
+        if self.flow.is_request_due(size, now_nanos):
+            return self._request_credit(now_nanos)
+        most = max(1, min(most_bytes // size, parts.parts_left))
+        count = self.flow.allowed(size, most, now_nanos)
+        if not count:
             return None
-        self.resender.sent_again()
-        return Datagram(*part, self.to, is_last=False)
+        return self._send_parts(parts, count, now_nanos, is_batch=most_bytes >= size)
 
-    def mends(self, msg_type: int, topic: str) -> None:
-        """Take the long way with a topic from now on: the table has a mode of repair for it."""
-        self._known.forget(msg_type, topic)
+    def forget_templates(self, msg_type: int, topic: str) -> None:
+        """Validate the next messages of a topic by `put`, because its repair mode has changed."""
+        for key in [key for key in self._templates if key[:2] == (msg_type, topic)]:
+            del self._templates[key]
 
-    def order(self) -> Optional[Order]:
-        """Return what remains of the current message, if it lacks but room in the window."""
-        parts, message, window = self._parts, self._message, self.pacer.window
-        if parts is None or message is None or self._part is None or parts.packed[0] == REPAIR:
-            return None
-        size, upcoming = _size(self._part), self._part[0][PART_NUMBER_OFFSET]
+    def delegate(self) -> Optional[DelegatedSend]:
+        """Return the rest of the current message if it only waits for room in the window."""
+        parts, message, window = self._parts, self._message, self.flow.window
         if (
-            parts.upcoming != upcoming + 1
-            or not self.pacer.waits_for_credit
-            or window.fits(size)
+            parts is None
+            or message is None
+            or parts.packed[0] == REPAIR
+            or not self.flow.is_window_in_use
+            or window.fits(parts.datagram_size(parts.upcoming))
             or not self.resender.is_idle
         ):
             return None
-        flights = window.flights(message.msg_type, message.topic)
-        if flights is None:
+        in_flight = window.in_flight(message.msg_type, message.topic)
+        if in_flight is None:
             return None
+        upcoming, end = parts.upcoming, parts.cut.parts_max
         cost = kernel_bytes(len(parts.packed) + parts.cut.part_size)
-        if flights[-1][0] != message.seq_number:
-            flights.append((message.seq_number, upcoming, 0, cost, cost))
-        end, (in_flight, most) = parts.cut.parts_max, (window.in_flight_bytes, window.window_bytes)
-        return Order(parts, self.to, upcoming, end, cost, in_flight, most, flights)
+        if in_flight[-1][0] != message.seq_number:
+            in_flight.append((message.seq_number, upcoming, 0, cost, cost))
+        bounds = window.in_flight_bytes, window.window_bytes
+        return DelegatedSend(parts, self.to, upcoming, end, cost, *bounds, in_flight)
 
-    def ordered(self, count: int, now_nanos: int) -> Datagram:
-        """Take note that so many parts of the last order went."""
+    def delegated_sent(self, count: int, now_nanos: int) -> OutgoingDatagram:
+        """Count parts of the last `DelegatedSend` that were sent; return them."""
         assert self._parts is not None
-        assert self._part is not None
-        return self._leave(self._parts, self._part[0][PART_NUMBER_OFFSET], count, now_nanos)
+        return self._send_parts(self._parts, count, now_nanos, is_batch=True)
 
     @property
-    def large_topic(self) -> Tuple[int, str]:
-        """msg_type and topic of the large message that began to leave last."""
+    def current_topic(self) -> TopicKey:
+        """The topic of the newest large message that was begun."""
         assert self._message is not None
         return self._message.msg_type, self._message.topic
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing waits but offers, which are repeated for some time."""
-        waiting = self._small or self._large or self._part or self._symbols
+        """Whether nothing waits. Offers do not count, because they are repeated for some time."""
+        waiting = self._small or self._large or self._parts or self._repair_datagrams
         return not waiting and self.resender.is_idle
 
     def next_wake(self, now_nanos: int) -> Optional[int]:
         """Return when to call `take` again if nothing happens; None when nothing waits."""
-        if self._small or self._symbols:
+        if self._small or self._repair_datagrams:
             return now_nanos
-        again = self.resender.next_again(now_nanos)
-        part = again.datagram() if again is not None else self._next_part(now_nanos)
-        offer_nanos = self.resender.next_offer_nanos if again is None else None
-        if part is None:
+        resend = self.resender.next_resend(now_nanos)
+        if resend is not None:
+            return self.flow.next_wake(resend.size, now_nanos)
+        offer_nanos, parts = self.resender.next_offer_nanos, self._next_parts(now_nanos)
+        if parts is None:
             return offer_nanos
-        part_nanos = self.pacer.next_wake(_size(part), now_nanos)
-        return part_nanos if offer_nanos is None else min(part_nanos, offer_nanos)
+        wake_nanos = self.flow.next_wake(parts.datagram_size(parts.upcoming), now_nanos)
+        return wake_nanos if offer_nanos is None else min(wake_nanos, offer_nanos)
 
-    def _take_small(self, now_nanos: int) -> Datagram:
-        message = self._small.pop()
-        message, sent, parts, coded = self._fragments(message, now_nanos)
+    def _take_small(self, now_nanos: int) -> OutgoingDatagram:
+        message, parts, limit_nanos, mode = self._number(self._small.pop())
         header, part = next(parts)
-        if coded is not None:
-            self._symbols.extend(symbols_of(message, parts.cut, coded))
-        self._has_sent_part(sent, now_nanos)
-        return Datagram(header, part, self.to, is_last=True)
+        if mode is not None:
+            self._repair_datagrams.extend(repair_parts(message, parts.cut, mode))
+        if limit_nanos is not None:
+            entry = self.resender.add(message, parts.cut, header, limit_nanos, now_nanos)
+            self.resender.parts_sent(entry, 1, now_nanos)
+        return OutgoingDatagram(header, part, self.to, is_last=True)
 
-    def _ask(self, now_nanos: int) -> Datagram:
-        """Return the datagram that asks the peer for a Credit."""
+    def _take_resend(self, resend: QueuedResend, now_nanos: int) -> Optional[OutgoingDatagram]:
+        size = resend.size
+        if self.flow.is_request_due(size, now_nanos):
+            return self._request_credit(now_nanos)
+        if not self.flow.may_send(size, now_nanos):
+            return None
+        key = DatagramKey(*resend.entry.key, resend.part_number)
+        self.flow.sent(key, 1, size, size, now_nanos)
+        self.resender.resend_sent()
+        return OutgoingDatagram(*resend.datagram(), self.to, is_last=False)
+
+    def _request_credit(self, now_nanos: int) -> OutgoingDatagram:
         number = self._numbering.next(CONTROL, "")
         header = Header(CONTROL, number, 0, 1, 0, 0).pack(signed_peer=self._signed_peer)
         body = memoryview(CreditRequest().pack())
         key = DatagramKey(CONTROL, "", number, 0)
-        self.pacer.asked(key, _size((header, body)), now_nanos)
-        return Datagram(header, body, self.to, is_last=False)
+        self.flow.requested(key, len(header) + body.nbytes, now_nanos)
+        return OutgoingDatagram(header, body, self.to, is_last=False)
 
-    def _take_large(
-        self, part: Tuple[bytes, memoryview], now_nanos: int, most_bytes: int
-    ) -> Optional[Datagram]:
-        assert self._message is not None
-        assert self._parts is not None
-        parts, first = self._parts, part[0][PART_NUMBER_OFFSET]
-        most = min(most_bytes // _size(part), parts.parts_left + 1)
-        if most:
-            count = self.pacer.granted(_size(part), most, now_nanos)
-            if not count:
-                return None
-            return self._with_offer(self._leave(parts, first, count, now_nanos), now_nanos)
-        if not self._may_send(self._message, part, now_nanos):
-            return None
-        self._has_sent_part(self._leaving, now_nanos)
-        return Datagram(*part, self.to, is_last=not self._goes_on(parts))
+    def _next_parts(self, now_nanos: int) -> Optional[Parts]:
+        """Return what is left of the current large message; begin the next one if needed."""
+        if self._parts is None and self._large:
+            message, parts, limit_nanos, self._fec = self._number(self._large.pop())
+            self._begin(message, parts, limit_nanos, now_nanos)
+        return self._parts
 
-    def _leave(self, parts: Parts, first: int, count: int, now_nanos: int) -> Datagram:
-        """Return that many parts of the current message, from `first` on, which go now."""
-        assert self._message is not None
-        message, cut = self._message, parts.cut
-        end = first + count
-        size = len(parts.packed) + cut.part_size
-        last_size = size - max(0, end * cut.part_size - parts.body.nbytes)
+    def _begin(
+        self, message: Message, parts: Parts, limit_nanos: Optional[int], now_nanos: int
+    ) -> None:
+        """Make a large message the current one."""
+        self._message, self._parts, self._entry = message, parts, None
+        if limit_nanos is not None:
+            self._entry = self.resender.add(
+                message, parts.cut, parts.packed, limit_nanos, now_nanos
+            )
+
+    def _send_parts(
+        self, parts: Parts, count: int, now_nanos: int, *, is_batch: bool
+    ) -> OutgoingDatagram:
+        """Return the next `count` parts of the current message, which are sent now."""
+        message, entry, first = self._message, self._entry, parts.upcoming
+        assert message is not None
+        parts.upcoming = end = first + count
+        last_size = parts.datagram_size(end - 1)
+        size = len(parts.packed) + parts.cut.part_size
         key = DatagramKey(parts.packed[0], message.topic, message.seq_number, first)
-        self.pacer.sent_run(key, count, size, last_size, now_nanos)
-        for _ in range(count if self._leaving is not None else 0):
-            self._has_sent_part(self._leaving, now_nanos)
-        parts.upcoming = end
-        is_last = not self._goes_on(parts)
-        run = Run(parts, first, count, (count - 1) * size + last_size)
-        return Datagram(parts.packed, parts.body, self.to, is_last, run)
-
-    def _goes_on(self, parts: Parts) -> bool:
-        """Take the next datagram of the current message; return whether there is one."""
-        assert self._message is not None
-        if not parts.parts_left and self._coded is not None:
-            parts = self._parts = symbols_of(self._message, parts.cut, self._coded)
-            self._coded = None
-        self._part = next(parts, None)
-        return self._part is not None
-
-    def _with_offer(self, datagram: Datagram, now_nanos: int) -> Datagram:
-        """Let the offer of a message go right behind its last parts."""
-        if self._leaving is None or not datagram.is_last:
-            return datagram
-        assert datagram.run is not None
-        run = datagram.run._replace(behind=self.resender.next_offer(now_nanos))
-        return datagram._replace(run=run)
-
-    def _may_send(self, message: Message, part: Tuple[bytes, memoryview], now_nanos: int) -> bool:
-        """Tell whether a datagram of a message may go now, and take note that it does."""
-        if not self.pacer.may_send(_size(part), now_nanos):
-            return False
-        header = part[0]
-        number = header[PART_NUMBER_OFFSET]
-        key = DatagramKey(header[0], message.topic, message.seq_number, number)
-        self.pacer.sent(key, _size(part), now_nanos)
-        return True
-
-    def _has_sent_part(self, sent: Optional[Sent], now_nanos: int) -> None:
-        if sent is not None:
-            sent.parts_sent += 1
-            if sent.parts_sent == sent.cut.parts_max:
-                self.resender.is_out(sent, now_nanos)
-
-    def _next_part(self, now_nanos: int) -> Optional[Tuple[bytes, memoryview]]:
-        if self._part is None and self._large:
-            message = self._large.pop()
-            self._message, self._leaving, parts, self._coded = self._fragments(message, now_nanos)
-            self._parts, self._part = parts, next(parts)
-        return self._part
+        self.flow.sent(key, count, size, last_size, now_nanos)
+        if entry is not None:
+            self.resender.parts_sent(entry, count, now_nanos)
+        if not parts.parts_left:
+            self._parts = None
+            if self._fec is not None:
+                self._parts, self._fec = repair_parts(message, parts.cut, self._fec), None
+        is_last = self._parts is None
+        if not is_batch:
+            header, part = datagram_of(parts.packed, parts.body, parts.cut, first)
+            return OutgoingDatagram(header, part, self.to, is_last)
+        trailer = None
+        if is_last and entry is not None:
+            trailer = self.resender.next_offer(now_nanos)
+        batch = OutgoingBatch(parts, first, count, (count - 1) * size + last_size, trailer)
+        return OutgoingDatagram(parts.packed, parts.body, self.to, is_last, batch)
 
     def _plan(self, message: Message) -> Split:
         if self._planned is not None and self._planned[0] is message:
             return self._planned[1]
-        is_coded = isinstance(self._repair.get((message.msg_type, message.topic)), Fec)
+        is_fec = isinstance(self._repair.get((message.msg_type, message.topic)), Fec)
         cut = plan(
             message,
             self._datagram_size,
             signed_peer=self._signed_peer,
-            coded=is_coded,
+            coded=is_fec,
             reserve=self._reserve,
         )
         self._planned = message, cut
         return cut
 
-    def _fragments(
-        self, message: Message, now_nanos: int
-    ) -> Tuple[Message, Optional[Sent], Parts, Optional[Fec]]:
-        """Give a message its number; return it, its place in the history, its parts, its code."""
+    def _number(self, message: Message) -> Tuple[Message, Parts, Optional[int], Optional[Fec]]:
+        """Give a message its number; return it, its parts, its resend limit, and its FEC mode."""
         cut = self._plan(message)
-        self._planned = None  # it would keep the body
+        self._planned = None  # do not keep the body
         body = flat(message.body)
         key = (message.msg_type, message.topic)
-        number = self.accounts.numbered(key, message.stamp_nanos, body.nbytes)
+        number = self.delivery.next_number(key, message.stamp_nanos, body.nbytes)
         message = message._replace(seq_number=number)
         header = message.header(parts_max=cut.parts_max)
-        packed = header.pack(signed_peer=self._signed_peer)
-        parts = Parts(packed, body, cut)
+        parts = Parts(header.pack(signed_peer=self._signed_peer), body, cut)
         mode = self._repair.get(key)
         if isinstance(mode, Fec):
-            return message, None, parts, mode
-        sent, limit_nanos = None, None
-        if isinstance(mode, Resend):
-            limit_nanos = mode.limit_nanos
-            sent = self.resender.leaves(message, cut, packed, limit_nanos, now_nanos)
-        if sent is None or cut.parts_max > 1:
-            self._known.remember(message, packed, body.nbytes, cut, limit_nanos)
-        return message, sent, parts, None
+            return message, parts, None, mode
+        limit_nanos = mode.limit_nanos if isinstance(mode, Resend) else None
+        if limit_nanos is None or cut.parts_max > 1:  # no template for small resent messages
+            if len(self._templates) >= MAX_TEMPLATES:
+                self._templates.clear()
+            template = _Template(parts.packed, body.nbytes, cut, limit_nanos)
+            self._templates[message.msg_type, message.topic, message.link] = template
+        return message, parts, limit_nanos, None
 
 
-def _size(part: Tuple[bytes, memoryview]) -> int:
-    return len(part[0]) + part[1].nbytes
+def take_in_turn(
+    queues: List[SendQueue], now_nanos: int, most_bytes: int = 0
+) -> Optional[OutgoingDatagram]:
+    """Take from the first queue that may send, and move that queue to the end."""
+    for index, queue in enumerate(queues):
+        datagram = queue.take(now_nanos, most_bytes)
+        if datagram is not None:
+            queues.append(queues.pop(index))
+            return datagram
+    return None

@@ -199,6 +199,11 @@ class Parts:
         """How many are yet to come."""
         return self.cut.parts_max - self.upcoming
 
+    def datagram_size(self, number: int) -> int:
+        """Return the bytes of a part with its header."""
+        left = self.body.nbytes - number * self.cut.part_size
+        return len(self.packed) + min(self.cut.part_size, left)
+
     def __iter__(self) -> Parts:
         return self
 

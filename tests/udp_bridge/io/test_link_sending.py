@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 import pytest
 
 from udp_bridge import Link, parse
-from udp_bridge.sender import credit_window as flow
-from udp_bridge.sender.outgoing import Run
+from udp_bridge.sender import flow_control
 from udp_bridge.sender.repair import Resend
+from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.fragments import datagram_of
 from udp_bridge.wire.header import Buffer, Header
 from udp_bridge.wire.message import Address, DatagramKey
@@ -50,7 +50,7 @@ class Wire:
         self.threads.append(threading.current_thread().name)
         return True
 
-    def send_run(self, run: Run, to: Address) -> int:
+    def send_batch(self, run: OutgoingBatch, to: Address) -> int:
         for number in range(run.first, run.first + run.parts_count):
             self.send(datagram_of(run.parts.packed, run.parts.body, run.parts.cut, number), to)
         return run.parts_count
@@ -98,11 +98,12 @@ class KeepingWire(Wire):
     def __init__(self) -> None:
         super().__init__()
         self.is_awaited = False
+        self.credit_store = self
 
-    def park_credits(self, to: Address, like: bytes) -> list[tuple[int, int, int]]:
+    def keep(self, to: Address, like: bytes) -> list[tuple[int, int, int]]:
         return []
 
-    def parked_credits(self, is_awaited: bool) -> list[tuple[int, int, int]]:
+    def collect(self, is_awaited: bool) -> list[tuple[int, int, int]]:
         came_last = is_awaited and not self.is_awaited
         self.is_awaited = is_awaited
         newest = next(header for header in reversed(self.headers) if header.msg_type == 33)
@@ -112,7 +113,9 @@ class KeepingWire(Wire):
 def test_a_credit_that_is_kept_while_the_sender_gives_up_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(flow, "ASK_NANOS", int(2 * PATIENCE_S * 1e9))  # nobody asks for one
+    monkeypatch.setattr(
+        flow_control, "REQUEST_NANOS", int(2 * PATIENCE_S * 1e9)
+    )  # nobody asks for one
     wire = KeepingWire()
     with Link(("", 0), TO, socket=wire) as link:
         for number in range(3):
@@ -126,13 +129,13 @@ def test_a_credit_that_is_kept_while_the_sender_gives_up_is_found(
 class PlainWire(Wire):
     """Takes datagrams one by one alone, as sealed sockets do."""
 
-    send_run = None  # type: ignore[assignment]
+    send_batch = None  # type: ignore[assignment]
 
 
 def test_all_parts_of_messages_that_are_alike_leave_one_by_one() -> None:
     wire = PlainWire()
     with Link(("", 0), TO, socket=wire) as link:
-        link._outbox(TO).pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
+        link._queue_for(TO).flow.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
         for number in range(3):
             link.send(33, "/image", "", 10**18 + number, bytes(300_000))
             assert link.flush(PATIENCE_S)
@@ -143,7 +146,7 @@ def test_all_parts_of_messages_that_are_alike_leave_one_by_one() -> None:
 
 def test_a_large_message_does_not_overtake_the_rest_of_another_one(wire: Wire) -> None:
     with Link(("", 0), TO, socket=wire) as link:
-        pacer = link._outbox(TO).pacer
+        pacer = link._queue_for(TO).flow
         pacer.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
         for number in range(2):
             link.send(33, "/image", "", 10**18 + number, bytes(46 * 65280))
@@ -165,7 +168,7 @@ def test_small_messages_go_in_the_thread_that_brings_them(wire: Wire) -> None:
         assert [header.stamp_nanos - 10**18 for header in wire.headers] == [0, 1, 2, 3, 4]
         assert set(wire.threads) == {threading.current_thread().name}
         assert link.counters()["sent_messages"] == 5
-        (account,) = link.accounts()
+        (account,) = link.delivery_counts()
         assert (account.sent, account.sent_bytes) == (5, 5)
 
 

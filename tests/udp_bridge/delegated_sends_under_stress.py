@@ -12,10 +12,10 @@ import threading
 from collections import deque
 
 from udp_bridge import Message
-from udp_bridge.io.credit_mailbox import Parking
+from udp_bridge.io.credit_mailbox import CreditMailbox
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState
-from udp_bridge.sender.send_queue import Outbox
+from udp_bridge.sender.send_queue import SendQueue
 from udp_bridge.wire.control import Credit
 from udp_bridge.wire.control import parse as parse_control
 from udp_bridge.wire.header import Header
@@ -42,7 +42,7 @@ def main() -> None:
 
         def receive() -> None:
             while not is_over.is_set():
-                run = ours.receive_run(NO_SLOTS, CreditState(0, RECEIVE_BUFFER, 0))
+                run = ours.receive_batch(NO_SLOTS, CreditState(0, RECEIVE_BUFFER, 0))
                 if run is not None and run.unmatched is not None:
                     told = parse_control(run.unmatched[-12:])
                     assert isinstance(told, Credit)
@@ -70,30 +70,30 @@ def main() -> None:
         threads = [threading.Thread(target=target) for target in (receive, give, compute)]
         for thread in threads:
             thread.start()
-        outbox = Outbox(peer.getsockname(), "loopback")
+        queue = SendQueue(peer.getsockname(), "loopback")
         sent = dict.fromkeys(("sent_messages", "sent_datagrams", "sent_bytes"), 0)
-        parking = Parking(ours, sent)
-        orders = 0
+        mailbox = CreditMailbox(ours.credit_store, sent)
+        delegated = 0
         for stamp in range(ROUNDS):
-            outbox.pacer.acknowledged(DatagramKey(33, "", 0, 0), window, 0)
-            outbox.put(Message(33, "/image", "", stamp, 0, BODY))
-            while not outbox.is_idle:
-                parking.collect(0, waits=False)
+            queue.flow.acknowledged(DatagramKey(33, "", 0, 0), window, 0)
+            queue.put(Message(33, "/image", "", stamp, 0, BODY))
+            while not queue.is_idle:
+                mailbox.collect(0, is_awaited=False)
                 while awaited:
-                    outbox.pacer.acknowledged(*awaited.popleft(), 0)
-                datagram = outbox.take(0, 1 << 18)
-                if datagram is not None and datagram.run is not None:
-                    ours.send_run(datagram.run, datagram.to)
-                    parking.follow(outbox, 0)
+                    queue.flow.acknowledged(*awaited.popleft(), 0)
+                datagram = queue.take(0, 1 << 18)
+                if datagram is not None and datagram.batch is not None:
+                    ours.send_batch(datagram.batch, datagram.to)
+                    mailbox.follow(queue, 0)
                 elif datagram is None:
-                    parking.collect(0, waits=True)
-                    parking.order()
-                    orders += parking._order is not None
+                    mailbox.collect(0, is_awaited=True)
+                    mailbox.delegate()
+                    delegated += mailbox._delegated is not None
         is_over.set()
         for thread in threads:
             thread.join()
         ours.close()
-    print(orders)
+    print(delegated)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parts of a message go to the kernel in one call, headers and slices of the body side by side.
-#include "_runs.h"
+// The extension module `_batch_io`, and batches of parts that are sent in one system call.
+#include "batch_io.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
 #include <string.h>
 #include <sys/uio.h>
 
-// An address as `(host, port)`; false, with an exception, where it is none.
+// Convert `(host, port)`; return false, with an exception, if it is no numeric address.
 int to_address(const char *host, int port, struct sockaddr_in *address)
 {
     memset(address, 0, sizeof *address);
@@ -18,11 +18,11 @@ int to_address(const char *host, int port, struct sockaddr_in *address)
     return 0;
 }
 
-// Whether so many parts from `first` on lie in the body; an exception says so where they do not.
-int is_fit(const struct parts *parts, int first, int count)
+// Return whether `count` parts from `first` on lie in the body; if not, with an exception.
+int lies_in_body(const struct parts *parts, int first, int count)
 {
     if (parts->packed_size >= HEADER_MIN && parts->packed_size < HEADER_ROOM && parts->size > 0 &&
-        first >= 0 && count > 0 && first + (int64_t)count <= MOST_PARTS &&
+        first >= 0 && count > 0 && first + (int64_t)count <= MAX_PARTS &&
         parts->size <= PY_SSIZE_T_MAX / HEADER_ROOM &&
         (first + count - 1) * parts->size < parts->body_size + (parts->body_size == 0))
         return 1;
@@ -30,28 +30,28 @@ int is_fit(const struct parts *parts, int first, int count)
     return 0;
 }
 
-// Send parts in their order until all are out or the kernel does not take one. Return how many.
-int send_some(int fd, const struct parts *parts, int first, int count, int *error)
+// Send parts in order until the kernel does not take one. Return how many were sent.
+int send_range(int fd, const struct parts *parts, int first, int count, int *error)
 {
-    unsigned char heads[BATCH][HEADER_ROOM];
-    struct iovec io[BATCH][2];
-    struct mmsghdr rows[BATCH];
+    unsigned char heads[DATAGRAMS_PER_CALL][HEADER_ROOM];
+    struct iovec io[DATAGRAMS_PER_CALL][2];
+    struct mmsghdr messages[DATAGRAMS_PER_CALL];
     int sent = 0;
     *error = 0;
     while (sent < count && !*error) {
-        int most = count - sent < BATCH ? count - sent : BATCH;
-        memset(rows, 0, sizeof *rows * most);
+        int most = count - sent < DATAGRAMS_PER_CALL ? count - sent : DATAGRAMS_PER_CALL;
+        memset(messages, 0, sizeof *messages * most);
         for (int i = 0; i < most; i++) {
             Py_ssize_t start = (first + sent + i) * parts->size, left = parts->body_size - start;
             memcpy(heads[i], parts->packed, parts->packed_size);
             heads[i][PART_NUMBER] = (unsigned char)(first + sent + i);
             io[i][0] = (struct iovec){heads[i], parts->packed_size};
             io[i][1] = (struct iovec){parts->body + start, left < parts->size ? left : parts->size};
-            rows[i].msg_hdr = (struct msghdr){.msg_name = (void *)&parts->to,
+            messages[i].msg_hdr = (struct msghdr){.msg_name = (void *)&parts->to,
                                               .msg_namelen = sizeof parts->to,
                                               .msg_iov = io[i], .msg_iovlen = 2};
         }
-        int taken = sendmmsg(fd, rows, most, 0);
+        int taken = sendmmsg(fd, messages, most, 0);
         if (taken > 0) sent += taken;
         else if (taken == 0 || errno != EINTR) *error = taken ? errno : EAGAIN;
     }
@@ -71,13 +71,33 @@ PyObject *send_parts(PyObject *self, PyObject *args)
         return NULL;
     parts.packed = packed.buf, parts.packed_size = packed.len;
     parts.body = body.buf, parts.body_size = body.len;
-    int is_right = is_fit(&parts, first, count) && to_address(host, port, &parts.to);
+    int is_right = lies_in_body(&parts, first, count) && to_address(host, port, &parts.to);
     if (is_right) {
         Py_BEGIN_ALLOW_THREADS;
-        sent = send_some(fd, &parts, first, count, &error);
+        sent = send_range(fd, &parts, first, count, &error);
         Py_END_ALLOW_THREADS;
     }
     PyBuffer_Release(&packed);
     PyBuffer_Release(&body);
     return is_right ? Py_BuildValue("ii", sent, error) : NULL;
+}
+
+static PyMethodDef methods[] = {
+    {"send", send_parts, METH_VARARGS, "Send parts of a message."},
+    {"receive", receive, METH_VARARGS, "Receive predicted parts, and one other datagram."},
+    {"mailbox", make_mailbox, METH_NOARGS, "Return the memory of a mailbox."},
+    {"keep", keep, METH_VARARGS, "Keep Credits that match a pattern."},
+    {"collect", collect, METH_VARARGS, "Return and remove the kept Credits."},
+    {"delegate", delegate, METH_VARARGS, "Send the rest of a message as Credits arrive."},
+    {"reclaim", reclaim, METH_VARARGS, "End that; return how many parts were sent."},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "_batch_io", "See udp_socket.py.", 0, methods, NULL, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit__batch_io(void)
+{
+    return PyModule_Create(&module);
 }

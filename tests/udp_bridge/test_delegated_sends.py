@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from udp_bridge.io import batch_io as runs
+from udp_bridge.io.native import batch_io
 
-STRESS = Path(__file__).with_name("orders_under_stress.py")
+STRESS = Path(__file__).with_name("delegated_sends_under_stress.py")
 PATIENCE_S = 120.0
 
 
-@pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
+@pytest.mark.skipif(batch_io is None, reason="the C extension was not built")
 def test_who_takes_an_order_back_and_who_carries_it_out_do_not_wait_for_each_other() -> None:
     # A process of its own: threads that wait for each other may keep the interpreter.
     done = subprocess.run(

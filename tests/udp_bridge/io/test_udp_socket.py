@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many at once and one by one do the same, over real sockets."""
+"""Native and portable batches do the same, over real sockets."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from collections.abc import Iterator
 import pytest
 
 from udp_bridge import Header, Message, parse
-from udp_bridge.io import batch_io as runs
+from udp_bridge.io.native import batch_io
+from udp_bridge.io.udp_socket import NativeBatches, PortableBatches
 from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
-from udp_bridge.sender.fec import symbols_of
-from udp_bridge.sender.outgoing import Run as Leaving
-from udp_bridge.sender.repair import Fec
+from udp_bridge.sender.repair import Fec, repair_parts
+from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.control import Credit
 from udp_bridge.wire.control import parse as parse_control
 from udp_bridge.wire.fragments import Parts, Split, plan
@@ -25,9 +25,9 @@ LOCAL = ("127.0.0.1", 0)
 PART = 1000
 CREDITS = CreditState(0, 1 << 20, 7)
 
-needs_many = pytest.mark.skipif(not runs.IS_BUILT, reason="_runs was not built")
-RECEIVING = [pytest.param(runs.ManyAtOnce, marks=needs_many), runs.OneByOne]
-SENDING = [pytest.param(runs.SendingMany, marks=needs_many), runs.SendingOne]
+needs_many = pytest.mark.skipif(batch_io is None, reason="the C extension was not built")
+RECEIVING = [pytest.param(NativeBatches, marks=needs_many), PortableBatches]
+SENDING = [pytest.param(NativeBatches, marks=needs_many), PortableBatches]
 Pair = tuple[socket.socket, socket.socket]
 
 
@@ -95,7 +95,8 @@ def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
         middle = parts.cut.parts_max - 1
         for first, count in ((0, middle), (middle, parts.cut.parts_max - middle)):
             assert (
-                sender.send(one, Leaving(parts, first, count, size=0), to, lambda _: False) == count
+                sender.send(one, OutgoingBatch(parts, first, count, size=0), to, lambda _: False)
+                == count
             )
         assert [two.recv(65536) for _ in expected] == expected
 
@@ -105,10 +106,10 @@ def test_repair_symbols_of_the_longest_names_are_sent_as_a_run(sending: type, pa
     one, two = pair
     message = Message(1, "/" + "n" * 233, "", 5, 0, bytes(range(256)) * 40)
     cut = plan(message, 1472, coded=True)
-    symbols = symbols_of(message, cut, Fec(0.5))
+    symbols = repair_parts(message, cut, Fec(0.5))
     assert len(symbols.packed) == 260
     count = symbols.cut.parts_max
-    run = Leaving(symbols, 0, count, size=0)
+    run = OutgoingBatch(symbols, 0, count, size=0)
     assert sending().send(one, run, two.getsockname(), lambda _: False) == count > 1
     assert [two.recv(65536) for _ in range(count)] == whole(symbols)
 
@@ -121,7 +122,7 @@ def test_a_datagram_that_can_not_be_sent_is_left_out(sending: type, pair: Pair) 
         complaints.append(number)
         return False
 
-    run = Leaving(parts_of(2500), 0, 3, size=0)
+    run = OutgoingBatch(parts_of(2500), 0, 3, size=0)
     assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
     assert len(complaints) == 3
 
@@ -134,7 +135,7 @@ def test_what_can_not_be_sent_is_tried_once_more_when_told_so(sending: type, pai
         complaints.append(number)
         return True
 
-    run = Leaving(parts_of(2500), 0, 3, size=0)
+    run = OutgoingBatch(parts_of(2500), 0, 3, size=0)
     assert sending().send(pair[0], run, ("255.255.255.255", 9), complain) == 0
     assert len(complaints) == 6
 
@@ -168,7 +169,7 @@ def test_parts_land_in_their_places(receiving: type, pair: Pair, is_open: bool) 
     assert [run.unmatched for run in found] == [None] * len(found)
     assert found[0].header == parts.packed
     assert found[-1].last_part_size == 1
-    assert len(found) == (1 if receiving is runs.ManyAtOnce else 8)
+    assert len(found) == (1 if receiving is NativeBatches else 8)
 
 
 def changed(raw: bytes, index: int, value: int) -> bytes:
@@ -262,7 +263,7 @@ def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
     at = place(parts, one, is_open=False)
     found: list[PartBatch] = []
     strays: list[bytes] = []
-    receiver = runs.ManyAtOnce()
+    receiver = NativeBatches()
     while sum(run.parts_count for run in found) + len(strays) < 200:
         run, _ = receiver.receive(two, at, CREDITS)
         assert run is not None
@@ -286,7 +287,7 @@ def test_a_gap_is_not_waited_for_longer_than_it_takes_to_ask_for_it(pair: Pair) 
     one.sendto(datagrams[0], two.getsockname())
     one.sendto(datagrams[2], two.getsockname())
     at = place(parts_of(4500), one, is_open=False)._replace(debounce_nanos=1)
-    run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
+    run, _ = NativeBatches().receive(two, at, CREDITS)
     assert run is not None
     assert (run.part_ranges, run.unmatched) == (((0, 1), (2, 1)), None)
 
@@ -323,7 +324,7 @@ def test_a_gap_is_asked_for_as_python_would_and_filled_in_the_same_run(
     for number in (0, 2, 1, 3, 4):
         one.sendto(whole(parts)[number], two.getsockname())
     at = place_to_ask(parts, one, 1)
-    run, _ = runs.ManyAtOnce().receive(two, at, ASKING)
+    run, _ = NativeBatches().receive(two, at, ASKING)
     assert run is not None
     assert run.part_ranges == ((0, 1), (2, 1), (1, 1), (3, 2))
     assert run.nack_bitmap == b"\2"
@@ -341,7 +342,7 @@ def test_an_offer_behind_parts_is_answered_at_once_and_handed_over(pair: Pair, t
     offer = offer_of(topic)
     for raw in (*(whole(parts)[number] for number in (0, 1, 3)), offer):
         one.sendto(raw, two.getsockname())
-    run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    run, _ = NativeBatches().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
     assert run is not None
     assert (run.part_ranges, run.unmatched) == (((0, 2), (3, 1)), offer)
     assert run.nack_bitmap == b"\x14"
@@ -368,7 +369,7 @@ def test_nothing_is_asked_for_behind_anything_else(pair: Pair, stray: bytes) -> 
     parts = parts_of(4500, 3)
     for raw in (whole(parts)[0], whole(parts)[2], stray):
         one.sendto(raw, two.getsockname())
-    run, _ = runs.ManyAtOnce().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    run, _ = NativeBatches().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
     assert run is not None
     assert (run.unmatched, run.nack_bitmap) == (stray, b"")
     with pytest.raises(BlockingIOError):
@@ -390,7 +391,7 @@ def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair)
     one, two = pair
     one.sendto(FIRST, two.getsockname())
     at = place(parts_of(4500), one, is_open=False, due_nanos=1)
-    run, _ = runs.ManyAtOnce().receive(two, at, CREDITS)
+    run, _ = NativeBatches().receive(two, at, CREDITS)
     assert run is not None
     assert (run.parts_count, run.unmatched) == (1, None)
 
@@ -406,7 +407,7 @@ def test_credits_are_those_that_python_would_send(pair: Pair, topic: str) -> Non
     size = len(whole(parts)[0])
     buffer = 8 * (10 * size - 1)  # one for every ten parts, and one at the end
     at = place(parts, one, is_open=True)
-    run, _ = runs.ManyAtOnce().receive(two, at, CreditState(0, buffer, 2**32 - 1))
+    run, _ = NativeBatches().receive(two, at, CreditState(0, buffer, 2**32 - 1))
     assert run is not None
     assert (run.parts_count, run.credits_sent, run.uncredited_bytes) == (21, 3, 0)
     for number, part in ((2**32 - 1, 9), (0, 19), (1, 20)):
@@ -446,18 +447,18 @@ def test_a_place_that_is_none_is_an_error(pair: Pair, change: dict[str, object])
     at = place(parts_of(4500), pair[0], is_open=False)._replace(**change)  # type: ignore[arg-type]
     pair[1].setblocking(False)
     with pytest.raises(ValueError, match=r"block|address"):
-        runs.ManyAtOnce().receive(pair[1], at, CREDITS)
+        NativeBatches().receive(pair[1], at, CREDITS)
 
 
 @needs_many
 @pytest.mark.parametrize(("first", "count"), [(-1, 2), (3, 0), (3, 3), (0, 300)])
 def test_parts_that_are_none_are_an_error(pair: Pair, first: int, count: int) -> None:
-    run = Leaving(parts_of(4500), first, count, size=0)
+    run = OutgoingBatch(parts_of(4500), first, count, size=0)
     if count <= 0:
-        assert runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False) == 0
+        assert NativeBatches().send(pair[0], run, pair[1].getsockname(), lambda _: False) == 0
         return
     with pytest.raises(ValueError, match="parts do not lie in the body"):
-        runs.SendingMany().send(pair[0], run, pair[1].getsockname(), lambda _: False)
+        NativeBatches().send(pair[0], run, pair[1].getsockname(), lambda _: False)
 
 
 @needs_many
@@ -474,6 +475,6 @@ def test_an_empty_datagram_is_no_credit_before_one_was_sent_for() -> None:
         one.bind(bytes(12))
         two.bind("")  # any free name
         one.sendto(b"", two.getsockname())
-        run, _ = runs.ManyAtOnce().receive(two, NO_SLOTS, CREDITS)
+        run, _ = NativeBatches().receive(two, NO_SLOTS, CREDITS)
     assert run is not None
     assert (run.unmatched, run.unmatched_sender, run.mailbox_credits) == (b"", ("0.0.0.0", 0), 0)

@@ -4,16 +4,21 @@ from __future__ import annotations
 import pytest
 
 from udp_bridge import Message
-from udp_bridge.sender.accounts import SETTLED_NANOS, TOPICS_KEPT, Account, Accounts
+from udp_bridge.sender.delivery_counts import (
+    MAX_TOPICS,
+    SETTLED_NANOS,
+    DeliveryCounter,
+    DeliveryCounts,
+)
 from udp_bridge.wire.control import TopicReport
 
 WALL = 10**18
 SECOND = 10**9
 
 
-def send(accounts: Accounts, count: int, stamp_nanos: int = 100) -> None:
+def send(accounts: DeliveryCounter, count: int, stamp_nanos: int = 100) -> None:
     for number in range(count):
-        accounts.numbered((2, "/imu"), stamp_nanos + number, len(b"body"))
+        accounts.next_number((2, "/imu"), stamp_nanos + number, len(b"body"))
 
 
 def report(
@@ -29,15 +34,15 @@ def report(
     return TopicReport(**(counts | changes))
 
 
-def row(accounts: Accounts, now_nanos: int = 0) -> Account:
-    (account,) = accounts.rows(now_nanos)
+def row(accounts: DeliveryCounter, now_nanos: int = 0) -> DeliveryCounts:
+    (account,) = accounts.counts(now_nanos)
     parts = account.delivered + account.dropped + account.incomplete + account.late
     assert account.sent == parts + account.missing + account.in_flight
     return account
 
 
 def test_what_was_sent_is_in_flight_until_it_is_reported() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     send(accounts, 10)
     accounts.superseded(Message(2, "/imu", "imu", 1, 0, b""))
     account = row(accounts)
@@ -53,7 +58,7 @@ def test_what_was_sent_is_in_flight_until_it_is_reported() -> None:
 
 
 def test_what_nobody_reports_is_missing_after_a_while() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     send(accounts, 10)
     assert row(accounts).missing == 0
     send(accounts, 5)
@@ -65,7 +70,7 @@ def test_what_nobody_reports_is_missing_after_a_while() -> None:
 
 
 def test_counts_of_a_restarted_receiver_are_added() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     send(accounts, 30)
     accounts.reported("/imu", report(10, published=8, pending=1, body_bytes=32), WALL)
     again = WALL + 5 * SECOND
@@ -78,7 +83,7 @@ def test_counts_of_a_restarted_receiver_are_added() -> None:
 
 
 def test_a_message_with_two_fates_counts_once() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     send(accounts, 10)
     accounts.reported("/imu", report(10, published=9, incomplete=1), WALL)
     again = report(1, first=9, since=WALL + SECOND, seen_at=109, published=1)
@@ -88,7 +93,7 @@ def test_a_message_with_two_fates_counts_once() -> None:
 
 
 def test_reports_about_a_sender_that_was_here_before_are_ignored() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     send(accounts, 10, stamp_nanos=1000)
     for old in (report(5, published=5, seen_at=999), report(11, published=11, seen_at=1000)):
         accounts.reported("/imu", old, WALL)
@@ -98,7 +103,7 @@ def test_reports_about_a_sender_that_was_here_before_are_ignored() -> None:
 
 
 def test_a_report_that_was_overtaken_is_ignored() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     send(accounts, 10)
     accounts.reported("/imu", report(10, published=10), WALL)
     accounts.reported("/imu", report(5, published=5), WALL - SECOND)
@@ -108,24 +113,24 @@ def test_a_report_that_was_overtaken_is_ignored() -> None:
 
 
 def test_reports_about_unknown_topics_take_no_memory() -> None:
-    accounts = Accounts()
+    accounts = DeliveryCounter()
     accounts.reported("/imu", report(5), WALL)
-    assert accounts.rows(0) == []
+    assert accounts.counts(0) == []
 
 
 @pytest.mark.parametrize(("signed_peer", "modulus"), [(False, 2**32), (True, 2**31)])
 def test_a_message_has_the_number_of_those_before_it(signed_peer: bool, modulus: int) -> None:
-    accounts = Accounts(signed_peer=signed_peer)
+    accounts = DeliveryCounter(signed_peer=signed_peer)
     keys = [(1, "/a"), (1, "/a"), (1, "/b"), (2, "/a"), (1, "/a")]
-    assert [accounts.numbered(key, 0, 1) for key in keys] == [0, 1, 0, 0, 2]
+    assert [accounts.next_number(key, 0, 1) for key in keys] == [0, 1, 0, 0, 2]
     accounts._topics[1, "/a"].sent = modulus - 1
-    assert [accounts.numbered((1, "/a"), 0, 1) for _ in range(2)] == [modulus - 1, 0]
+    assert [accounts.next_number((1, "/a"), 0, 1) for _ in range(2)] == [modulus - 1, 0]
 
 
 def test_topics_that_are_forgotten_begin_anew() -> None:
-    accounts = Accounts()
-    accounts.numbered((1, "/first"), 0, 1)
-    for index in range(TOPICS_KEPT):
-        accounts.numbered((1, str(index)), 0, 1)
-    assert accounts.numbered((1, "/first"), 0, 1) == 0
-    assert accounts.numbered((1, str(TOPICS_KEPT - 1)), 0, 1) == 1
+    accounts = DeliveryCounter()
+    accounts.next_number((1, "/first"), 0, 1)
+    for index in range(MAX_TOPICS):
+        accounts.next_number((1, str(index)), 0, 1)
+    assert accounts.next_number((1, "/first"), 0, 1) == 0
+    assert accounts.next_number((1, str(MAX_TOPICS - 1)), 0, 1) == 1
