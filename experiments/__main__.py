@@ -54,36 +54,36 @@ def main(arguments: Sequence[str]) -> int:
         print(f"--seeds {options.seeds}: expected 1 or more", file=sys.stderr)
         return UserError.exit_code
     seeds = tuple(range(1, 2 if options.short else options.seeds + 1))
-    say = Console()
+    console = Console()
     if options.install:
-        return _install(options.install, options.out, say)
-    given = ExperimentOptions(options.out.resolve(), say, seeds, options.short)
+        return _install(options.install, options.out, console)
+    given = ExperimentOptions(options.out.resolve(), console, seeds, options.short)
     failed: list[str] = []
     code = 0
     for name in options.names or (SHORT if options.short else EXPERIMENTS):
         experiment = EXPERIMENTS[name]
-        say(f"{name}: {experiment.what}; about {experiment.minutes:g} minutes")
+        console.print(f"{name}: {experiment.what}; about {experiment.minutes:g} minutes")
         try:
             results = experiment.run(given)
         except UserError as error:
-            say(f"{name}: {error}")
+            console.print(f"{name}: {error}")
             failed.append(f"{name}, not run to its end")
             code = error.exit_code
             continue
         if results:
             write_csv(given.folder("tables") / f"{name}.csv", results)
-        say(f"{name}: done; see {write_report(given.out)}")
+        console.print(f"{name}: done; see {write_report(given.out)}")
         failed += missed(results)
     for line in failed:
         print(f"not kept: {line}", file=sys.stderr)
     return code or (1 if failed else 0)
 
 
-def _install(names: Sequence[str], out: Path, say: Console) -> int:
+def _install(names: Sequence[str], out: Path, console: Console) -> int:
     """Install programs, each into its environment; 0 when all are there."""
     for name in names:
         try:
-            python_of(PROGRAMS[name], out, say)
+            python_of(PROGRAMS[name], out, console)
         except UserError as error:
             print(error, file=sys.stderr)
             return error.exit_code

@@ -24,7 +24,7 @@ class ExperimentOptions:
     out: Path
     """Where recordings, environments, tables and figures go."""
 
-    say: Console
+    console: Console
     seeds: tuple[int, ...] = (1, 2, 3)
     short: bool = False
     """Some seconds of driving instead of all, without limits: for tests."""
@@ -71,7 +71,7 @@ class AlignedEstimate:
 
 def record_setup(options: ExperimentOptions, setup: Setup) -> RecordedRun:
     """Return the recording of a setup, varied as asked; see `record`."""
-    return record(setup.varied(options.vary), options.out, options.say)
+    return record(setup.varied(options.vary), options.out, options.console)
 
 
 def evaluate_estimate(
@@ -97,7 +97,7 @@ def evaluate_estimate(
         align by Sim(3), for what cannot know its scale.
     """
     truth = recording.truth(frame)
-    errors, matched, aligned = evaluate(truth, tum, options.out, options.say, scale=scale)
+    errors, matched, aligned = evaluate(truth, tum, options.out, options.console, scale=scale)
     result = Evaluation(
         experiment=experiment,
         program=program,
@@ -112,7 +112,7 @@ def evaluate_estimate(
         took_s=took_s,
         limit_m=0.0 if options.short else limit_m,
     )
-    options.say(
+    options.console.print(
         f"{experiment}, {program} {case}, seed {result.seed}: ATE {100 * result.ate_m:.2f} cm, "
         f"start to end {100 * result.start_to_end_m:.2f} cm over {result.way_m:.1f} m, "
         f"{result.poses} poses"

@@ -85,7 +85,7 @@ def main() -> None:
     parser.add_argument("--vocabulary", type=Path, required=True)
     parser.add_argument("--image", default="/camera/image_raw/compressed")
     parser.add_argument("--info", default="/camera/camera_info")
-    parser.add_argument("--depth", default="", help="16UC1, in millimetres, of the same pixels")
+    parser.add_argument("--depth", default="", help="16UC1, in millimeters, of the same pixels")
     parser.add_argument("--features", type=int, default=1200)
     parser.add_argument("--from-s", type=float, default=0.0, help="stamp of the first frame")
     parser.add_argument("--contrast", type=int, default=20, help="of corners at first (FAST)")
@@ -140,7 +140,7 @@ def look(options: argparse.Namespace) -> tuple[Any, list[float]]:
 
 
 def frames(options: argparse.Namespace) -> Iterator[tuple[float, Any, Any]]:
-    """Return stamp, grey picture, and depth in metres or None, of each frame."""
+    """Return stamp, gray picture, and depth in meters or None, of each frame."""
     waiting: dict[float, dict[str, Any]] = {}
     wanted = {options.image, options.depth} - {""}
     for topic, message in messages(options, *wanted):
@@ -155,7 +155,7 @@ def frames(options: argparse.Namespace) -> Iterator[tuple[float, Any, Any]]:
 
 
 def picture(message: Any) -> Any:
-    """Return a picture as grey values, or a depth image in metres."""
+    """Return a picture as gray values, or a depth image in meters."""
     if hasattr(message, "format"):
         return cv2.imdecode(np.asarray(message.data), cv2.IMREAD_GRAYSCALE)
     shape = (message.height, message.width)
@@ -177,7 +177,7 @@ def feed(options: argparse.Namespace, slam: Any, count: int) -> dict[str, float]
     due_s = rested_s = began_s
     first = last = math.nan
     has_map, map_begun_s = False, math.inf
-    for number, (stamp, grey, depth) in enumerate(frames(options)):
+    for number, (stamp, gray, depth) in enumerate(frames(options)):
         if number:
             due_s = max(due_s + stamp - last, rested_s)
         else:
@@ -186,9 +186,9 @@ def feed(options: argparse.Namespace, slam: Any, count: int) -> dict[str, float]
         time.sleep(max(due_s - time.monotonic(), 0.0))
         given_s = time.monotonic()
         if depth is None:
-            result = slam.track_monocular(grey, stamp)
+            result = slam.track_monocular(gray, stamp)
         else:
-            result = slam.track_rgbd(grey, depth, stamp)
+            result = slam.track_rgbd(gray, depth, stamp)
         rested_s = given_s + SHARE * (time.monotonic() - given_s)
         tracked += bool(result.ok)
         if result.ok and not has_map:

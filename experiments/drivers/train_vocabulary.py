@@ -71,8 +71,8 @@ def read(options: argparse.Namespace) -> tuple[Any, Any]:
         connections = [c for c in bag.connections if c.topic == options.image]
         for number, (connection, _, raw) in enumerate(bag.messages(connections)):
             message: Any = bag.deserialize(raw, connection.msgtype)
-            grey: Any = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_GRAYSCALE)
-            _, descriptors = orb.detectAndCompute(grey, None)
+            gray: Any = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_GRAYSCALE)
+            _, descriptors = orb.detectAndCompute(gray, None)
             if descriptors is not None:
                 found.append(descriptors)
                 numbers.append(np.full(len(descriptors), number))

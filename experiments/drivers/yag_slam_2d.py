@@ -23,7 +23,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 Pose = tuple[float, float, float]
-"""x and y in metres, yaw in radians."""
+"""x and y in meters, yaw in radians."""
 Row = tuple[float, float, float, float]
 """Seconds, x, y, yaw."""
 
@@ -169,7 +169,7 @@ def straightened(scan: Any, odometry: Odometry, scan_in_base: Pose, limit_m: flo
     return ranges_found
 
 
-def anticlockwise(
+def counterclockwise(
     ranges: list[float], first: float, step: float
 ) -> tuple[list[float], float, float, float]:
     """Return ranges with their first angle, last angle and step as yag-slam wants them: growing.
@@ -205,7 +205,7 @@ class Mapper:
         pose = compose(odometry.at(middle_s(scan)), self._scan_in_base)
         ranges = straightened(scan, odometry, self._scan_in_base, self._range_m)
         found = LocalizedRangeScan(
-            *anticlockwise(ranges, scan.angle_min, scan.angle_increment),
+            *counterclockwise(ranges, scan.angle_min, scan.angle_increment),
             float(scan.range_min),
             float(scan.range_max),
             self._range_m,

@@ -24,7 +24,7 @@ STAMP = "installed.txt"
 """The file in an environment that says what was installed."""
 
 
-def python_of(program: ExternalProgram, out: Path, say: Console) -> Path:
+def python_of(program: ExternalProgram, out: Path, console: Console) -> Path:
     """Return the Python of a program's environment, which is made where there is none.
 
     Raises
@@ -37,7 +37,7 @@ def python_of(program: ExternalProgram, out: Path, say: Console) -> Path:
     python = folder / "bin" / "python"
     if is_installed(program, out):
         return python
-    say(f"{program.name}: making its environment with {', '.join(program.requirements)}")
+    console.print(f"{program.name}: making its environment with {', '.join(program.requirements)}")
     shutil.rmtree(folder, ignore_errors=True)
     venv.create(folder, with_pip=True)
     command = [str(python), "-m", "pip", "install", "--quiet", "--only-binary=:all:"]
@@ -94,7 +94,7 @@ def run(
     program: ExternalProgram,
     arguments: Sequence[str | Path],
     out: Path,
-    say: Console,
+    console: Console,
     *,
     label: str,
     log: Path,
@@ -115,7 +115,7 @@ def run(
     UserError
         when it fails, or takes longer than its limit.
     """
-    python = python_of(program, out, say)
+    python = python_of(program, out, console)
     words = [python, DRIVERS / (script or program.driver)]
     began_s = time.monotonic()
     with log.open("w", encoding="utf-8") as output:
@@ -131,7 +131,7 @@ def run(
                 took_s = time.monotonic() - began_s
                 if took_s > limit_s:
                     raise UserError(f"{label}: has not ended in {limit_s:g} s; see {log}")
-                say.progress(f"{label}: {program.name} {_progress(log)}, {took_s:.0f} s")
+                console.progress(f"{label}: {program.name} {_progress(log)}, {took_s:.0f} s")
                 time.sleep(0.1)
         finally:
             if process.poll() is None:

@@ -84,7 +84,7 @@ def run_estimator(
         estimator.program,
         [bag or recording.bag, tum, *estimator.settings, *more],
         options.out,
-        options.say,
+        options.console,
         label=f"{experiment}, seed {recording.seed} {case}".strip(),
         log=tum.with_suffix(".log"),
     )

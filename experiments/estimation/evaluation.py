@@ -56,7 +56,7 @@ def evaluate(
     truth: Trajectory,
     estimate_tum: Path,
     out: Path,
-    say: Console,
+    console: Console,
     *,
     scale: bool = False,
 ) -> tuple[dict[str, float], Trajectory, Trajectory]:
@@ -76,7 +76,7 @@ def evaluate(
         EVO,
         [reference, estimate_tum, *(["--scale"] if scale else []), "--out", aligned],
         out,
-        say,
+        console,
         label=estimate_tum.stem,
         log=estimate_tum.with_suffix(".evo.log"),
     )

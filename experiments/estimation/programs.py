@@ -24,7 +24,7 @@ class ExternalProgram:
     driver: str
     """The script in `drivers` that feeds it."""
 
-    licence: str
+    license: str
     libraries: tuple[str, ...] = ()
     """Shared libraries of the system that it needs."""
 
@@ -63,14 +63,14 @@ YAG_SLAM = ExternalProgram(
     what="2D graph SLAM with loop closure on laser scans and wheel odometry, after OpenKarto",
     requirements=("yag-slam==0.2.5", "opencv-python-headless==5.0.0.93", *BAG_READER),
     driver="yag_slam_2d.py",
-    licence="LGPL-3.0",
+    license="LGPL-3.0",
 )
 ORB_SLAM3 = ExternalProgram(
     name="orb-slam3",
     what="ORB-SLAM3 on one camera, or on a camera with depth",
     requirements=("pyorbslam3==0.1.1", "opencv-python-headless==5.0.0.93", *BAG_READER),
     driver="orb_slam3.py",
-    licence="GPL-3.0",
+    license="GPL-3.0",
     libraries=tuple(_OPENGL),
 )
 GENZ_LIO = ExternalProgram(
@@ -78,28 +78,28 @@ GENZ_LIO = ExternalProgram(
     what="LiDAR-inertial odometry; reads bags by its own loader",
     requirements=("genz-lio==0.1.1", *BAG_READER),
     driver="genz_lio_odometry.py",
-    licence="GPL-2.0-only",
+    license="GPL-2.0-only",
 )
 KISS_ICP = ExternalProgram(
     name="kiss-icp",
     what="odometry by a LiDAR alone; reads bags by its own loader",
     requirements=("kiss-icp==1.3.0", *BAG_READER),
     driver="kiss_icp_odometry.py",
-    licence="MIT",
+    license="MIT",
 )
 SMALL_GICP = ExternalProgram(
     name="small-gicp",
     what="odometry by a LiDAR alone, with the library's voxel map (VGICP)",
     requirements=("small-gicp==1.0.1", *BAG_READER),
     driver="small_gicp_odometry.py",
-    licence="MIT",
+    license="MIT",
 )
 EVO = ExternalProgram(
     name="evo",
     what="errors of trajectories",
     requirements=("evo==1.38.1", "numpy==2.4.6"),
     driver="evo_errors.py",
-    licence="GPL-3.0",
+    license="GPL-3.0",
 )
 
 YAG_SLAM_LIVE = ExternalProgram(
@@ -107,7 +107,7 @@ YAG_SLAM_LIVE = ExternalProgram(
     what="the same as a ROS 2 node",
     requirements=(*YAG_SLAM.requirements, *ROS_2),
     driver="yag_slam_live.py",
-    licence="LGPL-3.0",
+    license="LGPL-3.0",
 )
 
 PROGRAMS = {

@@ -43,7 +43,7 @@ class Trajectory:
         return Trajectory(self.seconds[keep], self.positions_m[keep], self.orientations[keep])
 
     def at(self, seconds: Array) -> Trajectory:
-        """Return poses at other times: linear in position, normalised linear in rotation.
+        """Return poses at other times: linear in position, normalized linear in rotation.
 
         Times outside of the trajectory are left out. Between two poses of a truth at 100 Hz the
         rotation is so small that this and slerp are one.

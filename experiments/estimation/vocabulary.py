@@ -32,18 +32,18 @@ INDOORS = Setup(
 
 def vocabulary(options: ExperimentOptions, scenes: Setup) -> Path:
     """Return the file of a vocabulary; it is trained where there is none yet."""
-    recording = record(scenes, options.out, options.say)
+    recording = record(scenes, options.out, options.console)
     file = recording.folder / "vocabulary.txt"
     if not file.exists():
         printed = environments.run(
             ORB_SLAM3,
             [recording.bag, part := file.with_suffix(".part")],
             options.out,
-            options.say,
+            options.console,
             label=scenes.name,
             log=file.with_suffix(".log"),
             script="train_vocabulary.py",
         )
         part.rename(file)
-        options.say(f"{scenes.name}: {printed.strip().splitlines()[-1]}")
+        options.console.print(f"{scenes.name}: {printed.strip().splitlines()[-1]}")
     return file

@@ -7,11 +7,11 @@ import sys
 import time
 
 EVERY_S = 10.0
-"""Where lines cannot move, a progress is printed as often."""
+"""Interval of progress lines without a terminal."""
 
 
 class Console:
-    """Prints lines; call it with one."""
+    """Prints lines with the elapsed time."""
 
     def __init__(self) -> None:
         self._begun_s = time.monotonic()
@@ -19,20 +19,20 @@ class Console:
         self._progress_s = self._begun_s
         self._width = 0
 
-    def __call__(self, line: str) -> None:
-        """Print a line that stays."""
+    def print(self, line: str) -> None:
+        """Print a permanent line."""
         self._clear()
         print(f"[{time.monotonic() - self._begun_s:5.0f} s] {line}", flush=True)
 
     def progress(self, line: str) -> None:
-        """Print a line in place of the last one of its kind."""
+        """Replace the progress line; without a terminal, print it every `EVERY_S` seconds."""
         if self._moves:
             self._clear()
             print(line, end="\r", flush=True)
             self._width = len(line)
         elif time.monotonic() - self._progress_s >= EVERY_S:
             self._progress_s = time.monotonic()
-            self(line)
+            self.print(line)
 
     def _clear(self) -> None:
         if self._width:

@@ -56,9 +56,9 @@ def trajectories(file: Path, scenario: Scenario, ways: Sequence[AlignedEstimate]
     plan(axes, scenario)
     truth = max((way.truth for way in ways), key=lambda truth: truth.length_m).positions_m
     axes.plot(truth[:, 0], truth[:, 1], color=TRUTH, linewidth=2.4, label="true")
-    for way, colour in zip(ways, COLORS, strict=False):
+    for way, color in zip(ways, COLORS, strict=False):
         at = way.estimate.positions_m
-        axes.plot(at[:, 0], at[:, 1], color=colour, linewidth=1.0, label=way.label)
+        axes.plot(at[:, 0], at[:, 1], color=color, linewidth=1.0, label=way.label)
     low, high = truth[:, :2].min(axis=0) - AROUND_M, truth[:, :2].max(axis=0) + AROUND_M
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])

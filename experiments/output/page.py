@@ -68,11 +68,11 @@ def text_of(file: Path) -> str:
     return listing(file)
 
 
-def _length(metres: float) -> str:
+def _length(meters: float) -> str:
     """Return a length as people read it."""
-    if math.isinf(metres):
+    if math.isinf(meters):
         return "lost"
-    return f"{metres:.2f} m" if metres >= 1 else f"{100 * metres:.2f} cm"
+    return f"{meters:.2f} m" if meters >= 1 else f"{100 * meters:.2f} cm"
 
 
 def with_table(page: str, name: str, text: str) -> str:

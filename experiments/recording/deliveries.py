@@ -46,7 +46,7 @@ class TopicDelivery:
 
 
 def compare_delivery(bus: Path, bag: Path, scenario: Scenario) -> list[TopicDelivery]:
-    """Return an account of each topic that goes to ROS unasked.
+    """Return an delivery of each topic that goes to ROS unasked.
 
     Parameters
     ----------
@@ -96,25 +96,25 @@ def _digest(cdr: bytes) -> bytes:
     return hashlib.blake2b(cdr + bytes(-len(cdr) % 4), digest_size=12).digest()
 
 
-def loss_summary(accounts: Sequence[TopicDelivery]) -> str:
+def loss_summary(deliveries: Sequence[TopicDelivery]) -> str:
     """Return in words what did not arrive in ROS; empty for nothing."""
     return ", ".join(
-        f"{account.topic}: {account.lost} of {account.sent} lost, {account.other} of other bytes"
-        for account in accounts
-        if account.lost or account.other
+        f"{delivery.topic}: {delivery.lost} of {delivery.sent} lost, {delivery.other} changed"
+        for delivery in deliveries
+        if delivery.lost or delivery.other
     )
 
 
-def write_deliveries(file: Path, accounts: Iterable[TopicDelivery]) -> None:
-    """Write accounts as CSV."""
+def write_deliveries(file: Path, deliveries: Iterable[TopicDelivery]) -> None:
+    """Write deliveries as CSV."""
     with file.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, [field.name for field in fields(TopicDelivery)])
         writer.writeheader()
-        writer.writerows(map(asdict, accounts))
+        writer.writerows(map(asdict, deliveries))
 
 
 def read_deliveries(file: Path) -> list[TopicDelivery]:
-    """Return accounts as they were written."""
+    """Return deliveries as they were written."""
     with file.open(encoding="utf-8", newline="") as stream:
         return [
             TopicDelivery(row["topic"], int(row["sent"]), int(row["arrived"]), int(row["other"]))

@@ -69,9 +69,9 @@ class RecordedRun:
         return self.scenario.seed
 
     @property
-    def accounts(self) -> list[TopicDelivery]:
+    def deliveries(self) -> list[TopicDelivery]:
         """What was sent and what arrived of each topic."""
-        return read_deliveries(self.folder / "accounts.csv")
+        return read_deliveries(self.folder / "deliveries.csv")
 
     def truth(self, frame: str = "") -> Trajectory:
         """Return world_from_frame over the run; of the vehicle's base if no frame is named."""
@@ -82,7 +82,7 @@ class RecordedRun:
         return base.seen_from(frames[frame])
 
 
-def record(setup: Setup, out: Path, say: Console) -> RecordedRun:
+def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
     """Return the recording of a setup; it is made where there is none of these sources yet.
 
     Raises
@@ -93,20 +93,20 @@ def record(setup: Setup, out: Path, say: Console) -> RecordedRun:
     folder = out / "recordings"
     folder.mkdir(parents=True, exist_ok=True)
     made = folder / f"{setup.name}-{setup.seed}-{_digest(setup, folder)}"
-    if (made / "accounts.csv").exists():
+    if (made / "deliveries.csv").exists():
         return RecordedRun(made)
     part = made.with_name(f"{made.name}.part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
-    _run(setup, part, say)
-    say(f"{setup.name}, seed {setup.seed}: comparing the bag with the bus")
+    _run(setup, part, console)
+    console.print(f"{setup.name}, seed {setup.seed}: comparing the bag with the bus")
     bus, bag = part / "bus.mcap", part / "run.mcap"
-    accounts = compare_delivery(bus, bag, loaded(part))
-    if setup.is_lossless and (words := loss_summary(accounts)):
+    deliveries = compare_delivery(bus, bag, loaded(part))
+    if setup.is_lossless and (words := loss_summary(deliveries)):
         raise UserError(f"{setup.name}, seed {setup.seed}: not all came to {bag}: {words}")
     write_tum(part / "truth.tum", truth_of(bus, loaded(part)))
     (part / "frames.json").write_text(json.dumps(frames_of(bus)), encoding="utf-8")
-    write_deliveries(part / "accounts.csv", accounts)
+    write_deliveries(part / "deliveries.csv", deliveries)
     bus.unlink()
     part.rename(made)
     return RecordedRun(made)
@@ -121,7 +121,7 @@ def _digest(setup: Setup, folder: Path) -> str:
         shutil.rmtree(scratch)
 
 
-def _run(setup: Setup, folder: Path, say: Console) -> None:
+def _run(setup: Setup, folder: Path, console: Console) -> None:
     """Start everything, wait until the bag is full, and end everything."""
     bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
     scenario = setup.write(folder, {"bind": bind, "peer": peer})
@@ -137,7 +137,7 @@ def _run(setup: Setup, folder: Path, say: Console) -> None:
             (*up, "--record", str(folder / "bus.mcap")), folder / "up.log", domain
         ) as supervisor,
     ):
-        _wait(setup, recorder, supervisor, folder, say)
+        _wait(setup, recorder, supervisor, folder, console)
 
 
 def _wait(
@@ -145,7 +145,7 @@ def _wait(
     recorder: subprocess.Popen[str],
     supervisor: subprocess.Popen[str],
     folder: Path,
-    say: Console,
+    console: Console,
 ) -> None:
     begun_s = moved_s = time.monotonic()
     seconds = -1.0
@@ -154,7 +154,7 @@ def _wait(
         told = last_json(folder / "bag.log")
         if told.get("seconds", 0.0) > seconds:
             seconds, moved_s = told.get("seconds", 0.0), now_s
-        say.progress(
+        console.progress(
             f"{setup.name}, seed {setup.seed}: recording, {max(seconds, 0.0):.0f} of "
             f"{setup.seconds:g} s, {told.get('messages', 0):.0f} messages, {now_s - begun_s:.0f} s"
         )
@@ -168,7 +168,7 @@ def _wait(
         time.sleep(0.2)
     if recorder.returncode:
         raise UserError(f"{setup.name}: the recording node has failed; see {folder / 'bag.log'}")
-    say(
+    console.print(
         f"{setup.name}, seed {setup.seed}: recorded {setup.seconds:g} s in "
         f"{time.monotonic() - begun_s:.0f} s"
     )

@@ -183,7 +183,7 @@ def _least(distances: Callable[[float], Floats], about: float, within: float) ->
 
 
 def _vertex(grid: Floats, costs: Floats) -> float:
-    """Return where the parabola through the least of the costs and its neighbours is lowest."""
+    """Return where the parabola through the least of the costs and its neighbors is lowest."""
     i = int(np.clip(costs.argmin(), 1, len(grid) - 2))
     left, middle, right = costs[i - 1 : i + 2]
     bend = left - 2 * middle + right

@@ -88,7 +88,7 @@ def guard(options: ExperimentOptions) -> Sequence[Evaluation]:
         quantities = direct(recording, bag)
         rows += [(name, quantity) for quantity in quantities]
         found += [f"{q.words}: {q.value:.3g}" for q in quantities if not q.holds]
-        options.say(f"guard: {fault.words}: found by {'; '.join(found) or 'nobody'}")
+        options.console.print(f"guard: {fault.words}: found by {'; '.join(found) or 'nobody'}")
         finders.append((fault.words, "; ".join(found) or "nobody"))
         if not found:
             missed.append(fault.words)
@@ -123,7 +123,7 @@ def _by_programs(
                 options, estimator, recording, experiment="guard", case=name, bag=bag
             )
         except UserError as error:
-            options.say(str(error))
+            options.console.print(str(error))
             found.append(f"{program} (it fails)")
             continue
         results.append(result)

@@ -40,7 +40,7 @@ RGBD: dict[str, Any] = {
         "color": {"topic": "/camera/color/image_raw"},
     },
 }
-"""The depth camera of many robots, with its errors; its colour has the same pixels. At this size it
+"""The depth camera of many robots, with its errors; its color has the same pixels. At this size it
 gives the middle of its picture, whose pixels are square: 73 of its 87 degrees."""
 
 

@@ -51,7 +51,7 @@ OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 
 def slam(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Return the error of the poses that came back, for each seed."""
-    python = python_of(YAG_SLAM_LIVE, options.out, options.say)
+    python = python_of(YAG_SLAM_LIVE, options.out, options.console)
     results = []
     for seed in options.seeds:
         seconds = SHORT_S if options.short else SECONDS
@@ -105,20 +105,20 @@ def _run(
     with process(node, folder / "node.log", domain, python) as slam_node:
         with process(up, folder / "up.log", domain) as supervisor:
             with _joined(endpoint, supervisor, folder) as bus:
-                options.say(f"{label}: `groundlink view --connect {endpoint}` shows it")
+                options.console.print(f"{label}: `groundlink view --connect {endpoint}` shows it")
                 vehicle = loaded(folder).vehicles[0].name
                 bus.subscribe(FROM_ROS["pose"].key_in(run, vehicle=vehicle), PoseStamped, poses)
                 bus.subscribe(FROM_ROS["map"].key_in(run, vehicle=vehicle), OccupancyGrid, maps)
                 while supervisor.poll() is None:
                     told = last_json(folder / "node.log")
-                    options.say.progress(f"{label}: {told}")
+                    options.console.progress(f"{label}: {told}")
                     if slam_node.poll() is not None:
                         raise UserError(f"{label}: the node has ended; see {folder / 'node.log'}")
                     time.sleep(LOOK_S)
         if supervisor.returncode:
             raise UserError(f"{label}: the run has failed; see {folder / 'up.log'}")
     told = last_json(folder / "node.log")
-    options.say(f"{label}: {told}; {len(poses)} poses and {len(maps)} maps came back")
+    options.console.print(f"{label}: {told}; {len(poses)} poses and {len(maps)} maps came back")
     if told["late"] or not len(poses) or not len(maps):
         raise UserError(f"{label}: the node did not keep up, or nothing came back; see {folder}")
     map_yaml = _write(folder, poses, maps)

@@ -85,9 +85,11 @@ def loss(options: ExperimentOptions) -> Sequence[Evaluation]:
             time=IN_REAL_TIME,
         )
         recording = record_setup(options, setup)
-        arrived = {account.topic: account for account in recording.accounts}
+        arrived = {delivery.topic: delivery for delivery in recording.deliveries}
         told = [f"{arrived[topic].arrived} of {arrived[topic].sent}" for topic in TOPICS]
-        options.say(f"loss, {case}: " + ", ".join(map(" ".join, zip(TOPICS, told, strict=True))))
+        options.console.print(
+            f"loss, {case}: " + ", ".join(map(" ".join, zip(TOPICS, told, strict=True)))
+        )
         errors = [_error(options, recording, case, which, results) for which in _RUNS]
         rows.append((case, *told, *errors))
     head = ("link", *TOPICS, *(f"{which}, ATE (m)" for which in _RUNS))
@@ -106,7 +108,7 @@ def _error(
     try:
         result = _RUNS[which](options, recording, case)
     except UserError as error:
-        options.say(f"loss, {case}: {which}: {error}")
+        options.console.print(f"loss, {case}: {which}: {error}")
         return "none"
     results.append(result)
     return f"{result.ate_m:.4f}"

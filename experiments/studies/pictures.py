@@ -63,9 +63,11 @@ def orb_slam3(options: ExperimentOptions, pictures: CameraStudy) -> Sequence[Eva
         tum = tum_of(options, slam, recording, name, case)
         told = json.loads(tum.with_suffix(".json").read_text(encoding="utf-8"))
         words = ", ".join(f"{what} {number:.5g}" for what, number in told.items())
-        options.say(f"{name}, seed {seed}: {words}")
+        options.console.print(f"{name}, seed {seed}: {words}")
         if told["map_begun_s"] > LOST_S:
-            options.say(f"{name}, seed {seed}: lost; a new map after {told['map_begun_s']:.0f} s")
+            options.console.print(
+                f"{name}, seed {seed}: lost; a new map after {told['map_begun_s']:.0f} s"
+            )
             result = replace(result, ate_m=math.inf)
         results.append(result)
         if seed == options.seeds[0]:

@@ -83,7 +83,7 @@ def sweep(
     """Return the results of an experiment in each case; nothing is asked of them."""
     results = []
     for number, (words, vary) in enumerate(over.items(), 1):
-        options.say(f"{name}, {number} of {len(over)}: {words}")
+        options.console.print(f"{name}, {number} of {len(over)}: {words}")
         drawn = f"figures/sweep/{re.sub(r'[^a-z0-9]+', '_', words.lower()).strip('_')}"
         for result in EXPERIMENTS[name].run(replace(options, vary=vary, figures=drawn)):
             case = f"{words}; {result.case}" if result.case else words
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str]) -> int:
     file = options.folder("tables", "sweeps") / f"{given.experiment}.csv"
     write_csv(file, results)
     print("\n".join(table_of(results)))
-    options.say(f"wrote {file}")
+    options.console.print(f"wrote {file}")
     return 0
 
 

@@ -90,7 +90,7 @@ def checkpoints(options: ExperimentOptions) -> Sequence[Evaluation]:
                 )
                 curves[f"{result.program}, {case}, seed {seed}"] = passed
                 last = passed[-1]
-                options.say(
+                options.console.print(
                     f"track, {result.program}, {case}, seed {seed}: {last.sum_mm2:.0f} mm2 after "
                     f"{last.travelled_m:.1f} m"
                 )

@@ -37,7 +37,9 @@ def transfer(options: ExperimentOptions) -> Sequence[Evaluation]:
     if rosbridge := os.environ.get(ROSBRIDGE):
         command += ["--rosbridge", rosbridge]
     else:
-        options.say(f"transfer: no rosbridge goes along; {ROSBRIDGE} would name its program")
+        options.console.print(
+            f"transfer: no rosbridge goes along; {ROSBRIDGE} would name its program"
+        )
     if subprocess.run([sys.executable, *command], cwd=ROOT, check=False).returncode:
         raise UserError("transfer: it could not be measured; what is said above says why")
     rows = json.loads(file.read_text(encoding="utf-8"))["latency"]

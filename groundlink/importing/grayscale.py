@@ -44,7 +44,7 @@ def read(file: Path) -> GrayPicture:
     Raises
     ------
     BadFile
-        when it is in colour or declares more than it can hold.
+        when it is in color or declares more than it can hold.
     """
     from PIL import Image
 
@@ -64,7 +64,7 @@ def read(file: Path) -> GrayPicture:
             )
         if image.mode not in ("L", "P", "I", "F") and not image.mode.startswith("I;16"):
             raise BadFile(
-                f"{file}: a picture in colour (mode {image.mode}); expected one grey channel"
+                f"{file}: a picture in color (mode {image.mode}); expected one gray channel"
             )
         return GrayPicture(
             values=np.asarray(image)[::-1],

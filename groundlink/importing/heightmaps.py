@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import grayscale as greys
+from . import grayscale
 from .file_errors import BadFile, Warn, reading
 
 _MODEL_TYPE, _PIXEL_SCALE, _KEYS, _NO_DATA = 1024, 33550, 34735, 42113
@@ -34,13 +34,13 @@ class Heightmap:
     """Shape (rows, columns), numbers; floats may be NaN. Row 0 is in the south."""
 
     full_scale: int | None = None
-    """What stands for the upper end of a range, 255 or 65535; None: values are metres."""
+    """What stands for the upper end of a range, 255 or 65535; None: values are meters."""
 
     cell_m: float | None = None
     """None: the file does not say."""
 
 
-def read(file: Path, tell: Warn) -> Heightmap:
+def read(file: Path, warn: Warn) -> Heightmap:
     """Return the heightmap in a file.
 
     Raises
@@ -53,7 +53,7 @@ def read(file: Path, tell: Warn) -> Heightmap:
         raise BadFile(f"{file}: no heightmap that is known; expected {', '.join(FORMATS)}")
     name, read_format = FORMATS[suffix]
     with reading(file, name), np.errstate(all="ignore"):
-        found = read_format(file, tell)
+        found = read_format(file, warn)
         _check_size(file, found.values.shape)
     return found
 
@@ -64,18 +64,18 @@ def _check_size(file: Path, shape: tuple[int, ...]) -> None:
     rows, columns = shape
     if min(shape) < 2:
         raise BadFile(f"{file}: {columns} x {rows} heights; expected 2 x 2 or more")
-    greys.check_count(file, rows, columns)
+    grayscale.check_count(file, rows, columns)
 
 
-def _read_picture(file: Path, tell: Warn) -> Heightmap:
+def _read_picture(file: Path, warn: Warn) -> Heightmap:
     """Return a PNG's or GeoTIFF's values."""
-    grey = greys.read(file)
-    if grey.mode == "P":
-        raise BadFile(f"{file}: a picture of a palette of colours; expected one grey channel")
-    if grey.is_png:
-        return Heightmap(grey.values, full_scale=255 if grey.mode == "L" else 65535)
-    values = _without(grey.values, grey.tags.get(_NO_DATA))
-    return Heightmap(values, cell_m=_cell_m(file, grey.tags, tell))
+    gray = grayscale.read(file)
+    if gray.mode == "P":
+        raise BadFile(f"{file}: a picture of a palette of colors; expected one gray channel")
+    if gray.is_png:
+        return Heightmap(gray.values, full_scale=255 if gray.mode == "L" else 65535)
+    values = _without(gray.values, gray.tags.get(_NO_DATA))
+    return Heightmap(values, cell_m=_cell_m(file, gray.tags, warn))
 
 
 def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
@@ -88,24 +88,24 @@ def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
     return floats
 
 
-def _cell_m(file: Path, tags: dict[int, Any], tell: Warn) -> float | None:
-    """Return the length of a GeoTIFF's cell in metres, or None where it says none."""
+def _cell_m(file: Path, tags: dict[int, Any], warn: Warn) -> float | None:
+    """Return the length of a GeoTIFF's cell in meters, or None where it says none."""
     scale = tags.get(_PIXEL_SCALE)
     if scale is None:
         return None
     keys = np.array(tags.get(_KEYS, ())[4:], np.int64)
     keys = keys[: len(keys) // 4 * 4].reshape(-1, 4)
     if any(key == _MODEL_TYPE and value == _GEOGRAPHIC for key, _, _, value in keys):
-        tell(f"{file}: cells in degrees, not metres; project it first, or give `cell_m`")
+        warn(f"{file}: cells in degrees, not meters; project it first, or give `cell_m`")
         return None
     across, along = float(scale[0]), float(scale[1])
     if not (across > 0 and abs(across - along) <= 1e-3 * across):
-        tell(f"{file}: cells of {across:g} x {along:g} m; resample it to square ones")
+        warn(f"{file}: cells of {across:g} x {along:g} m; resample it to square ones")
         return None
     return across
 
 
-def _read_npy(file: Path, tell: Warn) -> Heightmap:
+def _read_npy(file: Path, warn: Warn) -> Heightmap:
     """Return a .npy file's array; one that would need unpickling is refused."""
     # Not `np.load`, which takes pickles and archives too.
     values = np.lib.format.open_memmap(file, mode="r")
@@ -117,7 +117,7 @@ def _read_npy(file: Path, tell: Warn) -> Heightmap:
 _HEADER_LINE = re.compile(r"\s*([a-zA-Z_]+)\s+(\S+)\s*$")
 
 
-def _read_esri(file: Path, tell: Warn) -> Heightmap:
+def _read_esri(file: Path, warn: Warn) -> Heightmap:
     """Return an ESRI ASCII grid: lines of a key and a value, then rows from north to south."""
     header: dict[str, float] = {}
     with file.open(encoding="ascii", errors="strict") as lines:

@@ -24,7 +24,7 @@ class TerrainGrid:
     """Terrain in the making."""
 
     heights: NDArray[np.float32]
-    """Shape (rows, columns), metres above the terrain's `at_m`."""
+    """Shape (rows, columns), meters above the terrain's `at_m`."""
 
     surface: NDArray[np.uint8]
     """Shape (rows - 1, columns - 1)."""

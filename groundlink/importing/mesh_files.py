@@ -44,7 +44,7 @@ MAX_PIXELS = 2**26
 """Of a picture: 8192 x 8192, four times what is drawn. A picture of 20 kB can declare more."""
 
 Paint = tuple[Vector3 | None, bytes | None, bytes | None]
-"""As `mesh_asset.MeshPart` has them: colour, picture and normals."""
+"""As `mesh_asset.MeshPart` has them: color, picture and normals."""
 
 UNPAINTED: Paint = (None, None, None)
 
@@ -68,7 +68,7 @@ class MeshPiece:
     paint: Paint = UNPAINTED
 
 
-def read(file: Path, folder: Path, tell: Warn) -> list[MeshPiece]:
+def read(file: Path, folder: Path, warn: Warn) -> list[MeshPiece]:
     """Return the pieces of a file, of which others may lie in `folder` or beside it.
 
     Raises
@@ -83,16 +83,16 @@ def read(file: Path, folder: Path, tell: Warn) -> list[MeshPiece]:
         if suffix == ".pcd":
             points, colors = pcd.read(file)
             return [MeshPiece(vertices=points, colors=colors)]
-        return list(_pieces(file, suffix, folder, tell))
+        return list(_pieces(file, suffix, folder, warn))
 
 
-def _pieces(file: Path, suffix: str, folder: Path, tell: Warn) -> Iterator[MeshPiece]:
+def _pieces(file: Path, suffix: str, folder: Path, warn: Warn) -> Iterator[MeshPiece]:
     import trimesh
 
     scene, lacking = _scene(file, suffix, folder)
     for problem in dict.fromkeys(lacking):
-        tell(f"{file}: {problem}; what it holds is left out")
-    pictures = _Pictures(file, tell)
+        warn(f"{file}: {problem}; what it holds is left out")
+    pictures = _Pictures(file, warn)
     faces_so_far = 0
     for name, scene_from_part in _placed(scene):
         part = scene.geometry[name]
@@ -211,9 +211,9 @@ def _utf8(text: bytes) -> bytes:
 class _Pictures:
     """Gives pictures as bytes, each broken one told once."""
 
-    def __init__(self, file: Path, tell: Warn) -> None:
+    def __init__(self, file: Path, warn: Warn) -> None:
         self._file = file
-        self._tell = tell
+        self._warn = warn
         self._known: dict[int, bytes | None] = {}
 
     def content(self, image: Any) -> bytes | None:
@@ -231,7 +231,7 @@ class _Pictures:
                 self._known[id(image)] = _encoded(image)
             except Exception:
                 self._known[id(image)] = None
-                self._tell(f"{self._file}: a picture in it cannot be read and is left out")
+                self._warn(f"{self._file}: a picture in it cannot be read and is left out")
         return self._known[id(image)]
 
 
@@ -247,7 +247,7 @@ def _encoded(image: Any) -> bytes:
 
 
 def _painted_as(visual: Any, piece: MeshPiece, pictures: _Pictures) -> MeshPiece:
-    """Give a piece the colours that trimesh found."""
+    """Give a piece the colors that trimesh found."""
     if visual.kind == "vertex":
         piece.colors = np.asarray(visual.vertex_colors)[:, :3] / 255.0
     elif visual.kind == "face":

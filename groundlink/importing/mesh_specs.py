@@ -15,7 +15,7 @@ class MeshFile(Spec, frozen=True, kw_only=True, tag_field="kind", tag="mesh"):
 
     file: str
     scale: Positive = 1.0
-    """Metres in a unit of the file: 0.001 for millimetres."""
+    """Metres in a unit of the file: 0.001 for millimeters."""
 
     up: Literal["y", "z"] | None = None
     """The file's axis that points up; None: y for glTF, z for all others. With y, the file's z

@@ -22,7 +22,7 @@ from .mesh_specs import MeshFile
 from .vertex_colors import with_color_picture
 
 MAX_OFFSET_M = 100_000.0
-"""There float32 keeps a centimetre."""
+"""There float32 keeps a centimeter."""
 
 SCANS = (".ply", ".pcd")
 """Files whose points without faces are a scan's."""
@@ -53,14 +53,14 @@ class ImportedMesh:
         )
 
 
-def import_mesh(spec: MeshFile, folder: Path, tell: Warn) -> ImportedMesh:
+def import_mesh(spec: MeshFile, folder: Path, warn: Warn) -> ImportedMesh:
     """Return the surface that a mesh's description asks for.
 
     Parameters
     ----------
     folder
         where the file is that it names, and all that this one names in turn.
-    tell
+    warn
         takes what is doubtful.
 
     Raises
@@ -69,11 +69,11 @@ def import_mesh(spec: MeshFile, folder: Path, tell: Warn) -> ImportedMesh:
         when the file is wrong.
     """
     file = folder / spec.file
-    pieces = read(file, folder, tell)
+    pieces = read(file, folder, warn)
     up = spec.up or ("y" if file.suffix.lower() in (".gltf", ".glb") else "z")
     turn = spec.scale * (_Z_UP_FROM_Y_UP if up == "y" else np.eye(3))
     for piece in pieces:
-        _check_numbers(file, piece, tell)
+        _check_numbers(file, piece, warn)
         far_m = spec.scale * float(np.abs(piece.vertices).max(initial=0.0))
         if far_m > MAX_OFFSET_M:
             raise BadFile(
@@ -91,15 +91,15 @@ def import_mesh(spec: MeshFile, folder: Path, tell: Warn) -> ImportedMesh:
         pieces = [_discs(cloud, spec)] if points else []
         kept = sum(len(piece.faces) for piece in pieces) // (scans.CORNERS - 2)
         if kept < points:
-            tell(f"{file}: {points} points were thinned to {kept} discs")
+            warn(f"{file}: {points} points were thinned to {kept} discs")
     if not pieces:
         raise BadFile(f"{file}: no triangles; export it as triangles, or a scan as PLY or PCD")
-    made = _joined(file, pieces, points, tell)
-    _check_size(file, np.ptp(made.vertices, axis=0), spec, tell)
+    made = _joined(file, pieces, points, warn)
+    _check_size(file, np.ptp(made.vertices, axis=0), spec, warn)
     return made
 
 
-def _check_numbers(file: Path, piece: MeshPiece, tell: Warn) -> None:
+def _check_numbers(file: Path, piece: MeshPiece, warn: Warn) -> None:
     """Leave out places of a scan where its scanner saw nothing; refuse them in a mesh."""
     broken = (~np.isfinite(piece.vertices)).any(axis=1)
     wrong, count = int(broken.sum()), len(piece.vertices)
@@ -107,7 +107,7 @@ def _check_numbers(file: Path, piece: MeshPiece, tell: Warn) -> None:
         return
     if len(piece.faces) or wrong == count:
         raise BadFile(f"{file}: {wrong} of {count} vertices are not numbers; mend the mesh")
-    tell(f"{file}: {wrong} of {count} points are not numbers and were left out")
+    warn(f"{file}: {wrong} of {count} points are not numbers and were left out")
     piece.vertices = piece.vertices[~broken]
     if piece.colors is not None:
         piece.colors = piece.colors[~broken]
@@ -115,8 +115,8 @@ def _check_numbers(file: Path, piece: MeshPiece, tell: Warn) -> None:
 
 def _discs(cloud: list[MeshPiece], spec: MeshFile) -> MeshPiece:
     """Return discs in the place of the points of a scan."""
-    grey = [np.full((len(piece.vertices), 3), 0.5) for piece in cloud]
-    colors = [g if p.colors is None else p.colors for g, p in zip(grey, cloud, strict=True)]
+    gray = [np.full((len(piece.vertices), 3), 0.5) for piece in cloud]
+    colors = [g if p.colors is None else p.colors for g, p in zip(gray, cloud, strict=True)]
     points, mean_colors, apart_m = scans.thinned(
         np.concatenate([piece.vertices for piece in cloud]),
         np.concatenate(colors),
@@ -129,7 +129,7 @@ def _discs(cloud: list[MeshPiece], spec: MeshFile) -> MeshPiece:
     return MeshPiece(vertices=vertices, faces=faces, colors=by_vertex)
 
 
-def _joined(file: Path, pieces: list[MeshPiece], points: int, tell: Warn) -> ImportedMesh:
+def _joined(file: Path, pieces: list[MeshPiece], points: int, warn: Warn) -> ImportedMesh:
     """Return pieces as one surface, those that are painted alike behind each other."""
     pieces = [with_color_picture(piece) if piece.colors is not None else piece for piece in pieces]
     alike: dict[Paint, list[MeshPiece]] = {}
@@ -158,7 +158,7 @@ def _joined(file: Path, pieces: list[MeshPiece], points: int, tell: Warn) -> Imp
     if not first:
         raise BadFile(f"{file}: no triangle has an area; export it again")
     if without_area:
-        tell(f"{file}: {without_area} triangles without area were left out")
+        warn(f"{file}: {without_area} triangles without area were left out")
     has_pictures = any(part.picture or part.normals for part in parts)
     return ImportedMesh(
         vertices=np.concatenate(vertices).astype(np.float32),
@@ -169,15 +169,15 @@ def _joined(file: Path, pieces: list[MeshPiece], points: int, tell: Warn) -> Imp
     )
 
 
-def _check_size(file: Path, size: Floats, spec: MeshFile, tell: Warn) -> None:
+def _check_size(file: Path, size: Floats, spec: MeshFile, warn: Warn) -> None:
     """Tell of units that look wrong."""
     told = " x ".join(f"{length:.4g}" for length in size)
     if size.max() > LARGE_M:
-        tell(
-            f"{file}: {told} m is large; is its unit the millimetre? `scale: {spec.scale / 1000:g}`"
+        warn(
+            f"{file}: {told} m is large; is its unit the millimeter? `scale: {spec.scale / 1000:g}`"
         )
     if size.max() < SMALL_M:
-        tell(f"{file}: {told} m is small; correct `scale`, which is {spec.scale:g}")
+        warn(f"{file}: {told} m is small; correct `scale`, which is {spec.scale:g}")
 
 
 def _vector(point: NDArray[np.float32]) -> Vector3:

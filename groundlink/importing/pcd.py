@@ -23,7 +23,7 @@ _KINDS = {"F": "f", "I": "i", "U": "u"}
 
 
 def read(file: Path) -> tuple[Floats, Floats | None]:
-    """Return points, shape (N, 3), and their sRGB colours, 0..1, or None where it has none.
+    """Return points, shape (N, 3), and their sRGB colors, 0..1, or None where it has none.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _decompressed(body: bytes) -> bytes:
 
 
 def _colors(fields: dict[str, NDArray[np.generic]]) -> Floats | None:
-    """Return colours from a field `rgb` or `rgba`: 0xAARRGGBB, by custom in a float's bits."""
+    """Return colors from a field `rgb` or `rgba`: 0xAARRGGBB, by custom in a float's bits."""
     packed = fields.get("rgb", fields.get("rgba"))
     if packed is None or packed.dtype.itemsize != 4:
         return None

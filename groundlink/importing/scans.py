@@ -26,7 +26,7 @@ random five sixths of the surface."""
 def thinned(
     points: Floats, colors: NDArray[np.float64], most: int
 ) -> tuple[Floats, NDArray[np.float64], float]:
-    """Return at most `most` points with their colours, and the distance that they are apart.
+    """Return at most `most` points with their colors, and the distance that they are apart.
 
     Of the points in a cube the mean is kept.
 

@@ -15,8 +15,7 @@ from groundlink.core.errors import UserError
 from groundlink.world import assets
 from groundlink.world.terrain import Terrain, encode_grid
 
-from . import grayscale as greys
-from . import heightmaps, hills
+from . import grayscale, heightmaps, hills
 from . import levels_and_roads as carving
 from .file_errors import BadFile, Warn, reading
 from .levels_and_roads import TerrainGrid
@@ -46,14 +45,14 @@ class BadTerrain(UserError):
         self.problem = problem
 
 
-def build(spec: TerrainSpec, folder: Path, tell: Warn) -> Terrain:
+def build(spec: TerrainSpec, folder: Path, warn: Warn) -> Terrain:
     """Return resolved terrain, whose assets are in the store.
 
     Parameters
     ----------
     folder
         where files are that the description names.
-    tell
+    warn
         takes what is doubtful.
 
     Raises
@@ -63,15 +62,15 @@ def build(spec: TerrainSpec, folder: Path, tell: Warn) -> Terrain:
     """
     if isinstance(spec, HillsTerrain):
         count = np.prod([size / spec.cell_m + 1 for size in spec.size_m])
-        if count > greys.MAX_VALUES or min(spec.size_m) < spec.cell_m:
+        if count > grayscale.MAX_VALUES or min(spec.size_m) < spec.cell_m:
             raise BadTerrain(
                 "size_m",
                 f"{count:.0f} heights; expected 2 x 2 or more, and "
-                f"{greys.MAX_VALUES // 10**6} million at most",
+                f"{grayscale.MAX_VALUES // 10**6} million at most",
             )
         heights, cell_m = hills.heights(spec), spec.cell_m
     else:
-        heights, cell_m = _from_file(spec, folder / spec.file, tell)
+        heights, cell_m = _from_file(spec, folder / spec.file, warn)
     rows, columns = heights.shape
     canvas = TerrainGrid(
         heights=heights,
@@ -95,10 +94,10 @@ def build(spec: TerrainSpec, folder: Path, tell: Warn) -> Terrain:
     )
 
 
-def _from_file(spec: HeightmapFile, file: Path, tell: Warn) -> tuple[NDArray[np.float32], float]:
+def _from_file(spec: HeightmapFile, file: Path, warn: Warn) -> tuple[NDArray[np.float32], float]:
     """Return a file's heights without gaps, and the length of a cell."""
-    found = heightmaps.read(file, tell)
-    heights = _metres(found, spec, file, tell)
+    found = heightmaps.read(file, warn)
+    heights = _metres(found, spec, file, warn)
     cell_m = _cell_m(found, spec, file)
     if np.isinf(heights).any():
         raise BadFile(f"{file}: heights that are infinite; mend it or mark them as no data")
@@ -106,29 +105,29 @@ def _from_file(spec: HeightmapFile, file: Path, tell: Warn) -> tuple[NDArray[np.
     if gaps > heights.size / 2:
         raise BadFile(f"{file}: {gaps} of {heights.size} places have no height; use a part of it")
     if gaps:
-        tell(f"{file}: {gaps} places without a height were filled from their surroundings")
+        warn(f"{file}: {gaps} places without a height were filled from their surroundings")
         heights = _filled(heights)
     if max(-heights.min(), heights.max()) > MAX_HEIGHT_M:
         raise BadFile(
-            f"{file}: heights from {heights.min():g} to {heights.max():g}, which are no metres; "
+            f"{file}: heights from {heights.min():g} to {heights.max():g}, which are no meters; "
             "is there a value that stands for no data?"
         )
     return heights, cell_m
 
 
 def _metres(
-    found: heightmaps.Heightmap, spec: HeightmapFile, file: Path, tell: Warn
+    found: heightmaps.Heightmap, spec: HeightmapFile, file: Path, warn: Warn
 ) -> NDArray[np.float32]:
-    """Return a map's values as metres, in an array of their own."""
+    """Return a map's values as meters, in an array of their own."""
     if found.full_scale is None:
         if spec.heights_m is not None:
-            raise BadTerrain("heights_m", f"{file} is in metres already; leave this out")
+            raise BadTerrain("heights_m", f"{file} is in meters already; leave this out")
         with np.errstate(over="ignore"):
             return found.values.astype(np.float32, order="C")
     if spec.heights_m is None:
         raise BadTerrain(
             "heights_m",
-            f"is missing; give the two heights in metres that 0 and {found.full_scale} of "
+            f"is missing; give the two heights in meters that 0 and {found.full_scale} of "
             f"{file.name} stand for",
         )
     low, high = spec.heights_m
@@ -136,7 +135,7 @@ def _metres(
         raise BadTerrain("heights_m", "expected the lower height first")
     step_m = (high - low) / found.full_scale
     if found.full_scale == 255:
-        tell(
+        warn(
             f"{file}: 8 bits a height: the ground has steps of {step_m:.3g} m; save it with 16 bits"
         )
     return (low + found.values * step_m).astype(np.float32)
@@ -159,7 +158,7 @@ def _cell_m(found: heightmaps.Heightmap, spec: HeightmapFile, file: Path) -> flo
     cell_m = spec.cell_m or found.cell_m
     if cell_m is None:
         raise BadTerrain(
-            "cell_m", f"is missing, and {file.name} does not say it; add the metres of a cell"
+            "cell_m", f"is missing, and {file.name} does not say it; add the meters of a cell"
         )
     return cell_m
 
@@ -223,17 +222,17 @@ def _surface_map(surface: SurfaceMap, folder: Path, shape: tuple[int, ...]) -> N
     """Return a picture's numbers for cells, from south to north."""
     file = folder / surface.file
     with reading(file, "picture"):
-        grey = greys.read(file)
-    if grey.mode not in ("L", "P"):
-        raise BadFile(f"{file}: a picture of mode {grey.mode}; expected 8-bit grey")
+        gray = grayscale.read(file)
+    if gray.mode not in ("L", "P"):
+        raise BadFile(f"{file}: a picture of mode {gray.mode}; expected 8-bit gray")
     rows, columns = shape
-    if grey.values.shape not in (shape, (rows + 1, columns + 1)):
+    if gray.values.shape not in (shape, (rows + 1, columns + 1)):
         raise BadFile(
-            f"{file}: {grey.values.shape[1]} x {grey.values.shape[0]} pixels; expected one for "
+            f"{file}: {gray.values.shape[1]} x {gray.values.shape[0]} pixels; expected one for "
             f"each cell, {columns} x {rows}, or for each height, {columns + 1} x {rows + 1}"
         )
     # With a pixel for each height, a cell is as the height in its south-west.
-    numbers: NDArray[np.uint8] = grey.values[:rows, :columns]
+    numbers: NDArray[np.uint8] = gray.values[:rows, :columns]
     if numbers.max() >= len(surface.materials):
         raise BadFile(
             f"{file}: the number {numbers.max()}, but `materials` has {len(surface.materials)}, "

@@ -25,7 +25,7 @@ class MaterialRule(Spec, frozen=True, kw_only=True):
 
 
 class SurfaceMap(Spec, frozen=True):
-    """Materials from a picture of 8-bit grey numbers, its first row in the north."""
+    """Materials from a picture of 8-bit gray numbers, its first row in the north."""
 
     file: str
     materials: Annotated[tuple[str, ...], Meta(min_length=1, max_length=200)]
@@ -60,14 +60,14 @@ class Road(Spec, frozen=True, kw_only=True):
     """Width of the strip on each side that leads to the ground beyond."""
 
     smooth_m: Positive = 30.0
-    """Bumps shorter than this are levelled along it."""
+    """Bumps shorter than this are leveled along it."""
 
 
 class GroundSpec(Spec, frozen=True, kw_only=True):
     """What terrain of every origin has."""
 
     at_m: Vector3 = (0.0, 0.0, 0.0)
-    """Where in the world the middle of the map is, and what is added to its heights."""
+    """Position of the middle of the map in the world; z is added to the heights."""
 
     material: str
     """What the ground is of where nothing else is said."""
@@ -92,7 +92,7 @@ class HeightmapFile(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag
     """Instead: lengths of the whole map along x and y, from the first height to the last."""
 
     heights_m: tuple[float, float] | None = None
-    """What the darkest and the brightest grey of a PNG stand for."""
+    """What the darkest and the brightest gray of a PNG stand for."""
 
 
 class HillsTerrain(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag="hills"):

@@ -25,7 +25,7 @@ from .terrain_specs import HeightmapFile
 MATERIAL = "ground"
 
 _MATERIALS = """\
-# Estimates: correct them. Reflectivity is that at the LiDAR's wavelength, colour is linear.
+# Estimates: correct them. Reflectivity is that at the LiDAR's wavelength, color is linear.
 materials:
   {material}: {{reflectivity: 0.3, friction: 0.9, color: [{color}], texture: speckled}}
 """
@@ -34,23 +34,23 @@ MARGIN_M = 10.0
 """Of floor around a mesh."""
 
 
-def of_heightmap(spec: HeightmapFile, named: str, say: Warn, tell: Warn) -> str:
+def of_heightmap(spec: HeightmapFile, named: str, report: Warn, warn: Warn) -> str:
     """Return a world file that names a heightmap's file so.
 
-    `say` takes what is found in it, `tell` what is doubtful.
+    `report` receives what was found in the file, `warn` receives warnings.
     """
-    made = load_ground(terrain.build(spec, Path(), tell))
+    made = load_ground(terrain.build(spec, Path(), warn))
     rows, columns = made.heights.shape
     middle_m = float(made.height_at(0.0, 0.0))
-    say(
+    report(
         f"{columns} x {rows} heights, cells of {made.cell_m:g} m: "
         f"{(columns - 1) * made.cell_m:g} x {(rows - 1) * made.cell_m:g} m"
     )
-    say(
+    report(
         f"heights from {made.heights.min():.2f} to {made.heights.max():.2f} m, "
         f"{middle_m:.2f} m in the middle; the steepest edge has {_steepest_deg(made):.0f} degrees"
     )
-    say(f"{2 * (rows - 1) * (columns - 1):,} triangles")
+    report(f"{2 * (rows - 1) * (columns - 1):,} triangles")
     lines = [f"  kind: heightmap\n  file: {_quoted(named)}"]
     if spec.heights_m is not None:
         lines.append(f"  heights_m: [{spec.heights_m[0]:g}, {spec.heights_m[1]:g}]")
@@ -68,25 +68,25 @@ def of_heightmap(spec: HeightmapFile, named: str, say: Warn, tell: Warn) -> str:
     )
 
 
-def of_mesh(spec: MeshFile, named: str, say: Warn, tell: Warn) -> str:
+def of_mesh(spec: MeshFile, named: str, report: Warn, warn: Warn) -> str:
     """Return a world file that names a mesh's file so.
 
-    `say` takes what is found in it, `tell` what is doubtful.
+    `report` receives what was found in the file, `warn` receives warnings.
     """
-    made = meshes.import_mesh(spec, Path(), tell)
+    made = meshes.import_mesh(spec, Path(), warn)
     shape = made.shape()
     low, high = np.array(shape.low_m), np.array(shape.high_m)
     size = high - low
     mesh = load_mesh(shape.asset)
-    say(f"{size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m, from {_point(low)} to {_point(high)}")
-    say(
+    report(f"{size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m, from {_point(low)} to {_point(high)}")
+    report(
         f"{len(mesh.faces):,} triangles, {len(mesh.vertices):,} vertices, "
         f"{len(mesh.parts)} kinds of paint, {_pictures(mesh)}"
     )
     if made.points:
-        say(f"{made.points:,} points without faces, in the place of which there are discs")
+        report(f"{made.points:,} points without faces, in the place of which there are discs")
     else:
-        say(_holes(*open_edges(mesh)))
+        report(_holes(*open_edges(mesh)))
     at = -np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     floor = [f"{math.ceil(length + 2 * MARGIN_M)}.0" for length in size[:2]]
     fields = [f"kind: mesh, file: {_quoted(named)}"]

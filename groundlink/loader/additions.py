@@ -61,7 +61,7 @@ KINDS: dict[str, Addition] = {
 
 
 class SpawnPlace(NamedTuple):
-    """A place in the world: x, y, height above the ground in metres, heading in degrees."""
+    """A place in the world: x, y, height above the ground in meters, heading in degrees."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -88,7 +88,7 @@ def addition(
     name: str | None,
     taken: Collection[str],
     ground: Ground | None,
-    tell: Warn = ignore_warning,
+    warn: Warn = ignore_warning,
 ) -> tuple[str, Addition]:
     """Return what a word or a file means at a place, and what it is called.
 
@@ -108,7 +108,7 @@ def addition(
     if given in KINDS:
         more, called = KINDS[given], given
     else:
-        kind, part = load_partial(given, words=KINDS, tell=tell)
+        kind, part = load_partial(given, words=KINDS, warn=warn)
         if kind is FileKind.SCENARIO:
             raise ScenarioError(f"`{given}` is a scenario; expected a vehicle or a world's things")
         called = part.vehicles[0].model.name if part.vehicles else part.world.name

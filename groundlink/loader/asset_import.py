@@ -33,8 +33,8 @@ class _Shape(msgspec.Struct):
     shape: MeshFile
 
 
-def import_assets(document: Document, tell: Warn) -> None:
-    """Import everything that is to be imported; `tell` takes what is doubtful.
+def import_assets(document: Document, warn: Warn) -> None:
+    """Import everything that is to be imported; `warn` takes what is doubtful.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def import_assets(document: Document, tell: Warn) -> None:
         ground = convert(document.alone(TERRAIN), _Terrain).terrain
         folder = document.mark(TERRAIN).file.parent
         try:
-            built = terrain.build(ground, folder, tell)
+            built = terrain.build(ground, folder, warn)
         except terrain.BadTerrain as error:
             mark = document.mark((*TERRAIN, error.field))
             raise ScenarioError(f"{mark}: `terrain`: {error}") from None
@@ -61,7 +61,7 @@ def import_assets(document: Document, tell: Warn) -> None:
         if key not in known:
             try:
                 known[key] = msgspec.to_builtins(
-                    meshes.import_mesh(mesh, mark.file.parent, tell).shape()
+                    meshes.import_mesh(mesh, mark.file.parent, warn).shape()
                 )
             except BadFile as error:
                 raise ScenarioError(f"{mark}: `{dotted(path)}`: {error}") from None

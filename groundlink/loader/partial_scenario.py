@@ -41,7 +41,7 @@ class FileKind(Enum):
 
 
 def load_partial(
-    given: str, *, words: Iterable[str] = (), tell: Warn = ignore_warning
+    given: str, *, words: Iterable[str] = (), warn: Warn = ignore_warning
 ) -> tuple[FileKind, Scenario]:
     """Return the world, vehicle or scenario in a file, or the shipped one of this name.
 
@@ -59,11 +59,11 @@ def load_partial(
     document = read(file)
     kind = _kind(document)
     if kind is FileKind.SCENARIO:
-        return kind, load(file, tell=tell)
+        return kind, load(file, warn=warn)
     content: dict[str, Any] = {"name": "part", "world": str(file), "vehicles": []}
     if kind is FileKind.VEHICLE:
         content |= {"world": _PLAIN, "vehicles": [{"name": "vehicle", "model": str(file)}]}
-    return kind, resolved(Document(content, {(): SourceLine(file, 1)}), tell)
+    return kind, resolved(Document(content, {(): SourceLine(file, 1)}), warn)
 
 
 def partial_file(given: str, words: Iterable[str] = ()) -> Path:

@@ -41,12 +41,12 @@ class _RouteFile(msgspec.Struct):
     route: Route
 
 
-def load(file: str | Path, *, tell: Warn = ignore_warning) -> Scenario:
+def load(file: str | Path, *, warn: Warn = ignore_warning) -> Scenario:
     """Return the scenario that `file` and the files it names describe.
 
     `file` may be the name of a shipped scenario; see `scenario_file`.
 
-    `tell` takes what is doubtful about the heightmaps and meshes among them.
+    `warn` takes what is doubtful about the heightmaps and meshes among them.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def load(file: str | Path, *, tell: Warn = ignore_warning) -> Scenario:
         with one line: file, line, field, what was expected and how to mend it.
     """
     document = read(scenario_file(file))
-    scenario = resolved(document, tell)
+    scenario = resolved(document, warn)
     check_scenario(scenario, document)
     return scenario
 
@@ -79,7 +79,7 @@ def scenario_file(given: str | Path) -> Path:
     )
 
 
-def resolved(document: Document, tell: Warn = ignore_warning) -> Scenario:
+def resolved(document: Document, warn: Warn = ignore_warning) -> Scenario:
     """Return the scenario that a document and the files it names describe; not all is checked.
 
     Raises
@@ -87,8 +87,8 @@ def resolved(document: Document, tell: Warn = ignore_warning) -> Scenario:
     ScenarioError
         as `load` does.
     """
-    _follow_references(document, tell)
-    import_assets(document, tell)
+    _follow_references(document, warn)
+    import_assets(document, warn)
     place_scatter(document)
     place_outdoors(document)
     place_solids(document)
@@ -129,14 +129,14 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     return route
 
 
-def _follow_references(document: Document, tell: Warn) -> None:
+def _follow_references(document: Document, warn: Warn) -> None:
     """Put in the place of every reference what it refers to."""
     _include(document, ("world",), "worlds")
     for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
         here: DataPath = ("vehicles", v)
         urdf.refuse_bare_urdf(document, (*here, "model"))
         _include(document, (*here, "model"), "vehicles")
-        urdf.expand(document, (*here, "model"), tell)
+        urdf.expand(document, (*here, "model"), warn)
         _include(document, (*here, "route"), "routes")
         if not isinstance(vehicle, dict):
             continue

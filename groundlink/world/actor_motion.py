@@ -18,11 +18,11 @@ from .actors import FreeMotion, HingeMotion, Motion, PathMotion, Point
 from .terrain import Ground
 
 TURN_RADPS = pi
-"""How fast what goes along points turns on the spot: about-face in a second."""
+"""Turn rate of an actor at a point of its path."""
 
 
 class ActorPose(NamedTuple):
-    """Where an actor is, upright as all that go their own way are."""
+    """Pose of an actor, upright."""
 
     position_m: Vector3
     yaw_rad: float
@@ -34,14 +34,14 @@ class ActorPose(NamedTuple):
 
 
 class Mover(Protocol):
-    """A motion in a world."""
+    """A scripted motion in a world."""
 
     def at(self, seconds: float) -> ActorPose:
         """Return world_from_actor at a sim time."""
 
 
 class _Leg(NamedTuple):
-    """A straight piece of a way, with the stop at its end."""
+    """A straight piece of a path, with the stop at its end."""
 
     begin_s: float
     walk_s: float
@@ -53,7 +53,7 @@ class _Leg(NamedTuple):
 
 
 class PathMover:
-    """Along points, there and back or round."""
+    """Moves an actor along points, back and forth or in a loop."""
 
     def __init__(self, motion: PathMotion, ground: Ground | None) -> None:
         self._motion, self._ground = motion, ground
@@ -83,7 +83,7 @@ class PathMover:
 
 
 class HingeMover:
-    """About a hinge."""
+    """Moves an actor about a hinge."""
 
     def __init__(self, motion: HingeMotion, ground: Ground | None) -> None:
         self._motion = motion
@@ -98,32 +98,32 @@ class HingeMover:
             if since < swing.at_s:
                 break
             share = min((since - swing.at_s) / swing.for_s, 1.0)
-            # Begins and ends gently: its speed is continuous, too.
+            # Cosine profile: speed is continuous, too.
             angle_deg += (swing.angle_deg - angle_deg) * (1 - cos(pi * share)) / 2
         return ActorPose(self._position_m, radians(motion.yaw_deg + angle_deg))
 
 
 def mover(motion: PathMotion | HingeMotion, ground: Ground | None) -> Mover:
-    """Return how an actor moves in a world with this terrain; None: flat ground at z = 0."""
+    """Return the mover of an actor. Without `ground`, the ground is flat at z = 0."""
     return (
         PathMover(motion, ground) if isinstance(motion, PathMotion) else HingeMover(motion, ground)
     )
 
 
 def initial_pose(motion: Motion, ground: Ground | None, seconds: float = 0.0) -> ActorPose:
-    """Return world_from_actor at the sim time at which the actor comes into the world."""
+    """Return world_from_actor when the actor enters the world."""
     if isinstance(motion, FreeMotion):
         return ActorPose(on_ground(motion.at_m, ground), radians(motion.yaw_deg))
     return mover(motion, ground).at(seconds)
 
 
 def waypoints(motion: Motion) -> list[Point]:
-    """Return x and y of all the points that an actor's own motion leads through."""
+    """Return x and y of the points of an actor's motion."""
     return list(motion.points_m) if isinstance(motion, PathMotion) else [motion.at_m[:2]]
 
 
 def on_ground(at_m: Vector3, ground: Ground | None) -> Vector3:
-    """Return a place in the world whose z counts from the ground."""
+    """Return a world position from one whose z is above the ground."""
     x, y, z = at_m
     return x, y, z + _height(ground, x, y)
 
@@ -133,5 +133,5 @@ def _height(ground: Ground | None, x_m: float, y_m: float) -> float:
 
 
 def _least(angle_rad: float) -> float:
-    """Return an angle as it is turned by the shorter way, above -pi and up to pi."""
+    """Return an angle wrapped into (-pi, pi]."""
     return pi - (pi - angle_rad) % (2 * pi)

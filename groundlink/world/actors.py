@@ -19,21 +19,21 @@ from groundlink.core.fields import NonNegative, Positive, Size3, Spec, Vector3
 from .solids import Box, Cylinder, Solid, Sphere
 
 MAX_PARTS = 16
-"""Of one body: what physics can join."""
+"""Largest number of solids of an actor, limited by physics."""
 
 ActorName = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 Point = tuple[float, float]
 
 
 class PartsForm(Spec, frozen=True, tag_field="kind", tag="parts", kw_only=True):
-    """Solids of one's own; what rolls or stands on the ground has it at z = 0."""
+    """Solids given one by one; the ground is at z = 0."""
 
     parts: Annotated[tuple[Solid, ...], Meta(min_length=1, max_length=MAX_PARTS)]
-    """In the actor's frame. Physics meets meshes as the boxes around them."""
+    """In the actor's frame. Physics uses the bounding boxes of meshes."""
 
 
 class PersonForm(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True):
-    """A figure in mid-stride that faces along x, its feet at z = 0."""
+    """A walking person facing +x, with the feet at z = 0."""
 
     height_m: Positive = 1.75
     shirt: str
@@ -44,7 +44,7 @@ class PersonForm(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True
 
 
 class DoorForm(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
-    """A leaf from its hinge at the origin along x, its lower edge at z = 0."""
+    """A door leaf along x with its hinge at the origin and its lower edge at z = 0."""
 
     width_m: Positive = 0.9
     height_m: Positive = 2.0
@@ -53,7 +53,7 @@ class DoorForm(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
 
 
 class CrateForm(Spec, frozen=True, tag_field="kind", tag="crate", kw_only=True):
-    """A box that stands on z = 0, amid x and y."""
+    """A box on z = 0, centered in x and y."""
 
     size_m: Size3 = (0.4, 0.4, 0.4)
     material: str
@@ -63,20 +63,20 @@ Form = PartsForm | PersonForm | DoorForm | CrateForm
 
 
 class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True):
-    """From point to point and back again for ever, upright, x ahead; it gives way to nothing."""
+    """Motion from point to point, back and forth, upright with x ahead, regardless of obstacles."""
 
     points_m: Annotated[tuple[Point, ...], Meta(min_length=2, max_length=1000)]
-    """In the world, x and y; at time zero it is at the first."""
+    """x and y in the world; the actor is at the first point at time zero."""
 
     speed_mps: Positive = 1.2
     closed: bool = False
-    """From the last point to the first; if not, the same way back."""
+    """Whether the path continues from the last point to the first; otherwise it reverses."""
 
     pause_s: NonNegative = 0.0
-    """At every point, before it turns towards the next."""
+    """Pause at every point before the turn to the next."""
 
     start_s: NonNegative = 0.0
-    """Sim time at which it sets out."""
+    """Sim time of the departure."""
 
     z_m: float = 0.0
     """Above the ground: the terrain, or z = 0."""
@@ -85,37 +85,37 @@ class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True)
         closing = self.points_m[:1] if self.closed else ()
         way = (*self.points_m, *closing)
         if any(here == there for here, there in pairwise(way)):
-            raise ValueError("two neighbours of `points_m` are the same; leave one out")
+            raise ValueError("two neighbors of `points_m` are the same; leave one out")
 
 
 class Swing(Spec, frozen=True, kw_only=True):
-    """A turn of a hinge."""
+    """A turn about a hinge."""
 
     at_s: NonNegative
-    """Sim time at which it begins."""
+    """Sim time of the begin."""
 
     angle_deg: float
-    """How far it is open in the end; anticlockwise > 0, 0 is shut."""
+    """Final angle, counterclockwise positive; 0 is shut."""
 
     for_s: Positive = 1.0
-    """How long it takes."""
+    """Duration."""
 
 
 class HingeMotion(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True):
-    """About an upright axis at the origin, opened and shut at set times whatever is in the way."""
+    """Motion about a vertical axis at the origin, at fixed times, regardless of obstacles."""
 
     at_m: Vector3
-    """Where the hinge is in the world, z above the ground there."""
+    """Position of the hinge in the world; z is above the ground."""
 
     yaw_deg: float = 0.0
-    """Of x while it is shut."""
+    """Direction of x at angle 0."""
 
     start_deg: float = 0.0
-    """How far it is open at time zero."""
+    """Angle at time zero."""
 
     swings: tuple[Swing, ...] = ()
     every_s: Positive | None = None
-    """After so long all swings come again; None: they come once."""
+    """Period of the swings; None: they happen once."""
 
     def __post_init__(self) -> None:
         free_s = 0.0
@@ -132,15 +132,15 @@ class HingeMotion(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True
 
 
 class FreeMotion(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):
-    """Falls, rests, and is pushed about."""
+    """A free rigid body, moved by physics."""
 
     at_m: Vector3
-    """Where its origin starts in the world, z above the ground there."""
+    """Initial position in the world; z is above the ground."""
 
     yaw_deg: float = 0.0
     mass_kg: Positive
     friction: NonNegative = 0.6
-    """Coulomb coefficient of its surface; a contact has the product of both surfaces'."""
+    """Coulomb friction coefficient; a contact has the product of both surfaces."""
 
     restitution: Annotated[float, Meta(ge=0, le=1)] = 0.0
 
@@ -149,7 +149,7 @@ Motion = PathMotion | HingeMotion | FreeMotion
 
 
 class Actor(Spec, frozen=True, kw_only=True):
-    """Something that moves by itself, or when it is pushed."""
+    """A body that moves on a script or can be pushed."""
 
     name: ActorName
     form: Form
@@ -157,14 +157,14 @@ class Actor(Spec, frozen=True, kw_only=True):
 
     @property
     def kind(self) -> str:
-        """What it is: its form's kind, or its own name without a number."""
+        """Kind of the form; for `parts`, the actor's name without its number."""
         if isinstance(self.form, PartsForm):
             return re.sub(r"_\d+$", "", self.name)
         return str(self.form.__struct_config__.tag)
 
 
 def form_solids(form: Form) -> list[Solid]:
-    """Return what an actor is made of, in its frame; its parts are named after what they are."""
+    """Return the solids of an actor in its frame."""
     match form:
         case PartsForm(parts=solids):
             return list(solids)
@@ -178,13 +178,13 @@ def form_solids(form: Form) -> list[Solid]:
 
 
 _STRIDE = (0.0, 0.1305, 0.0, 0.9914)
-"""A limb turned by 15 degrees about y: its lower end points back."""
+"""Limb turned by 15 degrees about y, with its lower end behind."""
 
 _BACK = (0.0, -0.1305, 0.0, 0.9914)
 
 
 def _figure(person: PersonForm) -> list[Solid]:
-    """Return a person of 1.75 m, made larger or smaller."""
+    """Return a person scaled from a height of 1.75 m."""
     shirt, trousers, skin = person.shirt, person.trousers, person.skin
     leg, arm = Cylinder(radius_m=0.075, length_m=0.86), Cylinder(radius_m=0.05, length_m=0.62)
     shoe, hand = Box(size_m=(0.27, 0.1, 0.08)), Sphere(radius_m=0.055)

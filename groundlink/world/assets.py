@@ -31,7 +31,7 @@ class MissingAsset(UserError):
 
 
 def folder() -> Path:
-    """Return the folder of the assets, which may not exist yet."""
+    """Return the folder of the asset store, which may not exist yet."""
     if given := os.environ.get(VARIABLE):
         return Path(given)
     cache = os.environ.get("XDG_CACHE_HOME")
@@ -39,7 +39,7 @@ def folder() -> Path:
 
 
 def put(content: bytes) -> str:
-    """Put an asset in the store and return its digest.
+    """Store an asset and return its digest.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def put(content: bytes) -> str:
         return digest
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        # Under its name there is all of it or nothing, whoever else writes or is killed.
+        # Atomic rename: the final name never holds a partial file.
         with tempfile.NamedTemporaryFile(dir=file.parent, prefix=".", delete=False) as part:
             part.write(content)
         os.replace(part.name, file)
@@ -65,7 +65,7 @@ def put(content: bytes) -> str:
 
 
 def has(digest: str) -> bool:
-    """Return whether the store holds an asset, whole."""
+    """Return whether the store holds an intact asset."""
     try:
         map_asset(digest)
     except MissingAsset:
@@ -74,7 +74,7 @@ def has(digest: str) -> bool:
 
 
 def missing(digests: Iterable[str]) -> list[str]:
-    """Return those of the assets that the store does not hold."""
+    """Return the assets that the store lacks."""
     return [digest for digest in dict.fromkeys(digests) if not has(digest)]
 
 
@@ -90,7 +90,7 @@ def read(digest: str) -> bytes:
 
 
 def map_asset(digest: str) -> memoryview:
-    """Return an asset's content, read-only, from the file's pages and not from copies of them.
+    """Return an asset's content as a read-only memory map.
 
     Raises
     ------

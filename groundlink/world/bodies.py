@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from groundlink.scenario.schema import Scenario
 
 NO_BODY = 2**32 - 1
-"""Stands for what belongs to no body, such as rain and fog."""
+"""Body number of hits on no body, such as rain and fog."""
 
 
 def link_bodies(scenario: Scenario) -> list[str]:

@@ -13,11 +13,11 @@ from groundlink.core.frames import Floats, matrix_from_quaternion
 from .solids import Box, Cylinder, Mesh, Shape, Solid
 
 Bounds = tuple[Floats, Floats]
-"""Lowest and highest corner, each of shape (3,), metres."""
+"""Lowest and highest corner, each of shape (3,), meters."""
 
 
 def half_extents(shape: Shape) -> Floats:
-    """Return half the lengths along the shape's own axes, shape (3,), metres."""
+    """Return half the lengths along the shape's own axes, shape (3,), meters."""
     if isinstance(shape, Box):
         return np.array(shape.size_m) / 2
     if isinstance(shape, Cylinder):
@@ -28,7 +28,7 @@ def half_extents(shape: Shape) -> Floats:
 
 
 def middle(solid: Solid) -> Floats:
-    """Return the middle of a solid in the frame it is placed in, shape (3,), metres."""
+    """Return the middle of a solid in the frame it is placed in, shape (3,), meters."""
     position = np.array(solid.position_m)
     if isinstance(solid.shape, Mesh):
         in_solid = (np.array(solid.shape.high_m) + solid.shape.low_m) / 2
@@ -53,10 +53,10 @@ def overlap(box: Bounds, others: Bounds, *, touch_m: float = 1e-6) -> bool:
 
 
 def intersect(first: Solid, second: Solid) -> bool:
-    """Return whether two solids share space; however they are turned, boxes are told exactly.
+    """Return whether two solids overlap; exact for boxes of any orientation.
 
-    The theorem of separating axes: boxes are apart when their shadows are on one of the 15 axes
-    along their edges and across pairs of them.
+    Separating axis theorem: boxes are apart if their projections on one of 15 axes (edges, and
+    cross products of edges) are.
     """
     a, b = (matrix_from_quaternion(solid.orientation) for solid in (first, second))
     across = np.cross(a.T[:, None], b.T[None]).reshape(9, 3)
@@ -64,5 +64,5 @@ def intersect(first: Solid, second: Solid) -> bool:
     reach = np.abs(axes @ a) @ half_extents(first.shape)
     reach += np.abs(axes @ b) @ half_extents(second.shape)
     apart = np.abs(axes @ (middle(second) - middle(first)))
-    # Parallel edges have no common normal: a row of zeros, which tells nothing.
+    # Parallel edges have a zero cross product, which separates nothing.
     return bool(np.all((apart < reach) | (np.linalg.norm(axes, axis=1) < 1e-9)))

@@ -43,7 +43,7 @@ STRIP_M = 0.45
 """Width of the strip of floor along the walls where clutter may lie."""
 
 SPAWN_CLEARANCE_M = 0.5
-"""Kept free of clutter around a vehicle's start, beyond its chassis."""
+"""Clearance between clutter and a vehicle's chassis at its spawn place."""
 
 Path = tuple[str | int, ...]
 
@@ -56,7 +56,7 @@ class WorldError(UserError):
     Attributes
     ----------
     path
-        keys and indices that lead from the scenario to the field at fault.
+        keys and indices from the scenario to the field at fault.
     """
 
     def __init__(self, path: Path, problem: str) -> None:
@@ -66,7 +66,7 @@ class WorldError(UserError):
 
 
 class UnknownMaterial(WorldError):
-    """Something is of a material that the world does not list."""
+    """A material that the world does not list."""
 
 
 def solids(scenario: Scenario) -> tuple[Solid, ...]:
@@ -75,8 +75,8 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
     Raises
     ------
     WorldError
-        when a material is not in `world.materials` (`UnknownMaterial`), two bodies have one name,
-        or the clutter finds no place.
+        when a material is not in `world.materials` (`UnknownMaterial`), two bodies share a name,
+        or there is no room for the clutter.
     """
     _check_materials(scenario)
     world = scenario.world
@@ -90,7 +90,7 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
         built += build_outdoor_object(index, thing)
     built += world.solids
     if world.clutter:
-        # A stream of its own: what else the seed is used for does not move the clutter.
+        # A random stream of its own, so that other uses of the seed do not move the clutter.
         generator = np.random.default_rng([scenario.seed, crc32(b"clutter")])
         if world.room:
             surfaces += _strips(world.room)
@@ -112,10 +112,10 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
 
 
 def world_hash(scenario: Scenario) -> str:
-    """Return the sha256, in hexadecimal, of what physics and sensors must agree on.
+    """Return the SHA-256, in hexadecimal, of everything that physics and sensors must agree on.
 
-    These are the built solids, the actors, the terrain, the materials, and each vehicle's model by
-    its name, as canonical MessagePack. Terrain and meshes are in it by the digests of their assets.
+    Hashes the built solids, actors, terrain, materials, and each vehicle's model by name, as
+    canonical MessagePack. Terrain and meshes count by the digests of their assets.
     """
     content = (
         solids(scenario),
@@ -188,9 +188,9 @@ def _of_form(form: Form) -> Iterator[tuple[Path, str]]:
 
 
 def _strips(room: Room) -> list[SupportSurface]:
-    """Return the floor along the four walls, in pieces of about a metre, as surfaces.
+    """Return the floor along the four walls as surfaces of about a meter.
 
-    In pieces, so that a wall's floor is tried as often as its length is worth.
+    In pieces, so that each wall is chosen in proportion to its length.
     """
     length, width, height = room.size_m
     floor = LocalFrame("floor")
@@ -206,7 +206,7 @@ def _strips(room: Room) -> list[SupportSurface]:
 
 
 def _kept_free(scenario: Scenario) -> list[Bounds]:
-    """Return boxes where no clutter may lie: around each vehicle's start and inside the door."""
+    """Return boxes kept free of clutter: around spawn places and inside the door."""
     keep = []
     for vehicle in scenario.vehicles:
         chassis = vehicle.model.chassis

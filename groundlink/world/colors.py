@@ -9,11 +9,11 @@ from groundlink.core.frames import Floats
 
 
 def srgb(linear: Floats) -> Floats:
-    """Return linear colours as pictures hold them."""
+    """Return sRGB values of linear colors."""
     part = np.clip(linear, 0, 1)
     return np.where(part <= 0.0031308, 12.92 * part, 1.055 * part ** (1 / 2.4) - 0.055)
 
 
 def linear(srgb: Floats) -> Floats:
-    """Return the linear colours of pictures."""
+    """Return linear colors of sRGB values."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -20,7 +20,7 @@ class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):
 
 
 class Lamps(Spec, frozen=True, tag_field="kind", tag="lamps"):
-    """Round lamps that shine downwards, all alike."""
+    """Identical round lamps that shine downwards."""
 
     at_m: Annotated[tuple[Vector3, ...], Meta(min_length=1, max_length=4)]
-    """In the world; a lamp just below a ceiling is seen as a bright disc on it."""
+    """In the world. A lamp just below a ceiling appears as a bright disc on it."""

@@ -26,7 +26,7 @@ _CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
 
 
 class MeshPart(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """Faces that follow each other and are painted alike."""
+    """Consecutive faces with the same appearance."""
 
     first: int
     """Number of the first face."""
@@ -35,10 +35,10 @@ class MeshPart(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Of faces."""
 
     color: Vector3 | None = None
-    """Linear red, green, blue, 0..1, by which a picture is multiplied; None: the material's."""
+    """Linear red, green, blue, 0..1, multiplied with the picture; None: color of the material."""
 
     picture: bytes | None = None
-    """PNG or JPEG, gamma-coded: the colour at `TriangleMesh.uv`."""
+    """PNG or JPEG, gamma-coded: the color at `TriangleMesh.uv`."""
 
     normals: bytes | None = None
     """PNG or JPEG: unit normals as (n + 1) / 2 along u, along v and outwards."""
@@ -46,13 +46,13 @@ class MeshPart(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A mesh that is at hand."""
+    """A mesh in memory."""
 
     vertices: NDArray[np.float32]
-    """Shape (V, 3), metres, read-only."""
+    """Shape (V, 3), meters, read-only."""
 
     faces: NDArray[np.uint32]
-    """Shape (F, 3), rows of three vertex numbers, anticlockwise seen from outside, read-only."""
+    """Shape (F, 3), rows of three vertex numbers, counterclockwise seen from outside, read-only."""
 
     uv: NDArray[np.float32] | None
     """Shape (V, 2): where on its picture a vertex is: (0, 0) is its lower left corner, (1, 1) its
@@ -63,7 +63,7 @@ class TriangleMesh:
 
 
 class _File(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag="mesh-1"):
-    """What an asset holds, as MessagePack; numbers are little-endian."""
+    """Contents of an asset as MessagePack, with little-endian numbers."""
 
     vertices: memoryview
     faces: memoryview
@@ -100,9 +100,9 @@ def encode_mesh(
     uv: NDArray[np.float32] | None = None,
     parts: Sequence[MeshPart] = (),
 ) -> bytes:
-    """Return a mesh as an asset holds it: the same bytes for the same values everywhere.
+    """Return a mesh as the bytes of an asset, the same for the same values on every machine.
 
-    Without `parts` all faces are one that has no colour of its own.
+    Without `parts`, all faces form one part without a color of its own.
     """
     file = _File(
         vertices=memoryview(np.ascontiguousarray(vertices, "<f4").tobytes()),
@@ -114,7 +114,7 @@ def encode_mesh(
 
 
 def _array(content: memoryview, dtype: type[D], columns: int) -> NDArray[D]:
-    """Return rows of numbers, read-only; a copy, since in the file they are not aligned."""
+    """Return a read-only copy of rows of numbers; in the file they are not aligned."""
     array = np.frombuffer(content, dtype).reshape(-1, columns).copy()
     array.flags.writeable = False
     return array

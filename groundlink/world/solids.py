@@ -23,27 +23,27 @@ from groundlink.world.assets import Digest
 
 
 class Box(Spec, frozen=True, tag_field="kind", tag="box"):
-    """A cuboid centred on the origin of its frame."""
+    """A cuboid centered on the origin of its frame."""
 
     size_m: Size3
     """Full lengths along x, y, z."""
 
 
 class Cylinder(Spec, frozen=True, tag_field="kind", tag="cylinder"):
-    """A cylinder centred on the origin, its axis along z."""
+    """A cylinder centered on the origin, its axis along z."""
 
     radius_m: Positive
     length_m: Positive
 
 
 class Sphere(Spec, frozen=True, tag_field="kind", tag="sphere"):
-    """A ball centred on the origin."""
+    """A sphere centered on the origin."""
 
     radius_m: Positive
 
 
 class Mesh(Spec, frozen=True, tag_field="kind", tag="mesh"):
-    """A surface of triangles with colours of its own, open or closed, around wherever it likes."""
+    """A triangle surface, open or closed, with colors of its own."""
 
     asset: Digest
     """What `mesh_asset.load_mesh` reads."""
@@ -77,44 +77,43 @@ Texture = Literal[
     "roof_tiles",
     "snow",
 ]
-"""How cameras see a surface: what each pattern looks like is `services.sensors.rendering`'s."""
+"""Texture patterns, which `services.sensors.rendering` draws."""
 
 RETROREFLECTION = 1000.0
-"""Light that an ideal retroreflector sends back, in multiples of what a white diffuse surface does:
+"""Return of an ideal retroreflector, in multiples of a white diffuse surface:
 pi times 320 cd/(lx m^2), between types III and IV of ASTM D4956 for traffic signs."""
 
 
 class Material(Spec, frozen=True):
-    """What a surface is like to those who touch it or look at it."""
+    """Optical and contact properties of a surface."""
 
     reflectivity: Fraction01 = 0.5
     """Diffuse reflectance at the LiDAR's wavelength (903 nm), 0..1."""
 
     retroreflectivity: Fraction01 = 0.0
-    """Share of what an ideal retroreflector sends back to where the light came from; 0 for a
-    diffuse surface."""
+    """Share of an ideal retroreflector's return; 0 for a diffuse surface."""
 
     friction: NonNegative = 0.8
-    """Coulomb coefficient of the surface; a contact has the product of both surfaces'."""
+    """Coulomb friction coefficient; a contact has the product of both surfaces."""
 
     color: tuple[Fraction01, Fraction01, Fraction01] = (0.6, 0.6, 0.6)
     """Linear red, green, blue."""
 
     texture: Texture = "plain"
-    """The pattern that cameras see in the colour."""
+    """Texture pattern, multiplied with the color."""
 
     texture_size_m: Positive = 2.0
-    """Length of the pattern. It comes again and again with other wear on it, each thing has it
-    stretched by some hundredths of its own, and no two places look quite alike."""
+    """Length of the pattern. Overlaid wear and a slight stretch of each object make every place
+    look different."""
 
     @property
     def reflectance(self) -> float:
-        """What comes back of light that falls in squarely, 1 for a white diffuse surface."""
+        """Returned share of light at normal incidence, 1 for a white diffuse surface."""
         return max(self.reflectivity, RETROREFLECTION * self.retroreflectivity)
 
 
 class Solid(Spec, frozen=True):
-    """A shape in place. In a world the frame is the world; in a vehicle it is the link's."""
+    """A shape at a pose, in the frame of the world or of a vehicle's link."""
 
     name: str
     shape: Shape
@@ -124,5 +123,5 @@ class Solid(Spec, frozen=True):
     """Quaternion xyzw."""
 
     drivable: bool = False
-    """Whether wheels roll on it however high it is. On what is as low as a vehicle's clearance, and
-    on boxes that lean as ramps do, they roll anyway; all else is met by chassis alone."""
+    """Whether wheels roll on the solid at any height. Wheels always roll on solids below a
+    vehicle's clearance and on ramps; all other solids collide with the chassis only."""

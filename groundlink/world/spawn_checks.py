@@ -31,19 +31,18 @@ if TYPE_CHECKING:
 
 
 MAX_DROP_M = 5.0
-"""From which a vehicle may be let fall at its start: more is taken for a mistake."""
+"""Largest height of a spawn place above the ground; more is taken for a mistake."""
 
 
 def check_spawns(scenario: Scenario, built: Iterable[Solid]) -> None:
-    """Refuse a vehicle that starts inside something: physics would throw it about.
+    """Refuse a vehicle that spawns inside another object: physics would throw it away.
 
-    Whoever reads a scenario's files asks, and nobody else: it takes the terrain, which who keeps
-    records of a run need not have.
+    Called by the loader only, since it needs the terrain assets.
 
     Raises
     ------
     WorldError
-        where one does, or where something starts beside the terrain.
+        when a vehicle overlaps another object, or an actor or vehicle is off the terrain.
     """
     there = list(built)
     ground = ground_of(scenario)
@@ -58,12 +57,12 @@ def check_spawns(scenario: Scenario, built: Iterable[Solid]) -> None:
 def check_vehicle(
     index: int, vehicle: Vehicle, ground: Ground | None, there: Iterable[Solid]
 ) -> list[Solid]:
-    """Return what of a vehicle meets things where it starts, in the world.
+    """Return the collision solids of a vehicle at its spawn pose, in the world.
 
     Raises
     ------
     WorldError
-        when it starts inside something, beside the ground, in it or high above it.
+        when it overlaps an object, or spawns off, below or high above the ground.
     """
     path = "vehicles", index, "placement"
     place = vehicle.placement
@@ -99,12 +98,12 @@ def check_vehicle(
 
 
 def floor_problem(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) -> str:
-    """Return what is wrong with a place above which solids something starts; "" if nothing is.
+    """Return the problem of a spawn place on solids; "" for none.
 
     Parameters
     ----------
     z_m
-        height of the place, above z = 0; what stands higher does not carry anything there.
+        height of the place above z = 0; solids above it do not support it.
     """
     boxes = [bounds(solid) for solid in there]
     if any(
@@ -125,7 +124,7 @@ def floor_problem(x_m: float, y_m: float, z_m: float, there: Iterable[Solid]) ->
 
 
 def check_actor_path(index: int, actor: Actor, ground: Ground | None) -> None:
-    """Refuse an actor whose way leads beside the terrain.
+    """Refuse an actor whose path leaves the terrain.
 
     Raises
     ------
@@ -139,19 +138,19 @@ def check_actor_path(index: int, actor: Actor, ground: Ground | None) -> None:
 
 
 def actor_bodies(actor: Actor, position_m: Vector3, orientation: Quaternion) -> list[Solid]:
-    """Return what of an actor that is somewhere meets things, in the world, under its name."""
+    """Return the collision solids of an actor at a pose, in the world, with the actor's name."""
     return _placed(form_solids(actor.form), actor.name, position_m, orientation)
 
 
 def vehicle_bodies(
     name: str, model: VehicleModel, position_m: Vector3, orientation: Quaternion
 ) -> list[Solid]:
-    """Return what of a vehicle that is somewhere meets things, in the world, under its name."""
+    """Return the collision solids of a vehicle at a pose, in the world, with the vehicle's name."""
     return _placed(collision_solids(model), name, position_m, orientation)
 
 
 def first_overlap(bodies: Iterable[Solid], there: Iterable[Solid]) -> str | None:
-    """Return the name of something that shares space with one of some bodies, or None."""
+    """Return the name of the first solid that overlaps one of the bodies, or None."""
     solid = [solid for solid in there if not isinstance(solid.shape, Mesh)]
     return next((s.name for body in bodies for s in solid if intersect(body, s)), None)
 

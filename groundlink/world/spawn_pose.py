@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     from groundlink.scenario.vehicle import VehicleModel
 
 SAMPLES = 9
-"""Along each side of what might be in the ground."""
+"""Sample points along each side of a solid."""
 
 Pose = tuple[Vector3, Quaternion]
 
 
 def collision_solids(model: VehicleModel) -> list[Solid]:
-    """Return what of a vehicle meets things, beside its wheels, in its base frame."""
+    """Return the collision solids of a vehicle without its wheels, in the base frame."""
     chassis = Solid("chassis", Box(size_m=model.chassis.size_m), "", model.chassis.center_m)
     return [*([chassis] if model.chassis.collides else []), *model.collisions]
 
 
 def spawn_pose(vehicle: Vehicle, ground: Ground | None) -> Pose:
-    """Return world_from_base of a vehicle at its start.
+    """Return world_from_base of a vehicle at its spawn place.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def spawn_pose(vehicle: Vehicle, ground: Ground | None) -> Pose:
 
 
 def _height(ground: Ground, points: Floats) -> Floats:
-    """Return the ground's z at points, shape (..., 2) or more; beside the map that of its edge."""
+    """Return the ground's z at points, shape (..., 2 or more), clamped to the edge of the map."""
     rows, columns = ground.heights.shape
     x = np.clip(points[..., 0], ground.x0_m, ground.x0_m + (columns - 1) * ground.cell_m)
     y = np.clip(points[..., 1], ground.y0_m, ground.y0_m + (rows - 1) * ground.cell_m)

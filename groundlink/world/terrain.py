@@ -33,17 +33,17 @@ from groundlink.world.assets import Digest, MissingAsset
 D = TypeVar("D", bound=np.generic)
 
 HEAD_BYTES = 256
-"""More than the head of a .npy file of a map has."""
+"""Upper bound for the header of a .npy file."""
 
 BODY = "terrain"
 """The name of the terrain among bodies."""
 
 
 class Terrain(Spec, frozen=True, kw_only=True):
-    """What of a world's terrain its scenario holds: where it lies, and which assets it is."""
+    """Terrain of a resolved scenario: its position and assets."""
 
     heights: Digest
-    """A .npy file of float32, shape (rows, columns), metres above `at_m`."""
+    """A .npy file of float32, shape (rows, columns), meters above `at_m`."""
 
     surface: Digest | None = None
     """A .npy file of uint8, shape (rows - 1, columns - 1): numbers of `materials`; None: all 0."""
@@ -52,7 +52,7 @@ class Terrain(Spec, frozen=True, kw_only=True):
     """Length of a cell's side."""
 
     at_m: Vector3
-    """Where in the world the middle of the map is, and what is added to its heights."""
+    """Position of the middle of the map in the world; z is added to the heights."""
 
     low_m: Vector3
     """Lowest corner of the box around it, in the world."""
@@ -65,17 +65,17 @@ class Terrain(Spec, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Terrain that is at hand: heights in the world and the surface's materials."""
+    """Terrain in memory: heights in the world and materials of the surface."""
 
     heights: NDArray[np.float32]
-    """Shape (rows, columns), metres in the world, read-only and C-contiguous."""
+    """Shape (rows, columns), meters in the world, read-only and C-contiguous."""
 
     surface: NDArray[np.uint8]
     """Shape (rows - 1, columns - 1): numbers of `materials`, read-only and C-contiguous."""
 
     cell_m: float
     x0_m: float
-    """Of the vertex [0, 0], in the world, as is `y0_m`."""
+    """x of the vertex [0, 0] in the world."""
 
     y0_m: float
     materials: tuple[str, ...]
@@ -154,7 +154,7 @@ def load_ground(terrain: Terrain) -> Ground:
 
 
 def encode_grid(array: NDArray[np.float32] | NDArray[np.uint8]) -> bytes:
-    """Return a map as an asset holds it: the same bytes for the same values everywhere."""
+    """Return a grid as the bytes of an asset, the same for the same values on every machine."""
     file = BytesIO()
     np.lib.format.write_array(file, np.ascontiguousarray(array), version=(1, 0), allow_pickle=False)
     return file.getvalue()

@@ -21,7 +21,7 @@ from .solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 from .terrain import Ground
 
 FACETS = 24
-"""Of a full turn: the chord is (1 - cos(pi / 24)) = 0.9 % of the radius inside the circle."""
+"""Facets of a full turn; the chord is (1 - cos(pi / 24)) = 0.9 % of the radius inside."""
 
 _CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _CUBE_FACES = np.array(
@@ -35,20 +35,20 @@ _CUBE_FACES = np.array(
 
 @dataclass(frozen=True)
 class Triangles:
-    """A surface of triangles that know which solid they belong to."""
+    """A triangle surface with a solid number for each face."""
 
     vertices: NDArray[np.float32]
-    """Shape (V, 3), metres."""
+    """Shape (V, 3), meters."""
 
     faces: NDArray[np.uint32]
-    """Shape (F, 3), rows of three vertex numbers, anticlockwise seen from outside."""
+    """Shape (F, 3), rows of three vertex numbers, counterclockwise seen from outside."""
 
     labels: NDArray[np.int32]
     """Shape (F,), the number of the solid of each face."""
 
 
 def joined(*parts: Triangles) -> Triangles:
-    """Return surfaces as one; labels stay."""
+    """Return surfaces joined into one, with their labels."""
     first_vertex = np.cumsum([0, *(len(part.vertices) for part in parts)])
     return Triangles(
         np.concatenate([part.vertices for part in parts]),
@@ -58,7 +58,7 @@ def joined(*parts: Triangles) -> Triangles:
 
 
 def of_ground(ground: Ground, *, first_label: int) -> Triangles:
-    """Return all of a terrain; the label of a face is `first_label` + its material's number."""
+    """Return a terrain as triangles; labels are `first_label` + material number."""
     rows, columns = ground.heights.shape
     x = ground.x0_m + ground.cell_m * np.arange(columns)
     y = ground.y0_m + ground.cell_m * np.arange(rows)

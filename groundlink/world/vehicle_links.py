@@ -20,10 +20,10 @@ _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 def link_solids(model: VehicleModel) -> list[list[Solid]]:
     """Return the solids of each link in its frame, in the order of `VehicleState.link_poses`."""
-    wheels = (list(wheel.visuals) or [_tyre(wheel)] for wheel in model.wheels)
+    wheels = (list(wheel.visuals) or [_tire(wheel)] for wheel in model.wheels)
     return [list(model.visuals), *wheels, *(list(joint.visuals) for joint in model.joints)]
 
 
-def _tyre(wheel: Wheel) -> Solid:
+def _tire(wheel: Wheel) -> Solid:
     shape = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
     return Solid(name=wheel.name, shape=shape, material=wheel.material, orientation=_Y_FROM_Z)

@@ -16,11 +16,11 @@ class Dust(Spec, frozen=True, kw_only=True):
 
 
 class Weather(Spec, frozen=True, kw_only=True):
-    """What is in the air of a world, everywhere unless it is dust."""
+    """Weather of the whole world, with local boxes of dust."""
 
     fog_visibility_m: Positive | None = None
-    """Meteorological optical range: where 5 % of the light of a beam are left. None: clear air;
-    1000 m and less is called fog."""
+    """Meteorological optical range: distance at which 5 % of a beam's light are left. None: clear
+    air."""
 
     rain_mm_per_h: NonNegative = 0.0
     """2 is light rain, 25 a downpour."""

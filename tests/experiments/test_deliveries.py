@@ -18,7 +18,7 @@ from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import to_cdr
 
 SCENARIO = """
-name: accounts
+name: deliveries
 world: worlds/lab.yaml
 time: {clock_rate_hz: 50.0}
 vehicles:
@@ -51,22 +51,22 @@ def test_all_lost_and_changed_messages_are_found(tmp_path: Path) -> None:
     arrived = {nanos: body for nanos, body in sent.items() if nanos not in late}
     bus = write(tmp_path / "bus.mcap", sent)
     arrived = {nanos: body + b"\0\0" for nanos, body in arrived.items()}  # as DDS fills up
-    accounts = {
+    deliveries = {
         a.topic: a for a in compare_delivery(bus, write(tmp_path / "a.mcap", arrived), scenario)
     }
-    assert accounts["/imu"] == TopicDelivery("/imu", sent=150, arrived=150, other=0)
-    assert accounts["/clock"].lost == 0
+    assert deliveries["/imu"] == TopicDelivery("/imu", sent=150, arrived=150, other=0)
+    assert deliveries["/clock"].lost == 0
 
     del arrived[NANOS // 2]
     arrived[NANOS] = b"something other"
-    accounts = {
+    deliveries = {
         a.topic: a for a in compare_delivery(bus, write(tmp_path / "b.mcap", arrived), scenario)
     }
-    assert accounts["/imu"] == TopicDelivery("/imu", sent=150, arrived=148, other=1)
-    assert accounts["/imu"].lost == 2
+    assert deliveries["/imu"] == TopicDelivery("/imu", sent=150, arrived=148, other=1)
+    assert deliveries["/imu"].lost == 2
 
 
 def test_accounts_are_read_as_they_were_written(tmp_path: Path) -> None:
-    accounts = [TopicDelivery("/imu", 10, 9, 1), TopicDelivery("/scan", 4, 4, 0)]
-    write_deliveries(tmp_path / "accounts.csv", accounts)
-    assert read_deliveries(tmp_path / "accounts.csv") == accounts
+    deliveries = [TopicDelivery("/imu", 10, 9, 1), TopicDelivery("/scan", 4, 4, 0)]
+    write_deliveries(tmp_path / "deliveries.csv", deliveries)
+    assert read_deliveries(tmp_path / "deliveries.csv") == deliveries

@@ -56,7 +56,7 @@ def test_every_program_is_pinned_and_has_its_script(program: ExternalProgram) ->
     assert all("==" in word for word in program.requirements if not word.startswith("--"))
     assert not program.driver or (DRIVERS / program.driver).is_file()
     assert set(program.libraries) <= set(DEBIAN_PACKAGES)
-    assert program.licence
+    assert program.license
 
 
 def test_a_program_that_fails_is_told_with_its_last_lines(

@@ -17,7 +17,7 @@ from groundlink.world.solids import Mesh
     ("error_m", "usual_m", "worse"),
     [(0.05, 0.01, True), (0.029, 0.01, False), (0.19, 0.1, False), (0.21, 0.1, True)],
 )
-def test_worse_is_twice_and_two_centimetres(error_m: float, usual_m: float, worse: bool) -> None:
+def test_worse_is_twice_and_two_centimeters(error_m: float, usual_m: float, worse: bool) -> None:
     assert is_worse(error_m, usual_m) == worse
 
 

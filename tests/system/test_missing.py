@@ -78,7 +78,7 @@ def recorded(it: Rig, seconds: float) -> Run:
     with Recording(file) as recording:
         found = gather(recording, lambda share: None)
     factor = (last - first) * 0.0025 / (ended - begun)
-    return Run(factor, {account.topic: account for account in found.accounts})
+    return Run(factor, {account.topic: account for account in found.completeness})
 
 
 @pytest.fixture

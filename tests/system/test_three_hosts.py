@@ -164,11 +164,11 @@ def test_the_sums_add_up_beside_physics(recorded: RunSummary) -> None:
 
 def test_the_sums_add_up_in_ros(spread: Spread, recorded: RunSummary) -> None:
     """Every reading was sent to ROS, or it is counted as one that did not come."""
-    counters = recorded.said.processes["gateway"]
+    counters = recorded.diagnostics.processes["gateway"]
     for topic, period_nanos in PERIODS_NANOS.items():
         stamps = [m["stamp"] for m in spread.observer.read()[topic]]
         due = (stamps[-1] - stamps[0]) // period_nanos + 1
-        sent = int(recorded.said.streams[topic, "to ROS"].last["sent"])
+        sent = int(recorded.diagnostics.streams[topic, "to ROS"].last["sent"])
         not_come = int(counters[f"not_come_{topic}"])
         print(topic, due, sent, not_come)
         due_in_cut = CUT_SECONDS["ros"] * 1e9 / period_nanos

@@ -40,7 +40,7 @@ def check(options: argparse.Namespace) -> int:
     UserError
         if a sensor's messages exceed every datagram size, or `answers` names an unknown topic.
     """
-    scenario = load(options.scenario, tell=_warn)
+    scenario = load(options.scenario, warn=_warn)
     if mistake := answers_mistake(scenario):
         raise UserError(f"{options.scenario}: {mistake}")
     lines = list(_described(scenario))

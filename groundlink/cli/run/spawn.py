@@ -62,7 +62,7 @@ def spawn(options: argparse.Namespace) -> int:
             name=options.name,
             taken=[*link_bodies(scenario), *names],
             ground=ground_of(scenario),
-            tell=lambda line: print(line, file=sys.stderr),
+            warn=lambda line: print(line, file=sys.stderr),
         )
         answer = send_command(bus, run, Spawn(more))
     print(f"run `{run}`: added `{name}` {_from(answer)}")

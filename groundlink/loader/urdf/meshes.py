@@ -28,11 +28,11 @@ Scale = tuple[float, ...]
 class UrdfMeshes:
     """The meshes of one URDF; one that is named twice is read once.
 
-    `tell` takes what is doubtful about their files.
+    `warn` takes what is doubtful about their files.
     """
 
-    def __init__(self, tell: Warn) -> None:
-        self._tell = tell
+    def __init__(self, warn: Warn) -> None:
+        self._warn = warn
         self._made: dict[tuple[Path, Scale], Mesh] = {}
 
     def get(self, element: XmlElement) -> Mesh:
@@ -50,7 +50,7 @@ class UrdfMeshes:
             raise element.mistake(f'scale="{element.text("scale")}" makes it flat')
         if (file, scale) not in self._made:
             try:
-                made = import_mesh(MeshFile(file=name, up="z"), folder, self._tell)
+                made = import_mesh(MeshFile(file=name, up="z"), folder, self._warn)
             except BadFile as error:
                 raise element.mistake(str(error)) from None
             # A mirror turns faces inside out.

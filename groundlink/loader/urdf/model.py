@@ -39,7 +39,7 @@ LEAST_WHEEL_SHARE = 0.08
 lighter wheel lacks is taken from the base."""
 
 SPRING_HZ, DAMPING_RATIO = 4.3, 0.84
-"""Of the base on its springs: as on the air-filled tyres of the shipped rover."""
+"""Of the base on its springs: as on the air-filled tires of the shipped rover."""
 
 TRAVEL_SHARE = 0.35
 """Travel of a spring to each side as a share of the wheel's radius."""
@@ -69,10 +69,10 @@ def refuse_bare_urdf(document: Document, path: DataPath) -> None:
     )
 
 
-def expand(document: Document, path: DataPath, tell: Warn) -> None:
+def expand(document: Document, path: DataPath, warn: Warn) -> None:
     """Put a model into the place of a vehicle that names a URDF; leave others as they are.
 
-    `tell` takes what is doubtful about its meshes.
+    `warn` takes what is doubtful about its meshes.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def expand(document: Document, path: DataPath, tell: Warn) -> None:
     own = _wheels(document, (*path, "wheels"), robot)
     casters = [joint for joint, fields in own.items() if fields.get("caster") is True]
     base_frame, base, turning, moving = bodies(robot, list(own), casters)
-    model = _model(robot, base_frame, base, turning, meshes := UrdfMeshes(tell))
+    model = _model(robot, base_frame, base, turning, meshes := UrdfMeshes(warn))
     model["joints"] = _joints(moving, model["materials"], meshes)
     for index, moved in enumerate(moving.values()):
         document.marks[*path, "joints", index] = moved.joint.element.mark
@@ -242,7 +242,7 @@ def _spring(load_kg: float, radius_m: float) -> Plain:
 
 
 def _size(center_m: Floats, parts: Sequence[Solid]) -> list[float]:
-    """Return the size of the box around a centre that has the parts' outline and underside."""
+    """Return the size of the box around a center that has the parts' outline and underside."""
     if not parts:
         return [0.1, 0.1, 0.1]
     lows, highs = zip(*map(bounds, parts), strict=True)

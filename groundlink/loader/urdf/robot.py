@@ -39,7 +39,7 @@ class UrdfInertial:
     """Of mass, shape (3,)."""
 
     inertia_kgm2: Floats
-    """About the centre of mass, along the axes of the body's frame, shape (3, 3)."""
+    """About the center of mass, along the axes of the body's frame, shape (3, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,14 +145,14 @@ _Color = tuple[float, ...] | None
 
 
 def _colors(top: XmlElement) -> dict[str, _Color]:
-    """Return the colours of materials by name, whether a robot or a visual of it defines them."""
+    """Return the colors of materials by name, whether a robot or a visual of it defines them."""
     visuals = [visual for link in top.all("link") for visual in link.all("visual")]
     materials = [m for element in (top, *visuals) for m in element.all("material") if m.children]
     return {m.attributes["name"]: _color(m) for m in reversed(materials) if "name" in m.attributes}
 
 
 def _color(material: XmlElement) -> _Color:
-    """Return what a material says of its colour; its picture is not looked at."""
+    """Return what a material says of its color; its picture is not looked at."""
     if (color := material.first("color")) is None:
         return None
     rgba = color.numbers("rgba", 4)

@@ -20,7 +20,7 @@ from .elements import XmlElement
 from .meshes import UrdfMeshes
 
 MAX_SIZE_M = 20.0
-"""Of a part of a vehicle: longer than any, and as a number of millimetres shorter than any."""
+"""Of a part of a vehicle: longer than any, and as a number of millimeters shorter than any."""
 
 DEFAULT_RGBA = (0.7, 0.7, 0.7, 1.0)
 MIN_REFLECTIVITY, MAX_REFLECTIVITY = 0.05, 0.9
@@ -66,16 +66,16 @@ def _in_metres(element: XmlElement, shape: Shape) -> Shape:
         large = " x ".join(f"{length:.4g}" for length in size_m)
         mend = ' or set scale="0.001 0.001 0.001"' if element.tag == "mesh" else ""
         raise element.mistake(
-            f"it is {large} m large; a URDF is in metres, this looks like millimetres: "
+            f"it is {large} m large; a URDF is in meters, this looks like millimeters: "
             f"divide them by 1000{mend}"
         )
     return shape
 
 
 def _material(rgba: tuple[float, ...]) -> tuple[str, Material]:
-    """Return the name and the material of a gamma-coded colour: the same for the same one."""
+    """Return the name and the material of a gamma-coded color: the same for the same one."""
     coded = [round(part * 255) for part in rgba[:3]]
-    # IEC 61966-2-1, which screens show URDF's colours by.
+    # IEC 61966-2-1, which screens show URDF's colors by.
     red, green, blue = (
         c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
         for c in (part / 255 for part in coded)

@@ -57,8 +57,8 @@ class RunSummary:
 
     cameras: list[CameraThumbnails]
     failures: list[FaultHistory]
-    accounts: list[StreamCompleteness]
-    said: RunDiagnostics
+    completeness: list[StreamCompleteness]
+    diagnostics: RunDiagnostics
     undecodable: int
     """Messages of decoded topics that do not fit their type."""
 
@@ -109,8 +109,8 @@ class _Taking:
             readings={},
             cameras=[],
             failures=[],
-            accounts=stream_completeness(run.scenario, **times, epoch_nanos=run.epoch_nanos),
-            said=RunDiagnostics(),
+            completeness=stream_completeness(run.scenario, **times, epoch_nanos=run.epoch_nanos),
+            diagnostics=RunDiagnostics(),
             undecodable=0,
         )
         self._counted = expected = {name: facts.messages for name, facts in counted.items()}
@@ -129,15 +129,15 @@ class _Taking:
             self._on_vitals(vitals, energy)
             kept = [reading for s in vehicle.sensors if (reading := self._reading(s))]
             self.gathered.readings[vehicle.name] = kept
-        self._accounts = {account.topic: account for account in self.gathered.accounts}
-        for account in self.gathered.accounts:
-            account.dropped(recording.dropped.get(account.topic, 0))
-            self._on_gaps(account.sensor)
+        self._by_topic = {stream.topic: stream for stream in self.gathered.completeness}
+        for stream in self.gathered.completeness:
+            stream.dropped(recording.dropped.get(stream.topic, 0))
+            self._on_gaps(stream.sensor)
         for sensor in run.scenario.sensor_names():
             failures = FaultHistory(sensor)
             self.gathered.failures.append(failures)
             self._on_faults(faults_topic(sensor), failures)
-        self._decode(DIAGNOSTICS_TOPIC, self.gathered.said.add, 1)
+        self._decode(DIAGNOSTICS_TOPIC, self.gathered.diagnostics.add, 1)
         for topic, ros_type in recording.types.items():
             if ros_type in IMAGE_TYPES:
                 camera = CameraThumbnails(topic, recording.first_nanos, recording.last_nanos)
@@ -145,8 +145,8 @@ class _Taking:
 
     def take(self, message: RecordedMessage) -> None:
         self._streams[message.topic].add(message.nanos, len(message.cdr))
-        if account := self._accounts.get(message.topic):
-            account.add(message.nanos - self.gathered.run.epoch_nanos)
+        if stream := self._by_topic.get(message.topic):
+            stream.add(message.nanos - self.gathered.run.epoch_nanos)
         if handler := self._handlers.get(message.topic):
             try:
                 handler(message)
@@ -201,9 +201,9 @@ class _Taking:
     def _on_gaps(self, sensor: str) -> None:
         def use(seconds: float, array: Any) -> None:
             told = from_gaps(array)
-            for account in self.gathered.accounts:
-                if account.sensor == sensor:
-                    account.add_told(told, self.gathered.run.epoch_nanos)
+            for stream in self.gathered.completeness:
+                if stream.sensor == sensor:
+                    stream.add_told(told, self.gathered.run.epoch_nanos)
 
         self._decode(gaps_topic(sensor), use, 1)
 

@@ -30,7 +30,7 @@ class SolidOutline:
 
     name: str
     corners_m: NDArray[np.float64]
-    """Shape (N, 2): its convex outline, anticlockwise."""
+    """Shape (N, 2): its convex outline, counterclockwise."""
 
     low_m: float
     high_m: float
@@ -67,7 +67,7 @@ def _footprint(solid: Solid) -> NDArray[np.float64]:
 
 
 def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the convex hull of points, anticlockwise (Andrew's monotone chain)."""
+    """Return the convex hull of points, counterclockwise (Andrew's monotone chain)."""
     ordered = sorted(set(map(tuple, np.round(points, 6).tolist())))
     chains = []
     for sequence in (ordered, ordered[::-1]):

@@ -108,7 +108,7 @@ class CloudSample:
     """Stamp of the one that was taken, in seconds of the run."""
 
     points: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    """In the sensor's frame, metres, shape (N, 3)."""
+    """In the sensor's frame, meters, shape (N, 3)."""
 
     times: Floats = field(default_factory=lambda: np.empty(0))
     """Seconds of the run, shape (N,)."""
@@ -168,7 +168,7 @@ def truth_at(truth: Floats, seconds: Floats) -> Floats:
 
 
 def east_north(datum: Datum, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """Return metres east and north of a datum, by the radii of WGS 84 there.
+    """Return meters east and north of a datum, by the radii of WGS 84 there.
 
     Within 400 m of the datum this is off by less than 3 cm, up to latitudes of 60 degrees.
     """

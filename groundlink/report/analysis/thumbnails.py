@@ -25,7 +25,7 @@ MAX_COMPRESSED_BYTES = 400_000
 
 _MAGIC = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG": "image/png"}
 
-_COLOURS = {
+_COLORS = {
     "rgb8": (3, [0, 1, 2]),
     "bgr8": (3, [2, 1, 0]),
     "rgba8": (4, [0, 1, 2]),
@@ -84,25 +84,25 @@ def _pixels(message: Any) -> NDArray[np.uint8] | None:
         return None
     rows = rows[: height * step].reshape(height, step)
     thin = max(-(-width // WIDTH_PX), 1)
-    if message.encoding in _COLOURS:
-        channels, order = _COLOURS[message.encoding]
+    if message.encoding in _COLORS:
+        channels, order = _COLORS[message.encoding]
         image = rows[:, : width * channels].reshape(height, width, channels)
         return np.ascontiguousarray(image[::thin, ::thin][:, :, order])
     if message.encoding in _DEPTHS:
         dtype = np.dtype((">" if message.is_bigendian else "<") + _DEPTHS[message.encoding])
         depth = rows[:, : width * dtype.itemsize].copy().view(dtype)[::thin, ::thin]
-        return _grey(depth.astype(np.float64))
+        return _gray(depth.astype(np.float64))
     return None
 
 
-def _grey(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return numbers as grey, the nearest light, from their 2nd to their 98th hundredth."""
+def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return numbers as gray, the nearest light, from their 2nd to their 98th hundredth."""
     known = values[np.isfinite(values) & (values > 0)]
     low, high = np.quantile(known, [0.02, 0.98]) if known.size else (0.0, 1.0)
     with np.errstate(invalid="ignore"):
         share = np.clip((high - values) / max(high - low, 1e-9), 0.0, 1.0)
-    grey = np.where(np.isfinite(values) & (values > 0), 40 + 215 * share, 0.0).astype(np.uint8)
-    return np.repeat(grey[:, :, None], 3, axis=2)
+    gray = np.where(np.isfinite(values) & (values > 0), 40 + 215 * share, 0.0).astype(np.uint8)
+    return np.repeat(gray[:, :, None], 3, axis=2)
 
 
 def png_uri(pixels: NDArray[np.uint8]) -> str:

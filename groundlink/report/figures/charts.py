@@ -53,7 +53,7 @@ def trajectory(
     checkpoints_m: Mapping[str, tuple[float, float]],
     ground: Ground | None = None,
 ) -> str:
-    """Return the ways of all vehicles over the plan of the world, coloured by speed.
+    """Return the ways of all vehicles over the plan of the world, colored by speed.
 
     Parameters
     ----------
@@ -142,12 +142,12 @@ def _shown(
 
 def _ends(plot: Axes, name: str, track: NDArray[np.float64]) -> None:
     label = f"{name}: " if name else ""
-    for row, marker, colour, word in ((0, "o", GREEN, "start"), (-1, "s", TEXT, "end")):
+    for row, marker, color, word in ((0, "o", GREEN, "start"), (-1, "s", TEXT, "end")):
         plot.plot(
             *track[row, 1:3],
             marker=marker,
             markersize=7,
-            markerfacecolor=colour,
+            markerfacecolor=color,
             markeredgecolor=BODY,
             linestyle="none",
             zorder=5,
@@ -215,7 +215,7 @@ def rates(streams: Sequence[StreamTimes], span: Span) -> str:
         plot.grid(visible=False)
         for number, (_, bins) in enumerate(rows):
             edges = span[0] + bins.edges_s
-            for colour, chosen in (
+            for color, chosen in (
                 (GREEN, bins.kept),
                 (ORANGE, ~bins.kept & ~bins.silent),
                 (RED, ~bins.kept & bins.silent),
@@ -224,7 +224,7 @@ def rates(streams: Sequence[StreamTimes], span: Span) -> str:
                     (float(edges[i]), float(edges[i + 1] - edges[i]))
                     for i in np.flatnonzero(chosen).tolist()
                 ]
-                plot.broken_barh(_merged(pieces), (number - 0.33, 0.66), facecolors=colour)
+                plot.broken_barh(_merged(pieces), (number - 0.33, 0.66), facecolors=color)
         plot.set_yticks(range(len(rows)), [stream.topic for stream, _ in rows])
         plot.set_ylim(len(rows) - 0.5, -0.5)
         plot.tick_params(axis="y", length=0)
@@ -252,10 +252,10 @@ def ages(streams: dict[tuple[str, str], StreamHistory], span: Span) -> str:
         shown = [(key, words) for key, words in streams.items() if words.ages]
         for number, ((topic, direction), words) in enumerate(shown):
             times, median, worst = np.array(words.ages).T
-            colour = SERIES[number % len(SERIES)]
+            color = SERIES[number % len(SERIES)]
             back = "" if direction == "to ROS" else " (back)"
-            plot.plot(times, 1e3 * median, color=colour, label=topic + back)
-            plot.plot(times, 1e3 * worst, color=colour, linewidth=0.8, linestyle=(0, (3, 2)))
+            plot.plot(times, 1e3 * median, color=color, label=topic + back)
+            plot.plot(times, 1e3 * worst, color=color, linewidth=0.8, linestyle=(0, (3, 2)))
         plot.set_yscale("symlog", linthresh=1.0)
         plot.yaxis.set_major_formatter("{x:g}")
         plot.set_ylim(bottom=0.0)

@@ -34,9 +34,9 @@ def imu(samples: ImuSamples, truth: Floats, span: Span) -> str:
         plots = figure.subplots(2, 1, sharex=True)
         figure.subplots_adjust(left=0.085, right=0.985, bottom=0.12, top=0.92, hspace=0.32)
         for plot, first, unit in zip(plots, (1, 4), ("turn rate, rad/s", "m/s\u00b2"), strict=True):
-            for axis, colour in enumerate((ORANGE, GREEN, BLUE)):
+            for axis, color in enumerate((ORANGE, GREEN, BLUE)):
                 values = rows[:, first + axis]
-                plot.plot(rows[:, 0], values, color=colour, linewidth=0.8, label="xyz"[axis])
+                plot.plot(rows[:, 0], values, color=color, linewidth=0.8, label="xyz"[axis])
             plot.set_ylabel(unit)
         if len(truth):
             plots[0].plot(
@@ -68,10 +68,10 @@ def trajectories(
         above, over_time = figure.subplots(1, 2)
         figure.subplots_adjust(left=0.075, right=0.985, bottom=0.14, top=0.86, wspace=0.22)
         for number, (topic, rows) in enumerate(told):
-            colour = SERIES[number % len(SERIES)]
+            color = SERIES[number % len(SERIES)]
             marks = "." if len(rows) < MARKED_AT_MOST else ""
-            above.plot(rows[:, 1], rows[:, 2], color=colour, marker=marks, linewidth=0.9)
-            over_time.plot(rows[:, 0], rows[:, 3], color=colour, linewidth=1.0, label=topic)
+            above.plot(rows[:, 1], rows[:, 2], color=color, marker=marks, linewidth=0.9)
+            over_time.plot(rows[:, 0], rows[:, 3], color=color, linewidth=1.0, label=topic)
         above.plot(truth[:, 1], truth[:, 2], color=TEXT, linewidth=1.4, label="truth")
         above.set_aspect("equal", adjustable="datalim")
         above.set_xlabel("x (east), m")
@@ -91,7 +91,7 @@ def cloud(
     reach_m: float,
     topic: str,
 ) -> str:
-    """Return one cloud from above over the plan of the world, coloured by height.
+    """Return one cloud from above over the plan of the world, colored by height.
 
     Points are one picture within the drawing: each on its own would be megabytes.
     """
@@ -102,7 +102,7 @@ def cloud(
         order = np.argsort(points[:, 2], kind="stable")
         x, y, z = points[order].T
         low, high = np.quantile(z, (0.02, 0.98)) if len(z) else (0.0, 0.0)
-        if high - low < FLAT_M:  # the plane of a scan, in the middle of the colours
+        if high - low < FLAT_M:  # the plane of a scan, in the middle of the colors
             low, high = low - 1.0, high + 1.0
         drawn = plot.scatter(
             x,

@@ -37,9 +37,9 @@ VARIABLES = {
     GREEN: "green",
     RED: "red",
     VIOLET: "violet",
-    GRAY: "grey",
+    GRAY: "gray",
 }
-"""Stand-in colours, and the page's variables that take their place."""
+"""Stand-in colors, and the page's variables that take their place."""
 
 SERIES = (BLUE, ORANGE, GREEN, VIOLET, RED, GRAY)
 

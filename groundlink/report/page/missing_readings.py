@@ -14,35 +14,35 @@ LISTED = 100
 """Gaps of one stream that are shown one by one."""
 
 
-def missing_lines(accounts: Sequence[StreamCompleteness]) -> list[str]:
+def missing_lines(streams: Sequence[StreamCompleteness]) -> list[str]:
     """Return what a person should know first, one line a stream."""
     lines = []
-    for account in accounts:
-        missing = account.missing()
+    for stream in streams:
+        missing = stream.missing()
         del missing[IN_TRANSIT]
         if missing:
-            lines.append(f"{account.topic}: of {account.due} readings {in_words(missing)}")
+            lines.append(f"{stream.topic}: of {stream.due} readings {in_words(missing)}")
     return lines
 
 
-def missing_section(accounts: Sequence[StreamCompleteness]) -> Markup:
+def missing_section(streams: Sequence[StreamCompleteness]) -> Markup:
     """Return the section; nothing where no sensor is."""
     sums: list[tuple[str, ...]] = []
     gaps: list[tuple[str, ...]] = []
     off: list[int] = []
     unknown: list[int] = []
     further = 0
-    for account in accounts:
-        holes, missing = account.holes(), account.missing()
+    for stream in streams:
+        holes, missing = stream.holes(), stream.missing()
         if missing.keys() - {IN_TRANSIT}:
             off.append(len(sums))
-        sums.append((account.topic, str(account.due), str(account.published), in_words(missing)))
+        sums.append((stream.topic, str(stream.due), str(stream.published), in_words(missing)))
         further += len(holes[LISTED:])
         for hole in holes[:LISTED]:
             if hole.cause == UNEXPLAINED:
                 unknown.append(len(gaps))
             stamps = (f"{nanos / NANOS:.4f} s" for nanos in (hole.first_nanos, hole.last_nanos))
-            gaps.append((account.topic, *stamps, str(hole.readings), hole.cause))
+            gaps.append((stream.topic, *stamps, str(hole.readings), hole.cause))
     if not sums:
         return Markup("")
     parts = [

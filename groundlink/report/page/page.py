@@ -60,7 +60,7 @@ def page(run: RunSummary) -> str:
     sections += [
         _cameras(run),
         _failures(run),
-        missing_section(run.accounts),
+        missing_section(run.completeness),
         _processes(run),
         _origin(run),
     ]
@@ -123,7 +123,7 @@ def _way(run: RunSummary, around: Sequence[SolidOutline]) -> Markup:
         around, [m for m, _ in moved], [e for _, e in moved], routes, checkpoints, ground
     )
     caption = (
-        "From above, by the ground truth of the base, coloured by speed. In stronger grey: what "
+        "From above, by the ground truth of the base, colored by speed. In stronger gray: what "
         f"is taller than {TALL_M:g} m; in weaker: lower things, table tops among them."
     )
     if terrain:
@@ -164,7 +164,7 @@ def _vehicles(run: RunSummary, span: Span) -> list[Markup]:
                 figure(
                     figures.energy([energy], span),
                     "Mechanical work of the wheels' motors: where they drive, and what they "
-                    "took up where they brake. To turn on the spot is to work on the tyres.",
+                    "took up where they brake. To turn on the spot is to work on the tires.",
                 ),
                 table(columns, events, numbers=(2, 3), code=(1,))
                 if events
@@ -219,7 +219,7 @@ def _hz(value: float | None, digits: int) -> str:
 
 
 def _link(run: RunSummary, span: Span) -> Markup:
-    words = run.said.streams
+    words = run.diagnostics.streams
     if not words:
         return section(
             "Ages and losses",
@@ -284,7 +284,7 @@ def _failures(run: RunSummary) -> Markup:
 
 def _processes(run: RunSummary) -> Markup:
     rows = []
-    for name, facts in sorted(run.said.processes.items()):
+    for name, facts in sorted(run.diagnostics.processes.items()):
         counts = [f"{k} {v}" for k, v in facts.items() if k not in PROCESS_FIELDS and v != "0"]
         rows.append((name, facts.get("host", ""), facts.get("pid", ""), ", ".join(counts)))
     if not rows:

@@ -34,8 +34,8 @@ def problems(run: RunSummary) -> list[str]:
             lines.append(f"{stream.topic}: {gaps}, the longest of {longest:.0f} ms")
         elif keeps_rate(stream) and (spans := stream.unkept()):
             lines.append(f"{stream.topic}: not {stream.declared_hz:g} Hz {_spans(run, spans)}")
-    lines += missing_lines(run.accounts)
-    for (topic, direction), words in run.said.streams.items():
+    lines += missing_lines(run.completeness)
+    for (topic, direction), words in run.diagnostics.streams.items():
         lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
         if lost != "0":
             lines.append(f"{topic}: {lost} of {sent} lost on the way {direction}")

@@ -15,14 +15,14 @@ from .indoor_objects import LocalFrame, SupportSurface
 from .indoor_specs import Clutter
 
 TRIES = 400
-"""Places tried for one thing before the room counts as full."""
+"""Tries for one object before the room counts as full."""
 
 RIM_M = 0.01
-"""Left free at the rim of a surface, and above a thing under the next board."""
+"""Free margin at the rim of a surface, and below the next board."""
 
 
 class NoFreePlace(ValueError):
-    """Not all of the clutter found a place; the text says how much did."""
+    """There is no free place left for the clutter."""
 
 
 def place_clutter(
@@ -36,18 +36,18 @@ def place_clutter(
     Parameters
     ----------
     clutter
-        how much of what size and material.
+        count, sizes and materials.
     surfaces
-        where it may lie; each is as likely as the next.
+        candidate surfaces, all equally likely.
     occupied
-        boxes that it must not reach into, in the world.
+        occupied boxes in the world.
     generator
-        what all is drawn from.
+        source of randomness.
 
     Raises
     ------
     NoRoom
-        when there is no place left for something.
+        when no free place is left.
     """
     solids: list[Solid] = []
     lows = np.zeros((len(occupied) + clutter.count, 3))
@@ -70,7 +70,7 @@ def place_clutter(
 def _throw(
     index: int, clutter: Clutter, surfaces: list[SupportSurface], generator: np.random.Generator
 ) -> Solid | None:
-    """Return a thing somewhere on one of the surfaces, or None where it would stick out."""
+    """Return an object at a random place, or None if it would stick out."""
     surface = surfaces[generator.integers(len(surfaces))]
     material = clutter.materials[generator.integers(len(clutter.materials))]
     lengths = np.round(generator.uniform(*clutter.size_m, 3), 3).tolist()
@@ -78,7 +78,7 @@ def _throw(
     along, across = generator.uniform(-0.5, 0.5, 2)
     shape: Box | Cylinder = Box(size_m=tuple(lengths))
     if generator.random() < 0.3:
-        # A can is round, and no thicker than it is high.
+        # Cans are at most as wide as they are high.
         shape = Cylinder(radius_m=min(lengths[0], lengths[2]) / 2, length_m=lengths[2])
     thing = LocalFrame("clutter").put(str(index), shape, (0, 0, 0), material, yaw_deg=yaw_deg)
     half_x, half_y, half_z = bounds(thing)[1]

@@ -11,7 +11,7 @@ from groundlink.core.fields import Positive, Size3, Spec, Vector3
 
 
 class Door(Spec, frozen=True):
-    """An opening with a leaf that stands open or shut."""
+    """A door opening with a leaf."""
 
     wall: Literal["north", "east", "south", "west"]
     at_m: float
@@ -20,7 +20,7 @@ class Door(Spec, frozen=True):
     width_m: Positive = 0.9
     height_m: Positive = 2.05
     open_deg: Annotated[float, Meta(ge=0, le=170)] = 80.0
-    """How far the leaf stands open, into the room."""
+    """Opening angle of the leaf, into the room."""
 
     material: str = "wood"
 
@@ -86,7 +86,7 @@ Furniture = Table | Shelf | Cabinet | Chair | Pillar
 
 
 class Clutter(Spec, frozen=True):
-    """Boxes and cans strewn by the seed: on table tops, on boards, on the floor by the walls."""
+    """Boxes and cans placed by the seed: on tables, on shelves, on the floor along the walls."""
 
     count: Annotated[int, Meta(ge=0, le=2000)]
     size_m: tuple[Positive, Positive] = (0.05, 0.3)

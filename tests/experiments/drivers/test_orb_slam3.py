@@ -37,7 +37,7 @@ class Slam:
     def __init__(self, states: list[State]) -> None:
         self._states = iter(states)
 
-    def track_monocular(self, grey: Any, stamp: float) -> Any:
+    def track_monocular(self, gray: Any, stamp: float) -> Any:
         state = next(self._states)
         return SimpleNamespace(state=state, ok=state is State.OK)
 

@@ -12,9 +12,9 @@ import pytest
 
 from experiments.drivers.yag_slam_2d import (
     Odometry,
-    anticlockwise,
     choose,
     compose,
+    counterclockwise,
     invert,
     middle_s,
     straightened,
@@ -77,8 +77,8 @@ def test_a_swept_scan_becomes_one_of_a_scanner_that_stands() -> None:
 
 def test_a_scan_that_turns_clockwise_is_turned_round() -> None:
     angles = (-1.0, 0.5, 0.5)
-    assert anticlockwise([1.0, 2.0, 3.0, 4.0], -1.0, 0.5) == ([1.0, 2.0, 3.0, 4.0], *angles)
-    assert anticlockwise([4.0, 3.0, 2.0, 1.0], 0.5, -0.5) == ([1.0, 2.0, 3.0, 4.0], *angles)
+    assert counterclockwise([1.0, 2.0, 3.0, 4.0], -1.0, 0.5) == ([1.0, 2.0, 3.0, 4.0], *angles)
+    assert counterclockwise([4.0, 3.0, 2.0, 1.0], 0.5, -0.5) == ([1.0, 2.0, 3.0, 4.0], *angles)
 
 
 def test_odometry_is_interpolated_and_stands_at_its_ends() -> None:

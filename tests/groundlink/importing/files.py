@@ -165,7 +165,7 @@ HEIGHTMAPS: dict[str, bytes] = {
 
 
 def painted() -> bytes:
-    """A ball whose vertices have colours."""
+    """A ball whose vertices have colors."""
     ball = trimesh.creation.icosphere(1)
     ball.visual.vertex_colors = np.random.default_rng(8).integers(0, 256, (42, 4), np.uint8)
     content: bytes = ball.export(file_type="ply")

@@ -112,12 +112,12 @@ END = "<end>"
 BAD: dict[str, tuple[str, bytes, str]] = {
     "cut png": ("a.png", png(sixteen_bits())[:-40], "not a whole PNG picture"),
     "no png": ("a.png", b"GIF89a" + bytes(100), "PNG picture"),
-    "colour png": ("a.png", png(COLORS), "a picture in colour (mode RGB)"),
+    "color png": ("a.png", png(COLORS), "a picture in color (mode RGB)"),
     "png of one row": ("a.png", png(sixteen_bits()[:1]), "9 x 1 heights"),
     "vast png": ("a.png", ihdr(60_000, 60_000), "more than 134 million"),
     "hollow png": ("a.png", ihdr(11_000, 11_000), "cannot hold"),
     "cut tiff": ("a.tif", tiff()[:60], "GeoTIFF"),
-    "colour tiff": ("a.tif", tiff(COLORS), "a picture in colour"),
+    "color tiff": ("a.tif", tiff(COLORS), "a picture in color"),
     "empty": ("a.tif", b"", "GeoTIFF"),
     "pickle": ("a.npy", pickle.dumps(Bomb()), "not a valid .npy file"),
     "objects": ("a.npy", npy(np.array([[Bomb()] * 2] * 2)), "not a valid .npy file"),
@@ -132,7 +132,7 @@ BAD: dict[str, tuple[str, bytes, str]] = {
     ),
     "nan": ("a.npy", npy(NAN_HEIGHTS), "places have no height"),
     "infinite": ("a.npy", npy(INF_HEIGHTS), "heights that are infinite"),
-    "no metres": ("a.npy", npy(HEIGHTS * 1e6), "which are no metres"),
+    "no meters": ("a.npy", npy(HEIGHTS * 1e6), "which are no meters"),
     "overflowing": ("a.npy", npy(HEIGHTS.astype(float) * 1e200), "infinite"),
     "no esri header": ("a.asc", b"1 2 3\n4 5 6\n", "no ncols, nrows"),
     "half a header": ("a.asc", b"ncols 3\ncellsize 1\n1 2 3\n", "no nrows"),
@@ -250,7 +250,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
     [
         (np.full((5, 8), 2, np.uint8), "the number 2, but `materials` has 2"),
         (np.zeros((4, 8), np.uint8), "8 x 4 pixels; expected one for each cell, 8 x 5"),
-        (sixteen_bits(), "mode I;16; expected 8-bit grey"),
+        (sixteen_bits(), "mode I;16; expected 8-bit gray"),
     ],
 )
 def test_a_surface_map_that_does_not_fit(tmp_path: Path, pixels: np.ndarray, problem: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes of every format: in metres, z up, painted as in their files; scans as discs."""
+"""Meshes of every format: in meters, z up, painted as in their files; scans as discs."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_chains_and_rings_of_parts_take_no_time(tmp_path: Path, nodes: list[Any]
     assert len(found.faces) >= len(nodes)
 
 
-def test_colours_of_vertices_become_a_picture(tmp_path: Path) -> None:
+def test_colors_of_vertices_become_a_picture(tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(2)
     ball.visual.vertex_colors = np.where(ball.vertices[:, 2:] > 0, [255, 0, 0], [0, 0, 255])
     found, _ = made(tmp_path, "ball.ply", ball.export(file_type="ply"))
@@ -208,7 +208,7 @@ def test_an_obj_takes_no_materials_from_outside(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "problem"), [(2000.0, "is its unit the millimetre? `scale: 0.001`"), (1e-3, "small")]
+    ("size", "problem"), [(2000.0, "is its unit the millimeter? `scale: 0.001`"), (1e-3, "small")]
 )
 def test_sizes_that_look_wrong_are_told(tmp_path: Path, size: float, problem: str) -> None:
     box = trimesh.creation.box((size, size, size)).export(file_type="stl")
@@ -235,7 +235,7 @@ def test_points_become_discs_in_their_surface(tmp_path: Path, name: str) -> None
     assert (near < radius).mean() > 0.8
 
 
-def test_a_scan_of_too_many_points_is_thinned_and_keeps_its_colours(tmp_path: Path) -> None:
+def test_a_scan_of_too_many_points_is_thinned_and_keeps_its_colors(tmp_path: Path) -> None:
     points = np.random.default_rng(0).uniform(-2, 2, (5000, 3)) * (1, 1, 0)
     colors = np.where(points[:, :1] > 0, [255, 0, 0], [0, 255, 0])
     content = trimesh.PointCloud(points, colors=colors).export(file_type="ply")
@@ -255,7 +255,7 @@ def test_places_where_a_scanner_saw_nothing_are_left_out(tmp_path: Path) -> None
     assert "100 of 400 points are not numbers" in told[0]
 
 
-def test_pcd_has_points_and_colours_in_all_its_forms(tmp_path: Path) -> None:
+def test_pcd_has_points_and_colors_in_all_its_forms(tmp_path: Path) -> None:
     for form in ("binary", "ascii", "binary_compressed"):
         points, colors = pcd.read(write(tmp_path, "c.pcd", pcd_file(form)))
         assert points == pytest.approx(cloud(), abs=1e-6)

@@ -65,8 +65,8 @@ def test_the_map_is_as_large_and_where_it_is_said(tmp_path: Path) -> None:
 
 
 def test_eight_bits_are_told_of(tmp_path: Path) -> None:
-    grey = (sixteen_bits() >> 8).astype(np.uint8)
-    here, told = made(tmp_path, "map.png", png(grey), heights_m=(0.0, 100.0), cell_m=1.0)
+    gray = (sixteen_bits() >> 8).astype(np.uint8)
+    here, told = made(tmp_path, "map.png", png(gray), heights_m=(0.0, 100.0), cell_m=1.0)
     assert here.heights == pytest.approx(HEIGHTS, abs=0.5)
     assert len(told) == 1
     assert "8 bits a height: the ground has steps of 0.392 m; save it with 16 bits" in told[0]
@@ -90,7 +90,7 @@ def test_places_without_data_are_filled_from_around_them(tmp_path: Path, form: A
     [
         ("map.png", {"cell_m": 1.0}, "heights_m", "0 and 65535 of map.png stand for"),
         ("map.png", {"heights_m": (3.0, 2.0), "cell_m": 1.0}, "heights_m", "lower height first"),
-        ("map.npy", {"heights_m": (0.0, 1.0), "cell_m": 1.0}, "heights_m", "in metres already"),
+        ("map.npy", {"heights_m": (0.0, 1.0), "cell_m": 1.0}, "heights_m", "in meters already"),
         ("map.npy", {}, "cell_m", "map.npy does not say it"),
         ("map.npy", {"cell_m": 1.0, "size_m": (8.0, 5.0)}, "size_m", "choose one"),
         ("map.npy", {"size_m": (8.0, 6.0)}, "size_m", "cells of 1 x 1.2 m"),

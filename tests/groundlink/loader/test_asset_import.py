@@ -129,7 +129,7 @@ def changed(name: str, **changes: object) -> dict[str, object]:
         (changed("terrain", cell_m=-1), "slope.yaml:.*`terrain.cell_m`: expected"),
         (changed("terrain", cell_mm=1), "slope.yaml:.*unknown key `terrain.cell_mm`.*`cell_m`"),
         (changed("terrain", kind="hill"), "slope.yaml:.*unknown kind `hill`; did you mean `hills`"),
-        (changed("terrain", heights_m=[0, 1]), "slope.yaml:.*`heights_m`: .*in metres already"),
+        (changed("terrain", heights_m=[0, 1]), "slope.yaml:.*`heights_m`: .*in meters already"),
         (
             changed("terrain", material="gras"),
             "no material `gras` in world.materials; did you mean",
@@ -159,6 +159,6 @@ def test_doubts_are_told(tmp_path: Path) -> None:
     file = made(tmp_path)
     scaled = {"kind": "mesh", "file": "house.glb", "scale": 1000.0}
     made(tmp_path, **changed("solids", shape=scaled))
-    load(file, tell=told.append)
+    load(file, warn=told.append)
     assert len(told) == 1
-    assert "millimetre" in told[0]
+    assert "millimeter" in told[0]

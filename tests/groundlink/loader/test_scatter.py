@@ -124,7 +124,7 @@ def test_things_outdoors_stand_on_the_terrain(tmp_path: Path) -> None:
         ({"scatter": [BUSHES | {"clear": 1}]}, "unknown key `scatter.*clear`"),
         ({"terrain": None}, "`scatter`: expected terrain"),
         ({"outdoors": [HOUSE | {"at_m": [90, 0]}]}, "beside the terrain"),
-        ({"outdoors": [HOUSE | {"colour": "red"}]}, "unknown key `outdoors.*colour`"),
+        ({"outdoors": [HOUSE | {"color": "red"}]}, "unknown key `outdoors.*color`"),
         ({"outdoors": [HOUSE | {"roof_material": "bricks"}]}, "no material `bricks`"),
     ],
 )

@@ -51,7 +51,7 @@ def test_box_is_exact_and_in_place() -> None:
     np.testing.assert_allclose(np.abs(local), np.tile([0.5, 1.0, 1.5], (8, 1)), atol=1e-6)
 
 
-def test_wheel_is_within_a_centimetre() -> None:
+def test_wheel_is_within_a_centimeter() -> None:
     mesh = merged([Solid(name="a", shape=Cylinder(radius_m=0.2, length_m=0.1), material="m")])
     side = [face for face in corners(mesh) if len({round(z, 6) for z in face[:, 2]}) == 2]
     middles = np.mean(side, axis=1)
@@ -60,7 +60,7 @@ def test_wheel_is_within_a_centimetre() -> None:
     assert set(np.round(mesh.vertices[:, 2], 6)) == {np.float32(-0.05), np.float32(0.05)}
 
 
-def test_sphere_is_within_a_centimetre() -> None:
+def test_sphere_is_within_a_centimeter() -> None:
     mesh = merged([Solid(name="a", shape=Sphere(radius_m=0.4), material="m")])
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 0.4, atol=1e-6)
     assert np.linalg.norm(corners(mesh).mean(axis=1), axis=1).min() > 0.39

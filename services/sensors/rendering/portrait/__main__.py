@@ -38,7 +38,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
 
     from .picture import portrait
 
-    kind, scenario = load_partial(options.what, tell=_warn)
+    kind, scenario = load_partial(options.what, warn=_warn)
     out = options.out or Path(f"{Path(options.what).stem}.png")
     picture = portrait(kind, scenario, options.point or FROM_DEG[kind], options.size)
     try:

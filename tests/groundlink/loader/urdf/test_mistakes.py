@@ -114,12 +114,12 @@ MISTAKES = {
     "flat box": (BOX, '<box size="0.5 0.3 0"/>', ["<box>: `size`", "more than 0"]),
     "unknown shape": (BOX, '<capsule radius="1"/>', ["no shape of `capsule`", "mesh"]),
     "no shape": (f"<geometry>{BOX}</geometry>", "", ["<visual>: <geometry> is missing"]),
-    "unknown colour": (
+    "unknown color": (
         '<material name="orange"/>',
         '<material name="oragne"/>',
         ["no such material", "`orange`?"],
     ),
-    "bright colour": ('rgba="1 0.5 0 1"', 'rgba="255 128 0 1"', ["<color>: `rgba`", "0 to 1"]),
+    "bright color": ('rgba="1 0.5 0 1"', 'rgba="255 128 0 1"', ["<color>: `rgba`", "0 to 1"]),
     "no mesh": (BOX, '<mesh filename="hull.stl"/>', ["<mesh>: there is no file", "hull.stl"]),
     "no mesh in a package": (
         BOX,
@@ -131,12 +131,12 @@ MISTAKES = {
     "no mesh's format": (BOX, '<mesh filename="cart.yaml"/>', ["<mesh>: ", "expected"]),
     "a cut-off mesh": (BOX, '<mesh filename="cut.stl"/>', ["<mesh>: ", "cut.stl: no triangles"]),
     "a flat mesh": (BOX, '<mesh filename="good.stl" scale="1 0 1"/>', ["makes it flat"]),
-    "millimetres": (
+    "millimeters": (
         BOX,
         '<mesh filename="large.stl"/>',
         ["<mesh>: it is 1000 x 2000 x 3000 m large", 'scale="0.001 0.001 0.001"'],
     ),
-    "millimetres of a box": (BOX, '<box size="500 300 100"/>', ["<box>: ", "millimetres"]),
+    "millimeters of a box": (BOX, '<box size="500 300 100"/>', ["<box>: ", "millimeters"]),
     "wheel that is fixed": (
         '"left_wheel_joint" type="continuous"',
         '"left_wheel_joint" type="fixed"',

@@ -75,13 +75,13 @@ def test_its_links_are_mounts(tmp_path: Path) -> None:
     assert mount.rpy_deg == pytest.approx((0, np.degrees(0.1), 0))
 
 
-def test_its_colours_are_materials_of_the_world(tmp_path: Path) -> None:
+def test_its_colors_are_materials_of_the_world(tmp_path: Path) -> None:
     loaded = load(scenario(tmp_path))
     orange = loaded.world.materials[loaded.vehicles[0].model.visuals[0].material]
     assert orange.color == pytest.approx((1, 0.216, 0), abs=1e-3)
 
 
-def test_a_colour_may_be_defined_where_it_is_used_first(tmp_path: Path) -> None:
+def test_a_color_may_be_defined_where_it_is_used_first(tmp_path: Path) -> None:
     color = '<material name="orange"><color rgba="1 0.5 0 1"/></material>'
     again = CART.replace(f"  {color}\n", "").replace(
         '<material name="black"><color rgba="0.1 0.1 0.1 1"/></material>', color
@@ -154,7 +154,7 @@ def test_a_mesh_has_its_picture_from_anywhere_in_its_package(
     write(package / "meshes", "part.obj", f"{text}f 1/1 2/2 3/3\n".encode())
     mesh = MESH.format("package://cart_description/meshes/part.obj", "1 1 1")
     told: list[str] = []
-    model = load(scenario(package, CART.replace(BOX, mesh, 1)), tell=told.append).vehicles[0].model
+    model = load(scenario(package, CART.replace(BOX, mesh, 1)), warn=told.append).vehicles[0].model
     shape = model.visuals[0].shape
     assert isinstance(shape, Mesh)
     assert load_mesh(shape.asset).parts[0].picture == (png(COLORS) if found else None)
@@ -204,7 +204,7 @@ def test_a_missing_picture_of_a_mesh_is_told(tmp_path: Path) -> None:
     (tmp_path / "hull.mtl").write_text("newmtl a\nmap_Kd gone.png\n")
     told: list[str] = []
     urdf = CART.replace(BOX, '<mesh filename="hull.obj"/>')
-    load(scenario(tmp_path, urdf), tell=told.append)
+    load(scenario(tmp_path, urdf), warn=told.append)
     assert len(told) == 1
     assert "gone.png" in told[0]
 

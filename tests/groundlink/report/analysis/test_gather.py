@@ -77,9 +77,9 @@ def test_energy_is_the_last_word_and_touches_are_one_event(gathered: RunSummary)
 
 
 def test_what_processes_said_is_kept(gathered: RunSummary) -> None:
-    assert gathered.said.processes["gateway"]["host"] == "lab-pc"
-    assert gathered.said.processes["gateway"]["stale"] == "4"
-    words = gathered.said.streams["/imu", "to ROS"]
+    assert gathered.diagnostics.processes["gateway"]["host"] == "lab-pc"
+    assert gathered.diagnostics.processes["gateway"]["stale"] == "4"
+    words = gathered.diagnostics.streams["/imu", "to ROS"]
     assert (words.last["missing"], words.last["dropped"]) == ("3", "2")
     assert [age for _, age, _ in words.ages] == pytest.approx([0.004 + 0.001 * i for i in range(6)])
 

@@ -27,7 +27,7 @@ def area(corners: np.ndarray) -> float:
         (Cylinder(radius_m=0.5, length_m=0.5), 24, np.pi / 4),
     ],
 )
-def test_an_outline_is_that_of_the_solid_anticlockwise(
+def test_an_outline_is_that_of_the_solid_counterclockwise(
     shape: Shape, count: int, expected: float
 ) -> None:
     [outline] = outlines([Solid("thing", shape, "m", (3.0, 4.0, 0.25), TURNED)])

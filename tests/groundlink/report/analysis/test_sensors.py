@@ -74,7 +74,7 @@ def test_a_fix_is_compared_with_the_antenna_and_no_fix_with_nothing() -> None:
     told.add(1.0, SimpleNamespace(status=status, latitude=58.59, longitude=25.55))
     rows = told.beside(track((0, 0, -1, pi / 2), (2, 0, -1, pi / 2)))
     assert rows.shape == (1, 4)
-    assert rows[0, 3] == pytest.approx(0.0, abs=1e-9)  # the antenna is a metre ahead: at 0, 0
+    assert rows[0, 3] == pytest.approx(0.0, abs=1e-9)  # the antenna is a meter ahead: at 0, 0
 
 
 def test_points_of_a_cloud_are_laid_each_at_its_own_instant() -> None:

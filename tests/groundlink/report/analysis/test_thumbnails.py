@@ -42,7 +42,7 @@ ORANGE = (250, 120, 10)
         ("mono8", (77,), (77, 77, 77)),
     ],
 )
-def test_colours_are_in_their_order(
+def test_colors_are_in_their_order(
     encoding: str, pixel: tuple[int, ...], expected: tuple[int, ...]
 ) -> None:
     data = np.tile(np.array(pixel, np.uint8), (4, 6, 1))
@@ -65,10 +65,10 @@ def test_depth_is_light_where_it_is_near(encoding: str, dtype: str, big: int) ->
     depth = np.full((10, 10), 4000).astype(dtype)
     depth[:5] = 1000
     depth[9, 9] = 0
-    grey = shown(image(encoding, depth, is_bigendian=big))
-    assert grey[0, 0, 0] > 240
-    assert 30 < grey[8, 0, 0] < 60
-    assert grey[9, 9, 0] == 0
+    gray = shown(image(encoding, depth, is_bigendian=big))
+    assert gray[0, 0, 0] > 240
+    assert 30 < gray[8, 0, 0] < 60
+    assert gray[9, 9, 0] == 0
 
 
 def test_large_pictures_are_thinned() -> None:

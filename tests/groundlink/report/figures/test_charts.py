@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures show is where it belongs, in its colour: read from the SVG that a page holds."""
+"""What pictures show is where it belongs, in its color: read from the SVG that a page holds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Drawn(NamedTuple):
 
 
 def paths(svg: str) -> list[Drawn]:
-    """Return every path that has a colour."""
+    """Return every path that has a color."""
     found = []
     for tag in re.findall(r"<path[^>]*>", svg):
         style = re.search(r'style="([^"]*)"', tag)
@@ -96,11 +96,11 @@ def test_speed_is_in_the_upper_panel_and_yaw_rate_in_the_lower() -> None:
     at = labels(svg)
     upper, lower = at["speed, m/s"][1], at["yaw rate, rad/s"][1]
     assert upper < lower
-    for colour, slope in (("blue", -1), ("orange", 1)):  # on the screen y is downward
+    for color, slope in (("blue", -1), ("orange", 1)):  # on the screen y is downward
         found = [
             path
             for path in paths(svg)
-            if f"stroke: var(--{colour})" in path.style and len(path.x) > 5
+            if f"stroke: var(--{color})" in path.style and len(path.x) > 5
         ]
         (fast,) = (path for path in found if np.ptp(path.y) > 1)
         (steady,) = (path for path in found if np.ptp(path.y) < 1e-6)
@@ -134,8 +134,8 @@ def test_terrain_is_drawn_below_the_way() -> None:
         figures.trajectory([], [motion], [Energy("rover", 1)], [], {}, ground)
         for ground in (None, slope)
     )
-    lines = [path for path in paths(drawn) if "stroke: var(--grey)" in path.style]
-    assert not [path for path in paths(bare) if "stroke: var(--grey)" in path.style]
+    lines = [path for path in paths(drawn) if "stroke: var(--gray)" in path.style]
+    assert not [path for path in paths(bare) if "stroke: var(--gray)" in path.style]
     assert len(lines) >= 4
     assert all(np.ptp(line.x) < 0.05 * max(np.ptp(line.y), 1) for line in lines)  # uphill to x
     assert re.search(r">0\.[0-9]+ m<", drawn)

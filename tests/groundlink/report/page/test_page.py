@@ -101,17 +101,19 @@ def test_figures_are_on_it(content: str) -> None:
 
 
 def test_what_the_ros_side_never_reported_is_said_to_be_so(gathered: RunSummary) -> None:
-    ((key, words),) = gathered.said.streams.items()
+    ((key, words),) = gathered.diagnostics.streams.items()
     unknown = words.last | {"reported": "False", "lost": "0", "messages": "0", "missing": "0"}
     unknown |= {"dropped": "0", "sent": "2010"}
-    said = RunDiagnostics()
-    said.streams[key] = StreamHistory(unknown)
-    cells = re.findall(r"<td[^>]*>(.*?)</td>", page(dataclasses.replace(gathered, said=said)))
+    diagnostics = RunDiagnostics()
+    diagnostics.streams[key] = StreamHistory(unknown)
+    cells = re.findall(
+        r"<td[^>]*>(.*?)</td>", page(dataclasses.replace(gathered, diagnostics=diagnostics))
+    )
     at = cells.index("2010")
     assert cells[at : at + 4] == ["2010", "", "", "not reported"]
 
 
-def test_pictures_are_drawn_in_the_pages_own_colours(content: str) -> None:
+def test_pictures_are_drawn_in_the_pages_own_colors(content: str) -> None:
     """No stand-in is left, and every variable that is used is one of the style sheet's."""
     used = set(re.findall(r"var\(--([a-z]+)\)", content))
     declared = set(re.findall(r"--([a-z]+):", content))
@@ -137,8 +139,8 @@ def test_what_a_run_did_not_have_is_not_there(gathered: RunSummary) -> None:
         energies=[Energy("rover", 1)],
         readings={"rover": []},
         cameras=[],
-        accounts=[],
-        said=RunDiagnostics(),
+        completeness=[],
+        diagnostics=RunDiagnostics(),
         streams=gathered.streams[:0],
         run=replace(gathered.run, epoch_nanos=0),
     )

@@ -30,8 +30,8 @@ def run_of(gathered: RunSummary, stream: StreamTimes) -> RunSummary:
     quiet: Any = SimpleNamespace(streams={})
     return replace(
         gathered,
-        **{"streams": [stream], "first_nanos": gathered.run.epoch_nanos, "said": quiet},
-        **{"accounts": [], "failures": [], "energies": [], "undecodable": 0},
+        **{"streams": [stream], "first_nanos": gathered.run.epoch_nanos, "diagnostics": quiet},
+        **{"completeness": [], "failures": [], "energies": [], "undecodable": 0},
     )
 
 
