@@ -20,7 +20,14 @@ from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, Subscribe, TopicReport
 from udp_bridge.wire.fec import RAPTORQ
 from udp_bridge.wire.header import Buffer
-from udp_bridge.wire.lockstep import WAITING, Barrier, BarrierReply, ExpectedResponse, SentMessages
+from udp_bridge.wire.lockstep import (
+    RESTARTED,
+    WAITING,
+    Barrier,
+    BarrierReply,
+    ExpectedResponse,
+    SentMessages,
+)
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.repair import Offer, Request, Symbol, parse_resend, parse_symbol
 from udp_bridge.wire.run_commands import PAUSED, STEP, RunCommand, RunCommandReply
@@ -188,24 +195,25 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
             (ExpectedResponse("/cmd_vel", "/clock", 9),),
         ).pack(),
         "barrier",
-        {"topics": 1, "answers": 1, "limit": 500, "life": 2**64 - 1, "tick": -1},
+        {"topics": 1, "responses": 1, "limit": 500, "episode": 2**64 - 1, "tick": -1},
     ),
     (
         CONTROL,
         BarrierReply(7, 2**53 + 1, WAITING, 3, (SentMessages(9, "/cmd_vel", 5, 1),)).pack(),
-        "word",
-        {"topics": 1, "state": 1, "lost": 3, "life": 7, "tick": 2**53 + 1},
+        "barrier_reply",
+        {"topics": 1, "state": 1, "lost": 3, "episode": 7, "tick": 2**53 + 1},
     ),
+    (CONTROL, BarrierReply(7, 0, RESTARTED).pack(), "barrier_reply", {"state": 3}),
     (
         CONTROL,
         RunCommand(2**63, STEP, 400).pack(),
-        "wish",
+        "run_command",
         {"action": 3, "ticks": 400, "number": 2**63},
     ),
     (
         CONTROL,
         RunCommandReply(2**63, PAUSED, 400, "no próblem").pack(),
-        "wish_answer",
+        "run_command_reply",
         {"state": 2, "number": 2**63, "tick": 400, "error": "no próblem"},
     ),
     (
@@ -279,8 +287,8 @@ def test_what_a_barrier_tells_of_is_shown(tmp_path: Path) -> None:
     assert fields["sent.msg_type"] == "36"
     assert fields["sent.topic"] == "/odóm"
     assert (fields["sent.first"], fields["sent.messages"]) == (str(2**32 - 1), "2")
-    assert fields["answer.msg_type"] == "9"
-    assert (fields["answer.topic"], fields["answer.of"]) == ("/cmd_vel", "/clock")
+    assert fields["response.msg_type"] == "9"
+    assert (fields["response.topic"], fields["response.of"]) == ("/cmd_vel", "/clock")
 
 
 def test_a_sealed_datagram_shows_the_one_within(tmp_path: Path) -> None:

@@ -2,14 +2,15 @@
 -- Wireshark dissector of the UDP Bridge protocol, for Wireshark and tshark 3.6 and later.
 --
 -- Try it:    tshark -X lua_script:udp_bridge.lua -r capture.pcapng -V
--- Keep it:   copy it into the folder that Wireshark names under
+-- Install:   copy it into the folder that Wireshark names under
 --            Help > About > Folders > Personal Lua Plugins.
 --
--- Rule: what PROTOCOL.md refuses is shown as an error under the same name (`udpbridge.refused`),
--- tested in the same order. Only what a single datagram tells is judged: copies, order and part
--- sizes need the others. Bodies of ROS types are shown as bytes; Wireshark has no CDR reader.
+-- A datagram that PROTOCOL.md refuses is shown as an error under the same name
+-- (`udpbridge.refused`); the tests are made in the same order. Only rules about a single datagram
+-- are checked: duplicates, order and part sizes need other datagrams. Bodies of ROS types are
+-- shown as bytes, because Wireshark has no CDR reader.
 
--- Name, ROS type and default topic, by msg_type. A test holds this table to the library's.
+-- Name, ROS type and default topic, by msg_type. Generated: `python -m tools.wire_types`.
 local TYPES = {
     [1] = {"PointCloud2", "sensor_msgs/msg/PointCloud2", "/points"},
     [2] = {"Imu", "sensor_msgs/msg/Imu", "/imu"},
@@ -38,7 +39,7 @@ local TYPES = {
 }
 
 local SUBSCRIBE, CONTROL, RESEND, REPAIR, TYPED, SEALED = 7, 64, 65, 66, 67, 68
-local SEALED_HEAD, TAG_SIZE, RAPTORQ, WHOLE_MAX, REASONS_TOLD = 28, 16, 1, 64, 32
+local SEALED_HEAD, TAG_SIZE, RAPTORQ, WHOLE_MAX, REASONS_MAX = 28, 16, 1, 64, 32
 local FIXED_SIZE, SMALLEST_HEADER, NANOS = 18, 20, 1000000000
 
 local TYPE_NAMES = {[SEALED] = "Sealed"}
@@ -69,7 +70,7 @@ field("default_topic", ProtoField.string, "Default topic of the type")
 field("fragment", ProtoField.bytes, "Fragment of the body")
 field("fragment_size", ProtoField.uint32, "Fragment size")
 field("first_part", ProtoField.framenum, "First captured part of the message", base.NONE)
-field("refused", ProtoField.string, "Refused, because")
+field("refused", ProtoField.string, "Refused because")
 
 -- A body's layout: offset, size, name, ProtoField, label, and what else the field takes.
 local function layout(prefix, rows)
@@ -85,7 +86,7 @@ local ACTIONS = {[0] = "unsubscribe", [1] = "subscribe"}
 local stamp64 = ProtoField.int64
 local SUBSCRIBE_BODY = layout("subscribe", {
     size = 8,
-    {0, 1, "wanted_type", u8, "Wanted type", base.DEC, TYPE_NAMES},
+    {0, 1, "wanted_type", u8, "Requested type", base.DEC, TYPE_NAMES},
     {1, 1, "action", u8, "Action", base.DEC, ACTIONS},
     {2, 2, "lease", u16, "Lease in s (0: until unsubscribed)"},
     {4, 4, "max_rate", ProtoField.float, "Highest rate in Hz (0: all)"},
@@ -108,9 +109,9 @@ local TOPIC_REPORT = layout("topic_report", {
     {32, 8, "dropped", u64, "Messages dropped at the receiver"},
     {40, 8, "incomplete", u64, "Messages given up"},
     {48, 8, "late", u64, "Messages late"},
-    {56, 8, "pending", u64, "Messages under way"},
+    {56, 8, "pending", u64, "Messages pending"},
     {64, 8, "repaired", u64, "Messages repaired"},
-    {72, 8, "duplicates", u64, "Datagrams that came twice"},
+    {72, 8, "duplicates", u64, "Duplicate datagrams"},
     {80, 8, "body_bytes", u64, "Bytes of the messages published"},
     {88, 8, "first_seen_stamp", stamp64, "Stamp of the first number in ns"},
     {96, 8, "first_stamp", stamp64, "Stamp of the first message published in ns"},
@@ -129,32 +130,32 @@ local LINK_REPORT = layout("link_report", {
 local BARRIER = layout("barrier", {
     size = 24,
     {1, 1, "topics", u8, "Topics with messages"},
-    {2, 1, "answers", u8, "Answers that are due"},
-    {4, 4, "limit", u32, "What is missing is awaited for, in ms"},
-    {8, 8, "life", u64, "Life of the run"},
+    {2, 1, "responses", u8, "Expected responses"},
+    {4, 4, "limit", u32, "Time to wait for missing messages, in ms"},
+    {8, 8, "episode", u64, "Episode of the run"},
     {16, 8, "tick", stamp64, "Tick (-1: before the first)"},
 })
-local WORD = layout("word", {
+local BARRIER_REPLY = layout("barrier_reply", {
     size = 24,
     {1, 1, "topics", u8, "Topics with messages"},
     {2, 1, "state", u8, "State", base.DEC,
-        {[0] = "done", [1] = "waiting", [2] = "incomplete", [3] = "begun anew"}},
+        {[0] = "done", [1] = "waiting", [2] = "incomplete", [3] = "restarted"}},
     {4, 4, "lost", u32, "Messages lost"},
-    {8, 8, "life", u64, "Life of the run"},
+    {8, 8, "episode", u64, "Episode of the run"},
     {16, 8, "tick", stamp64, "Tick (-1: before the first)"},
 })
-local WISH = layout("wish", {
+local RUN_COMMAND = layout("run_command", {
     size = 16,
-    {1, 1, "action", u8, "Wished", base.DEC,
-        {[0] = "ask", [1] = "pause", [2] = "resume", [3] = "step", [4] = "reset"}},
+    {1, 1, "action", u8, "Action", base.DEC,
+        {[0] = "query", [1] = "pause", [2] = "resume", [3] = "step", [4] = "reset"}},
     {4, 4, "ticks", u32, "Ticks to step"},
-    {8, 8, "number", u64, "Number of the wish"},
+    {8, 8, "number", u64, "Number of the command"},
 })
-local WISH_ANSWER = layout("wish_answer", {
+local RUN_COMMAND_REPLY = layout("run_command_reply", {
     size = 24, text_max = 1024,
     {1, 1, "state", u8, "State of the run", base.DEC,
         {[0] = "stopped", [1] = "running", [2] = "paused"}},
-    {8, 8, "number", u64, "Number of the wish"},
+    {8, 8, "number", u64, "Number of the command"},
     {16, 8, "tick", stamp64, "Tick"},
 })
 local ADDRESS_CHALLENGE = layout("address_challenge", {
@@ -175,14 +176,14 @@ local OFFER = layout("offer", {
     size = 8,
     {1, 1, "msg_type", u8, "Offered type", base.DEC, TYPE_NAMES},
     {2, 1, "parts_max", u8, "Parts of the message"},
-    {4, 4, "limit", u32, "May be asked for, in ms"},
+    {4, 4, "limit", u32, "May be requested for, in ms"},
 })
 local REQUEST = layout("request", {
     size = 8,
-    {1, 1, "msg_type", u8, "Wanted type", base.DEC, TYPE_NAMES},
+    {1, 1, "msg_type", u8, "Requested type", base.DEC, TYPE_NAMES},
     {2, 1, "parts_max", u8, "Parts of the message (0: whole messages)"},
     {3, 1, "messages", u8, "Messages"},
-    {4, 4, "goodput", u32, "Bytes that came within the last second"},
+    {4, 4, "goodput", u32, "Bytes received within the last second"},
 })
 local SYMBOL = layout("symbol", {
     size = 8,
@@ -196,19 +197,19 @@ local SEAL = layout("sealed", {
     {8, 4, "direction", ProtoField.int32, "Direction", base.DEC, {[0] = "to ROS", [1] = "from ROS"}},
     {20, 8, "counter", u64, "Counter"},
 })
-field("control.kind", u8, "Kind of control", base.DEC,
+field("control.kind", u8, "Kind of Control", base.DEC,
     {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest",
-     [4] = "Barrier", [5] = "Word", [6] = "Wish", [7] = "RunCommandReply",
+     [4] = "Barrier", [5] = "BarrierReply", [6] = "RunCommand", [7] = "RunCommandReply",
      [8] = "AddressChallenge", [9] = "AddressResponse"})
 field("sent.topic", ProtoField.string, "Topic", base.UNICODE)
-field("answer.msg_type", u8, "Type of the answers (0: any)", base.DEC, TYPE_NAMES)
-field("answer.topic", ProtoField.string, "Answers on", base.UNICODE)
-field("answer.of", ProtoField.string, "each message on", base.UNICODE)
-field("wish_answer.error", ProtoField.string, "Error", base.UNICODE)
-field("resend.kind", u8, "Kind of resend", base.DEC, {[0] = "Offer", [1] = "Request"})
+field("response.msg_type", u8, "Type of the responses (0: any)", base.DEC, TYPE_NAMES)
+field("response.topic", ProtoField.string, "Responses on", base.UNICODE)
+field("response.of", ProtoField.string, "each message on", base.UNICODE)
+field("run_command_reply.error", ProtoField.string, "Error", base.UNICODE)
+field("resend.kind", u8, "Kind of Resend", base.DEC, {[0] = "Offer", [1] = "Request"})
 field("link_report.reason", ProtoField.string, "Reason")
 field("link_report.reason_count", u64, "Datagrams refused for it")
-field("request.parts", ProtoField.string, "Wanted parts")
+field("request.parts", ProtoField.string, "Requested parts")
 field("symbol.data", ProtoField.bytes, "Symbol")
 field("typed.name_size", u8, "Bytes of the ROS type's name")
 field("typed.ros_type", ProtoField.string, "ROS type of the body")
@@ -308,11 +309,11 @@ local function counts_fit(body)
     return high < has_high or (high == has_high and low % 2 ^ 32 <= has_low)
 end
 
--- The parts of a link's report behind its fixed ones: {offset, size of the name} of each reason.
+-- Returns {offset, size of the name} of each reason in a LinkReport.
 local function reasons_of(body)
     local found, at = {}, LINK_REPORT.size
     while at < body:len() do
-        if #found == REASONS_TOLD or at + 9 > body:len() then return found, "body_size" end
+        if #found == REASONS_MAX or at + 9 > body:len() then return found, "body_size" end
         local size = body(at + 8, 1):uint()
         if at + 9 + size > body:len() then return found, "body_size" end
         local name = body:raw(at + 9, size)
@@ -348,10 +349,10 @@ local function is_tick(body)
     return not is_negative(body, 16) or body:raw(16, 8) == ("\255"):rep(8)
 end
 
--- What stands behind the fixed part of a Barrier or a Word: {offset, size of the name} of each
--- topic, {offset, sizes of the names} of each answer, and why it is refused.
-local function told_of(body, answers)
-    local sent, due, at, told = {}, {}, BARRIER.size, {}
+-- Returns what follows the fixed part of a Barrier or a BarrierReply: {offset, size of the name} of
+-- each topic, {offset, sizes of the names} of each response, and why it is refused.
+local function listed_in(body, responses)
+    local sent, due, at, seen = {}, {}, BARRIER.size, {}
     for _ = 1, body(1, 1):uint() do
         if at + SENT.size > body:len() then return sent, due, "body_size" end
         local size = body(at + 1, 1):uint()
@@ -361,12 +362,12 @@ local function told_of(body, answers)
             return sent, due, "body_value"
         end
         local key = body(at, 1):uint() .. body(at + SENT.size, size):raw()
-        if told[key] then return sent, due, "body_value" end
-        told[key] = true
+        if seen[key] then return sent, due, "body_value" end
+        seen[key] = true
         table.insert(sent, {at, size})
         at = at + SENT.size + size
     end
-    for _ = 1, answers do
+    for _ = 1, responses do
         if at + 4 > body:len() then return sent, due, "body_size" end
         local kind, sizes = body(at, 1):uint(), {body(at + 1, 1):uint(), body(at + 2, 1):uint()}
         local name = at + 4
@@ -383,26 +384,26 @@ local function told_of(body, answers)
 end
 
 local function lockstep_body(body, kind)
-    local rows, third = kind == 4 and BARRIER or WORD, nil
+    local rows, third = kind == 4 and BARRIER or BARRIER_REPLY, nil
     if body:len() < rows.size then return nil, "body_size" end
     third = body(2, 1):uint()
-    local _, _, reason = told_of(body, kind == 4 and third or 0)
-    local is_bad = not is_tick(body) or (kind == 5 and third > 2)
+    local _, _, reason = listed_in(body, kind == 4 and third or 0)
+    local is_bad = not is_tick(body) or (kind == 5 and third > 3)
     return rows, reason or (is_bad and "body_value" or nil)
 end
 
-local function wish_body(body)
-    if body:len() ~= WISH.size then return nil, "body_size" end
+local function run_command_body(body)
+    if body:len() ~= RUN_COMMAND.size then return nil, "body_size" end
     local action, ticks = body(1, 1):uint(), body(4, 4):le_uint()
-    return WISH, (action > 4 or (action == 3) ~= (ticks > 0)) and "body_value" or nil
+    return RUN_COMMAND, (action > 4 or (action == 3) ~= (ticks > 0)) and "body_value" or nil
 end
 
-local function wish_answer_body(body)
-    local size = body:len() - WISH_ANSWER.size
-    if size < 0 or size > WISH_ANSWER.text_max then return nil, "body_size" end
+local function run_command_reply_body(body)
+    local size = body:len() - RUN_COMMAND_REPLY.size
+    if size < 0 or size > RUN_COMMAND_REPLY.text_max then return nil, "body_size" end
     local is_bad = body(1, 1):uint() > 2 or not is_tick(body)
-        or (size > 0 and not is_name(body, WISH_ANSWER.size, size))
-    return WISH_ANSWER, is_bad and "body_value" or nil
+        or (size > 0 and not is_name(body, RUN_COMMAND_REPLY.size, size))
+    return RUN_COMMAND_REPLY, is_bad and "body_value" or nil
 end
 
 local function control_body(body)
@@ -417,8 +418,8 @@ local function control_body(body)
         return LINK_REPORT, reason
     end
     if kind == 4 or kind == 5 then return lockstep_body(body, kind) end
-    if kind == 6 then return wish_body(body) end
-    if kind == 7 then return wish_answer_body(body) end
+    if kind == 6 then return run_command_body(body) end
+    if kind == 7 then return run_command_reply_body(body) end
     if kind == 8 or kind == 9 then
         if body:len() ~= ADDRESS_CHALLENGE.size then return nil, "body_size" end
         return kind == 8 and ADDRESS_CHALLENGE or ADDRESS_RESPONSE, nil
@@ -453,7 +454,7 @@ local function symbol_body(body)
     return SYMBOL, body(2, 1):uint() ~= RAPTORQ and "repair_code" or nil
 end
 
--- Returns the layout of a body that is the bridge's own, and why a receiver refuses it.
+-- Returns the layout of a body of the bridge's own types, and why a receiver refuses it.
 local function own_body(msg_type, parts_max, body)
     if msg_type == CONTROL or msg_type == RESEND then
         if parts_max ~= 1 then return nil, "parts_max" end
@@ -544,8 +545,8 @@ local function show_rows(rows, body, tree)
     for _, row in ipairs(rows) do tree:add_le(fields[row.name], body(row[1], row[2])) end
 end
 
-local function show_told(body, answers, tree)
-    local sent, due = told_of(body, answers)
+local function show_listed(body, responses, tree)
+    local sent, due = listed_in(body, responses)
     for _, place in ipairs(sent) do
         for _, row in ipairs(SENT) do
             tree:add_le(fields[row.name], body(place[1] + row[1], row[2]))
@@ -554,9 +555,9 @@ local function show_told(body, answers, tree)
     end
     for _, place in ipairs(due) do
         local name = place[1] + 4
-        tree:add(fields["answer.msg_type"], body(place[1], 1))
-        tree:add_packet_field(fields["answer.topic"], body(name, place[2]), ENC_UTF_8)
-        tree:add_packet_field(fields["answer.of"], body(name + place[2], place[3]), ENC_UTF_8)
+        tree:add(fields["response.msg_type"], body(place[1], 1))
+        tree:add_packet_field(fields["response.topic"], body(name, place[2]), ENC_UTF_8)
+        tree:add_packet_field(fields["response.of"], body(name + place[2], place[3]), ENC_UTF_8)
     end
 end
 
@@ -581,10 +582,10 @@ local function show_body(buffer, tree)
             tree:add(fields["link_report.reason"], body(place[1] + 9, place[2]))
             tree:add_le(fields["link_report.reason_count"], body(place[1], 8))
         end
-    elseif rows == BARRIER or rows == WORD then
-        show_told(body, rows == BARRIER and body(2, 1):uint() or 0, tree)
-    elseif rows == WISH_ANSWER and body:len() > WISH_ANSWER.size then
-        tree:add_packet_field(fields["wish_answer.error"], body(WISH_ANSWER.size), ENC_UTF_8)
+    elseif rows == BARRIER or rows == BARRIER_REPLY then
+        show_listed(body, rows == BARRIER and body(2, 1):uint() or 0, tree)
+    elseif rows == RUN_COMMAND_REPLY and body:len() > RUN_COMMAND_REPLY.size then
+        tree:add_packet_field(fields["run_command_reply.error"], body(RUN_COMMAND_REPLY.size), ENC_UTF_8)
     elseif rows == REQUEST and body:len() > REQUEST.size then
         local parts = table.concat(wanted_parts(body), " ")
         tree:add(fields["request.parts"], body(REQUEST.size), parts)
@@ -598,7 +599,7 @@ function proto.init() first_parts = {} end
 
 local show
 
--- A sealed datagram: whether its tag is right only holders of the key can tell.
+-- Shows a sealed datagram. Its tag is not checked: that needs the key.
 local function show_sealed(buffer, info, root, tree)
     if buffer:len() < SEALED_HEAD + TAG_SIZE then
         show_refusal(tree, "bad_tag")
@@ -643,8 +644,8 @@ function proto.dissector(buffer, info, root)
     return buffer:len()
 end
 
--- Ports that are ours whatever the datagram holds, so that malformed ones show as such; on every
--- other port only a datagram with a valid header is taken as ours.
+-- Every datagram on these ports is dissected, so that malformed ones are shown; on other ports only a
+-- datagram with a valid header is.
 proto.prefs.ports = Pref.range("UDP ports", "7510-7511", "Ports of gateway and node", 65535)
 
 local udp_ports = DissectorTable.get("udp.port")
