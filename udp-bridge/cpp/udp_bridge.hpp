@@ -3,7 +3,7 @@
 // UDP Bridge, version 1, for C++17: datagrams in, whole messages out, and the way back.
 //
 // The rules are those of ../PROTOCOL.md, sections 1 to 8; repair (types 65 and 66) and sealed
-// datagrams (type 68) are refused and counted, as PROTOCOL.md asks of who does not know them.
+// datagrams (type 68) are refused and counted, as PROTOCOL.md allows.
 // Bytes and time are arguments: nothing here opens a socket, reads a clock or starts a thread, so
 // that it serves a node, a microcontroller and a fuzzer alike. Needs the standard library alone.
 // It validates no addresses (section 11): beyond the own host, give it datagrams of known peers alone.
@@ -57,7 +57,7 @@ constexpr std::uint8_t kControl = 64;
 constexpr std::uint8_t kTyped = 67;
 constexpr std::uint8_t kSealed = 68;
 
-/// Why a datagram is refused, in the words of PROTOCOL.md, section 7.
+/// Why a datagram is refused, by the names of PROTOCOL.md, section 7.
 enum class Refusal {
   none,
   empty,
@@ -280,7 +280,7 @@ struct Header {
   }
 };
 
-/// A whole message. The body is CDR for types that ROS has.
+/// A whole message. The body of a type with a ROS type is CDR.
 struct Message {
   Header header;  ///< of its part 0, whichever part came last
   std::vector<std::uint8_t> body;
@@ -330,7 +330,7 @@ struct Typed {
   }
 };
 
-/// Type 7: who sends it wants a topic, which the header names.
+/// Type 7: a request of the topic that the header names.
 struct Subscribe {
   std::uint8_t wanted_type = 0;
   bool wanted = true;
@@ -385,7 +385,7 @@ struct Credit {
   }
 };
 
-/// Control, kind 1: what became of the messages of a topic, PROTOCOL.md, section 6.
+/// Control, kind 1: delivery counts of a topic, PROTOCOL.md, section 6.
 struct TopicReport {
   static constexpr std::size_t kSize = 128;
   /// The ages where no message was published within the last 10 s.
@@ -430,10 +430,10 @@ struct TopicReport {
       at = read(at, *value);
     }
     std::uint64_t left = to.numbers;  // no sum, which may overflow
-    for (const std::uint64_t fate :
+    for (const std::uint64_t count :
          {to.published, to.dropped, to.incomplete, to.late, to.pending}) {
-      if (fate > left) return Refusal::body_value;
-      left -= fate;
+      if (count > left) return Refusal::body_value;
+      left -= count;
     }
     return is_in_table(to.msg_type) ? Refusal::none : Refusal::body_value;
   }
@@ -472,14 +472,14 @@ inline Refusal check_link_report(const std::uint8_t* body, std::size_t size) {
   return at == size ? Refusal::none : Refusal::body_size;
 }
 
-/// The messages of one topic by number, each of which gets one fate, among the newest 1024.
-class Fates {
+/// Results of the newest 1024 messages of a topic, each counted once.
+class DeliveryLog {
  public:
   std::uint32_t first_number = 0;  ///< lowest number seen and remembered
   std::uint64_t numbers = 0;       ///< from the first to the highest one seen, both included
   std::uint64_t published = 0, dropped = 0, incomplete = 0, late = 0;
 
-  /// Messages of which a part came and whose fate is open.
+  /// Messages of which a part arrived and that have no result yet.
   std::uint64_t pending() const { return (came_ & ~settled_).count(); }
 
   /// Note that a part of a message came.
@@ -509,13 +509,13 @@ class Fates {
     numbers += ahead;
   }
 
-  /// Give a message its fate; return false where it has one, or is too old.
-  bool settle(std::uint32_t number, std::uint64_t Fates::*fate) {
+  /// Count the result of a message; return false where it has one, or is too old.
+  bool settle(std::uint32_t number, std::uint64_t DeliveryLog::*count) {
     seen(number);
     const std::uint32_t behind = highest_ - number;
     if (behind >= kRemembered || settled_.test(behind)) return false;
     settled_.set(behind);
-    ++(this->*fate);
+    ++(this->*count);
     return true;
   }
 
@@ -525,26 +525,26 @@ class Fates {
   std::bitset<kRemembered> came_, settled_;  // bit 0 is the highest number's
 };
 
-/// What arrived of one topic in one life of its sender, and what its user took.
+/// Arrivals of one topic until its sender restarts, and what the user took.
 struct Arrivals {
   static constexpr std::size_t kAgesKept = 1024;
   static constexpr std::int64_t kAgesNanos = 10 * kNanos;
 
-  Fates fates;
+  DeliveryLog log;
   std::uint64_t body_bytes = 0;
   std::int64_t first_seen_stamp = 0, first_stamp = 0, last_stamp = 0, since = 0;
   bool has_since = false;  // the first report gives it
   std::deque<std::pair<std::int64_t, std::int64_t>> published;  // when, and the stamp
 
   void seen(const Header& header) {
-    if (!fates.numbers) first_seen_stamp = header.stamp_nanos();
-    fates.seen(header.seq_number);
+    if (!log.numbers) first_seen_stamp = header.stamp_nanos();
+    log.seen(header.seq_number);
   }
 
   void handed(std::uint32_t number, std::int64_t stamp, std::size_t size, bool is_taken,
               std::int64_t now) {
-    if (!fates.settle(number, is_taken ? &Fates::published : &Fates::dropped) || !is_taken) return;
-    if (fates.published == 1) first_stamp = stamp;
+    if (!log.settle(number, is_taken ? &DeliveryLog::published : &DeliveryLog::dropped) || !is_taken) return;
+    if (log.published == 1) first_stamp = stamp;
     last_stamp = stamp;
     body_bytes += size;
     published.emplace_back(now, stamp);
@@ -562,24 +562,24 @@ struct Arrivals {
     const auto percentile = [&](std::size_t percent) {
       return ages.empty() ? TopicReport::kNoAge : ages[(ages.size() * percent + 99) / 100 - 1];
     };
-    TopicReport told;
-    told.msg_type = type;
-    told.first_number = fates.first_number;
-    told.since_nanos = since;
-    told.numbers = fates.numbers;
-    told.published = fates.published;
-    told.dropped = fates.dropped;
-    told.incomplete = fates.incomplete;
-    told.late = fates.late;
-    told.pending = fates.pending();
-    told.duplicates = duplicates;
-    told.body_bytes = body_bytes;
-    told.first_seen_stamp_nanos = first_seen_stamp;
-    told.first_stamp_nanos = first_stamp;
-    told.last_stamp_nanos = last_stamp;
-    told.age_p50_nanos = percentile(50);
-    told.age_p99_nanos = percentile(99);
-    return told;
+    TopicReport report;
+    report.msg_type = type;
+    report.first_number = log.first_number;
+    report.since_nanos = since;
+    report.numbers = log.numbers;
+    report.published = log.published;
+    report.dropped = log.dropped;
+    report.incomplete = log.incomplete;
+    report.late = log.late;
+    report.pending = log.pending();
+    report.duplicates = duplicates;
+    report.body_bytes = body_bytes;
+    report.first_seen_stamp_nanos = first_seen_stamp;
+    report.first_stamp_nanos = first_stamp;
+    report.last_stamp_nanos = last_stamp;
+    report.age_p50_nanos = percentile(50);
+    report.age_p99_nanos = percentile(99);
+    return report;
   }
 };
 
@@ -592,7 +592,7 @@ struct Limits {
   std::size_t senders = 64;
   std::size_t topics = 1024;
   std::int64_t time_limit_nanos = 2 * kNanos;  ///< from a message's first part to its last
-  std::uint32_t receive_buffer = 212992;       ///< SO_RCVBUF read back, told by every Credit
+  std::uint32_t receive_buffer = 212992;       ///< SO_RCVBUF read back, sent in every Credit
 };
 
 struct Counters {
@@ -913,7 +913,7 @@ class Receiver {
     if (ahead <= 0 || is_stale) {
       if (is_stale || key.stamp_nanos <= topic.last_stamp) {
         ++counters.late;
-        topic.arrivals.fates.settle(key.seq_number, &detail::Fates::late);
+        topic.arrivals.log.settle(key.seq_number, &detail::DeliveryLog::late);
         return;
       }
       forget(topic, key.stamp_nanos);
@@ -982,7 +982,7 @@ class Receiver {
   void give_up(Open& open) {
     open.topic->finish(open.key);
     ++counters.incomplete;
-    open.topic->arrivals.fates.settle(open.key.seq_number, &detail::Fates::incomplete);
+    open.topic->arrivals.log.settle(open.key.seq_number, &detail::DeliveryLog::incomplete);
     release(open);
   }
 
@@ -1043,10 +1043,10 @@ class Receiver {
     if (h.parts_max != 1) return Refusal::parts_max;
     if (!size) return Refusal::body_size;
     Credit credited;
-    TopicReport told;
+    TopicReport report;
     switch (part[0]) {
       case 0: return Credit::parse(part, size, credited);
-      case 1: return TopicReport::parse(part, size, told);
+      case 1: return TopicReport::parse(part, size, report);
       case 2: return detail::check_link_report(part, size);
       case 3:
         if (size != 4) return Refusal::body_size;
@@ -1073,8 +1073,8 @@ class Receiver {
     peer.uncredited_bytes += datagram_size + 1024 + (datagram_size <= 16384 ? datagram_size : 0);
     if (!is_due && peer.uncredited_bytes <= limits_.receive_buffer / 8) return;
     peer.uncredited_bytes = 0;
-    const Credit told{h.msg_type, h.part_number, h.seq_number, limits_.receive_buffer};
-    send_control(control_header(peer, h.stamp_nanos(), h.topic), told.pack(), reply);
+    const Credit report{h.msg_type, h.part_number, h.seq_number, limits_.receive_buffer};
+    send_control(control_header(peer, h.stamp_nanos(), h.topic), report.pack(), reply);
   }
 
   static Header control_header(Peer& peer, std::int64_t stamp_nanos, const std::string& topic) {

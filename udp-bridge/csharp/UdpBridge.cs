@@ -3,7 +3,7 @@
 // UDP Bridge, version 1, for .NET and Unity: datagrams in, whole messages out, and the way back.
 //
 // The rules are those of ../PROTOCOL.md, sections 1 to 8; repair (types 65 and 66) and sealed
-// datagrams (type 68) are refused and counted, as PROTOCOL.md asks of who does not know them.
+// datagrams (type 68) are refused and counted, as PROTOCOL.md allows.
 // Bytes and time are arguments: nothing here opens a socket, reads a clock, starts a thread or
 // takes a lock, so that it serves Unity's main loop and a thread of its own alike. Bodies are CDR
 // and not decoded here. It validates no addresses (section 11): beyond the own host, give it
@@ -373,7 +373,7 @@ namespace UdpBridge
         }
     }
 
-    /// <summary>The body of type 7: who sends it wants the topic that the header names.</summary>
+    /// <summary>The body of type 7: a request of the topic that the header names.</summary>
     public struct Subscribe
     {
         /// <summary>Type of the wanted messages, one with a ROS type.</summary>
@@ -382,7 +382,7 @@ namespace UdpBridge
         /// <summary>False to be sent it no longer.</summary>
         public bool Wanted { get; set; }
 
-        /// <summary>Seconds that the wish holds unless it is repeated; 0: until unsubscribed.</summary>
+        /// <summary>Seconds until the request expires unless it is repeated; 0: until unsubscribed.</summary>
         public ushort LeaseSeconds { get; set; }
 
         /// <summary>Highest rate wanted in Hz; 0: all.</summary>
@@ -433,7 +433,7 @@ namespace UdpBridge
         internal const long NoAge = long.MinValue;
 
         private const int LinkReportSize = 40, ReasonSize = 9, MostReasons = 32, LongestName = 32;
-        private const int Numbers = 16, Fates = 24, FatesEnd = 64;  // places of uint64s
+        private const int Numbers = 16, Counts = 24, CountsEnd = 64;  // places of uint64s
 
         // Return null, or why a body is refused.
         internal static string Check(byte[] data, int at, int size)
@@ -457,16 +457,16 @@ namespace UdpBridge
             return Wire.IsInTable(data[at + 1]) ? null : "body_value";
         }
 
-        // The five fates are at most as many as the numbers; their sum could overflow.
+        // The five counts are at most as many as the numbers; their sum could overflow.
         private static string CheckReport(byte[] data, int at, int size)
         {
             if (size != ReportSize) return "body_size";
             ulong left = Wire.ReadU64(data, at + Numbers);
-            for (int place = Fates; place < FatesEnd; place += 8)
+            for (int place = Counts; place < CountsEnd; place += 8)
             {
-                ulong fate = Wire.ReadU64(data, at + place);
-                if (fate > left) return "body_value";
-                left -= fate;
+                ulong count = Wire.ReadU64(data, at + place);
+                if (count > left) return "body_value";
+                left -= count;
             }
             return CheckTyped(data, at, true);
         }
@@ -494,11 +494,11 @@ namespace UdpBridge
         }
     }
 
-    // What became of the messages of one topic in one life of its sender; each gets one fate,
+    // What became of the messages of one topic until its sender restarts; each gets one result,
     // among the newest 1024.
     internal sealed class Arrivals
     {
-        internal enum Fate
+        internal enum Result
         {
             Published,
             Incomplete,
@@ -531,22 +531,22 @@ namespace UdpBridge
 
         internal void Publish(uint number, long stampNanos, int size, long nowNanos)
         {
-            if (!Settle(number, Fate.Published)) return;
-            if (counts[(int)Fate.Published] == 1) firstStamp = stampNanos;
+            if (!Settle(number, Result.Published)) return;
+            if (counts[(int)Result.Published] == 1) firstStamp = stampNanos;
             lastStamp = stampNanos;
             bodyBytes += size;
             published.Enqueue(new KeyValuePair<long, long>(nowNanos, stampNanos));
             if (published.Count > AgesKept) published.Dequeue();
         }
 
-        // Give a message its fate; return false where it has one, or is too old.
-        internal bool Settle(uint number, Fate fate)
+        // Give a message its result; return false where it has one, or is too old.
+        internal bool Settle(uint number, Result result)
         {
             See(number);
             if (unchecked(highest - number) >= Remembered) return false;
             if (states[number % Remembered] == State.Settled) return false;
             states[number % Remembered] = State.Settled;
-            ++counts[(int)fate];
+            ++counts[(int)result];
             return true;
         }
 
@@ -571,8 +571,8 @@ namespace UdpBridge
             Wire.WriteU32(body, 4, firstNumber);
             var values = new[]
             {
-                since.Value, numbers, counts[(int)Fate.Published], 0, counts[(int)Fate.Incomplete],
-                counts[(int)Fate.Late], pending, 0, duplicates, bodyBytes, firstSeenStamp,
+                since.Value, numbers, counts[(int)Result.Published], 0, counts[(int)Result.Incomplete],
+                counts[(int)Result.Late], pending, 0, duplicates, bodyBytes, firstSeenStamp,
                 firstStamp, lastStamp, Percentile(ages, 50), Percentile(ages, 99),
             };
             for (int i = 0; i < values.Length; ++i)
@@ -639,7 +639,7 @@ namespace UdpBridge
         /// <summary>From a message's first part to its last.</summary>
         public long TimeLimitNanos { get; set; } = 2 * Wire.Nanos;
 
-        /// <summary>Bytes of the socket's receive buffer, told by every Credit. On Linux it is what
+        /// <summary>Bytes of the socket's receive buffer, sent in every Credit. On Linux it is what
         /// reading SO_RCVBUF back tells.</summary>
         public uint ReceiveBuffer { get; set; } = 212992;
     }
@@ -1083,7 +1083,7 @@ namespace UdpBridge
             {
                 topic.Suspect = d.Header.SeqNumber;
                 ++Counters.Late;
-                topic.Arrivals.Settle(d.Key.SeqNumber, Arrivals.Fate.Late);
+                topic.Arrivals.Settle(d.Key.SeqNumber, Arrivals.Result.Late);
                 return null;
             }
             else if (ahead > 0)
@@ -1093,7 +1093,7 @@ namespace UdpBridge
             else if (d.Header.StampNanos <= topic.LastHanded.StampNanos)
             {
                 ++Counters.Late;
-                topic.Arrivals.Settle(d.Key.SeqNumber, Arrivals.Fate.Late);
+                topic.Arrivals.Settle(d.Key.SeqNumber, Arrivals.Result.Late);
                 return null;
             }
             else
@@ -1159,7 +1159,7 @@ namespace UdpBridge
         {
             open.Topic.Finish(open.Key);
             ++Counters.Incomplete;
-            open.Topic.Arrivals.Settle(open.Key.SeqNumber, Arrivals.Fate.Incomplete);
+            open.Topic.Arrivals.Settle(open.Key.SeqNumber, Arrivals.Result.Incomplete);
             Release(open);
         }
 
@@ -1348,7 +1348,7 @@ namespace UdpBridge
         }
     }
 
-    // What a topic is told from others by, besides its sender.
+    // Identity of a topic, besides its sender.
     internal struct TopicName : IEquatable<TopicName>
     {
         public readonly MessageType Type;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What UDP Bridge sends as topics of ROS 1, and Twists back to who asks for them: a small node on
-// udp_bridge.hpp, to be taken as it is or as the beginning of another one.
+// A small ROS 1 node on udp_bridge.hpp: it publishes what UDP Bridge sends, and sends Twists to peers
+// that subscribe. Use it as it is, or as a start for a node of your own.
 //
-// One thread does all: it receives, publishes (roscpp queues, so no subscriber holds it up) and
-// lets roscpp call back. Types other than those in `kinds` are dropped and counted. Repair,
+// One thread receives, publishes and runs the callbacks of roscpp. roscpp queues messages, so no
+// subscriber blocks it. Types other than those in `publications` are dropped and counted. Repair,
 // sealed datagrams, lockstep and diagnostics are udp_bridge_ros1's.
 
 #include <arpa/inet.h>
@@ -33,7 +33,7 @@ constexpr std::size_t kMostInARow = 1000;
 constexpr std::uint32_t kQueue = 20;  // messages for each subscriber
 constexpr std::size_t kMostPublishers = 256;
 constexpr std::int64_t kSilentNanos = 10 * udp_bridge::kNanos;  // then a publisher gives way
-constexpr std::size_t kMostWishes = 64;
+constexpr std::size_t kMostLeases = 64;
 constexpr std::int64_t kLongestLease = 3600 * udp_bridge::kNanos;
 
 std::int64_t steady_nanos() {
@@ -91,20 +91,20 @@ class Bridge {
     }
     receiver_.expire(steady_nanos());
     ros::spinOnce();
-    for (auto wish = wishes_.begin(); wish != wishes_.end();) {
-      wish = wish->second.until_nanos < steady_nanos() ? wishes_.erase(wish) : std::next(wish);
+    for (auto lease = leases_.begin(); lease != leases_.end();) {
+      lease = lease->second.until_nanos < steady_nanos() ? leases_.erase(lease) : std::next(lease);
     }
   }
 
   /// Tell each gateway what became of its messages.
   void report() {
     receiver_.report(steady_nanos(), wall_nanos(),
-                     [&](udp_bridge::SenderId id, const std::uint8_t* told, std::size_t bytes) {
+                     [&](udp_bridge::SenderId id, const std::uint8_t* report, std::size_t bytes) {
                        sockaddr_in to{};
                        to.sin_family = AF_INET;
                        to.sin_addr.s_addr = static_cast<in_addr_t>(id >> 16);
                        to.sin_port = static_cast<in_port_t>(id);
-                       sendto(socket_, told, bytes, 0, reinterpret_cast<sockaddr*>(&to), sizeof to);
+                       sendto(socket_, report, bytes, 0, reinterpret_cast<sockaddr*>(&to), sizeof to);
                      });
   }
 
@@ -120,7 +120,7 @@ class Bridge {
   }
 
  private:
-  struct Wish {  // of a peer, to be sent a topic
+  struct Lease {  // of a peer, to be sent a topic
     ros::Subscriber subscriber;
     udp_bridge::Sender sender;  // numbers are counted for each peer
     std::int64_t until_nanos = 0;
@@ -129,7 +129,7 @@ class Bridge {
     ros::Publisher publisher;
     std::int64_t used_nanos = 0;
   };
-  struct Kind {
+  struct Publication {
     const char* default_topic;
     bool (Bridge::*publish)(const udp_bridge::Message&, const std::string&);
   };
@@ -145,23 +145,23 @@ class Bridge {
                       (!peer_->sin_port || from.sin_port == peer_->sin_port));
   }
 
-  /// Publish a message, or heed what it asks for; return false where neither can be done.
+  /// Publish a message, or serve its request; return false where neither is possible.
   bool take(const udp_bridge::Message& message, const sockaddr_in& from) {
-    static const std::map<std::uint8_t, Kind> kinds = {
+    static const std::map<std::uint8_t, Publication> publications = {
         {1, {"/points", &Bridge::publish<sensor_msgs::PointCloud2>}},
         {2, {"/imu", &Bridge::publish<sensor_msgs::Imu>}},
         {8, {"/clock", &Bridge::publish<rosgraph_msgs::Clock>}},
         {32, {"/scan", &Bridge::publish<sensor_msgs::LaserScan>}},
         {36, {"/odom", &Bridge::publish<nav_msgs::Odometry>}}};
     const udp_bridge::Header& header = message.header;
-    if (header.msg_type == udp_bridge::kSubscribe) return heed(message, from);
-    const auto found = kinds.find(header.msg_type);
+    if (header.msg_type == udp_bridge::kSubscribe) return subscribe(message, from);
+    const auto found = publications.find(header.msg_type);
     bool is_published = false;
-    if (found != kinds.end()) {
-      const Kind& kind = found->second;
+    if (found != publications.end()) {
+      const Publication& publication = found->second;
       try {
-        const std::string& topic = header.topic.empty() ? kind.default_topic : header.topic;
-        is_published = (this->*kind.publish)(message, topic);
+        const std::string& topic = header.topic.empty() ? publication.default_topic : header.topic;
+        is_published = (this->*publication.publish)(message, topic);
       } catch (const std::exception&) {  // a body that is not its type, or a name that ROS refuses
       }
     }
@@ -197,7 +197,7 @@ class Bridge {
   }
 
   /// Send Twists to a peer that subscribes, until its lease ends; return whether that is possible.
-  bool heed(const udp_bridge::Message& message, const sockaddr_in& to) {
+  bool subscribe(const udp_bridge::Message& message, const sockaddr_in& to) {
     udp_bridge::Subscribe asked;
     udp_bridge::Subscribe::parse(message.body.data(), message.body.size(), asked);
     if (asked.wanted_type != 9) {
@@ -207,23 +207,23 @@ class Bridge {
     const std::string topic = message.header.topic.empty() ? "/cmd_vel" : message.header.topic;
     const auto key = std::make_tuple(topic, to.sin_addr.s_addr, to.sin_port);
     if (!asked.wanted) {
-      wishes_.erase(key);
+      leases_.erase(key);
       return true;
     }
-    if (wishes_.size() >= kMostWishes && !wishes_.count(key)) {
+    if (leases_.size() >= kMostLeases && !leases_.count(key)) {
       ++dropped_;
       return false;
     }
-    const auto [wish, is_new] = wishes_.try_emplace(key);
-    Wish& wished = wish->second;
+    const auto [entry, is_new] = leases_.try_emplace(key);
+    Lease& held = entry->second;
     const std::int64_t lease = asked.lease_s * udp_bridge::kNanos;
-    wished.until_nanos = steady_nanos() + (lease ? std::min(lease, kLongestLease) : kLongestLease);
+    held.until_nanos = steady_nanos() + (lease ? std::min(lease, kLongestLease) : kLongestLease);
     if (!is_new) return true;
     const boost::function<void(const geometry_msgs::Twist::ConstPtr&)> send =
-        [this, &wished, topic, to](const geometry_msgs::Twist::ConstPtr& twist) {
+        [this, &held, topic, to](const geometry_msgs::Twist::ConstPtr& twist) {
           const std::vector<std::uint8_t> body = written(*twist);
           const auto stamp = static_cast<std::int64_t>(ros::Time::now().toNSec());
-          wished.sender.send(9, topic, "", stamp, body.data(), body.size(), udp_bridge::kMtu,
+          held.sender.send(9, topic, "", stamp, body.data(), body.size(), udp_bridge::kMtu,
                              [&](const std::uint8_t* head, std::size_t head_size,
                                  const std::uint8_t* part, std::size_t part_size) {
                                std::vector<std::uint8_t> datagram(head, head + head_size);
@@ -233,9 +233,9 @@ class Bridge {
                              });
         };
     try {
-      wished.subscriber = node_.subscribe<geometry_msgs::Twist>(topic, kQueue, send);
+      held.subscriber = node_.subscribe<geometry_msgs::Twist>(topic, kQueue, send);
     } catch (const ros::Exception&) {  // a name that ROS refuses, or a topic of another type
-      wishes_.erase(wish);
+      leases_.erase(entry);
       ++dropped_;
       return false;
     }
@@ -248,7 +248,7 @@ class Bridge {
   udp_bridge::Receiver receiver_;
   std::array<std::uint8_t, 65536> buffer_{};
   std::map<std::pair<std::uint8_t, std::string>, Publisher> publishers_;
-  std::map<std::tuple<std::string, in_addr_t, in_port_t>, Wish> wishes_;
+  std::map<std::tuple<std::string, in_addr_t, in_port_t>, Lease> leases_;
   std::uint64_t published_ = 0, dropped_ = 0, strangers_ = 0;
   std::int64_t due_nanos_ = 0;  // of the next report
 };
