@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two links in a network of their own, whose kernel drops one datagram in twenty.
+"""Two links in a network namespace whose kernel drops one datagram in twenty.
 
-`unshare -n python -m tests.bridge.kernel_loss` prints, as JSON, what arrived by each kind of repair
-and how many datagrams the kernel dropped. Rule: it changes the network that it is started in, so
-it refuses one that has any other interface than `lo`. That network goes when the process ends.
+`unshare -n python -m tests.bridge.kernel_loss` prints, as JSON, what arrived with each repair mode
+and how many datagrams the kernel dropped. It adds rules to its network namespace, so it refuses one
+that has any other interface than `lo`. The namespace is removed when the process ends.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PARTS = 16
 MESSAGES = 200
 PERIOD_S = 0.01
 LAST_S = 1.0
-"""Wait for what is being repaired; its limit is half of that."""
+"""Wait for repairs; their limit is half of this."""
 MODES: dict[str, object] = {"none": "none", "fec": {"fec": 0.25}, "resend": {"resend": 0.5}}
 _SIOCSIFFLAGS, _UP_AND_RUNNING = 0x8914, 0x41
 
@@ -36,7 +36,10 @@ _SIOCSIFFLAGS, _UP_AND_RUNNING = 0x8914, 0x41
 def main() -> int:
     """Measure and print."""
     if [name for _, name in socket.if_nameindex()] != ["lo"]:
-        print("this is no network of its own: start it by `unshare -n`", file=sys.stderr)
+        print(
+            "not in a network namespace of its own. Fix: start it with `unshare -n`",
+            file=sys.stderr,
+        )
         return 2
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         flags = struct.pack("16sh22x", b"lo", _UP_AND_RUNNING)
@@ -49,7 +52,7 @@ def main() -> int:
 
 
 def _run(mode: object) -> dict[str, int]:
-    """Return how many messages left, arrived, and arrived with other bytes."""
+    """Return how many messages were sent, arrived, and arrived with different bytes."""
     sent: dict[int, bytes] = {}
     arrived: list[tuple[int, bytes]] = []
     lock = threading.Lock()

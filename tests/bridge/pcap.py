@@ -16,13 +16,13 @@ _RECORD = struct.Struct("<IIII")
 _IP = struct.Struct("!BBHHHBBH4s4s")
 _UDP = struct.Struct("!HHHH")
 _MAGIC = 0xA1B23C4D
-"""Says that times are in nanoseconds."""
+"""Magic number of a file with times in nanoseconds."""
 _RAW_IP = 101
 _UDP_NUMBER = 17
 
 
 class Packet(NamedTuple):
-    """A datagram on its way."""
+    """A datagram with its addresses."""
 
     source: Address
     to: Address

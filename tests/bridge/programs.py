@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that not every machine has; `.ci/run` installs them."""
+"""Optional programs; `.ci/run` installs them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ import pytest
 
 
 def need(program: str) -> None:
-    """Skip the test where a program is not installed."""
+    """Skip the test if a program is not installed."""
     if shutil.which(program) is None:
         pytest.skip(f"{program} is not installed: apt-get install {program}; .ci/run does")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that attack the ROS side of a bridge over real sockets, and what they get.
+"""Attacks on the ROS side of a bridge over real sockets, and the answers they draw.
 
 All traffic is on loopback. Where the attacker is on another host, `is_local` is replaced, so that
 a loopback address counts as any other one.
@@ -105,7 +105,7 @@ def attackers(end: BridgeNode, count: int = 1) -> Iterator[list[Attacker]]:
 
 @pytest.fixture
 def other_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let loopback addresses be those of other hosts."""
+    """Treat loopback addresses like those of other hosts."""
     for module in (address_validation, address_guard):
         monkeypatch.setattr(module, "is_local", lambda _: False)
 

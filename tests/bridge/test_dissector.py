@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Wireshark dissector says of a datagram what the library says."""
+"""The Wireshark dissector decodes and refuses datagrams as the library does."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def decoded(
 
 
 def reason(datagram: bytes) -> str | None:
-    """Return why the library refuses a datagram that comes alone."""
+    """Return why the library refuses a single datagram."""
     try:
         header, offset = parse(datagram)
         if header.parts_max > 1 and len(datagram) == offset:
@@ -126,6 +126,8 @@ def test_every_type_has_its_name_and_default_topic(tmp_path: Path) -> None:
         assert "refused" not in fields
 
 
+CREDIT = Credit(33, 200, 2**32 - 1, 8 << 20)
+REPORT = TopicReport(1, 2**32 - 2, 3, 2**63, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, -16, -(2**63))
 BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
     (
         SUBSCRIBE,
@@ -133,43 +135,11 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
         "subscribe",
         {"wanted_type": 1, "action": 1, "lease": 10, "max_rate": 2.5},
     ),
-    (
-        CONTROL,
-        Credit(33, 200, 2**32 - 1, 8 << 20).pack(),
-        "credit",
-        {
-            "msg_type": 33,
-            "part_number": 200,
-            "seq_number": 2**32 - 1,
-            "receive_buffer": 8 << 20,
-        },
-    ),
+    (CONTROL, CREDIT.pack(), "credit", CREDIT._asdict()),
     (CONTROL, CreditRequest().pack(), "credit_request", {}),
     (
-        CONTROL,
-        TopicReport(
-            1, 2**32 - 2, 3, 2**63, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, -16, -(2**63)
-        ).pack(),
-        "topic_report",
-        {
-            "msg_type": 1,
-            "first_number": 2**32 - 2,
-            "since": 3,
-            "numbers": 2**63,
-            "published": 5,
-            "dropped": 6,
-            "incomplete": 7,
-            "late": 8,
-            "pending": 9,
-            "repaired": 10,
-            "duplicates": 11,
-            "body_bytes": 12,
-            "first_seen_stamp": 13,
-            "first_stamp": 14,
-            "last_stamp": 15,
-            "age_p50": -16,
-            "age_p99": -(2**63),
-        },
+        *(CONTROL, REPORT.pack(), "topic_report"),
+        {name.replace("_nanos", ""): value for name, value in REPORT._asdict().items()},
     ),
     (
         CONTROL,
@@ -353,7 +323,7 @@ def test_names_are_utf8_where_they_are_for_the_library(tmp_path: Path) -> None:
 
 
 class RecordingSocket(SocketWrapper):
-    """A socket that keeps what is sent."""
+    """A socket that records what is sent."""
 
     def __init__(self, packets: list[Packet]) -> None:
         super().__init__(UdpSocket(("127.0.0.1", 0), receive_buffer=1 << 20, wait_s=0.1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Garbage between the datagrams of a real link, from the sender's own address."""
+"""Garbage between the datagrams of a real link, from the sender's address."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from udp_bridge.wire.header import Buffer
 from udp_bridge.wire.message import Address
 
 MESSAGES = 60
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
-class Garbling(SocketWrapper):
-    """Sends a broken copy of some kind after each datagram, and now and then random bytes."""
+class GarbageSender(SocketWrapper):
+    """Sends a broken copy or random bytes after each datagram."""
 
     def __init__(self) -> None:
         super().__init__(UdpSocket(("127.0.0.1", 0), receive_buffer=1 << 20, wait_s=0.1))
@@ -29,7 +29,7 @@ class Garbling(SocketWrapper):
         broken = bytearray(b"".join(bytes(part) for part in buffers))
         kind = self._rng.randrange(4)
         if kind == 0:
-            # Another type or sizes: no field by which it could pass as another part of this one.
+            # Another type or size: with these fields it cannot pass as a part of this message.
             broken[self._rng.choice([0, 1, 16, 17])] = self._rng.randrange(256)
         elif kind == 1:
             del broken[self._rng.randrange(len(broken)) :]
@@ -52,13 +52,13 @@ def test_garbage_changes_no_body_and_ends_nothing() -> None:
     sent = {stamp: rng.randbytes(rng.choice([10, 30_000, 300_000])) for stamp in range(MESSAGES)}
     with (
         Link(("127.0.0.1", 0), on_message=on_message) as receiver,
-        Link(("", 0), receiver.address, datagram="mtu", socket=Garbling()) as sender,
+        Link(("", 0), receiver.address, datagram="mtu", socket=GarbageSender()) as sender,
     ):
         for stamp, body in sent.items():
             sender.send(1, "/points", "lidar", stamp, body)
-            deadline = time.monotonic() + PATIENCE_S
+            deadline = time.monotonic() + TIMEOUT_S
             while stamp not in received:
-                assert time.monotonic() < deadline, f"message {stamp} never came"
+                assert time.monotonic() < deadline, f"message {stamp} did not arrive"
                 time.sleep(0.001)
         counters = receiver.counters()
     assert received == sent

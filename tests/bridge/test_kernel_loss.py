@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kernel drops datagrams instead of our emulation, and repair brings them back."""
+"""Repair of datagrams that the kernel drops, instead of the link emulation."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from .programs import need
 ROOT = Path(__file__).parents[2]
 SIGMAS = 6.0
 """The kernel's random numbers have no seed."""
-NETWORKS_OF_ITS_OWN = (["unshare", "--net"], ["unshare", "--net", "--map-root-user"])
-"""As root, and for everybody where the system lets them be root of a network of their own."""
+NAMESPACES = (["unshare", "--net"], ["unshare", "--net", "--map-root-user"])
+"""As root, and as an unprivileged user where the system allows user namespaces."""
 LOSSY = "iptables -A INPUT -m statistic --mode random --probability 0.5".split()
 
 
@@ -53,13 +53,13 @@ def test_repair_of_what_the_kernel_drops() -> None:
 
 
 def _allowed() -> list[str]:
-    """Return a way into a network whose kernel may drop; without any, the test is not run."""
-    said = []
-    for way in NETWORKS_OF_ITS_OWN:
+    """Return the command that enters a namespace with packet loss; skip the test without one."""
+    errors = []
+    for command in NAMESPACES:
         probe = subprocess.run(
-            [*way, *LOSSY], capture_output=True, text=True, timeout=20, check=False
+            [*command, *LOSSY], capture_output=True, text=True, timeout=20, check=False
         )
         if not probe.returncode:
-            return way
-        said.append(probe.stderr.strip())
-    pytest.skip(f"no network of its own with a lossy kernel here: {'; '.join(said)}")
+            return command
+        errors.append(probe.stderr.strip())
+    pytest.skip(f"no network namespace with packet loss: {'; '.join(errors)}")

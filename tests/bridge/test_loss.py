@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What arrives over lossy links, in seeded runs of virtual time: the gateway's main tests.
+"""Deliveries over lossy links, in seeded runs of virtual time.
 
-Where a share is compared with theory, it may be off by four standard deviations of its
-distribution; with the matrix as large as it is, an honest one would fail about once in
-100 seeds, and the seed is fixed. `python -m benchmarks.loss` runs the same with more messages.
+A share may differ from theory by four standard deviations: over the whole matrix, a correct
+implementation fails for about one seed in 100, and the seed is fixed. `python -m benchmarks.loss`
+runs the same with more messages.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from udp_bridge.wire.fragments import DatagramSize
 
 SEED = 1
 MESSAGES = {1: 200, 4: 60, 8: 60, 16: 60, 64: 25}
-"""By the parts of each message."""
+"""Number of messages by their parts."""
 
 
 def need_code(mode: str) -> None:
@@ -112,7 +112,7 @@ def test_everything_at_once_changes_no_byte(mode: str) -> None:
     assert outcome.delivered > 200
     counts = link.there.counts
     happened = ("lost", "duplicated", "reordered", "corrupted", "delayed")
-    assert all(counts[fate] for fate in happened), counts
+    assert all(counts[name] for name in happened), counts
 
 
 @pytest.mark.parametrize(

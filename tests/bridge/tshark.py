@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What tshark says of a capture, by the project's own dissector."""
+"""tshark with the project's dissector: returns the fields of a capture."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .programs import need
 DISSECTOR = Path(__file__).parents[2] / "udp-bridge" / "wireshark" / "udp_bridge.lua"
 
 Decoded = dict[str, Any]
-"""Fields of one datagram by name, without `udpbridge.`; empty when it was not taken as ours."""
+"""Fields of one datagram by name, without `udpbridge.`; empty if it was not recognized."""
 
 
 def decode(capture: Path, *options: str) -> list[Decoded]:
-    """Return what the dissector makes of each packet of a capture, in order."""
+    """Return the decoded fields of each packet of a capture, in order."""
     packets = json.loads(_tshark(capture, "-T", "json", *options))
     return [_fields(packet["_source"]["layers"]) for packet in packets]
 
 
 def columns(capture: Path, fields: list[str]) -> list[list[str]]:
-    """Return the values of fields of each packet; a field that is there twice has both."""
+    """Return the values of fields of each packet; a repeated field has all of its values."""
     wanted = [word for field in fields for word in ("-e", field)]
     return [row.split("\t") for row in _tshark(capture, "-T", "fields", *wanted).splitlines()]
 
@@ -38,7 +38,7 @@ def _tshark(capture: Path, *options: str) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "error" not in done.stderr.lower(), done.stderr  # a broken script is only told of here
+    assert "error" not in done.stderr.lower(), done.stderr  # the only sign of a broken script
     return done.stdout
 
 

@@ -62,7 +62,7 @@ class Assembly:
         "since_nanos",
     )
 
-    def __init__(self, header: Header, since_nanos: int, pool: Optional[BlockPool] = None) -> None:
+    def __init__(self, header: Header, since_nanos: int, pool: BlockPool) -> None:
         self.header = header
         self.since_nanos = since_nanos
         """When the first part arrived."""
@@ -71,7 +71,7 @@ class Assembly:
         """One byte per part: 1 if it has arrived, else 0."""
         self.block: Optional[bytearray] = None
         """Where the parts lie, once their size is known."""
-        self._pool = pool if pool is not None else BlockPool()
+        self._pool = pool
         self._view = memoryview(b"")  # of the block, which stays in use as long as this exists
         self._size = 0  # of the whole body; known once the last part has arrived
         self._part_size: Optional[int] = None

@@ -59,9 +59,6 @@ class PeerTable:
         self._limit = limit
         self._peers: OrderedDict[Address, Peer] = OrderedDict()
 
-    def __len__(self) -> int:
-        return len(self._peers)
-
     def __iter__(self) -> Iterator[Tuple[Address, Peer]]:
         return iter(self._peers.items())
 
