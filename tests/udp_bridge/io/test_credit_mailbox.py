@@ -135,7 +135,7 @@ def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
         peer.sendto(credit(0, newest), receiver.address)
         found = taken(receiver)
         assert strays(found) == []
-        runs_over += [run.is_send_order_done for run in found]
+        runs_over += [run.is_delegation_done for run in found]
         came = parts_at(peer)
         assert came == [(n, BODY[n * 65280 : (n + 1) * 65280]) for n, _ in came]
         assert [n for n, _ in came] == list(range(upcoming, min(upcoming + 2, parts)))

@@ -137,7 +137,7 @@ class Link:
             on_credit=self._on_credit,
             on_report=self._on_report,
             on_request=self._on_request,
-            on_send_order_done=self._on_delegated_end,
+            on_delegation_done=self._on_delegated_end,
             on_challenge=self._on_challenge,
             limits=limits,
         )

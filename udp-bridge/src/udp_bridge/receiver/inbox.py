@@ -34,7 +34,7 @@ Received = Tuple[Optional[Message], Optional[Answer]]
 OnCredit = Callable[[Address, DatagramKey, int], None]
 OnRequest = Callable[[Address, Header, Request], None]
 OnReport = Callable[[Address, str, TopicReport, int], None]
-OnSendOrderDone = Callable[[], None]
+OnDelegationDone = Callable[[], None]
 OnChallenge = Callable[[Address, AddressChallenge], None]
 
 
@@ -48,7 +48,7 @@ class Inbox:
         on_credit: OnCredit,
         on_report: OnReport = lambda *_: None,
         on_request: OnRequest = lambda *_: None,
-        on_send_order_done: OnSendOrderDone = lambda: None,
+        on_delegation_done: OnDelegationDone = lambda: None,
         on_challenge: OnChallenge = lambda *_: None,
         limits: Optional[Limits] = None,
     ) -> None:
@@ -66,7 +66,7 @@ class Inbox:
         self._on_credit = on_credit
         self._on_report = on_report
         self._on_request = on_request
-        self._on_send_order_done = on_send_order_done
+        self._on_delegation_done = on_delegation_done
         self._on_challenge = on_challenge
         self._reports = DeliveryReports(self.reassembler)
         self.update_logs = self._reports.update_logs
@@ -142,8 +142,8 @@ class Inbox:
         received = []
         if batch.mailbox_credits:
             self._count_mailbox_credits(batch, now_nanos)
-        if batch.is_send_order_done:
-            self._on_send_order_done()
+        if batch.is_delegation_done:
+            self._on_delegation_done()
         if batch.part_ranges:
             received.append((*self._receive_parts(slots, batch, now_nanos), slots.sender))
         if batch.refused:
@@ -254,7 +254,7 @@ class Inbox:
         garbage collector.
         """
         self._on_credit = self._on_report = self._on_request = _ignore
-        self._on_send_order_done = self._on_challenge = _ignore
+        self._on_delegation_done = self._on_challenge = _ignore
         self.reassembler.close()
         self.reset_prediction()
 

@@ -112,8 +112,8 @@ class PartBatch(NamedTuple):
     mailbox_credits: int = 0
     """Credits that were put into the sender's mailbox; see `credit_mailbox`."""
     mailbox_bytes: int = 0
-    is_send_order_done: bool = False
-    """Whether the socket finished or gave up the message that it was left to send."""
+    is_delegation_done: bool = False
+    """Whether the socket finished or gave up the message that was delegated to it."""
     nack_bitmap: bytes = b""
     """Parts that the socket requested; empty when it sent no request."""
     nack_nanos: int = 0
