@@ -110,7 +110,7 @@ def other_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "is_local", lambda _: False)
 
 
-def test_a_stranger_draws_nothing_where_a_peer_is_named(ros: Ros) -> None:
+def test_an_unknown_sender_draws_nothing_if_a_peer_is_named(ros: Ros) -> None:
     with Link(ANYWHERE) as peer, ended(ros, peer=f"127.0.0.1:{peer.address[1]}") as end:
         with attackers(end) as (one,):
             one.send(datagram(TEXT, "/text", BODY))
@@ -275,7 +275,7 @@ def test_bogus_subscriptions_give_their_places_back(
         assert len(end._subscriptions.topics) == inlet.MAX_SUBSCRIPTIONS
 
 
-def test_barriers_of_strangers_do_not_shut_a_gateway_out(
+def test_barriers_of_unknown_senders_do_not_lock_a_gateway_out(
     ros: Ros, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(lockstep, "SILENT_S", 0.3)

@@ -250,7 +250,7 @@ def test_bodies_that_are_not_plain_cdr(
     assert expected.items() <= fields.items()
 
 
-def test_what_a_barrier_tells_of_is_shown(tmp_path: Path) -> None:
+def test_the_ranges_of_a_barrier_are_shown(tmp_path: Path) -> None:
     header = Header(CONTROL, 0, 0, 1, 1000, 0)
     (barrier,) = (body for _, body, name, _ in BODIES if name == "barrier")
     (fields,) = decoded(tmp_path, [header.pack() + barrier])

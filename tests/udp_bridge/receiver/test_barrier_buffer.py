@@ -24,22 +24,24 @@ def message(msg_type: int, topic: str, number: int, stamp: int = 0) -> Message:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 20), st.randoms(use_true_random=False))
-def test_any_order_and_any_copies_give_the_same(first: int, count: int, rng: random.Random) -> None:
+def test_reordering_and_duplicates_change_nothing(
+    first: int, count: int, rng: random.Random
+) -> None:
     sent = [message(ODOM, "/odom", (first + index) % 2**32) for index in range(count)]
-    come = sent + rng.sample(sent, rng.randrange(count))
-    rng.shuffle(come)
+    arrivals = sent + rng.sample(sent, rng.randrange(count))
+    rng.shuffle(arrivals)
     dropped: list[Message] = []
     buffer = BarrierBuffer(dropped.append)
-    for one in come:
+    for one in arrivals:
         buffer.put(one)
     ranges = (SentMessages(ODOM, "/odom", first, count),)
     assert buffer.missing(ranges) == 0
     assert buffer.take(ranges) == sent
-    assert len(dropped) == len(come) - count
+    assert len(dropped) == len(arrivals) - count
     assert buffer.take_all() == []
 
 
-def test_what_is_told_later_is_held_and_what_nobody_tells_of_any_more_goes() -> None:
+def test_later_messages_are_held_and_earlier_ones_are_dropped() -> None:
     dropped: list[Message] = []
     buffer = BarrierBuffer(dropped.append)
     for number in (3, 4, 5, 7):
@@ -56,17 +58,17 @@ def test_what_is_told_later_is_held_and_what_nobody_tells_of_any_more_goes() -> 
 
 
 class _Counted(dict[int, Message]):
-    """A topic's messages; counts how often they are looked at."""
+    """A topic's messages; counts reads."""
 
-    looks = 0
+    reads = 0
 
     def __contains__(self, number: object) -> bool:
-        type(self).looks += 1
+        type(self).reads += 1
         return super().__contains__(number)
 
     def __iter__(self) -> Iterator[int]:
         for number in super().__iter__():
-            type(self).looks += 1
+            type(self).reads += 1
             yield number
 
 
@@ -77,13 +79,13 @@ def test_ranges_are_counted_without_counting_to_their_end() -> None:
         buffer._held[sent.msg_type, sent.topic] = _Counted()
         for number in (2**32 - 1, 0, 0xFFFE, 2**31):
             buffer.put(message(IMU, sent.topic, number))
-    _Counted.looks = 0
+    _Counted.reads = 0
     missing = 255 * (0xFFFF - 2)
     assert buffer.missing(ranges) == missing
     for number in range(1, 100):
         buffer.put(message(IMU, "/7", number))
         assert buffer.missing(ranges) == missing - number
-    assert _Counted.looks < 2000
+    assert _Counted.reads < 2000
     assert [one.seq_number for one in buffer.take(ranges[:1])] == [2**32 - 1, 0]
     assert buffer.missing(ranges) == missing - 99 + 2
 
@@ -109,7 +111,7 @@ def test_it_holds_no_more_than_its_bound() -> None:
     assert [one.seq_number for one in dropped] == [HELD_MESSAGES]
 
 
-def test_the_order_of_publishing_is_that_of_stamps_and_clock_comes_last() -> None:
+def test_messages_are_published_by_stamp_and_clock_last() -> None:
     wanted = [
         message(IMU, "/imu", 9, 1),
         message(CLOCK, "/clock", 0, 1),
@@ -122,7 +124,7 @@ def test_the_order_of_publishing_is_that_of_stamps_and_clock_comes_last() -> Non
     assert in_order(reversed(wanted)) == wanted
 
 
-def test_a_tally_tells_what_left_since_the_last_time() -> None:
+def test_announced_counts_return_what_was_sent_since() -> None:
     announced = AnnouncedCounts()
     assert announced.unannounced({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (
         SentMessages(ODOM, "/odom", 0, 2),

@@ -162,7 +162,7 @@ def test_counts_bytes_stamps_and_ages() -> None:
     assert log.report(2, 4, WALL + 9).since_nanos == WALL
 
 
-def test_an_age_is_taken_at_publication_and_told_for_10_s() -> None:
+def test_an_age_is_taken_at_publication_and_reported_for_10_s() -> None:
     log = DeliveryLog()
     message = deliver(log, imu(0, WALL))
     waiting = log.report(2, 0, WALL + 50)
@@ -179,7 +179,7 @@ def test_clocks_of_two_machines_may_disagree() -> None:
     assert log.report(2, 0, WALL).age_p50_nanos == -10
 
 
-def test_each_message_counts_once_whatever_its_user_says() -> None:
+def test_each_message_counts_once_however_often_it_is_marked() -> None:
     log = DeliveryLog()
     message = deliver(log, imu(0, 1))
     log.mark_dropped(key_of(message))

@@ -112,7 +112,7 @@ def test_the_end_of_an_incomplete_message_is_acknowledged() -> None:
     assert answer is not None
 
 
-def test_a_credit_that_comes_in_is_taken_and_not_handed_over() -> None:
+def test_a_received_credit_is_not_delivered() -> None:
     bench = Bench()
     body = Credit(1, 26, 41, 8 << 20).pack()
     message = Message(64, "/points", "", 123, 0, body)
@@ -120,7 +120,7 @@ def test_a_credit_that_comes_in_is_taken_and_not_handed_over() -> None:
     assert bench.credits_taken == [(SENDER, DatagramKey(1, "/points", 41, 26), 8 << 20)]
 
 
-def test_reports_that_come_in_are_handed_over() -> None:
+def test_received_reports_are_delivered() -> None:
     bench = Bench()
     body = LinkReport(1, 2, 3, 4, 5).pack()
     ((head, part),) = fragments(Message(64, "", "", 123, 0, body))
@@ -149,7 +149,7 @@ def reported(bench: Bench, now: int) -> dict[tuple[str, int], list[tuple[str, st
     return rows
 
 
-def test_each_sender_is_told_what_came_from_it() -> None:
+def test_each_sender_gets_reports_of_what_it_sent() -> None:
     bench = Bench()
     bench.receive(cloud(5000, 4))
     bench.receive(cloud(5000, 6)._replace(stamp_nanos=223))
@@ -192,7 +192,7 @@ def test_what_was_published_is_reported() -> None:
     assert report.age_p50_nanos == WALL - 7
 
 
-def test_who_was_not_heard_for_5_s_is_told_nothing() -> None:
+def test_a_sender_that_was_silent_for_5_s_gets_no_reports() -> None:
     bench = Bench()
     bench.receive(cloud(10), now=0)
     bench.receive(cloud(10), now=3 * SECOND, sender=OTHER)

@@ -57,7 +57,7 @@ def bench() -> Bench:
     return bench
 
 
-def test_gaps_within_a_round_trip_of_a_request_are_asked_for_together(bench: Bench) -> None:
+def test_gaps_within_a_round_trip_are_requested_together(bench: Bench) -> None:
     bench.receive(0, 0, 2, seq=100)
     assert bench.due(MS) == [(100, (1,))]
     bench.receive(5 * MS, 1, seq=100)  # so the round trip takes 4 ms
@@ -74,7 +74,7 @@ def test_gaps_within_a_round_trip_of_a_request_are_asked_for_together(bench: Ben
     assert (102, (3, 5, 6, 7)) in bench.due(17 * MS)
 
 
-def test_a_gap_is_asked_for_when_it_is_a_millisecond_old(bench: Bench) -> None:
+def test_a_gap_is_requested_after_a_millisecond(bench: Bench) -> None:
     bench.receive(0, 0, 1, 4, seq=100)
     assert bench.due(MS - 1) == []
     bench.receive(MS, 7, seq=100)
@@ -82,7 +82,7 @@ def test_a_gap_is_asked_for_when_it_is_a_millisecond_old(bench: Bench) -> None:
     assert bench.due(2 * MS) == [(100, (5, 6))]
 
 
-def test_what_comes_after_all_is_not_asked_for(bench: Bench) -> None:
+def test_a_reordered_part_is_not_requested(bench: Bench) -> None:
     bench.receive(0, 0, 2, 1, seq=100)
     assert bench.due(SECOND // 4) == []
 
@@ -100,14 +100,14 @@ def test_a_newer_message_shows_the_lost_end_too(bench: Bench) -> None:
     assert bench.due(MS) == [(100, (5, 6, 7))]
 
 
-def test_lost_messages_are_asked_for_together(bench: Bench) -> None:
+def test_lost_messages_are_requested_together(bench: Bench) -> None:
     bench.receive(0, *range(PARTS), seq=103)
     assert bench.due(MS) == [(100, (-3,))]
     bench.offer(MS, 104)
     assert bench.due(MS) == [(104, (-1,))]
 
 
-def test_a_whole_message_on_its_way_is_not_asked_for_part_by_part(bench: Bench) -> None:
+def test_a_whole_message_on_its_way_is_not_requested_part_by_part(bench: Bench) -> None:
     bench.receive(0, *range(PARTS), seq=101)
     assert bench.due(MS) == [(100, (-1,))]
     bench.receive(20 * MS, 0, 1, 2, seq=100)
@@ -148,7 +148,7 @@ def test_waiting_follows_the_round_trip(bench: Bench) -> None:
     assert bench.due(10 * MS + 12 * MS) == [(101, (7,))]  # 4 ms and four times half of it
 
 
-def test_on_a_short_path_a_gap_is_asked_for_sooner(bench: Bench) -> None:
+def test_on_a_short_path_a_gap_is_requested_sooner(bench: Bench) -> None:
     bench.receive(0, *range(7), seq=100)
     bench.offer(0, 100)
     assert bench.due(0) == [(100, (7,))]
@@ -166,7 +166,7 @@ def measured(bench: Bench, nanos: int) -> None:
     bench.receive(nanos, 7, seq=100)
 
 
-def test_what_was_lost_again_is_seen_by_what_came_behind_it(bench: Bench) -> None:
+def test_parts_lost_again_are_detected_by_later_ones(bench: Bench) -> None:
     measured(bench, 4 * MS)
     bench.receive(10 * MS, 0, 7, seq=101)
     bench.offer(10 * MS, 101)
@@ -177,7 +177,7 @@ def test_what_was_lost_again_is_seen_by_what_came_behind_it(bench: Bench) -> Non
     assert bench.due(16 * MS) == []  # 5 and 6 are on their way
 
 
-def test_an_offer_behind_what_was_sent_again_shows_its_lost_end(bench: Bench) -> None:
+def test_an_offer_after_resent_parts_shows_their_lost_end(bench: Bench) -> None:
     measured(bench, 4 * MS)
     bench.receive(10 * MS, 0, 7, seq=101)
     bench.offer(10 * MS, 101)
@@ -212,7 +212,7 @@ def test_consecutive_parts_are_taken_together(bench: Bench) -> None:
     assert bench.due(500 * MS) == [(100, (0, 1, 7))]
 
 
-def test_a_stale_message_is_not_asked_for_any_more(bench: Bench) -> None:
+def test_a_stale_message_is_not_requested(bench: Bench) -> None:
     bench.receive(0, 0, seq=100)
     bench.offer(500 * MS, 100)
     assert bench.tracker.is_missing(part(1, 100), 500 * MS)
@@ -231,7 +231,7 @@ def test_memory_of_a_tracker_is_bounded(bench: Bench) -> None:
     assert bench.due(400 * SECOND) == []
 
 
-def test_a_part_is_asked_for_so_often_and_no_more(bench: Bench) -> None:
+def test_a_part_is_requested_at_most_16_times(bench: Bench) -> None:
     bench.receive(0, *range(7), seq=100)
     offer = OFFER._replace(limit_ms=100_000)
     bench.tracker.on_offer(part(0, 100), offer, is_finished=False, now_nanos=0)
@@ -239,7 +239,7 @@ def test_a_part_is_asked_for_so_often_and_no_more(bench: Bench) -> None:
     assert asked == MAX_TRIES
 
 
-def test_a_restarted_sender_is_asked_for_nothing_old(bench: Bench) -> None:
+def test_nothing_old_is_requested_of_a_restarted_sender(bench: Bench) -> None:
     bench.receive(0, 0, seq=100)
     bench.tracker.reset()
     bench.receive(MS, *range(PARTS), seq=0)
@@ -289,7 +289,7 @@ def test_9990_of_10000_arrive_in_time_over_20_ms(kind: str) -> None:
     assert sim.queue.resender.resent < 1.2 * lost
 
 
-def test_without_loss_nothing_is_asked_for() -> None:
+def test_without_loss_nothing_is_requested() -> None:
     sim = simulation(Resend(500 * MS), no_loss, no_loss)
     sent = clouds(sim, 50)
     assert [message for _, message in sim.delivered] == [

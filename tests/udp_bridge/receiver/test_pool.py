@@ -31,7 +31,7 @@ def test_the_block_that_was_used_last_is_used_next() -> None:
     assert pool.lease(100_000) is blocks[1]
 
 
-def test_what_is_in_a_block_stays_when_it_is_asked_for() -> None:
+def test_the_check_for_views_changes_no_byte() -> None:
     block = bytearray(b"abc")
     assert is_free(block)
     assert block == b"abc"
@@ -51,7 +51,7 @@ def test_what_is_kept_is_bounded() -> None:
     assert pool.kept_bytes <= KEPT_BYTES
 
 
-def test_an_offered_block_is_given_away_once_and_only_if_it_fits() -> None:
+def test_an_offered_block_is_taken_once_and_only_if_it_fits() -> None:
     pool = BlockPool()
     block = pool.offer(200_000)
     assert pool.offer(200_000) is block

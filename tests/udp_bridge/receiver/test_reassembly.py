@@ -19,7 +19,7 @@ IMU = Header(2, 10, 0, 1, 1000, 0, "/imu", "imu")
 
 
 class Receiver:
-    """A reassembler that is told of parts and looks at bodies, with one sender by default."""
+    """A reassembler that is told of parts and reads at bodies, with one sender by default."""
 
     def __init__(self, **limits: object) -> None:
         self.reassembler = Reassembler(Limits(**limits))  # type: ignore[arg-type]
@@ -120,7 +120,7 @@ def test_a_last_part_that_is_larger_is_refused() -> None:
     assert len(receiver.parts(POINTS, (1, 2, 3))) == 1
 
 
-def test_a_last_part_that_came_first_and_is_larger_is_refused_later() -> None:
+def test_an_early_last_part_that_is_too_large_is_refused_later() -> None:
     receiver = Receiver()
     receiver.part(POINTS, 3, PART + 1)
     assert receiver.counts == {}
@@ -262,17 +262,17 @@ def test_numbers_jump_from_3000_ahead_and_beyond_100_behind(ahead: int, delivere
 
 @pytest.mark.parametrize("parts", [1, 4])
 @pytest.mark.parametrize("ahead", [1, 50, 2999, 3000, 1 << 30, 2**31 - 1, 2**31, -1000, -50])
-@pytest.mark.parametrize("poisons", [1, 2])
-def test_a_poison_number_costs_some_messages_and_silences_nothing(
-    ahead: int, parts: int, poisons: int
+@pytest.mark.parametrize("forgeries", [1, 2])
+def test_a_forged_number_costs_some_messages_and_silences_nothing(
+    ahead: int, parts: int, forgeries: int
 ) -> None:
     """One of the year 2038, or two in a row, with numbers far ahead of those of the sender."""
     receiver = Receiver()
     for number in range(5000, 5010):
         receiver.parts(cloud(number, 1000 + number, parts), range(parts))
-    for more in range(poisons):
-        poison = cloud((5009 + ahead + more) % 2**32, 2**31 - 1, parts)
-        receiver.parts(poison, range(parts))
+    for more in range(forgeries):
+        forged = cloud((5009 + ahead + more) % 2**32, 2**31 - 1, parts)
+        receiver.parts(forged, range(parts))
     got = []
     for number in range(5010, 5210):
         got += receiver.parts(cloud(number, 1000 + number, parts), range(parts))
@@ -481,7 +481,7 @@ def test_no_memory_is_taken_before_it_is_filled() -> None:
     assert len(message.body) == 255 * 4
 
 
-def test_a_65th_sender_takes_the_place_of_the_one_silent_longest() -> None:
+def test_a_new_sender_replaces_the_one_silent_longest() -> None:
     receiver = Receiver(senders=3)
     for sender in "abc":
         receiver.part(POINTS, 0, sender=sender)
@@ -541,7 +541,7 @@ def test_losses_are_counted_by_topic_too() -> None:
     assert receiver.reassembler.reports("nobody", 0) == []
 
 
-def test_control_is_handed_over_whatever_its_number_and_stamp() -> None:
+def test_control_is_delivered_whatever_its_number_and_stamp() -> None:
     receiver = Receiver()
     credit = bytes([0, 1, 0, 0]) + bytes(8)
     for seq, sec in ((9, 1000), (3, 900), (3, 900)):
