@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a container of each kind costs with 1, 4 and 8 vehicles: `python -m benchmarks.containers`.
+"""Cores and memory of each container with 1, 4 and 8 vehicles: `python -m benchmarks.containers`.
 
-Rule: what runs is what `groundlink compose` writes, on a real engine, with four light sensors a
-vehicle, nobody waited for, so that what is too much shows as readings left out. Processor time and
-memory are the engine's own figures, counts those that processes tell of themselves.
+Runs the file of `groundlink compose` on a real engine, with four light sensors a vehicle. The run
+waits for no process, so an overload shows as missing readings. Processor time and memory are the
+engine's figures, counts those that processes publish as health.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ PROJECT = "groundlink-benchmark"
 HOST = "127.74.47.2"
 SENSORS = ("lidar_2d", "imu", "encoders", "wheel_odometry")
 SAMPLES = 4
-"""Of the engine's figures, each of which takes it about two seconds."""
+"""Samples of the engine's figures; each takes about two seconds."""
 
 SETTLE_SECONDS = 5.0
 
 UP_SECONDS = 60, 15
-"""How long all may take until they are well: this, and so much more for each container."""
+"""Timeout until all containers are healthy: the first, plus the second for each container."""
 
-WORDS_SECONDS = 60.0
-"""How long is waited for a word of every process, which each says once a second."""
+HEALTH_SECONDS = 60.0
+"""Timeout for the health of every process, which is published once a second."""
 
 KINDS = ("router", "physics", "scanner", "imu", "encoders", "odometry", "gateway", "ros2")
 
@@ -74,10 +74,10 @@ def write_scenario(vehicles: int, folder: Path) -> Path:
     return file
 
 
-def docker(*words: str) -> str:
+def docker(*arguments: str) -> str:
     """Return what `docker` prints."""
     return subprocess.run(
-        ["docker", *words],
+        ["docker", *arguments],
         env=os.environ | {"GROUNDLINK_PUBLISH": HOST},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -88,16 +88,16 @@ def docker(*words: str) -> str:
 
 @contextmanager
 def up(compose_file: Path) -> Iterator[float]:
-    """Have the containers of a file for a while; yield after how many seconds they were well."""
+    """Run the containers of a file; yield the seconds until they were healthy."""
     compose = ("compose", "-p", PROJECT, "-f", str(compose_file))
     docker(*compose, "down", "-v", "-t", "3")
     docker(*compose, "build", "-q")
     containers = len(docker(*compose, "config", "--services").split())
-    patience = UP_SECONDS[0] + UP_SECONDS[1] * containers
+    timeout = UP_SECONDS[0] + UP_SECONDS[1] * containers
     try:
-        begun = time.monotonic()
-        docker(*compose, "up", "-d", "--wait", "--wait-timeout", str(patience))
-        yield time.monotonic() - begun
+        start = time.monotonic()
+        docker(*compose, "up", "-d", "--wait", "--wait-timeout", str(timeout))
+        yield time.monotonic() - start
     finally:
         docker(*compose, "down", "-v", "-t", "3")
 
@@ -114,24 +114,24 @@ def samples() -> Iterator[tuple[str, float, float]]:
         yield service, float(row["CPUPerc"].rstrip("%")) / 100, mebibytes
 
 
-class Word(NamedTuple):
-    """What a process said of itself, and when."""
+class HealthSample(NamedTuple):
+    """The health of a process, and when it arrived."""
 
     seconds: float
     health: Health
 
 
-def words(bus: Bus, processes: Sequence[str]) -> dict[str, Word]:
-    """Return a new word of every process; end where one says nothing."""
+def health_of(bus: Bus, processes: Sequence[str]) -> dict[str, HealthSample]:
+    """Return new health of every process; exit if one sends none."""
     inbox: BusInbox[Health] = BusInbox(depth=1024)
     bus.subscribe(HEALTH.key_in("benchmark"), Health, inbox)
-    found: dict[str, Word] = {}
-    deadline = time.monotonic() + WORDS_SECONDS
+    found: dict[str, HealthSample] = {}
+    deadline = time.monotonic() + HEALTH_SECONDS
     while missing := set(processes) - set(found):
         if arrived := inbox.get(seconds=1):
-            found[arrived[1].process] = Word(time.monotonic(), arrived[1])
+            found[arrived[1].process] = HealthSample(time.monotonic(), arrived[1])
         if time.monotonic() > deadline:
-            sys.exit(f"within {WORDS_SECONDS:.0f} s no word came from {', '.join(sorted(missing))}")
+            sys.exit(f"no health of {', '.join(sorted(missing))} within {HEALTH_SECONDS:.0f} s")
     return found
 
 
@@ -150,12 +150,12 @@ def measure(vehicles: int) -> dict[str, Any]:
         memory: dict[str, list[float]] = defaultdict(list)
         with up(compose_file) as up_s, Bus(connect=f"tcp/{HOST}:7447") as bus:
             time.sleep(SETTLE_SECONDS)
-            before = words(bus, processes)
+            before = health_of(bus, processes)
             for _ in range(SAMPLES):
                 for service, of_cores, mebibytes in samples():
                     cores[service].append(of_cores)
                     memory[service].append(mebibytes)
-            after = words(bus, processes)
+            after = health_of(bus, processes)
     return {
         "containers": len(cores),
         "up_s": up_s,
@@ -171,27 +171,30 @@ def measure(vehicles: int) -> dict[str, Any]:
 
 
 def _rate(
-    process: str, count: Callable[[Health], int], before: dict[str, Word], after: dict[str, Word]
+    process: str,
+    count: Callable[[Health], int],
+    before: dict[str, HealthSample],
+    after: dict[str, HealthSample],
 ) -> float:
-    """Return how many a second a process has counted between two words of its own."""
+    """Return how many a second a process has counted between two samples."""
     then, now = before[process], after[process]
     return (count(now.health) - count(then.health)) / (now.seconds - then.seconds)
 
 
-def _made(word: Health) -> int:
+def _made(health: Health) -> int:
     """Return states of physics, or readings of a sensor."""
-    return word.tick if word.process == PHYSICS else word.counters.get("readings", 0)
+    return health.tick if health.process == PHYSICS else health.counters.get("readings", 0)
 
 
-def _sent(word: Health) -> int:
-    return sum(row.sent for row in word.streams if row.direction == "to ROS")
+def _sent(health: Health) -> int:
+    return sum(row.sent for row in health.streams if row.direction == "to ROS")
 
 
-def _left_out(before: dict[str, Word], after: dict[str, Word]) -> float:
-    """Return which part of the readings that were due is missing."""
+def _left_out(before: dict[str, HealthSample], after: dict[str, HealthSample]) -> float:
+    """Return the share of due readings that are missing."""
     missing, made = 0, 0
-    for name, word in after.items():
-        now, then = word.health.counters, before[name].health.counters
+    for name, sample in after.items():
+        now, then = sample.health.counters, before[name].health.counters
         missing += sum(parted(now)[0].values()) - sum(parted(then)[0].values())
         made += now.get("readings", 0) - then.get("readings", 0)
     return missing / max(1, missing + made)
@@ -218,7 +221,7 @@ _COLUMNS = (
 
 
 def main() -> int:
-    """Measure, and print it as a table of Markdown, row by row."""
+    """Measure and print a Markdown table, row by row."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.containers", description=__doc__)
     parser.add_argument("--vehicles", type=int, nargs="+", default=[1, 4, 8])
     sizes: list[int] = parser.parse_args().vehicles

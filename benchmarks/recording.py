@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What recording costs: processor time beside the LiDAR's, and a commit after an hour.
+"""Cost of recording: processor time compared with the LiDAR's, and of a commit after an hour.
 
-Rule: processor time of processes as the kernel counts it; a commit by the clock of its thread.
+Processor time is that of the kernel's accounting; that of a commit is the thread's clock.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "indoor_lab.yaml"
 ENDPOINT = "tcp/127.0.0.1:7448"
 
 SECONDS = 10.0
-"""Of the run that is measured, after `START_SECONDS`."""
+"""Measured time of the run, after `START_SECONDS`."""
 
 START_SECONDS = 6.0
 
 HOUR_CHUNKS = 18_000
-"""Of an hour of the default scenario: two with each commit."""
+"""Chunks of an hour of the default scenario: two with each commit."""
 
 CHANNELS = 12
 

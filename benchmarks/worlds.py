@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What importing and reading big worlds costs: `python -m benchmarks.worlds`.
+"""Cost of importing and reading large worlds: `python -m benchmarks.worlds`.
 
-Rule: each figure is of a fresh process, after its imports: time is the processor's, memory how much
-the most that was resident grew. Files are made here, and are gone afterwards.
+Each figure is of a new process, after its imports: processor time, and growth of the peak resident
+memory. The files are generated and removed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SIZE_M = 15_000.0
 
 
 def hills(cell_m: float) -> HillsTerrain:
-    """Return a square of 15 km by a seed."""
+    """Return generated hills, 15 km square."""
     return HillsTerrain(
         size_m=(SIZE_M, SIZE_M), cell_m=cell_m, height_m=120.0, longest_m=3000.0, material="grass"
     )

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a measurement to a ROS 2 callback, beside plain ROS 2."""
+"""Latency from a measurement to a ROS 2 callback, compared with plain ROS 2."""

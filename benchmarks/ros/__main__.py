@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a measurement to a ROS 2 callback, beside plain ROS 2: ``python -m benchmarks.ros``.
+"""Latency from a measurement to a ROS 2 callback: ``python -m benchmarks.ros``.
 
-Rule: ours is all of it: a sensor's process, Zenoh, the gateway, UDP Bridge, the node, DDS, a user's
-node. Plain is a node that publishes the same message, DDS, the same user's node. Messages go one at
-a time and in turn by both ways, so that both share the machine's moods. Ends with 1 where the ratio
-of the medians is beyond what is claimed.
+Our path is a sensor process, Zenoh, the gateway, UDP Bridge, the node, DDS and a user's node. The
+plain path is a node that publishes the same message, DDS and the same user's node. Messages take
+both paths in turn, one at a time, so that load of the machine affects both. The exit code is 1 if
+the ratio of the medians is beyond the claim.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from .ends import CLOUD_BYTES, TOPICS
 
 LOCALHOST = "127.0.0.1"
 CLAIMED = {"imu": 3.0, "cloud": 2.0}
-"""At most so many times plain ROS 2."""
+"""Largest ratio to plain ROS 2."""
 COUNT, QUICK_COUNT, WARM_UP = 300, 30, 10
 REST_S = 0.005
-"""Between messages: what is left of one does not delay the next."""
+"""Pause between messages, so that one does not delay the next."""
 
 
 class MessagePath(NamedTuple):
@@ -46,10 +46,10 @@ class MessagePath(NamedTuple):
     listener: Program
 
     def send(self, name: str, patience_s: float = PATIENCE_S) -> float:
-        """Return what a message took in milliseconds."""
+        """Return the latency of a message in milliseconds."""
         self.source.say(name)
-        began = self.source.number()
-        return (self.listener.number(patience_s) - began) / 1e6
+        sent_nanos = self.source.number()
+        return (self.listener.number(patience_s) - sent_nanos) / 1e6
 
 
 def _ours(stack: ExitStack) -> MessagePath:
@@ -60,17 +60,17 @@ def _ours(stack: ExitStack) -> MessagePath:
         free_too.bind((LOCALHOST, 0))
         peer = f"{LOCALHOST}:{free_too.getsockname()[1]}"
     scenario, vehicle = _with_streams(load(SHIPPED / "indoor_lab.yaml"))
-    told = msgspec.msgpack.encode(scenario)
+    served = msgspec.msgpack.encode(scenario)
     stack.enter_context(closing(python("udp_bridge_ros2", "--bind", peer)))
     listener = stack.enter_context(closing(python("benchmarks.ros.ends", "listener", "ours")))
     bus = stack.enter_context(Bus(listen=endpoint))
-    bus.serve(scenario_key(run), lambda _: [told])
+    bus.serve(scenario_key(run), lambda _: [served])
     joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0", f"--peer={peer}"]
     stack.enter_context(closing(python("services.gateway", *joined)))
     end = time.monotonic() + PATIENCE_S
     while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
         if time.monotonic() > end:
-            raise Silent("the gateway does not join the bus")
+            raise Silent("the gateway has not joined the bus")
     source = python("benchmarks.ros.ends", "sensor", endpoint, run, vehicle)
     return MessagePath(stack.enter_context(closing(source)), listener)
 
@@ -82,7 +82,7 @@ def _plain(stack: ExitStack) -> MessagePath:
 
 
 def _with_streams(scenario: Scenario) -> tuple[Scenario, str]:
-    """Return a scenario whose vehicle has the two streams and nothing else."""
+    """Return a scenario whose vehicle has the two streams alone."""
     streams = (
         Stream(name="imu", kind="imu", topic=TOPICS["imu"], rate_hz=100.0),
         Stream(name="cloud", kind="lidar", topic=TOPICS["cloud"], rate_hz=10.0),
@@ -92,15 +92,15 @@ def _with_streams(scenario: Scenario) -> tuple[Scenario, str]:
     return msgspec.structs.replace(scenario, vehicles=(vehicle,)), vehicle.name
 
 
-def _reach(way: MessagePath, name: str) -> None:
-    """Send until something arrives: who listens is found out in the background."""
+def _reach(path: MessagePath, name: str) -> None:
+    """Send until a message arrives: discovery runs in the background."""
     for _ in range(15):
         try:
-            way.send(name, 2.0)
+            path.send(name, 2.0)
         except Late:
             continue
         return
-    raise Silent(f"{name} never arrives")
+    raise Silent(f"no message of `{name}` arrives")
 
 
 def main() -> int:
@@ -111,16 +111,16 @@ def main() -> int:
     stand_apart()
     is_well = True
     with ExitStack() as stack:
-        ways = [_plain(stack), _ours(stack)]
+        paths = [_plain(stack), _ours(stack)]
         print("| message | bytes | plain ROS 2, ms | ours, ms | ratio | at most |")
         print("|---|---|---|---|---|---|")
         for name, most in CLAIMED.items():
-            for way in ways:
-                _reach(way, name)
+            for path in paths:
+                _reach(path, name)
             took: list[list[float]] = [[], []]
             for i in range(count + WARM_UP):
                 for which in (0, 1) if i % 2 else (1, 0):
-                    took[which].append(ways[which].send(name))
+                    took[which].append(paths[which].send(name))
                     time.sleep(REST_S)
             plain, ours = (statistics.median(row[WARM_UP:]) for row in took)
             is_well &= ours / plain <= most

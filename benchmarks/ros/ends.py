@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ends of `benchmarks.ros`, each a process of its own: ``... -m benchmarks.ros.ends END``.
+"""Sources and listeners of `benchmarks.ros`, each a process: ``python -m benchmarks.ros.ends END``.
 
-Rule: a source reads the name of a message from standard input, publishes it and prints when that
-began; a listener prints when its callback was called. Times are of the host's monotonic clock, in
-nanoseconds.
+A source reads the name of a message from standard input, publishes it and prints the start time. A
+listener prints the time of its callback. Times are of the monotonic clock, in nanoseconds.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ DEPTH = 10
 
 
 def messages() -> dict[str, Message]:
-    """Return what is published: an IMU sample and a cloud of 1 MB, stamped now."""
+    """Return the messages to publish: an IMU sample and a cloud of 1 MB, stamped now."""
     count = CLOUD_BYTES // POINT.itemsize
     points = random.Random(1).randbytes(count * POINT.itemsize)
     unit = (0.0, 0.0, 0.0, 1.0)
@@ -38,7 +37,7 @@ def messages() -> dict[str, Message]:
 
 
 def _node(name: str) -> tuple[Any, dict[str, Any]]:
-    """Return a node with the DDS settings of the bridge's, and the message classes."""
+    """Return a node with the bridge's DDS settings, and the message classes."""
     from udp_bridge_ros2 import environment
 
     environment.apply_defaults(os.environ)
@@ -51,22 +50,22 @@ def _node(name: str) -> tuple[Any, dict[str, Any]]:
 
 
 def listener(which: str) -> None:
-    """Tell when messages arrive in callbacks; `which` is `ours` or `plain`."""
+    """Print the times of callbacks; `which` is `ours` or `plain`."""
     import rclpy
 
     node, classes = _node(f"listener_{which}")
     topics = TOPICS if which == "ours" else PLAIN_TOPICS
     for name, topic in topics.items():
-        node.create_subscription(classes[name], topic, _tell, DEPTH)
+        node.create_subscription(classes[name], topic, _print_time, DEPTH)
     rclpy.spin(node)
 
 
-def _tell(_: Any) -> None:
+def _print_time(_: Any) -> None:
     os.write(1, b"%d\n" % time.monotonic_ns())
 
 
 def plain() -> None:
-    """Publish as any node does: a message in Python, filled before."""
+    """Publish messages from a ROS node; they are filled in advance."""
     from rclpy.serialization import deserialize_message
 
     node, classes = _node("source")
@@ -88,7 +87,7 @@ def plain() -> None:
 
 
 def sensor(endpoint: str, run: str, vehicle: str) -> None:
-    """Publish on the bus as sensors do."""
+    """Publish messages on the bus, as a sensor does."""
     from msgspec.structs import replace
 
     from groundlink.bus.session import Bus

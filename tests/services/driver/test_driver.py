@@ -116,7 +116,7 @@ def test_a_successor_answers_nothing_twice_and_goes_on_as_its_predecessor_would(
     assert second.made == 1
 
 
-def test_the_first_word_grants_no_step_that_needs_a_command() -> None:
+def test_the_first_acknowledgement_grants_no_step_that_needs_a_command() -> None:
     rover = Rover()
     rover.driver.resume(Ack(EPOCH, -1, -1))
     rover.driver.take(state(0))
@@ -124,7 +124,7 @@ def test_the_first_word_grants_no_step_that_needs_a_command() -> None:
     assert len(rover.commands()) == 1
 
 
-def test_a_new_life_of_physics_is_a_new_drive() -> None:
+def test_a_new_episode_starts_the_route_again() -> None:
     rover = Rover()
     rover.driver.take(state(800))
     rover.driver.take(state(0, epoch=EPOCH + 1))

@@ -126,7 +126,7 @@ def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> 
 
 
 @pytest.mark.parametrize(
-    ("wish", "words"),
+    ("query", "words"),
     [
         ("nonsense", "expected DIRECTION.FIELD=VALUE"),
         ("to_ros.los=1", "did you mean `loss`?"),
@@ -135,9 +135,9 @@ def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> 
         ("to_ros.loss=7", "`loss`"),
     ],
 )
-def test_a_wrong_query_changes_nothing(stack: ExitStack, wish: str, words: str) -> None:
+def test_a_wrong_query_changes_nothing(stack: ExitStack, query: str, words: str) -> None:
     ends = Ends(stack, LinkScript())
-    (reply,) = ends.emulated.answer(wish)
+    (reply,) = ends.emulated.answer(query)
     error, settings = msgspec.json.decode(reply)
     assert words in error
     assert settings == msgspec.to_builtins({"to_ros": Impairment(), "from_ros": Impairment()})

@@ -38,7 +38,7 @@ from services.gateway.streams import TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
 from udp_bridge.sender.delivery_counts import DeliveryCounts
-from udp_bridge.wire import run_commands as wishing
+from udp_bridge.wire import run_commands as wire_commands
 from udp_bridge.wire.control import LinkReport, RunCommand, Subscribe, TopicReport
 from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
@@ -85,14 +85,14 @@ class Bench:
 
     def __init__(self, scenario: Scenario | None = None) -> None:
         self.commands: list[tuple[str, Message]] = []
-        self.wishes: list[RunCommand] = []
+        self.run_commands: list[RunCommand] = []
         self.link = RecordingLink()
         self.gateway = Gateway(
             scenario or load(SHIPPED / "indoor_lab.yaml"),
             RUN,
             peer=PEER,
             publish=lambda key, message: self.commands.append((key, message)),
-            on_run_command=self.wishes.append,
+            on_run_command=self.run_commands.append,
         )
 
     def forward(self, name: str, message: Message) -> None:
@@ -180,19 +180,19 @@ def test_encoder_counts_become_a_ros_message(bench: Bench) -> None:
     assert message.ticks.tolist() == [-(2**62), 2**62]
 
 
-def test_transforms_and_wishes_are_repeated_once_time_is_known(bench: Bench) -> None:
+def test_transforms_and_subscriptions_are_repeated_once_time_is_known(bench: Bench) -> None:
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
     assert bench.link.sent == []
     bench.forward("clock", Clock(10**9 + 5, 5, 400, 5))
     bench.link.sent.clear()
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
-    wish, transforms, description = bench.link.sent[0], *bench.link.sent[-2:]
+    request, transforms, description = bench.link.sent[0], *bench.link.sent[-2:]
     assert (description["stamp"], description["topic"]) == (5, "/robot_description")
     text: Any = STORE.deserialize_cdr(description["body"], "std_msgs/msg/String")
     assert text.data.startswith("<robot")
-    assert (wish["stamp"], transforms["stamp"]) == (10**9 + 5, 5)
-    assert (wish["msg_type"], wish["topic"]) == (SUBSCRIBE, "/cmd_vel")
-    assert Subscribe.parse(wish["body"]) == Subscribe(TWIST, 1, LEASE_SECONDS, 0.0)
+    assert (request["stamp"], transforms["stamp"]) == (10**9 + 5, 5)
+    assert (request["msg_type"], request["topic"]) == (SUBSCRIBE, "/cmd_vel")
+    assert Subscribe.parse(request["body"]) == Subscribe(TWIST, 1, LEASE_SECONDS, 0.0)
     assert (transforms["msg_type"], transforms["topic"]) == (TF_MESSAGE, "/tf_static")
     message: Any = STORE.deserialize_cdr(transforms["body"], "tf2_msgs/msg/TFMessage")
     frames = {t.child_frame_id: t.header.frame_id for t in message.transforms}
@@ -209,7 +209,7 @@ def test_a_twist_becomes_a_command_of_now(bench: Bench) -> None:
     assert bench.commands == [("groundlink/lab/rover/command", command)]
 
 
-def test_a_stamped_twist_is_wished_for_and_taken_where_the_scenario_says_so() -> None:
+def test_a_stamped_twist_is_subscribed_to_if_the_scenario_says_so() -> None:
     scenario = load(SHIPPED / "indoor_lab.yaml")
     vehicle = replace(scenario.vehicles[0], command_type="TwistStamped")
     bench = Bench(replace(scenario, vehicles=(vehicle,)))
@@ -247,7 +247,7 @@ def test_what_a_slam_stack_tells_is_on_the_bus(bench: Bench) -> None:
     assert bench.report()[1]["from_ros"] == 2
 
 
-def test_any_further_topic_is_wished_for_and_passed_on_as_it_came() -> None:
+def test_any_further_topic_is_subscribed_to_and_relayed_unchanged() -> None:
     scenario = load(SHIPPED / "indoor_lab.yaml")
     further = FromRos(topics={"/nav/plan": "nav_msgs/Path"})
     vehicle = replace(scenario.vehicles[0], from_ros=further)
@@ -255,8 +255,8 @@ def test_any_further_topic_is_wished_for_and_passed_on_as_it_came() -> None:
     bench.forward("clock", Clock(10**9, 0, 400, 0))
     bench.link.sent.clear()
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
-    wishes = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
-    found = [(row["topic"], Subscribe.parse(row["body"]).wanted_type) for row in wishes]
+    subscribes = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
+    found = [(row["topic"], Subscribe.parse(row["body"]).wanted_type) for row in subscribes]
     assert found == [("/cmd_vel", TWIST), ("/nav/plan", type_number("Path"))]
     ros = STORE.types["nav_msgs/msg/Path"](header=header(5, "map"), poses=[])
     body = bytes(STORE.serialize_cdr(ros, "nav_msgs/msg/Path"))
@@ -268,25 +268,25 @@ def test_any_further_topic_is_wished_for_and_passed_on_as_it_came() -> None:
     assert (counts["from_ros"], counts["refused"]) == (1, 1)
 
 
-def test_poses_and_maps_are_wished_for_and_a_map_anew_at_the_begin(bench: Bench) -> None:
+def test_poses_and_maps_are_subscribed_to_and_a_map_again_at_the_start(bench: Bench) -> None:
     bench.forward("clock", Clock(10**9, 0, 400, 0))
-    wishes = []
+    subscribes = []
     for _ in range(2):
         bench.link.sent.clear()
         bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
         sent = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
-        wishes.append([(row["topic"], Subscribe.parse(row["body"])[:3]) for row in sent])
+        subscribes.append([(row["topic"], Subscribe.parse(row["body"])[:3]) for row in sent])
     wanted = (1, LEASE_SECONDS)
     again = [("/cmd_vel", (9, *wanted)), ("/pose", (10, *wanted)), ("/map", (11, *wanted))]
-    assert wishes == [[*again[:2], ("/map", (11, 0, 0)), again[2]], again]
+    assert subscribes == [[*again[:2], ("/map", (11, 0, 0)), again[2]], again]
 
 
 def test_ground_truth_goes_to_those_who_subscribe(bench: Bench) -> None:
     truth = EXAMPLES["odometry"].message
     bench.forward("rover/ground_truth", replace(truth, stamp_nanos=1))
     assert bench.link.sent == []
-    wish = Subscribe(36, lease_s=60, max_rate_hz=10.0).pack()
-    bench.hear(SUBSCRIBE, "/ground_truth/odom", wish, STRANGER)
+    request = Subscribe(36, lease_s=60, max_rate_hz=10.0).pack()
+    bench.hear(SUBSCRIBE, "/ground_truth/odom", request, STRANGER)
     stamps = range(10**9, 2 * 10**9, 20_000_000)
     for stamp in stamps:
         bench.forward("rover/ground_truth", replace(truth, stamp_nanos=stamp))
@@ -416,12 +416,12 @@ def test_a_clock_that_is_off_repeats_nothing_and_stands_on_the_wire() -> None:
     assert stamps == expected
 
 
-def test_only_the_peer_may_wish_something_of_the_run(bench: Bench) -> None:
-    bench.hear(CONTROL, "", RunCommand(5, wishing.RESET).pack(), STRANGER)
-    assert bench.wishes == []
+def test_only_the_peer_may_send_run_commands(bench: Bench) -> None:
+    bench.hear(CONTROL, "", RunCommand(5, wire_commands.RESET).pack(), STRANGER)
+    assert bench.run_commands == []
     assert bench.gateway.counts["refused"] == 1
-    bench.hear(CONTROL, "", RunCommand(6, wishing.RESET).pack())
-    assert bench.wishes == [RunCommand(6, wishing.RESET)]
+    bench.hear(CONTROL, "", RunCommand(6, wire_commands.RESET).pack())
+    assert bench.run_commands == [RunCommand(6, wire_commands.RESET)]
     assert bench.gateway.counts["refused"] == 1
 
 

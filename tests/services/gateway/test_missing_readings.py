@@ -18,7 +18,7 @@ SECOND = 1_000_000_000
 
 
 class Run:
-    """An missing_readings, and a run whose lives begin at an epoch."""
+    """A counter of missing readings, and a run whose episodes begin at an epoch."""
 
     def __init__(self) -> None:
         self.missing_readings = MissingReadingCounter(SCENARIO, "lab")
@@ -70,7 +70,7 @@ def test_what_is_ahead_of_its_clock_waits_for_it(run: Run) -> None:
 
 
 @pytest.mark.parametrize("epoch_nanos", [100 * SECOND, 140 * SECOND], ids=["the same", "later"])
-def test_a_life_is_accounted_to_its_end_and_the_next_one_from_its_begin(
+def test_an_episode_is_counted_to_its_end_and_the_next_one_from_its_start(
     run: Run, epoch_nanos: int
 ) -> None:
     """One epoch is that of a run with its own time, the other one the wall clock's."""
@@ -89,7 +89,7 @@ def test_a_life_is_accounted_to_its_end_and_the_next_one_from_its_begin(
     assert run.not_come("/wheel_encoders") == 45 + 4 + 3
 
 
-def test_what_comes_after_its_life_has_ended_has_come(run: Run) -> None:
+def test_readings_that_arrive_after_their_episode_are_not_missing(run: Run) -> None:
     run.came("encoders", *range(50))
     run.clock(2)
     run.begins_anew(epoch_nanos=140 * SECOND)

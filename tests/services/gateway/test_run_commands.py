@@ -17,7 +17,7 @@ from services.gateway.carrier import sockets
 from services.gateway.run_commands import COMMANDS_WAITING, REPLIES_KEPT, RunCommandQueue
 from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
-from udp_bridge.wire import run_commands as wishing
+from udp_bridge.wire import run_commands
 from udp_bridge.wire.run_commands import PAUSED, RUNNING, STOPPED, RunCommand, RunCommandReply
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL
@@ -34,15 +34,15 @@ class Bench:
         self.answers.set()
         self.backlog: list[int] = []
         self._told = threading.Condition()
-        self.wishes = RunCommandQueue(self._ask, backlog=self.backlog)
-        self.wishes.reply_with(self._tell)
+        self.commands = RunCommandQueue(self._ask, backlog=self.backlog)
+        self.commands.reply_with(self._tell)
 
-    def _ask(self, wish: AnyRunCommand | None) -> ControlAnswer:
-        self.asked.append(wish)
+    def _ask(self, command: AnyRunCommand | None) -> ControlAnswer:
+        self.asked.append(command)
         assert self.answers.wait(10)
         if self.error:
             raise UserError(self.error)
-        return ControlAnswer("", 40 + len(self.asked), paused=isinstance(wish, Pause))
+        return ControlAnswer("", 40 + len(self.asked), paused=isinstance(command, Pause))
 
     def _tell(self, answer: RunCommandReply) -> None:
         with self._told:
@@ -59,23 +59,23 @@ def bench() -> Iterator[Bench]:
     it = Bench()
     yield it
     it.answers.set()
-    it.wishes.close()
+    it.commands.close()
 
 
 @pytest.mark.parametrize(
-    ("wish", "on_the_bus", "state"),
+    ("command", "on_the_bus", "state"),
     [
-        (RunCommand(5, wishing.QUERY), None, RUNNING),
-        (RunCommand(5, wishing.PAUSE), Pause(), PAUSED),
-        (RunCommand(5, wishing.RESUME), Resume(), RUNNING),
-        (RunCommand(5, wishing.STEP, 7), Step(7), RUNNING),
-        (RunCommand(5, wishing.RESET), Reset(), RUNNING),
+        (RunCommand(5, run_commands.QUERY), None, RUNNING),
+        (RunCommand(5, run_commands.PAUSE), Pause(), PAUSED),
+        (RunCommand(5, run_commands.RESUME), Resume(), RUNNING),
+        (RunCommand(5, run_commands.STEP, 7), Step(7), RUNNING),
+        (RunCommand(5, run_commands.RESET), Reset(), RUNNING),
     ],
 )
-def test_what_is_wished_and_answered(
-    bench: Bench, wish: RunCommand, on_the_bus: AnyRunCommand | None, state: int
+def test_each_command_is_executed_and_answered(
+    bench: Bench, command: RunCommand, on_the_bus: AnyRunCommand | None, state: int
 ) -> None:
-    bench.wishes.put(wish)
+    bench.commands.put(command)
     bench.wait(lambda: len(bench.told) == 1)
     assert bench.asked == [on_the_bus]
     assert bench.told == [RunCommandReply(5, state, 41)]
@@ -83,9 +83,9 @@ def test_what_is_wished_and_answered(
 
 def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
     for _ in range(3):
-        bench.wishes.put(RunCommand(5, wishing.RESET))
+        bench.commands.put(RunCommand(5, run_commands.RESET))
     bench.wait(lambda: len(bench.told) == 1)
-    bench.wishes.put(RunCommand(5, wishing.RESET))
+    bench.commands.put(RunCommand(5, run_commands.RESET))
     bench.wait(lambda: len(bench.told) == 2)
     assert bench.asked == [Reset()]
     assert bench.told[0] == bench.told[1]
@@ -94,7 +94,9 @@ def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
 def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Bench) -> None:
     bench.answers.clear()
     for number in (5, 5, 6, 5):
-        bench.wishes.put(RunCommand(number, wishing.RESET))  # returns while physics is silent
+        bench.commands.put(
+            RunCommand(number, run_commands.RESET)
+        )  # returns while physics is silent
     assert bench.told == []
     bench.answers.set()
     bench.wait(lambda: len(bench.told) == 2)
@@ -104,7 +106,7 @@ def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Benc
 
 def test_why_it_could_not_be_done(bench: Bench) -> None:
     bench.error = "physics of run `lab` does not answer " + 2000 * "ä"
-    bench.wishes.put(RunCommand(5, wishing.PAUSE))
+    bench.commands.put(RunCommand(5, run_commands.PAUSE))
     bench.wait(lambda: len(bench.told) == 1)
     answer = RunCommandReply.parse(bench.told[0].pack())
     assert (answer.state, answer.tick) == (STOPPED, -1)
@@ -115,7 +117,7 @@ def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
     bench.backlog += [1, 2, 3]
     began = threading.Timer(0.1, bench.backlog.clear)
     began.start()
-    bench.wishes.put(RunCommand(5, wishing.PAUSE))
+    bench.commands.put(RunCommand(5, run_commands.PAUSE))
     bench.wait(lambda: len(bench.told) == 1)
     assert bench.backlog == []
     began.join()
@@ -123,14 +125,14 @@ def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
 
 def test_so_many_wait_and_no_more(bench: Bench) -> None:
     bench.answers.clear()
-    bench.wishes.put(RunCommand(0, wishing.PAUSE))
+    bench.commands.put(RunCommand(0, run_commands.PAUSE))
     while not bench.asked:  # until it is with physics and waits no longer
         time.sleep(0.001)
     for number in range(1, COMMANDS_WAITING + 10):
-        bench.wishes.put(RunCommand(number, wishing.PAUSE))
+        bench.commands.put(RunCommand(number, run_commands.PAUSE))
     bench.answers.set()
     bench.wait(lambda: len(bench.told) == COMMANDS_WAITING + 1)
-    bench.wishes.put(RunCommand(5000, wishing.PAUSE))
+    bench.commands.put(RunCommand(5000, run_commands.PAUSE))
     bench.wait(lambda: bench.told[-1].number == 5000)
     assert [answer.number for answer in bench.told[:-1]] == list(range(COMMANDS_WAITING + 1))
 
@@ -138,22 +140,22 @@ def test_so_many_wait_and_no_more(bench: Bench) -> None:
 def test_what_is_kept_is_bounded(bench: Bench) -> None:
     bench.answers.clear()
     for number in range(1000):
-        bench.wishes.put(RunCommand(number, wishing.PAUSE))
+        bench.commands.put(RunCommand(number, run_commands.PAUSE))
     bench.answers.set()
     bench.wait(lambda: len(bench.told) >= COMMANDS_WAITING)
     assert len(bench.told) <= COMMANDS_WAITING + 1  # one is with physics
     first = bench.told[0].number
     for number in range(2000, 2000 + REPLIES_KEPT):
         sent = len(bench.told)
-        bench.wishes.put(RunCommand(number, wishing.PAUSE))
+        bench.commands.put(RunCommand(number, run_commands.PAUSE))
         bench.wait(lambda sent=sent: len(bench.told) > sent)  # type: ignore[misc]
     asked = len(bench.asked)
-    bench.wishes.put(RunCommand(first, wishing.PAUSE))
+    bench.commands.put(RunCommand(first, run_commands.PAUSE))
     bench.wait(lambda: bench.told[-1].number == first)
     assert len(bench.asked) == asked + 1, "it was forgotten"
 
 
-def test_a_wish_without_the_key_or_from_elsewhere_does_not_get_in(tmp_path: Path) -> None:
+def test_a_command_without_the_key_or_from_elsewhere_is_refused(tmp_path: Path) -> None:
     secret = b"sixteen bytes and more"
     key_file = tmp_path / "key"
     key_file.write_bytes(secret)
@@ -173,7 +175,7 @@ def test_a_wish_without_the_key_or_from_elsewhere_does_not_get_in(tmp_path: Path
         friend = open_socket(anywhere, secret=secret, sends=FROM_ROS)
         for number, socket in ((1, None), (2, elsewhere), (3, friend)):
             with Link(anywhere, socket=socket) as link:
-                body = RunCommand(number, wishing.RESET).pack()
+                body = RunCommand(number, run_commands.RESET).pack()
                 link.send(CONTROL, "", "", time.time_ns(), body, gateway.address)
                 assert link.flush(5)
         assert all_came.wait(10)

@@ -92,9 +92,9 @@ def test_every_sender_gets_its_own_answers(stack: ExitStack) -> None:
         link.send(8, f"/clock{number}", "", number, b"x")
     wait_for(lambda: len(received) == 5)
     assert between.peers == len({sender for _, sender in received}) == 5
-    wish = Subscribe(9).pack()
+    request = Subscribe(9).pack()
     for message, sender in received:
-        ros.send(7, message.topic, "", message.stamp_nanos, wish, to=sender)
+        ros.send(7, message.topic, "", message.stamp_nanos, request, to=sender)
     wait_for(lambda: all(answers for _, answers in senders))
     for number, (_, answers) in enumerate(senders):
         assert [message.topic for message, _ in answers] == [f"/clock{number}"]

@@ -102,10 +102,10 @@ def to_ros(scenario: Scenario) -> dict[str, list[bytes]]:
     for key, message in messages(scenario):
         bench.gateway.forward(key, message, bench.link)  # type: ignore[arg-type]
     bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
-    wished = {wish.topic for wish in bench.gateway.subscriptions}
+    subscribed = {each.topic for each in bench.gateway.subscriptions}
     found: dict[str, list[bytes]] = defaultdict(list)
     for row in bench.link.sent:
-        if row["topic"] not in wished:
+        if row["topic"] not in subscribed:
             found[row["topic"]].append(row["body"])
     return found
 

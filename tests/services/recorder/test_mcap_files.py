@@ -124,7 +124,7 @@ def test_where_all_have_come_to_the_end_the_file_says_so(lab: Scenario, tmp_path
             assert recording.end_nanos == (begin + NANOS if whole else None)
 
 
-def test_another_lifes_journal_is_not_taken(lab: Scenario, tmp_path: Path) -> None:
+def test_the_journal_of_another_episode_is_ignored(lab: Scenario, tmp_path: Path) -> None:
     physics = Physics(lab, life=77)
     files = McapFiles(tmp_path / "run.mcap", lab, RUN, lambda question: dumped(physics.journal()))
     recorder = Recorder(lab, RUN, files.begin)

@@ -282,7 +282,7 @@ def test_what_outruns_the_first_clock_is_kept(rig: Rig) -> None:
     assert [tick for tick, _ in rig.written()["/imu"]] == [10, 11, 12, 13, 14]
 
 
-def test_another_life_of_physics_is_known_by_its_clock(rig: Rig) -> None:
+def test_another_episode_is_recognized_by_its_clock(rig: Rig) -> None:
     rig.clock(100)
     same = Clock(EPOCH + 104 * TICK_NANOS, EPOCH, 104, EPOCH)
     assert not rig.recorder.is_another_episode(same)
@@ -308,7 +308,9 @@ def test_facts_of_topics_are_in_the_file_at_every_commit(rig: Rig) -> None:
     assert imu.measured_hz == pytest.approx(400.0)
 
 
-def test_what_outruns_the_clock_of_a_new_life_goes_to_that_life(lab: Scenario, rig: Rig) -> None:
+def test_messages_before_the_first_clock_of_an_episode_belong_to_it(
+    lab: Scenario, rig: Rig
+) -> None:
     rig.clock(0)
     rig.imu(0)
     rig.imu(100)

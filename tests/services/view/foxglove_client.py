@@ -51,10 +51,10 @@ class Client:
             self.times.append(struct.unpack_from("<Q", frame, 1)[0])
 
     def subscribe(self, *topics: str) -> None:
-        wishes = [
+        subscriptions = [
             {"id": self.channels[t]["id"], "channelId": self.channels[t]["id"]} for t in topics
         ]
-        self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wishes}))
+        self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
 
     def decoded(self, topic: str) -> Any:
         """Return the newest message of a topic, read by the advertised definition."""

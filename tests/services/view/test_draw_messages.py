@@ -392,7 +392,7 @@ def test_what_is_stamped_by_another_clock_is_drawn_now() -> None:
         assert it.drawing.sim_nanos(stamp) == newest
 
 
-def test_a_new_life_of_physics_gets_a_recording_of_its_own() -> None:
+def test_a_new_episode_gets_a_recording_of_its_own() -> None:
     nowhere = Nowhere()
     it = RerunView(SCENARIO, "run", coloring="intensity", destination=nowhere)
     it.take_states([state(0), state(1)])

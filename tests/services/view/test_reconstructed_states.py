@@ -145,7 +145,7 @@ def test_actors_are_where_they_were_told_last() -> None:
     assert floats(states[0].actors).tolist() == [1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0]
 
 
-def test_another_round_of_a_replay_is_another_life() -> None:
+def test_another_round_of_a_replay_is_another_episode() -> None:
     states, episodes = StateReconstructor(SCENARIO, "run"), []
     for tick in (0, 8, 0, 8):
         found, _ = states.follow([clock(tick), drawable("rover/ground_truth", truth(tick))])

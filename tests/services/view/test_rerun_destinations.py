@@ -17,7 +17,7 @@ def test_a_file_in_no_folder_is_the_users_to_mend(tmp_path: Path) -> None:
         RerunFile(tmp_path / "none" / "run.rrd", rrb.Blueprint())
 
 
-def test_each_life_has_a_file(tmp_path: Path) -> None:
+def test_each_episode_has_a_file(tmp_path: Path) -> None:
     destination = RerunFile(tmp_path / "run.rrd", rrb.Blueprint())
     for _ in range(2):
         destination.new_recording()

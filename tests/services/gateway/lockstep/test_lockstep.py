@@ -68,13 +68,13 @@ def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> Non
     }
 
 
-def test_acknowledgements_of_another_life_count_for_nothing(rig: Rig) -> None:
+def test_acknowledgements_of_another_episode_are_ignored(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(400, life=LIFE - 1)
     assert rig.link.barriers[-1].tick == -1
 
 
-def test_physics_is_told_when_the_word_and_its_commands_are_here(rig: Rig) -> None:
+def test_the_tick_is_acknowledged_after_the_reply_and_its_commands(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
     rig.says(0, sent=(SentMessages(TWIST, "/cmd_vel", 0, 2),))
@@ -96,7 +96,7 @@ def test_physics_is_told_when_the_word_and_its_commands_are_here(rig: Rig) -> No
     assert rig.acks[-1] == Ack(LIFE, 4, 4, commanded={"rover": 4})
 
 
-def test_words_of_others_and_of_other_ticks_change_nothing(rig: Rig) -> None:
+def test_replies_of_strangers_and_of_other_ticks_are_ignored(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
     rig.says(4)
@@ -200,7 +200,9 @@ def test_a_command_and_an_acknowledgement_that_the_bus_has_lost(rig: Rig) -> Non
 
 
 @pytest.mark.parametrize(("they_have_said", "asked"), [(0, 0), (-1, -1)])
-def test_sensors_words_that_the_bus_has_lost(rig: Rig, they_have_said: int, asked: int) -> None:
+def test_acknowledgements_of_sensors_that_the_bus_has_lost(
+    rig: Rig, they_have_said: int, asked: int
+) -> None:
     rig.heard_of_sensors = Ack(LIFE, they_have_said, they_have_said)
     rig.clock(0)
     stands_at(rig, 0, acknowledged=-1)
@@ -227,9 +229,7 @@ def test_what_was_heard_of_is_not_asked_twice() -> None:
         ),
     ],
 )
-def test_who_is_waited_for_too_long_is_named_once(
-    rig: Rig, word: BarrierReply | None, line: str
-) -> None:
+def test_a_late_node_is_named_once(rig: Rig, word: BarrierReply | None, line: str) -> None:
     rig.clock(0)
     rig.followed(0)
     if word is not None:
@@ -241,7 +241,7 @@ def test_who_is_waited_for_too_long_is_named_once(
     assert rig.said[1:] == ["simulation time advances again"]
 
 
-def test_a_silent_sensor_is_named(rig: Rig) -> None:
+def test_a_late_sensor_is_named(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0, *SENSORS[1:])
     rig.turn(6.0)
