@@ -20,7 +20,7 @@ from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.gl.target import COLOR_ALONE, Frame, Layer
 from services.sensors.rendering.optics.distortion import lens_pinhole, slopes
 from services.sensors.rendering.optics.imager import Electronics
-from services.sensors.rendering.optics.lens import Lens
+from services.sensors.rendering.optics.lens import LensOptics
 from services.sensors.rendering.optics.shutter import Shutter
 
 from .eye import Eye
@@ -70,7 +70,7 @@ class CameraEye:
     ) -> None:
         self.pinhole = lens_pinhole(spec)
         self.slopes = slopes(spec.lens, self.pinhole)
-        self._lens = Lens(spec.lens, self.pinhole)
+        self._lens = LensOptics(spec.lens, self.pinhole)
         self._shutter = Shutter(spec.imager, spec.height)
         self.span_nanos = self._shutter.span_nanos
         self.eye = Eye(

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.sensors.rendering.look.mesh import Mesh
+from services.sensors.rendering.look.mesh import SkinnedMesh
 
 from .culling import Boxes
 
 
-def cut(mesh: Mesh, edge_m: float) -> Iterator[Mesh]:
+def cut(mesh: SkinnedMesh, edge_m: float) -> Iterator[SkinnedMesh]:
     """Yield the chunks of a mesh: the faces whose centers share one cell of space."""
     middles = mesh.vertices["position"][mesh.faces].mean(axis=1)
     cells, of_face = np.unique(np.floor(middles / edge_m), axis=0, return_inverse=True)
@@ -28,7 +28,7 @@ def cut(mesh: Mesh, edge_m: float) -> Iterator[Mesh]:
         yield replace(mesh, vertices=mesh.vertices[used], faces=faces)
 
 
-def boxes_around(made: Sequence[Mesh]) -> Boxes:
+def boxes_around(made: Sequence[SkinnedMesh]) -> Boxes:
     """Return the box around each mesh."""
     positions = [mesh.vertices["position"].astype(np.float64) for mesh in made]
     lows, highs = ([f(p, axis=0) for p in positions] for f in (np.min, np.max))

@@ -21,7 +21,7 @@ from groundlink.scenario.schema import World
 from groundlink.world.terrain import BODY, load_ground
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.look.lights import lighting
-from services.sensors.rendering.look.mesh import Mesh, Skin
+from services.sensors.rendering.look.mesh import Skin, SkinnedMesh
 from services.sensors.rendering.optics.pinhole import Pinhole
 
 from .context import filtered, open_context
@@ -112,7 +112,7 @@ class Renderer:
         """Number of shadow map rectangles redrawn so far because something moved."""
         return self._shadows.mended
 
-    def add(self, mesh: Mesh) -> None:
+    def add(self, mesh: SkinnedMesh) -> None:
         """Add a mesh that belongs to no solid, in the world's frame."""
         with self._context:
             self._stage.add(mesh)

@@ -17,7 +17,7 @@ from groundlink.core.frames import Floats
 from services.sensors.rendering.look.lights import Lighting, window
 
 from .culling import seen
-from .stage import Outline, Part, Stage
+from .stage import DrawCall, Outline, Stage
 from .uniforms import put_matrix
 
 TEXELS = 1536
@@ -134,7 +134,7 @@ class ShadowMaps:
             self._throw(part)
         self._context.polygon_offset = (0.0, 0.0)
 
-    def _throw(self, part: Part) -> None:
+    def _throw(self, part: DrawCall) -> None:
         self._context.polygon_offset = OFFSET if part.is_open else (0.0, 0.0)
         part.shadow.render(instances=part.instances)
 

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from groundlink.core.frames import Floats, transform
 from groundlink.world.solids import Material, Solid
 from services.sensors.rendering.look.labels import Labels
-from services.sensors.rendering.look.mesh import VERTEX, Mesh, Skin
+from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from services.sensors.rendering.look.shapes import meshes
 
 from .chunks import boxes_around, cut
@@ -36,7 +36,7 @@ _INSTANCE = np.dtype([("world_from_link", np.float32, (4, 4)), ("vehicle", np.in
 
 
 @dataclass(frozen=True)
-class Part:
+class DrawCall:
     """Something drawn with one call, once or as several instances."""
 
     surfaces: tuple[moderngl.VertexArray, ...]
@@ -79,11 +79,11 @@ class Stage:
 
     Attributes
     ----------
-    standing : list of Part
+    standing : list of DrawCall
         Static objects.
     boxes : Boxes
         Box around each of `standing`.
-    moving : list of Part
+    moving : list of DrawCall
         One for each kind of link and texture.
     movers : list of Outline
         Current place of each vehicle and actor.
@@ -101,7 +101,7 @@ class Stage:
         self._skins: dict[str, Skin] = {}
         self._at_rest = context.buffer(_instances(np.eye(4)[None], [0]).tobytes())
         numbers = labels.of_solids(solid.name for solid in around.static)
-        self.standing: list[Part] = []
+        self.standing: list[DrawCall] = []
         self.boxes = boxes_around([])
         made = meshes(around.static, numbers, materials, self._skins)
         extent = boxes_around(made).whole().halves.max(initial=0) * 2
@@ -111,7 +111,7 @@ class Stage:
 
         self._mover_labels = [labels.of_mover(name) for name in around.movers]
         self._groups: list[tuple[list[int], moderngl.Buffer]] = []
-        self.moving: list[Part] = []
+        self.moving: list[DrawCall] = []
         corners = np.zeros((len(around.links), 8, 3))
         for links in _alike(around.links):
             looks = around.links[links[0]]
@@ -129,7 +129,7 @@ class Stage:
         ]
         self.movers: list[Outline] = []
 
-    def add(self, mesh: Mesh) -> None:
+    def add(self, mesh: SkinnedMesh) -> None:
         """Add a mesh that belongs to no solid, in the world's frame."""
         chunks = list(cut(mesh, self._chunk_m))
         self.standing += [self._part(chunk, self._at_rest, 1) for chunk in chunks]
@@ -145,7 +145,7 @@ class Stage:
         corners += matrices[:, None, :3, 3]
         self.movers = [Outline(world_from_link[i], corners[i]) for i in self._links_of]
 
-    def _part(self, mesh: Mesh, instances: moderngl.Buffer, count: int) -> Part:
+    def _part(self, mesh: SkinnedMesh, instances: moderngl.Buffer, count: int) -> DrawCall:
         vertices = self._context.buffer(mesh.vertices.tobytes())
         faces = self._context.buffer(mesh.faces.tobytes())
         programs = self._programs
@@ -162,7 +162,7 @@ class Stage:
             )
             for program in (*drawn, programs.shadow)
         ]
-        return Part(tuple(arrays[:-1]), arrays[-1], mesh.skin, count, mesh.is_open)
+        return DrawCall(tuple(arrays[:-1]), arrays[-1], mesh.skin, count, mesh.is_open)
 
 
 def _instances(

@@ -37,7 +37,7 @@ class Skin:
 
 
 @dataclass(frozen=True)
-class Mesh:  # Triangles of one skin.
+class SkinnedMesh:
     """Triangles of one skin."""
 
     vertices: NDArray[np.void]

@@ -22,7 +22,7 @@ from groundlink.world.mesh_asset import MeshPart, TriangleMesh, load_mesh
 from groundlink.world.solids import Material, Solid
 from groundlink.world.triangles import merged
 
-from .mesh import VERTEX, Mesh, Skin
+from .mesh import VERTEX, Skin, SkinnedMesh
 from .textures import BRIGHTEST, period_m, texture
 
 CREASE = math.cos(math.radians(40.0))
@@ -34,7 +34,9 @@ MOST_TEXELS = 4096
 WHITE = np.full((1, 1, 3), 255, np.uint8)
 
 
-def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]) -> Iterator[Mesh]:
+def painted(
+    solid: Solid, label: int, material: Material, skins: dict[str, Skin]
+) -> Iterator[SkinnedMesh]:
     """Yield a solid that is a mesh, in the frame of its pose: one mesh for each part.
 
     Parameters
@@ -76,12 +78,12 @@ def painted(solid: Solid, label: int, material: Material, skins: dict[str, Skin]
             if name not in skins:
                 skins[name] = Skin(texture(material.texture))
         vertices, indices = _shared(corners.ravel(), numbers.ravel())
-        yield Mesh(vertices, indices, skins[name], is_open=not closed)
+        yield SkinnedMesh(vertices, indices, skins[name], is_open=not closed)
         if not closed:
             vertices = vertices.copy()
             vertices["normal"] *= -1
             faces = np.ascontiguousarray(indices[:, ::-1])
-            yield Mesh(vertices, faces, skins[name], is_open=True)
+            yield SkinnedMesh(vertices, faces, skins[name], is_open=True)
 
 
 def _normals(mesh: TriangleMesh) -> tuple[Floats, bool]:

@@ -17,7 +17,7 @@ from groundlink.world import solids as world
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
 from groundlink.world.triangles import merged
 
-from .mesh import VERTEX, Mesh, Skin
+from .mesh import VERTEX, Skin, SkinnedMesh
 from .painted import painted
 from .textures import period_m, texture
 
@@ -35,7 +35,7 @@ def meshes(
     labels: Sequence[int],
     materials: Mapping[str, Material],
     skins: dict[str, Skin],
-) -> list[Mesh]:
+) -> list[SkinnedMesh]:
     """Return solids in the frame of their poses, one mesh for each texture.
 
     A solid that is a mesh gives one mesh for each of its parts.
@@ -48,7 +48,7 @@ def meshes(
         Skins by texture; new ones are added.
     """
     corners: dict[str, list[NDArray[np.void]]] = {}
-    made: list[Mesh] = []
+    made: list[SkinnedMesh] = []
     for solid, label in zip(solids, labels, strict=True):
         material = materials[solid.material]
         if isinstance(solid.shape, world.Mesh):
@@ -60,7 +60,7 @@ def meshes(
     for name, parts in corners.items():
         skin = skins.setdefault(name, Skin(texture(name)))
         vertices, faces = np.unique(np.concatenate(parts), return_inverse=True)
-        made.append(Mesh(vertices, faces.reshape(-1, 3).astype(np.uint32), skin))
+        made.append(SkinnedMesh(vertices, faces.reshape(-1, 3).astype(np.uint32), skin))
     return made
 
 

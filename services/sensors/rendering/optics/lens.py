@@ -34,7 +34,7 @@ NOWHERE = -10.0
 """Place of pixels that no light reaches: outside."""
 
 
-class Lens:
+class LensOptics:
     """The lens of one camera.
 
     Parameters

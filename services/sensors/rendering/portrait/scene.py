@@ -53,7 +53,7 @@ class NamedFrame:
 
 
 @dataclass(frozen=True)
-class Scene:
+class PortraitScene:
     """The visible objects of a portrait (`stage.Things`)."""
 
     world: World
@@ -71,7 +71,7 @@ class Scene:
     """Length of the frames' axes, meters."""
 
 
-def scene(kind: FileKind, scenario: Scenario, towards_eye: Floats) -> Scene:
+def scene(kind: FileKind, scenario: Scenario, towards_eye: Floats) -> PortraitScene:
     """Return what a portrait shows from a direction, a unit vector in the world."""
     terrain = load_ground(scenario.world.terrain) if scenario.world.terrain else None
     built, names, poses, frames = [], [], [np.empty((0, 7))], []
@@ -106,7 +106,7 @@ def scene(kind: FileKind, scenario: Scenario, towards_eye: Floats) -> Scene:
     if kind is FileKind.VEHICLE:
         floor = Box(size_m=(FLOOR * size_m.max(), FLOOR * size_m.max(), 0.1))
         static = (Solid("floor", floor, "floor", position_m=(0.0, 0.0, -0.05)),)
-    return Scene(
+    return PortraitScene(
         world=replace(scenario.world, weather=Weather(fog_visibility_m=CLEAR_M)),
         static=static,
         links=built,

@@ -14,7 +14,7 @@ from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
-from services.sensors.rendering.look.mesh import VERTEX, Mesh, Skin
+from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rendering.gl.test_renderer import lit
 
@@ -28,7 +28,7 @@ BASELINE_M = 0.05
 VIEW = Pinhole(640, 480, 420.0, 420.0, 319.5, 239.5)
 
 
-def sheet(away_m: float, half_m: float, tint: float, label: int) -> Mesh:
+def sheet(away_m: float, half_m: float, tint: float, label: int) -> SkinnedMesh:
     """Return a square that faces west, its middle straight ahead."""
     vertices = np.zeros(4, VERTEX)
     vertices["position"] = [
@@ -36,7 +36,7 @@ def sheet(away_m: float, half_m: float, tint: float, label: int) -> Mesh:
     ]
     vertices["normal"], vertices["tint"], vertices["label"] = (-1, 0, 0), tint, label
     faces = np.array([[0, 2, 1], [0, 3, 2]], np.uint32)
-    return Mesh(vertices, faces, Skin(np.full((4, 4), 180, np.uint8)))
+    return SkinnedMesh(vertices, faces, Skin(np.full((4, 4), 180, np.uint8)))
 
 
 def before_another(**options: Any) -> Renderer:

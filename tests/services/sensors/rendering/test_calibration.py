@@ -15,9 +15,9 @@ from groundlink.scenario import lenses
 from groundlink.scenario.schema import Scenario
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.gl.renderer import Renderer
-from services.sensors.rendering.look.mesh import VERTEX, Mesh, Skin
+from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from services.sensors.rendering.optics.imager import Electronics
-from services.sensors.rendering.optics.lens import Lens
+from services.sensors.rendering.optics.lens import LensOptics
 from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rendering.gl.test_renderer import lit
 
@@ -45,7 +45,7 @@ FRINGES = {"chromatic_aberration": 0.001, "vignetting": 0.3}
 WORLD_FROM_BOARD = transform(np.array([0.0, 0.0, 2.0]), np.array([0.0, 0.0, 0.0, 1.0]))
 
 
-def chessboard() -> Mesh:
+def chessboard() -> SkinnedMesh:
     """Return squares with a white rim, in the air, facing up."""
     columns, rows = INNER[0] + 3, INNER[1] + 3
     corners, faces = [], []
@@ -58,7 +58,7 @@ def chessboard() -> Mesh:
                 corners.append(((x, y, 2.0), (0, 0, 1), (x, y), (tint,) * 3, 0))
             first = len(corners) - 4
             faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    return Mesh(
+    return SkinnedMesh(
         np.array(corners, VERTEX),
         np.array(faces, np.uint32),
         Skin(np.full((4, 4), 180, np.uint8)),
@@ -103,7 +103,7 @@ def poses(spec: lenses.Lens, away_m: float, pinhole: Pinhole = PINHOLE) -> list[
 
 def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[np.uint8]]:
     """Return grey pictures of the board through a lens."""
-    made = Lens(spec, PINHOLE)
+    made = LensOptics(spec, PINHOLE)
     renderer: Renderer = views.renderer(scenario, made.drawn)
     renderer.add(chessboard())
     renderer.place(views.parked(views.surroundings(scenario), (0.0, 0.0, -400.0)))

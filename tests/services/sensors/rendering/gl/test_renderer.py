@@ -21,7 +21,7 @@ from groundlink.world.solids import Material
 from groundlink.world.weather import Weather
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
-from services.sensors.rendering.look.mesh import VERTEX, Mesh, Skin
+from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rendering import views
 from tests.services.sensors.yards import box, yard
@@ -192,14 +192,14 @@ def test_fog_hides_what_is_far() -> None:
     assert foggy > clear + 30
 
 
-def quad(skin: Skin, tint: float = 0.5) -> Mesh:
+def quad(skin: Skin, tint: float = 0.5) -> SkinnedMesh:
     """Return a square of 2 m that faces west, 3 m ahead; u goes right, v goes down."""
     vertices = np.zeros(4, VERTEX)
     vertices["position"] = [(3, 1, 2), (3, -1, 2), (3, -1, 0), (3, 1, 0)]
     vertices["normal"] = (-1, 0, 0)
     vertices["uv"] = [(0, 0), (1, 0), (1, 1), (0, 1)]
     vertices["tint"], vertices["label"] = tint, 0
-    return Mesh(vertices, np.array([[0, 2, 1], [0, 3, 2]], np.uint32), skin)
+    return SkinnedMesh(vertices, np.array([[0, 2, 1], [0, 3, 2]], np.uint32), skin)
 
 
 def test_a_mesh_shows_its_texture() -> None:

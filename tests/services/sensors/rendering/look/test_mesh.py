@@ -14,7 +14,7 @@ from groundlink.world.triangles import merged
 from services.sensors.rendering.gl.chunks import boxes_around, cut
 from services.sensors.rendering.gl.culling import Boxes, from_near_to_far, seen
 from services.sensors.rendering.look.labels import Labels
-from services.sensors.rendering.look.mesh import Mesh
+from services.sensors.rendering.look.mesh import SkinnedMesh
 from services.sensors.rendering.look.patterns import TEXELS
 from services.sensors.rendering.look.shapes import STRETCH, meshes
 from services.sensors.rendering.look.textures import BRIGHTEST, REPEATS, period_m, texture
@@ -27,7 +27,7 @@ SHAPES: dict[str, Shape] = {
 }
 
 
-def mesh(shape: Shape, **material: float) -> Mesh:
+def mesh(shape: Shape, **material: float) -> SkinnedMesh:
     solid = Solid("thing", shape, "stuff", (1.0, 2.0, 3.0), TURNED)
     (made,) = meshes([solid], [7], {"stuff": Material(**material)}, {})  # type: ignore[arg-type]
     return made
@@ -139,7 +139,7 @@ def test_cutting_loses_nothing() -> None:
     pieces = list(cut(whole, 6.0))
     assert len(pieces) > 3
 
-    def triangles(made: Mesh) -> list[bytes]:
+    def triangles(made: SkinnedMesh) -> list[bytes]:
         return [corners.tobytes() for corners in made.vertices[made.faces]]
 
     assert sorted(t for piece in pieces for t in triangles(piece)) == sorted(triangles(whole))

@@ -15,7 +15,7 @@ from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
 from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.optics.distortion import EDGE, MODELS
-from services.sensors.rendering.optics.lens import MOST_PIXELS, Lens
+from services.sensors.rendering.optics.lens import MOST_PIXELS, LensOptics
 from services.sensors.rendering.optics.pinhole import Pinhole
 
 PINHOLE = Pinhole(320, 240, 250.0, 245.0, 165.3, 117.8)
@@ -29,21 +29,21 @@ LENSES: dict[str, dict[str, Any]] = {
 }
 
 
-def lens(**fields: Any) -> Lens:
-    return Lens(lenses.Lens(**fields), PINHOLE)
+def lens(**fields: Any) -> LensOptics:
+    return LensOptics(lenses.Lens(**fields), PINHOLE)
 
 
-def through(made: Lens, colour: NDArray[np.uint8], depth_m: float = 2.0) -> Frame:
+def through(made: LensOptics, colour: NDArray[np.uint8], depth_m: float = 2.0) -> Frame:
     shape = colour.shape[:2]
     labels = np.arange(colour[..., 0].size, dtype=np.int32).reshape(shape)
     return made.seen(Frame(colour, np.full(shape, depth_m, np.float32), labels))
 
 
-def grey(made: Lens, value: int = 200) -> NDArray[np.uint8]:
+def grey(made: LensOptics, value: int = 200) -> NDArray[np.uint8]:
     return np.full((made.drawn.height, made.drawn.width, 3), value, np.uint8)
 
 
-def spotted(made: Lens, points: Floats) -> NDArray[np.uint8]:
+def spotted(made: LensOptics, points: Floats) -> NDArray[np.uint8]:
     """Return a drawing with round spots where rays through `points` at z of 1 are."""
     rays = made.drawn.rays()[..., :2]
     focal = np.array([made.drawn.fx, made.drawn.fy])
@@ -121,7 +121,7 @@ def test_depth_and_labels_are_of_the_nearest_drawn_pixel() -> None:
 
 def test_a_fisheye_is_black_beyond_its_circle() -> None:
     wide = Pinhole(320, 240, 125.0, 125.0, 159.5, 119.5)  # 147 degrees across, 183 in the corners
-    made = Lens(lenses.Lens(model="equidistant"), wide)
+    made = LensOptics(lenses.Lens(model="equidistant"), wide)
     frame = through(made, grey(made))
     angle = np.hypot(*np.moveaxis(wide.rays()[..., :2], -1, 0))
     assert (frame.colour[angle < EDGE - 0.02] == 200).all()
@@ -142,7 +142,7 @@ def test_a_fisheye_is_black_beyond_its_circle() -> None:
 )
 def test_what_cannot_be_drawn_is_refused(fields: dict[str, Any], pinhole: Pinhole) -> None:
     with pytest.raises(UserError, match="150 degrees or folds back") as caught:
-        Lens(lenses.Lens(**fields), pinhole)
+        LensOptics(lenses.Lens(**fields), pinhole)
     assert "\n" not in str(caught.value)
 
 
