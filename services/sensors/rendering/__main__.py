@@ -16,12 +16,12 @@ from groundlink.bus.core_topics import ACK
 from groundlink.bus.session import Bus
 from groundlink.core.clock import NANOS, exact
 from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
 from groundlink.process import runner as process
 from groundlink.process.joining import join_world
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario.sensors import Optics
 from groundlink.world.build import world_hash
-from services.sensors.rendering.gl.context import require
 from services.sensors.runtime.runner import SensorProcess
 
 PROCESS = "sensors.rendering"
@@ -34,9 +34,11 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser.add_argument("--at", type=float, required=True, metavar="S", help="sim time")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     options = parser.parse_args(arguments)
-    require("cv2", "moderngl")
-    from services.sensors.rendering.portrait.files import write
-    from services.sensors.rendering.portrait.snapshot import Snapshot
+    with needs("camera"):
+        import moderngl  # noqa: F401  (the renderer imports it when it draws)
+
+        from services.sensors.rendering.portrait.files import write
+        from services.sensors.rendering.portrait.snapshot import Snapshot
 
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = join_world(bus, options.run, stop)

@@ -7,11 +7,11 @@ context.
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from typing import TYPE_CHECKING, TypeVar
 
 from groundlink.core.errors import RequirementError
+from groundlink.core.extras import needs
 
 if TYPE_CHECKING:
     import moderngl
@@ -41,26 +41,18 @@ class RenderingUnavailableError(RequirementError):
     """OpenGL 3.3 is missing, or it does not draw."""
 
 
-def require(*packages: str) -> None:
-    """Raise RenderingUnavailableError for the first of these packages that is missing."""
-    for package in packages:
-        if importlib.util.find_spec(package) is None:
-            raise RenderingUnavailableError(
-                f"cameras need the package `{package}`, which is not installed here; "
-                "install the extra `camera`: pip install groundlink[camera]"
-            )
-
-
 def open_context() -> moderngl.Context:
     """Return a new context that has passed a drawing test.
 
     Raises
     ------
+    RequirementError
+        If moderngl is not installed.
     RenderingUnavailableError
-        If moderngl or EGL is missing, or a test triangle is not read back as drawn.
+        If EGL is missing, or a test triangle is not read back as drawn.
     """
-    require("moderngl")
-    import moderngl
+    with needs("camera"):
+        import moderngl
 
     # Without this, Mesa looks for a screen.
     os.environ.setdefault("EGL_PLATFORM", "surfaceless")

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from groundlink.cli.files.world import add_show_arguments
 from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
 from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.process import runner as process
-from services.sensors.rendering.gl.context import require
 
 PROCESS = "world show"
 
@@ -33,10 +33,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     parser = argparse.ArgumentParser(prog="groundlink world show", description="Draw a picture.")
     add_show_arguments(parser)
     options = parser.parse_args(arguments)
-    require("cv2", "moderngl")
-    import cv2
+    with needs("camera"):
+        import cv2
 
-    from .picture import portrait
+        from .picture import portrait
 
     kind, scenario = load_partial(options.what, warn=_warn)
     out = options.out or Path(f"{Path(options.what).stem}.png")

@@ -13,13 +13,19 @@ import runpy, sys
 module, package, sys.argv[1:] = sys.argv[1], sys.argv[2], sys.argv[3:]
 sys.modules[package] = None  # as if it were not installed
 
+from groundlink.core.extras import needs
 from groundlink.process import runner
-from services.sensors.runtime import kinds
+from groundlink.scenario.sensor_kinds import load_reference
+from services.sensors.runtime import process
+
+def make(kind):
+    with needs(kind.extra):
+        load_reference(kind.model)(None, None, None)
 
 def run(kind):  # the process without a run to join
-    runner.run(module, lambda *_: kind.make_model(None, None, None))
+    runner.run(module, lambda *_: make(kind))
 
-kinds.run = run
+process.run = run
 runpy.run_module(module, run_name="__main__")
 """
 
@@ -48,6 +54,6 @@ def test_a_missing_package_is_one_line(kind: str, package: str) -> None:
         check=False,
     )
     assert done.stderr.count("\n") == 1, done.stderr
-    assert f"need the package `{package}`" in done.stderr
-    assert "pip install groundlink[camera]" in done.stderr
+    assert f"the Python package `{package}` is not installed" in done.stderr
+    assert "pip install 'groundlink[camera]'" in done.stderr
     assert done.returncode == 3
