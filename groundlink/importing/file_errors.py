@@ -13,20 +13,20 @@ from pathlib import Path
 from groundlink.core.errors import RequirementError, UserError
 
 Warn = Callable[[str], None]
-"""Takes one line about a file that a person should know of."""
+"""Receives a warning about a file, one line."""
 
 
 class BadFile(UserError):
-    """A file of others that cannot be used."""
+    """An imported file that cannot be used."""
 
 
 def ignore_warning(line: str) -> None:
-    """Drop a line, where nobody wants to know."""
+    """Discard a warning."""
 
 
 @contextmanager
 def reading(file: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a library raises into one line about `file`, which should be a `kind`."""
+    """Convert any error of a library into one line about `file`, expected to be a `kind`."""
     if file.exists() and not file.is_file():
         raise BadFile(f"{file}: no file, but a folder, a pipe or a device")
     try:
@@ -47,15 +47,15 @@ def reading(file: Path, kind: str) -> Iterator[None]:
     except MemoryError:
         raise BadFile(f"{file}: too large for this machine's memory") from None
     except (LookupError, TypeError, AssertionError):
-        # What these say is about the reader's own lists, not about the file.
+        # The texts of these errors are about the reader, not about the file.
         raise BadFile(f"{file}: not a valid {kind}") from None
     except Exception as error:
-        # Readers of broken files raise nearly everything: ValueError, struct.error, SyntaxError.
+        # Libraries raise nearly any error for broken files.
         reason = str(error) or type(error).__name__
         raise BadFile(f"{file}: not a valid {kind}: {one_line(reason)}") from None
 
 
 def one_line(text: str) -> str:
-    """Return text from a file or a library as a line can hold it."""
+    """Return text as one line of at most 120 characters."""
     text = " ".join(text.split())
     return text if len(text) <= 120 else f"{text[:117]}..."

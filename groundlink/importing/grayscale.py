@@ -20,22 +20,22 @@ MAX_VALUES = 2**27
 """Half a gigabyte of float32: 15 km x 15 km at 1.3 m."""
 
 MAX_COMPRESSION = 1100
-"""Deflate makes data 1032 times smaller at most."""
+"""Maximum compression of Deflate is 1032."""
 
 
 @dataclass(frozen=True, eq=False)
 class GrayPicture:
-    """A picture of one channel."""
+    """A single-channel picture."""
 
     values: NDArray[Any]
-    """Shape (rows, columns); row 0 is the lowest of the picture, the south of a map."""
+    """Shape (rows, columns); row 0 is the bottom of the picture."""
 
     mode: str
-    """Of Pillow: `L` or `P` for 8 bits."""
+    """Mode of Pillow; `L` or `P` for 8 bits."""
 
     is_png: bool
     tags: dict[int, Any]
-    """Of a TIFF."""
+    """Tags of a TIFF."""
 
 
 def read(file: Path) -> GrayPicture:
@@ -44,13 +44,13 @@ def read(file: Path) -> GrayPicture:
     Raises
     ------
     BadFile
-        when it is in color or declares more than it can hold.
+        when it is in color, or declares more data than the file can hold.
     """
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of sizes that are checked here
+            warnings.simplefilter("ignore")  # about sizes, which are checked here
             image = Image.open(file, formats=("PNG", "TIFF"))
     except Image.DecompressionBombError:
         raise BadFile(f"{file}: more than {MAX_VALUES // 10**6} million pixels") from None
@@ -75,7 +75,7 @@ def read(file: Path) -> GrayPicture:
 
 
 def check_count(file: Path, rows: int, columns: int) -> None:
-    """Refuse what is too large to be used."""
+    """Refuse maps that are too large."""
     if rows * columns > MAX_VALUES:
         raise BadFile(
             f"{file}: {columns} x {rows} values are more than {MAX_VALUES // 10**6} million; "

@@ -28,16 +28,16 @@ _GEOGRAPHIC = 2
 
 @dataclass(frozen=True, eq=False)
 class Heightmap:
-    """What a file says."""
+    """Contents of a heightmap file."""
 
     values: NDArray[Any]
     """Shape (rows, columns), numbers; floats may be NaN. Row 0 is in the south."""
 
     full_scale: int | None = None
-    """What stands for the upper end of a range, 255 or 65535; None: values are meters."""
+    """Value of the upper end of the range, 255 or 65535; None: values are meters."""
 
     cell_m: float | None = None
-    """None: the file does not say."""
+    """None if the file does not state it."""
 
 
 def read(file: Path, warn: Warn) -> Heightmap:
@@ -79,7 +79,7 @@ def _read_picture(file: Path, warn: Warn) -> Heightmap:
 
 
 def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
-    """Return values with NaN in the place of what stands for no height."""
+    """Return values with NaN for the no-data marker."""
     if no_data is None:
         return values
     marker = np.float32(str(no_data).strip("\0 "))
@@ -89,7 +89,7 @@ def _without(values: NDArray[Any], no_data: Any) -> NDArray[Any]:
 
 
 def _cell_m(file: Path, tags: dict[int, Any], warn: Warn) -> float | None:
-    """Return the length of a GeoTIFF's cell in meters, or None where it says none."""
+    """Return the cell length of a GeoTIFF in meters, or None if not stated."""
     scale = tags.get(_PIXEL_SCALE)
     if scale is None:
         return None
@@ -107,7 +107,7 @@ def _cell_m(file: Path, tags: dict[int, Any], warn: Warn) -> float | None:
 
 def _read_npy(file: Path, warn: Warn) -> Heightmap:
     """Return a .npy file's array; one that would need unpickling is refused."""
-    # Not `np.load`, which takes pickles and archives too.
+    # `np.load` would also accept pickles and archives.
     values = np.lib.format.open_memmap(file, mode="r")
     if values.dtype.kind not in "iuf":
         raise BadFile(f"{file}: an array of {values.dtype}; expected numbers, best float32")
@@ -136,7 +136,7 @@ def _read_esri(file: Path, warn: Warn) -> Heightmap:
                 f"{file.stat().st_size} bytes cannot hold them"
             )
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # what is no number is one of numpy's warnings
+            warnings.simplefilter("error")  # numpy only warns about text that is no number
             values = np.fromstring(first + lines.read(), np.float32, sep=" ")
     if values.size != rows * columns:
         raise BadFile(

@@ -21,7 +21,7 @@ _Window = tuple[slice, slice]
 
 @dataclass(frozen=True, eq=False)
 class TerrainGrid:
-    """Terrain in the making."""
+    """Terrain grid under construction."""
 
     heights: NDArray[np.float32]
     """Shape (rows, columns), meters above the terrain's `at_m`."""
@@ -36,7 +36,7 @@ class TerrainGrid:
     y0_m: float
 
     def window(self, points: Floats, reach_m: float) -> _Window:
-        """Return the rows and columns of all vertices that points, shape (N, 2), may reach."""
+        """Return the rows and columns of all vertices within `reach_m` of points, shape (N, 2)."""
         low = (points.min(axis=0) - reach_m - (self.x0_m, self.y0_m)) / self.cell_m
         high = (points.max(axis=0) + reach_m - (self.x0_m, self.y0_m)) / self.cell_m
         rows, columns = self.heights.shape
@@ -45,7 +45,7 @@ class TerrainGrid:
         return slice(first_row, end_row), slice(first_column, end_column)
 
     def places(self, window: _Window, *, cells: bool = False) -> Floats:
-        """Return where in the world a window's vertices are, or the middles of cells: (R, C, 2)."""
+        """Return world positions of a window's vertices or cell centers, shape (R, C, 2)."""
         shape = self.surface.shape if cells else self.heights.shape
         row, column = (np.arange(n)[part] for n, part in zip(shape, window, strict=True))
         x, y = np.meshgrid(column + cells / 2, row + cells / 2)
@@ -63,7 +63,7 @@ class TerrainGrid:
 
 
 def add_level(canvas: TerrainGrid, spec: LevelArea, number: int | None) -> None:
-    """Make a level disc, of material `number` unless it is None."""
+    """Add a level disc, of material `number` unless it is None."""
     middle = np.array([spec.at_m])
     window = canvas.window(middle, spec.radius_m + spec.shore_m)
     ground = canvas.heights[window]
@@ -81,7 +81,7 @@ def add_level(canvas: TerrainGrid, spec: LevelArea, number: int | None) -> None:
 
 
 def add_road(canvas: TerrainGrid, spec: Road, number: int) -> None:
-    """Make a road of material `number`."""
+    """Add a road of material `number`."""
     line = np.array(spec.points_m, np.float64)
     ends_m = np.cumsum([0.0, *_length(np.diff(line, axis=0))])
     stations_m, profile_m = _profile(canvas, line, ends_m, spec.smooth_m)
@@ -108,14 +108,14 @@ def add_road(canvas: TerrainGrid, spec: Road, number: int) -> None:
 def _profile(
     canvas: TerrainGrid, line: Floats, ends_m: Floats, smooth_m: float
 ) -> tuple[Floats, Floats]:
-    """Return lengths along a line and the ground's heights there, smoothed."""
+    """Return distances along a line and the smoothed heights there."""
     step_m = min(canvas.cell_m, smooth_m / 4)
     stations_m = np.linspace(0.0, ends_m[-1], max(2, int(np.ceil(ends_m[-1] / step_m)) + 1))
     places = np.stack([np.interp(stations_m, ends_m, line[:, axis]) for axis in (0, 1)], axis=-1)
     half = max(1, round(smooth_m / step_m / 2))
     ring = np.array_equal(line[0], line[-1])
     profile = np.pad(canvas.heights_at(places), 2 * half, mode="wrap" if ring else "edge")
-    for _ in range(2):  # A running mean twice is a triangle: no kinks where bumps begin.
+    for _ in range(2):  # Two running means form a triangular filter without kinks.
         total = np.cumsum([0.0, *profile])
         profile = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
     return stations_m, profile
@@ -124,14 +124,14 @@ def _profile(
 def _led_to(
     ground: NDArray[np.float32], target_m: Floats | float, beyond_m: Floats, over_m: float
 ) -> Floats:
-    """Return ground that is `target_m` where `beyond_m` <= 0, and itself from `over_m` on."""
+    """Return heights blended from `target_m` (`beyond_m` <= 0) to `ground` (from `over_m` on)."""
     share = np.clip(beyond_m / max(over_m, 1e-9), 0, 1)
     share = share * share * (3 - 2 * share)
     return target_m * (1 - share) + ground * share
 
 
 def _from_stretch(first: Floats, last: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Return the distance of places from a straight stretch, and where along it they are, 0..1."""
+    """Return the distance of points to a line segment, and their position along it, 0..1."""
     along = last - first
     share = (places - first) @ along / max(float(along @ along), 1e-12)
     share = np.clip(share, 0, 1)

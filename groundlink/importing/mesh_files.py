@@ -41,17 +41,17 @@ FORMATS = {
 MAX_FACES = 20_000_000
 
 MAX_PIXELS = 2**26
-"""Of a picture: 8192 x 8192, four times what is drawn. A picture of 20 kB can declare more."""
+"""Maximum size of a picture. A file of 20 kB can declare more."""
 
 Paint = tuple[Vector3 | None, bytes | None, bytes | None]
-"""As `mesh_asset.MeshPart` has them: color, picture and normals."""
+"""Color, picture and normals, as in `mesh_asset.MeshPart`."""
 
 UNPAINTED: Paint = (None, None, None)
 
 
 @dataclass(eq=False, kw_only=True)
 class MeshPiece:
-    """Triangles, or without faces points, that are painted alike."""
+    """Triangles, or points without faces, with the same appearance."""
 
     vertices: Floats
     """Shape (V, 3)."""
@@ -63,18 +63,18 @@ class MeshPiece:
     """Shape (V, 2)."""
 
     colors: Floats | None = None
-    """Of each vertex, shape (V, 3): sRGB, 0..1."""
+    """sRGB vertex colors, 0..1, shape (V, 3)."""
 
     paint: Paint = UNPAINTED
 
 
 def read(file: Path, folder: Path, warn: Warn) -> list[MeshPiece]:
-    """Return the pieces of a file, of which others may lie in `folder` or beside it.
+    """Return the pieces of a file; files that it names lie in `folder` or beside it.
 
     Raises
     ------
     BadFile
-        when it cannot be read.
+        when the file cannot be read.
     """
     suffix = file.suffix.lower()
     if suffix not in FORMATS:
@@ -110,15 +110,15 @@ def _pieces(file: Path, suffix: str, folder: Path, warn: Warn) -> Iterator[MeshP
         elif isinstance(part, trimesh.Trimesh):
             faces = np.asarray(part.faces, np.int64)
             if np.linalg.det(scene_from_part[:3, :3]) < 0:
-                faces = faces[:, ::-1]  # A mirror turns surfaces inside out.
+                faces = faces[:, ::-1]  # A mirroring transform inverts the winding of faces.
             yield _painted_as(part.visual, MeshPiece(vertices=vertices, faces=faces), pictures)
 
 
 def _placed(scene: Any) -> Iterator[tuple[str, Floats]]:
-    """Yield the parts of a scene and where they are, shape (4, 4).
+    """Yield the parts of a scene and their poses, shape (4, 4).
 
-    From the root downwards: trimesh itself goes up from each part, which for a chain of a thousand
-    parts takes a minute.
+    Walks down from the root. trimesh walks up from each part, which takes a minute for a chain of a
+    thousand parts.
     """
     forest = scene.graph.transforms
     waiting: list[tuple[str, Floats]] = [(scene.graph.base_frame, np.eye(4))]
@@ -133,7 +133,7 @@ def _placed(scene: Any) -> Iterator[tuple[str, Floats]]:
 
 
 def _scene(file: Path, suffix: str, folder: Path) -> tuple[Any, list[str]]:
-    """Return a trimesh scene, and what is wrong with files that it wanted and did not get."""
+    """Return a trimesh scene, and the problems of files that it names."""
     import trimesh
 
     lacking: list[str] = []
@@ -142,8 +142,8 @@ def _scene(file: Path, suffix: str, folder: Path) -> tuple[Any, list[str]]:
     class Beside(trimesh.resolvers.FilePathResolver):
         def get(self, name: str) -> bytes:
             problem = "is missing"
-            with suppress(OSError, ValueError):  # Of names that no file can have.
-                # A name from another machine means the file that was brought along.
+            with suppress(OSError, ValueError):  # Some names are invalid on this system.
+                # An absolute name of another machine refers to a file beside the mesh.
                 paths = [(file.parent / part).resolve() for part in (name.strip(), Path(name).name)]
                 inside = [path for path in paths if any(map(path.is_relative_to, allowed))]
                 for path in filter(Path.is_file, inside):
@@ -159,11 +159,11 @@ def _scene(file: Path, suffix: str, folder: Path) -> tuple[Any, list[str]]:
         _check_gltf(file, content)
     if suffix == ".ply":
         _check_ply(file, content)
-    # What it cannot read it says in its log, to which nobody listens here.
+    # trimesh logs what it cannot read; the errors are reported here instead.
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of pictures, whose size is checked here
+            warnings.simplefilter("ignore")  # about picture sizes, which are checked here
             scene = trimesh.load_scene(
                 BytesIO(_utf8(content) if suffix == ".obj" else content),
                 file_type=suffix[1:],
@@ -178,7 +178,7 @@ def _scene(file: Path, suffix: str, folder: Path) -> tuple[Any, list[str]]:
 
 
 def _check_gltf(file: Path, content: bytes) -> None:
-    """Refuse what trimesh takes for zeros: packed numbers, and such as are only declared."""
+    """Refuse compressed and missing data, which trimesh reads as zeros."""
     text = content
     if content[:4] == b"glTF":
         text = content[20 : 20 + int.from_bytes(content[12:16], "little")]
@@ -192,7 +192,7 @@ def _check_gltf(file: Path, content: bytes) -> None:
 
 
 def _check_ply(file: Path, content: bytes) -> None:
-    """Refuse text that was cut off, of which trimesh takes faces for points."""
+    """Refuse truncated text, for which trimesh mistakes faces for points."""
     head, _, body = content.partition(b"end_header")
     words = [line.split() for line in head.splitlines()]
     if not any(line[:2] == [b"format", b"ascii"] for line in words):
@@ -204,12 +204,12 @@ def _check_ply(file: Path, content: bytes) -> None:
 
 
 def _utf8(text: bytes) -> bytes:
-    """Return text that may be of any encoding: what is not UTF-8 is a comment or a name."""
+    """Return text as UTF-8; only comments and names have other encodings."""
     return text.decode("utf-8", errors="replace").encode()
 
 
 class _Pictures:
-    """Gives pictures as bytes, each broken one told once."""
+    """Encodes pictures, with one warning for each broken one."""
 
     def __init__(self, file: Path, warn: Warn) -> None:
         self._file = file
@@ -217,7 +217,7 @@ class _Pictures:
         self._known: dict[int, bytes | None] = {}
 
     def content(self, image: Any) -> bytes | None:
-        """Return a Pillow image as PNG or JPEG: the bytes that it came as, if it can be."""
+        """Return a Pillow image as PNG or JPEG, with its original bytes if possible."""
         if image is None:
             return None
         if id(image) not in self._known:
@@ -247,7 +247,7 @@ def _encoded(image: Any) -> bytes:
 
 
 def _painted_as(visual: Any, piece: MeshPiece, pictures: _Pictures) -> MeshPiece:
-    """Give a piece the colors that trimesh found."""
+    """Give a piece the appearance that trimesh found."""
     if visual.kind == "vertex":
         piece.colors = np.asarray(visual.vertex_colors)[:, :3] / 255.0
     elif visual.kind == "face":
@@ -262,7 +262,7 @@ def _painted_as(visual: Any, piece: MeshPiece, pictures: _Pictures) -> MeshPiece
             color = None if factor is None else np.asarray(factor)[:3] / 255.0
         else:
             image, normals = material.image, None
-            # What a picture is multiplied by in OBJ is a matter of taste: nothing.
+            # Exporters disagree on the diffuse factor of OBJ pictures; it is ignored.
             color = None if image is not None else linear(np.asarray(material.diffuse)[:3] / 255.0)
         picture = pictures.content(image)
         if picture is not None and color is None:

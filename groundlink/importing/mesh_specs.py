@@ -11,19 +11,18 @@ from groundlink.core.fields import Positive, Spec
 
 
 class MeshFile(Spec, frozen=True, kw_only=True, tag_field="kind", tag="mesh"):
-    """A mesh or scan in a file: OBJ, PLY, STL, glTF or GLB; PCD and PLY also without faces."""
+    """A mesh or scan in a file: OBJ, PLY, STL, glTF, GLB or PCD."""
 
     file: str
     scale: Positive = 1.0
     """Metres in a unit of the file: 0.001 for millimeters."""
 
     up: Literal["y", "z"] | None = None
-    """The file's axis that points up; None: y for glTF, z for all others. With y, the file's z
-    points south: it is turned by 90 degrees about x, as Blender does."""
+    """Up axis of the file; None: y for glTF, z for other formats. With y, the mesh is turned by 90
+    degrees about x, as in Blender, so its z points south."""
 
     disc_m: Positive | None = None
-    """Radius of the discs that stand for the points of a scan without faces; None: by how far they
-    are apart."""
+    """Radius of the discs of a scan without faces; None: from the distance of its points."""
 
     most_points: Annotated[int, Meta(ge=1, le=2_000_000)] = 200_000
-    """A scan with more is thinned."""
+    """Maximum number of points; larger scans are thinned."""

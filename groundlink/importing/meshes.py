@@ -22,30 +22,30 @@ from .mesh_specs import MeshFile
 from .vertex_colors import with_color_picture
 
 MAX_OFFSET_M = 100_000.0
-"""There float32 keeps a centimeter."""
+"""Beyond, float32 is coarser than a centimeter."""
 
 SCANS = (".ply", ".pcd")
-"""Files whose points without faces are a scan's."""
+"""Formats of scans without faces."""
 
 LARGE_M, SMALL_M = 500.0, 0.005
-"""Longest sides beyond which a unit is doubted."""
+"""Longest sides outside of which the unit is doubted."""
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class ImportedMesh:
-    """A surface that is ready to be an asset."""
+    """A mesh ready to be stored as an asset."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     uv: NDArray[np.float32] | None
     parts: tuple[MeshPart, ...]
     points: int
-    """That became discs."""
+    """Number of points converted to discs."""
 
     def shape(self) -> Mesh:
-        """Put it in the store and return it as a shape."""
+        """Store the asset and return the shape."""
         return Mesh(
             asset=assets.put(encode_mesh(self.vertices, self.faces, self.uv, self.parts)),
             low_m=_vector(self.vertices.min(axis=0)),
@@ -54,19 +54,19 @@ class ImportedMesh:
 
 
 def import_mesh(spec: MeshFile, folder: Path, warn: Warn) -> ImportedMesh:
-    """Return the surface that a mesh's description asks for.
+    """Import a mesh file.
 
     Parameters
     ----------
     folder
-        where the file is that it names, and all that this one names in turn.
+        folder of the file and of the files it names.
     warn
-        takes what is doubtful.
+        receives warnings.
 
     Raises
     ------
     BadFile
-        when the file is wrong.
+        when the file cannot be used.
     """
     file = folder / spec.file
     pieces = read(file, folder, warn)
@@ -100,7 +100,7 @@ def import_mesh(spec: MeshFile, folder: Path, warn: Warn) -> ImportedMesh:
 
 
 def _check_numbers(file: Path, piece: MeshPiece, warn: Warn) -> None:
-    """Leave out places of a scan where its scanner saw nothing; refuse them in a mesh."""
+    """Drop points without coordinates from a scan; refuse such vertices in a mesh."""
     broken = (~np.isfinite(piece.vertices)).any(axis=1)
     wrong, count = int(broken.sum()), len(piece.vertices)
     if not wrong:
@@ -114,7 +114,7 @@ def _check_numbers(file: Path, piece: MeshPiece, warn: Warn) -> None:
 
 
 def _discs(cloud: list[MeshPiece], spec: MeshFile) -> MeshPiece:
-    """Return discs in the place of the points of a scan."""
+    """Return the points of a scan as discs."""
     gray = [np.full((len(piece.vertices), 3), 0.5) for piece in cloud]
     colors = [g if p.colors is None else p.colors for g, p in zip(gray, cloud, strict=True)]
     points, mean_colors, apart_m = scans.thinned(
@@ -130,7 +130,7 @@ def _discs(cloud: list[MeshPiece], spec: MeshFile) -> MeshPiece:
 
 
 def _joined(file: Path, pieces: list[MeshPiece], points: int, warn: Warn) -> ImportedMesh:
-    """Return pieces as one surface, those that are painted alike behind each other."""
+    """Join pieces into one mesh, grouped by appearance."""
     pieces = [with_color_picture(piece) if piece.colors is not None else piece for piece in pieces]
     alike: dict[Paint, list[MeshPiece]] = {}
     for piece in pieces:
@@ -170,7 +170,7 @@ def _joined(file: Path, pieces: list[MeshPiece], points: int, warn: Warn) -> Imp
 
 
 def _check_size(file: Path, size: Floats, spec: MeshFile, warn: Warn) -> None:
-    """Tell of units that look wrong."""
+    """Warn about units that look wrong."""
     told = " x ".join(f"{length:.4g}" for length in size)
     if size.max() > LARGE_M:
         warn(

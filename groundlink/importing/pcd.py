@@ -17,7 +17,7 @@ from groundlink.core.frames import Floats
 MAX_HEADER_LINES = 30
 
 MAX_COMPRESSION = 100
-"""LZF makes data 88 times smaller at most: 264 bytes from 3."""
+"""Maximum compression of LZF is 88: 264 bytes from 3."""
 
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 
@@ -64,7 +64,7 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
 
 
 def _layout(header: dict[str, list[str]]) -> tuple[np.dtype[np.void], int]:
-    """Return the type of a point, every field an array, and how many points there are."""
+    """Return the dtype of a point, each field an array, and the number of points."""
     names = header["FIELDS"]
     counts = header.get("COUNT", ["1"] * len(names))
     fields: list[tuple[str, str, tuple[int, ...]]] = []
@@ -107,7 +107,7 @@ def _from_columns(
 
 
 def _decompressed(body: bytes) -> bytes:
-    """Undo LZF: a byte below 32 says how many bytes follow as they are, others refer back."""
+    """Decompress LZF: a control byte below 32 starts a literal run, others a back reference."""
     size, expected = np.frombuffer(body, "<u4", 2).tolist()
     packed = body[8 : 8 + size]
     if expected > MAX_COMPRESSION * len(packed) or len(packed) < size:
@@ -130,7 +130,7 @@ def _decompressed(body: bytes) -> bytes:
         start = len(out) - back
         if start < 0:
             raise ValueError("its compressed data are broken")
-        for k in range(start, start + length + 2):  # What is copied may reach into itself.
+        for k in range(start, start + length + 2):  # The source may overlap the copy.
             out.append(out[k])
     if len(out) != expected:
         raise ValueError("its compressed data are broken")

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats
 
 CORNERS = 6
-"""Of a disc: a hexagon covers 83 % of the circle around it."""
+"""Corners of a disc; a hexagon covers 83 % of its circle."""
 
 WIDER = 1.0
-"""A disc's radius in distances between points: on a regular grid discs then cover all, of points at
-random five sixths of the surface."""
+"""Radius of a disc in point distances: covers all of a regular grid, and five sixths of randomly
+placed points."""
 
 
 def thinned(
     points: Floats, colors: NDArray[np.float64], most: int
 ) -> tuple[Floats, NDArray[np.float64], float]:
-    """Return at most `most` points with their colors, and the distance that they are apart.
+    """Return at most `most` points with their colors, and their distance.
 
-    Of the points in a cube the mean is kept.
+    Each cube keeps the mean of its points.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def thinned(
     colors : float64 array, shape (N, 3)
     """
     size = np.ptp(points, axis=0)
-    # Points lie on surfaces: cubes of this side, if they were a square of the longest two sides.
+    # First guess: points evenly spread over a rectangle of the two longest sides.
     edge = max(float(np.sqrt(np.prod(np.sort(size)[1:]) / len(points))), 1e-6 * size.max(), 1e-9)
     while True:
         keys = _keys(points, edge)

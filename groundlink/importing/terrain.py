@@ -22,21 +22,21 @@ from .levels_and_roads import TerrainGrid
 from .terrain_specs import GroundSpec, HeightmapFile, HillsTerrain, SurfaceMap, TerrainSpec
 
 MAX_HEIGHT_M = 20_000.0
-"""Twice what there is on Earth, from the deepest place in the sea."""
+"""Maximum absolute height: twice the range on Earth."""
 
 SQUARE = 1e-3
-"""How much a cell's sides may differ, as a share: what people round lengths to."""
+"""Allowed relative difference of a cell's sides."""
 
 
 class BadTerrain(UserError):
-    """A description of terrain that cannot be followed.
+    """A wrong description of terrain.
 
     Attributes
     ----------
     field
         the key at fault.
     problem
-        what is wrong with it.
+        the problem.
     """
 
     def __init__(self, field: str, problem: str) -> None:
@@ -46,14 +46,14 @@ class BadTerrain(UserError):
 
 
 def build(spec: TerrainSpec, folder: Path, warn: Warn) -> Terrain:
-    """Return resolved terrain, whose assets are in the store.
+    """Return resolved terrain and store its assets.
 
     Parameters
     ----------
     folder
-        where files are that the description names.
+        folder of the files in the description.
     warn
-        takes what is doubtful.
+        receives warnings.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def build(spec: TerrainSpec, folder: Path, warn: Warn) -> Terrain:
 
 
 def _from_file(spec: HeightmapFile, file: Path, warn: Warn) -> tuple[NDArray[np.float32], float]:
-    """Return a file's heights without gaps, and the length of a cell."""
+    """Return a file's heights with gaps filled, and the length of a cell."""
     found = heightmaps.read(file, warn)
     heights = _metres(found, spec, file, warn)
     cell_m = _cell_m(found, spec, file)
@@ -118,7 +118,7 @@ def _from_file(spec: HeightmapFile, file: Path, warn: Warn) -> tuple[NDArray[np.
 def _metres(
     found: heightmaps.Heightmap, spec: HeightmapFile, file: Path, warn: Warn
 ) -> NDArray[np.float32]:
-    """Return a map's values as meters, in an array of their own."""
+    """Return a map's values in meters, as a copy."""
     if found.full_scale is None:
         if spec.heights_m is not None:
             raise BadTerrain("heights_m", f"{file} is in meters already; leave this out")
@@ -142,7 +142,7 @@ def _metres(
 
 
 def _cell_m(found: heightmaps.Heightmap, spec: HeightmapFile, file: Path) -> float:
-    """Return the length of a cell: as given, or else as the file says."""
+    """Return the length of a cell: as given, or from the file."""
     rows, columns = found.values.shape
     if spec.size_m is not None:
         if spec.cell_m is not None:
@@ -164,11 +164,7 @@ def _cell_m(found: heightmaps.Heightmap, spec: HeightmapFile, file: Path) -> flo
 
 
 def _filled(heights: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return heights whose gaps have means of what is around them, the wider the gap the wider.
-
-    Means of 2 x 2 of what there is, over and over, until no gap is left; then gaps take the value
-    of the coarser map.
-    """
+    """Return heights with gaps filled from a pyramid of 2 x 2 means."""
     missing = np.isnan(heights)
     if not missing.any():
         return heights
@@ -185,7 +181,7 @@ def _filled(heights: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _cover(canvas: TerrainGrid, spec: GroundSpec, folder: Path) -> tuple[str, ...]:
-    """Shape the canvas and number its materials; return their names by number."""
+    """Apply materials, levels and roads to the grid; return material names by number."""
     materials = [spec.material]
 
     def number(material: str) -> int:
@@ -231,7 +227,7 @@ def _surface_map(surface: SurfaceMap, folder: Path, shape: tuple[int, ...]) -> N
             f"{file}: {gray.values.shape[1]} x {gray.values.shape[0]} pixels; expected one for "
             f"each cell, {columns} x {rows}, or for each height, {columns + 1} x {rows + 1}"
         )
-    # With a pixel for each height, a cell is as the height in its south-west.
+    # With a pixel for each height, a cell takes the pixel of its south-west corner.
     numbers: NDArray[np.uint8] = gray.values[:rows, :columns]
     if numbers.max() >= len(surface.materials):
         raise BadFile(

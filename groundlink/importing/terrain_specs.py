@@ -17,7 +17,7 @@ Place2 = tuple[float, float]
 
 
 class MaterialRule(Spec, frozen=True, kw_only=True):
-    """A material that lies wherever the ground is so steep and so high."""
+    """A material for ground within a range of slopes and heights."""
 
     material: str
     slope_deg: tuple[float, float] = (0.0, 90.0)
@@ -25,11 +25,11 @@ class MaterialRule(Spec, frozen=True, kw_only=True):
 
 
 class SurfaceMap(Spec, frozen=True):
-    """Materials from a picture of 8-bit gray numbers, its first row in the north."""
+    """Materials from an 8-bit grayscale picture with its first row in the north."""
 
     file: str
     materials: Annotated[tuple[str, ...], Meta(min_length=1, max_length=200)]
-    """Of the numbers 0, 1, 2 and so on."""
+    """Materials of the values 0, 1, 2 and so on."""
 
 
 class LevelArea(Spec, frozen=True, kw_only=True):
@@ -38,47 +38,47 @@ class LevelArea(Spec, frozen=True, kw_only=True):
     at_m: Place2
     radius_m: Positive
     material: str | None = None
-    """None: what lies there anyway."""
+    """None: unchanged."""
 
     height_m: float | None = None
-    """None: that of the lowest ground along its rim."""
+    """None: lowest ground along the rim."""
 
     shore_m: NonNegative = 5.0
-    """Width of the ring around it that leads to the ground beyond."""
+    """Width of the transition to the surrounding ground."""
 
 
 class Road(Spec, frozen=True, kw_only=True):
-    """A way along a line, level across, on the ground's own heights smoothed along it.
+    """A road along a line, level across, at the smoothed height of the ground.
 
-    One that ends where it begins is a ring, without a step there.
+    A road that ends at its first point is a closed loop.
     """
 
     points_m: Annotated[tuple[Place2, ...], Meta(min_length=2)]
     width_m: Positive
     material: str
     shoulder_m: NonNegative = 4.0
-    """Width of the strip on each side that leads to the ground beyond."""
+    """Width of the transition to the ground on each side."""
 
     smooth_m: Positive = 30.0
-    """Bumps shorter than this are leveled along it."""
+    """Length of the smoothing filter along the road."""
 
 
 class GroundSpec(Spec, frozen=True, kw_only=True):
-    """What terrain of every origin has."""
+    """Common fields of terrain descriptions."""
 
     at_m: Vector3 = (0.0, 0.0, 0.0)
     """Position of the middle of the map in the world; z is added to the heights."""
 
     material: str
-    """What the ground is of where nothing else is said."""
+    """Default material."""
 
     surface: SurfaceMap | None = None
     where: tuple[MaterialRule, ...] = ()
-    """The last one that fits a cell counts."""
+    """The last matching rule applies."""
 
     levels: tuple[LevelArea, ...] = ()
     roads: tuple[Road, ...] = ()
-    """Made after the levels."""
+    """Applied after the levels."""
 
 
 class HeightmapFile(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag="heightmap"):
@@ -86,17 +86,17 @@ class HeightmapFile(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag
 
     file: str
     cell_m: Positive | None = None
-    """Length of a cell's side; None: as the file says."""
+    """Length of a cell's side; None: from the file."""
 
     size_m: tuple[Positive, Positive] | None = None
-    """Instead: lengths of the whole map along x and y, from the first height to the last."""
+    """Alternative: size of the map along x and y, from the first height to the last."""
 
     heights_m: tuple[float, float] | None = None
-    """What the darkest and the brightest gray of a PNG stand for."""
+    """Heights of black and white in a PNG."""
 
 
 class HillsTerrain(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag="hills"):
-    """Rolling ground by a seed: the same wherever it is made."""
+    """Generated hills, the same for the same seed on every machine."""
 
     seed: Annotated[int, Meta(ge=0)] = 0
     size_m: tuple[Positive, Positive]
@@ -104,16 +104,16 @@ class HillsTerrain(GroundSpec, frozen=True, kw_only=True, tag_field="kind", tag=
 
     cell_m: Positive
     height_m: Positive
-    """From the lowest place, at 0, to the highest."""
+    """Height of the highest point above the lowest, which is at 0."""
 
     longest_m: Positive
-    """Wavelength of the largest hills, about."""
+    """Approximate wavelength of the largest hills."""
 
     shortest_m: Positive | None = None
-    """Wavelength of the smallest bumps, about; None: four cells."""
+    """Approximate wavelength of the smallest bumps; None: four cells."""
 
     roughness: Annotated[float, Meta(ge=0, le=1)] = 0.4
-    """Height of bumps of half a wavelength, as a share; 0: the largest hills alone."""
+    """Relative height of each octave to the one before; 0: the largest hills alone."""
 
 
 TerrainSpec = HeightmapFile | HillsTerrain

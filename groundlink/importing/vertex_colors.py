@@ -19,7 +19,7 @@ LEVELS = 32
 
 
 def with_color_picture(piece: MeshPiece) -> MeshPiece:
-    """Return a piece whose vertices have colors as one with a picture."""
+    """Return a piece with vertex colors as one with a picture."""
     from PIL import Image
 
     assert piece.colors is not None

@@ -31,11 +31,11 @@ materials:
 """
 
 MARGIN_M = 10.0
-"""Of floor around a mesh."""
+"""Margin of the floor around a mesh."""
 
 
 def of_heightmap(spec: HeightmapFile, named: str, report: Warn, warn: Warn) -> str:
-    """Return a world file that names a heightmap's file so.
+    """Return a world file for a heightmap, which it calls `named`.
 
     `report` receives what was found in the file, `warn` receives warnings.
     """
@@ -69,7 +69,7 @@ def of_heightmap(spec: HeightmapFile, named: str, report: Warn, warn: Warn) -> s
 
 
 def of_mesh(spec: MeshFile, named: str, report: Warn, warn: Warn) -> str:
-    """Return a world file that names a mesh's file so.
+    """Return a world file for a mesh, which it calls `named`.
 
     `report` receives what was found in the file, `warn` receives warnings.
     """
@@ -114,7 +114,7 @@ def of_mesh(spec: MeshFile, named: str, report: Warn, warn: Warn) -> str:
 
 
 def open_edges(mesh: TriangleMesh) -> tuple[int, int]:
-    """Return how many edges have a face on one side only, and how many holes they are around."""
+    """Return the number of edges with a face on one side only, and of holes they surround."""
     _, same = np.unique(mesh.vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[mesh.faces].astype(np.int64)
     edges = np.sort(corners[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
@@ -124,7 +124,7 @@ def open_edges(mesh: TriangleMesh) -> tuple[int, int]:
 
 
 def _components(edges: NDArray[np.int64]) -> int:
-    """Return how many sets of edges there are that do not touch each other."""
+    """Return the number of connected components of edges."""
     ends, numbers = np.unique(edges, return_inverse=True)
     a, b = numbers.reshape(-1, 2).T
     label = np.arange(len(ends))
@@ -166,6 +166,6 @@ def _quoted(file: str) -> str:
 
 
 def _name(file: str) -> str:
-    """Return a file's name as names in a scenario are."""
+    """Return a file's name as a valid scenario name."""
     word = re.sub(r"[^a-z0-9]+", "_", Path(file).stem.lower()).strip("_")
     return word if word[:1].isalpha() else f"world_{word}".rstrip("_")

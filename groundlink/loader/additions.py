@@ -57,11 +57,11 @@ KINDS: dict[str, Addition] = {
     "person": Addition(solids=tuple(_FIGURE), materials=_MATERIALS),
     "crate": Addition(actors=(_CRATE,), materials=_MATERIALS),
 }
-"""What needs no file: boxes, barrels and people who stand, a crate that can be pushed."""
+"""Named objects that need no file."""
 
 
 class SpawnPlace(NamedTuple):
-    """A place in the world: x, y, height above the ground in meters, heading in degrees."""
+    """Spawn place in the world: x, y, height above the ground, and heading."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -70,7 +70,7 @@ class SpawnPlace(NamedTuple):
 
 
 def check_addition(given: str) -> None:
-    """Refuse a word or a file that means nothing, before a run is asked for.
+    """Refuse an unknown name or file before the run is contacted.
 
     Raises
     ------
@@ -90,20 +90,20 @@ def addition(
     ground: Ground | None,
     warn: Warn = ignore_warning,
 ) -> tuple[str, Addition]:
-    """Return what a word or a file means at a place, and what it is called.
+    """Return the addition of a named object or file at a place, and its name.
 
     Parameters
     ----------
     given
         one of `KINDS`, or a vehicle or world as `load_partial` takes it.
     name
-        of a single thing; of several, it begins their names. None: after what was given, with a
-        number where that is taken.
+        name of a single object, or prefix of several. None: derived from `given`, with a number if
+        taken.
 
     Raises
     ------
     UserError
-        when it means nothing that can be put into a run.
+        when it is nothing that can be added to a run.
     """
     if given in KINDS:
         more, called = KINDS[given], given
@@ -119,7 +119,7 @@ def addition(
 
 
 def _of(part: Scenario, given: str) -> Addition:
-    """Return what there is in a world or vehicle by itself."""
+    """Return the contents of a partial scenario as an addition."""
     world = part.world
     plain = replace(world, solids=(), actors=(), materials={})
     if not part.vehicles and plain != World(name=world.name, materials={}):
@@ -166,7 +166,7 @@ def _named(more: Addition, name: str) -> Addition:
 
 
 def _placed(more: Addition, at: SpawnPlace, ground: Ground | None) -> Addition:
-    """Put the origin of some things on the ground at a place."""
+    """Put the origin of an addition on the ground at a place."""
     height_m = 0.0 if ground is None else float(ground.height_at(at.x_m, at.y_m))
     if isnan(height_m):
         raise UserError(f"--at {at.x_m:g},{at.y_m:g} is beside the terrain")

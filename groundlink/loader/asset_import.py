@@ -24,7 +24,7 @@ TERRAIN: DataPath = ("world", "terrain")
 
 
 class _Terrain(msgspec.Struct):
-    """What terrain is checked as, so that errors name `terrain`."""
+    """Wrapper, so that errors name `terrain`."""
 
     terrain: TerrainSpec
 
@@ -34,7 +34,7 @@ class _Shape(msgspec.Struct):
 
 
 def import_assets(document: Document, warn: Warn) -> None:
-    """Import everything that is to be imported; `warn` takes what is doubtful.
+    """Import all terrain and mesh files of a document; `warn` receives warnings.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def import_assets(document: Document, warn: Warn) -> None:
 
 
 def _mesh_files(value: Any, path: DataPath) -> Iterator[DataPath]:
-    """Yield where in plain data the files of meshes are named."""
+    """Yield the paths of mesh files in plain data."""
     if isinstance(value, dict):
         if value.get("kind") == "mesh" and "asset" not in value:
             yield path

@@ -25,7 +25,7 @@ from .explain import dotted
 
 
 def check_scenario(scenario: Scenario, document: Document) -> None:
-    """Check what types cannot say: names that must differ or must exist.
+    """Check names, topics, faults, speeds and spawn places of a scenario.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
 
 
 class _Use(NamedTuple):
-    """A topic where a scenario has it."""
+    """Use of a topic at a path of a scenario."""
 
     topic: str
     path: DataPath
@@ -73,7 +73,7 @@ class _Use(NamedTuple):
 
 
 def _check_topics(scenario: Scenario, document: Document) -> None:
-    """Refuse a topic of two streams, and one from ROS that is another stream's, too."""
+    """Refuse topics that two streams share, in either direction."""
     told = [_Use(topic, (), "the gateway") for topic in TOLD_BY_THE_GATEWAY]
     first: dict[str, _Use] = {}
     for use in _sent(scenario):
@@ -96,7 +96,7 @@ def _take(use: _Use, first: dict[str, _Use], document: Document) -> None:
 
 
 def _sent(scenario: Scenario) -> Iterator[_Use]:
-    """Yield the topics of all streams that go to ROS but those of the gateway itself."""
+    """Yield the topics of all streams to ROS, except those of the gateway itself."""
     yield _Use(scenario.bodies.topic, ("bodies",), "`bodies`")
     for v, vehicle in enumerate(scenario.vehicles):
         truth, whose = ("vehicles", v, "ground_truth"), f"`ground_truth` of `{vehicle.name}`"
@@ -117,7 +117,7 @@ def _sections(vehicle: Vehicle) -> list[tuple[str, Sequence[SensorSpec | Stream]
 
 
 def _check_faults(sensor: SensorSpec, vehicle: Vehicle, document: Document, path: DataPath) -> None:
-    """Refuse faults that the sensor cannot have."""
+    """Refuse faults that the sensor does not support."""
     for i, fault in enumerate(sensor.faults):
         if found := fault_problem(fault, sensor, vehicle):
             where = (*path, i, found[0])
@@ -125,7 +125,7 @@ def _check_faults(sensor: SensorSpec, vehicle: Vehicle, document: Document, path
 
 
 def check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
-    """Refuse a route that asks for more than the vehicle can: in speed, or to turn on the spot.
+    """Refuse a route beyond the vehicle's top speed, or with turns it cannot make.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from .explain import explained
 from .scenario_files import SHEETS, SHIPPED, find_file, read_datasheet
 
 _PLACE = {"name": "sensor", "topic": "/topic", "frame": "frame"}
-"""What is the scenario's to say of every sensor, and stands in where it is not said."""
+"""Placeholders for the fields that only a scenario states."""
 
 
 class CheckedDatasheet(NamedTuple):
@@ -30,11 +30,11 @@ class CheckedDatasheet(NamedTuple):
     kind: str
     title: str
     figures: dict[str, Any]
-    """The fields that it states, in its order."""
+    """The fields of the sheet, in its order."""
 
     @property
     def name(self) -> str:
-        """What a scenario may call it."""
+        """Name in a scenario."""
         return self.file.stem
 
 
@@ -70,7 +70,7 @@ def _checked(file: Path) -> CheckedDatasheet:
     try:
         msgspec.convert(_PLACE | stated, Sensor)
     except msgspec.ValidationError as error:
-        # Fields are all looked at before one is missed, so the others are as they have to be.
+        # msgspec reports a missing field only after all given fields are valid.
         if not str(error).startswith("Object missing required field") or " - at " in str(error):
             raise ScenarioError(explained(error, sheet, Sensor)) from None
     title = " ".join(stated.get("datasheet", file.name).split())

@@ -18,19 +18,19 @@ from groundlink.core.errors import UserError
 DataPath = tuple[str | int, ...]
 
 MAX_DEPTH = 50
-"""Keys and indices down to a value: several times what any file here needs."""
+"""Maximum length of a path."""
 
 MAX_VALUES = 100_000
-"""Values in a file, aliases expanded: ten times what the largest shipped file has."""
+"""Maximum number of values in a file with its aliases expanded."""
 
 
 class ScenarioError(UserError):
-    """A mistake in a scenario; the text names file, line and field."""
+    """A mistake in a scenario, with file, line and field."""
 
 
 @dataclass(frozen=True)
 class SourceLine:
-    """A place in a file."""
+    """A line of a file."""
 
     file: Path
     line: int
@@ -41,13 +41,13 @@ class SourceLine:
 
 @dataclass
 class Document:
-    """Plain data with the mark of every value in it."""
+    """Plain data with the source line of every value."""
 
     value: Any
     marks: dict[DataPath, SourceLine] = field(default_factory=dict)
 
     def mark(self, path: DataPath) -> SourceLine:
-        """Return the place of the value at `path`, or of the nearest one around it."""
+        """Return the source line of the value at `path`, or of its nearest parent."""
         while path not in self.marks:
             path = path[:-1]
         return self.marks[path]
@@ -63,7 +63,7 @@ class Document:
         return value
 
     def alone(self, path: DataPath) -> Document:
-        """Return the part at `path` as a document of its own, under its last key."""
+        """Return the value at `path` as a document of its own, under its last key."""
         name = path[-1]
         part = Document({name: self.at(path)}, {(): self.mark(path)})
         for inner, mark in self.marks.items():
@@ -108,7 +108,7 @@ def read(file: Path) -> Document:
 
 
 class _Composer(yaml.SafeLoader):
-    """Composes a file's nodes, which PyYAML does by recursion, to a limited depth."""
+    """Composer with a limited depth, since PyYAML composes nodes by recursion."""
 
     file: Path
     depth = 0
@@ -138,7 +138,7 @@ def _too_deep(mark: SourceLine) -> ScenarioError:
 
 
 def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> Any:
-    """Turn a YAML node into plain data and note where it stands."""
+    """Convert a YAML node into plain data and record its source line."""
     mark = SourceLine(file, node.start_mark.line + 1)
     if len(path) > MAX_DEPTH:
         raise _too_deep(mark)
@@ -161,7 +161,7 @@ def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> A
             document.marks[(*path, key)] = SourceLine(file, line)
         return result
     if path[-1:] == ("kind",):
-        return str(node.value)  # a word: YAML 1.1 takes `off` for false
+        return str(node.value)  # always a string: YAML 1.1 reads `off` as false
     try:  # into int, float, bool, str or None
         value = yaml.constructor.SafeConstructor().construct_object(node, deep=True)
     except (yaml.YAMLError, ValueError) as error:

@@ -18,12 +18,12 @@ S = TypeVar("S", bound=msgspec.Struct)
 
 
 def convert(document: Document, schema: type[S]) -> S:
-    """Return plain data as a schema has it.
+    """Convert plain data to a schema.
 
     Raises
     ------
     ScenarioError
-        with the first thing that does not fit.
+        for the first value that does not fit.
     """
     try:
         return msgspec.convert(document.value, schema)
@@ -32,7 +32,7 @@ def convert(document: Document, schema: type[S]) -> S:
 
 
 def explained(error: msgspec.ValidationError, document: Document, schema: Any) -> str:
-    """Return a schema's complaint with its place and, for a misspelt word, the right one."""
+    """Return a validation error as one line with its source line and a hint."""
     problem, _, where = str(error).partition(" - at ")
     path = _data_path(where.strip("`"), document, schema)
     if unknown := re.search(r"contains unknown field `(.*)`", problem):
@@ -62,7 +62,7 @@ def explained(error: msgspec.ValidationError, document: Document, schema: Any) -
 
 
 def dotted(path: DataPath) -> str:
-    """Return a place in the data as people write it: `vehicles[0].name`."""
+    """Return a path as text, such as `vehicles[0].name`."""
     text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
     return text.lstrip(".")
 
@@ -77,7 +77,7 @@ def _data_path(text: str, document: Document, schema: Any) -> DataPath:
 
 
 def _wrong_key(document: Document, path: DataPath, schema: Any) -> str | None:
-    """Return the key of a mapping whose value does not fit: the one that is wrong alone."""
+    """Return the key of a mapping whose value alone fails validation."""
     around, step, mapping = document.at(path[:-1]), path[-1], document.at(path)
     try:
         for key, value in mapping.items():

@@ -31,13 +31,13 @@ Schema: TypeAlias = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 _AT_ITS_PLACE = frozenset({"name", "topic", "frame", "mount"})
-"""Of a sensor: what its scenario says and no data sheet does."""
+"""Fields of a sensor that only a scenario states."""
 
 _TOPICS = (r"^/[A-Za-z0-9_/]+$", r"^[A-Za-z0-9_/]+$")
-"""Patterns of topics: in a resolved scenario, and in files, where one may lack its namespace."""
+"""Patterns of topics in a resolved scenario, and in files, where the namespace is optional."""
 
 _BY_NAME = ((Scenario, "world"), (Vehicle, "model"), (Vehicle, "route"))
-"""Parts that a file may hold or name the file of."""
+"""Fields whose value may be the name of a file."""
 
 
 def json_schema(kind: str) -> Schema:
@@ -52,7 +52,7 @@ def json_schema(kind: str) -> Schema:
 
 
 def _definitions() -> dict[str, Schema]:
-    """Return all types of a scenario as its files have them, by name."""
+    """Return the definitions of all types in scenario files, by name."""
     made = json.dumps(msgspec.json.schema(Scenario)["$defs"])
     definitions: dict[str, Schema] = json.loads(
         made.replace(json.dumps(_TOPICS[0]), json.dumps(_TOPICS[1]))
@@ -77,13 +77,13 @@ def _definitions() -> dict[str, Schema]:
 
 
 def _also(properties: Schema, field: str, form: Schema) -> None:
-    """Let a field have another form."""
+    """Add an alternative form to a field."""
     known = properties[field]
     properties[field] = {"anyOf": [form, known]}
 
 
 def _of_urdf(definitions: dict[str, Schema]) -> Schema:
-    """Return a vehicle that names a URDF, and says what of a model it likes beside it."""
+    """Return the form of a vehicle with a URDF and overriding fields."""
     model, some_wheel, some_chassis = (
         {key: value for key, value in definitions[name].items() if key != "required"}
         for name in ("VehicleModel", "Wheel", "Chassis")
@@ -97,7 +97,7 @@ def _of_urdf(definitions: dict[str, Schema]) -> Schema:
 
 
 def _with_datasheet(sensor: Schema) -> Schema:
-    """Return a sensor that says all that it must, or names a data sheet that does."""
+    """Return the form of a sensor with all required fields, or with a data sheet."""
     needed = sensor["required"]
     own = [field for field in needed if field in _AT_ITS_PLACE]
     return sensor | {
@@ -107,7 +107,7 @@ def _with_datasheet(sensor: Schema) -> Schema:
 
 
 def _sheets(definitions: dict[str, Schema]) -> dict[str, Schema]:
-    """Return what data sheets say, by the name of the sensor with `Sheet` behind it."""
+    """Return the definitions of data sheets, named after the sensor with the suffix `Sheet`."""
     return {
         f"{sensor}Sheet": {
             key: value
@@ -137,4 +137,4 @@ KINDS: dict[str, list[str]] = {
     "route": _names(Route),
     "datasheet": [f"{sensor}Sheet" for sensor in _names(Sensor)],
 }
-"""Kinds of files, and what a file of each may be."""
+"""Definitions for each kind of file."""

@@ -20,7 +20,7 @@ from .document import Document, ScenarioError, SourceLine, read
 from .scenario_files import SHIPPED, load, resolved
 
 FOLDERS = ("worlds", "vehicles", "")
-"""Of what is shipped, in the order in which names are looked for."""
+"""Folders of shipped files, in the order of lookup."""
 
 _PLAIN = {
     "name": "plain",
@@ -33,7 +33,7 @@ _PLAIN = {
 
 
 class FileKind(Enum):
-    """What a file describes."""
+    """Contents of a file."""
 
     WORLD = "world"
     VEHICLE = "vehicle"
@@ -45,10 +45,10 @@ def load_partial(
 ) -> tuple[FileKind, Scenario]:
     """Return the world, vehicle or scenario in a file, or the shipped one of this name.
 
-    `words` are what else the user could have given, for the hint where there is none.
+    `words` are further valid inputs, for the hint when nothing matches.
 
-    A world has no vehicles around; a vehicle is in a world without solids, whose material `floor`
-    is for what one wants to put it on.
+    A world has no vehicles. A vehicle stands in a world without solids, whose material `floor` is
+    for a floor that the caller adds.
 
     Raises
     ------

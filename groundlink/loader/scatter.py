@@ -32,35 +32,35 @@ from .terrain_placement import OUTDOORS
 SCATTER: DataPath = ("world", "scatter")
 
 TRIES = 200
-"""Places tried for one thing before the area counts as full."""
+"""Tries for one object before the area counts as full."""
 
 SPAWN_CLEARANCE_M = 8.0
-"""Kept free around where vehicles start: twice what a tank reaches."""
+"""Clearance around spawn places: twice the length of a tank."""
 
 CIRCLE = np.stack([f(np.arange(8) * np.pi / 4) for f in (np.cos, np.sin)], axis=-1)
 
 
 class Scatter(Spec, frozen=True, kw_only=True):
-    """Things of one kind, sown over a rectangle."""
+    """Objects of one kind, scattered over a rectangle."""
 
     like: dict[str, Any]
-    """Their kind and what they have in common: fields of `OutdoorObject`."""
+    """Kind and common fields of the objects, as in `outdoors`."""
 
     count: Annotated[int, Meta(ge=0, le=2000)]
     height_m: tuple[Positive, Positive]
     low_m: Place2
-    """South-western corner of the area."""
+    """South-west corner of the area."""
 
     high_m: Place2
     ground: tuple[str, ...]
-    """Materials of the ground on which they are."""
+    """Materials of the ground below the objects."""
 
     clear_m: NonNegative = 2.0
-    """Least distance from ground of other materials, from walls and from one another."""
+    """Minimum distance to other ground materials, walls and other objects."""
 
 
 class _Scatter(msgspec.Struct):
-    """What it is checked as, so that errors name `scatter`."""
+    """Wrapper, so that errors name `scatter`."""
 
     scatter: tuple[Scatter, ...]
 
@@ -74,19 +74,19 @@ class _Start(msgspec.Struct):
 
 
 class _Known(msgspec.Struct):
-    """What must be known of a scenario before all of it is checked."""
+    """Fields of a scenario needed before the full check."""
 
     seed: Annotated[int, Meta(ge=0)] = 0
     vehicles: tuple[_Start, ...] = ()
 
 
 def place_scatter(document: Document) -> None:
-    """Replace `scatter` by things in `outdoors`; the terrain must be resolved.
+    """Replace `scatter` by objects in `outdoors`; the terrain must be resolved.
 
     Raises
     ------
     ScenarioError
-        when the description is wrong, or not all find a place.
+        when the description is wrong, or there is no free place left.
     """
     world = document.at(SCATTER[:-1])
     if not isinstance(world, dict) or "scatter" not in world:
@@ -115,7 +115,7 @@ def place_scatter(document: Document) -> None:
         )
     for index, scatter in enumerate(described):
         mark = document.mark((*SCATTER, index))
-        # A stream for each: one line more or less does not move what another sowed.
+        # A random stream for each entry, so that entries do not affect each other.
         generator = np.random.default_rng([known.seed, crc32(b"scatter"), index])
         for number in range(scatter.count):
             fields = _throw(scatter, generator, here, np.array(taken).reshape(-1, 4))
@@ -132,7 +132,7 @@ def place_scatter(document: Document) -> None:
 def _throw(
     scatter: Scatter, generator: np.random.Generator, here: Ground, taken: Floats
 ) -> dict[str, Any] | None:
-    """Return the fields of a thing somewhere, or None where no place was free."""
+    """Return the fields of an object at a random place, or None if no place was free."""
     for _ in range(TRIES):
         place = np.round(generator.uniform(scatter.low_m, scatter.high_m), 2)
         yaw_deg = round(float(generator.uniform(-180, 180)), 1)

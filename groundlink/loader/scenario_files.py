@@ -36,17 +36,17 @@ SHIPPED = (Path(__file__).parents[1] / "shipped").resolve()
 
 
 class _RouteFile(msgspec.Struct):
-    """What a route is read as that is no scenario's, so that errors name `route`."""
+    """Schema of a route outside of a scenario; errors then name `route`."""
 
     route: Route
 
 
 def load(file: str | Path, *, warn: Warn = ignore_warning) -> Scenario:
-    """Return the scenario that `file` and the files it names describe.
+    """Return the scenario of `file` and the files it names.
 
     `file` may be the name of a shipped scenario; see `scenario_file`.
 
-    `warn` takes what is doubtful about the heightmaps and meshes among them.
+    `warn` receives warnings about heightmaps and meshes.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def scenario_file(given: str | Path) -> Path:
 
 
 def resolved(document: Document, warn: Warn = ignore_warning) -> Scenario:
-    """Return the scenario that a document and the files it names describe; not all is checked.
+    """Return the scenario of a document and the files it names, without the checks across fields.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
 
 
 def _follow_references(document: Document, warn: Warn) -> None:
-    """Put in the place of every reference what it refers to."""
+    """Replace every reference by its target."""
     _include(document, ("world",), "worlds")
     for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
         here: DataPath = ("vehicles", v)
@@ -157,7 +157,7 @@ def _include(document: Document, path: DataPath, folder: str) -> None:
 
 
 def _find(document: Document, path: DataPath, reference: str, folder: str) -> Path:
-    """Return the file that a reference names: beside the file that names it, or shipped."""
+    """Return the file of a reference: beside the file that names it, or shipped."""
     mark = document.mark(path)
     try:
         return find_file(reference, folder, mark.file.parent)
@@ -166,7 +166,7 @@ def _find(document: Document, path: DataPath, reference: str, folder: str) -> Pa
 
 
 def find_file(reference: str, folder: str, beside: Path) -> Path:
-    """Return the file that a reference names: in a folder `beside`, or shipped.
+    """Return the file of a reference: in the folder `beside`, or shipped.
 
     Raises
     ------
@@ -204,7 +204,7 @@ def read_datasheet(file: Path) -> Document:
 
 
 def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> None:
-    """Give a sensor the fields of its data sheet that it does not state itself."""
+    """Fill the fields that a sensor does not state from its data sheet."""
     if not isinstance(sensor, dict) or not isinstance(sensor.get("datasheet"), str):
         return
     sheet_path = (*path, "datasheet")
@@ -223,10 +223,10 @@ def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> Non
 
 
 def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
-    """Replace the name of a mount by the pose that the vehicle's model gives it."""
+    """Replace the name of a mount by its pose in the vehicle's model."""
     mount = document.at((*path, "mount"))
     mounts = model.get("mounts", {}) if isinstance(model, dict) else {}
-    if isinstance(mount, str) and model is None:  # That it is missing is what is to be told.
+    if isinstance(mount, str) and model is None:  # The missing model is reported instead.
         del document.at(path)["mount"]
     elif isinstance(mount, str):
         if mount not in mounts:

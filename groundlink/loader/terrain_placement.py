@@ -23,16 +23,16 @@ SOLIDS: DataPath = ("world", "solids")
 OUTDOORS: DataPath = ("world", "outdoors")
 
 ON_GROUND = "on_ground"
-"""Of a solid in a file: its height counts from the terrain below its position."""
+"""Field of a solid: its height counts from the terrain below it."""
 
 
 def place_solids(document: Document) -> None:
-    """Add the height of the terrain, which is resolved, to the solids that ask for it.
+    """Add the height of the resolved terrain to solids with `on_ground`.
 
     Raises
     ------
     ScenarioError
-        when there is no terrain below one.
+        when there is no terrain below a solid.
     """
     terrain, solids = document.at(("world", "terrain")), document.at(SOLIDS)
     for index, solid in enumerate(solids if isinstance(solids, list) else ()):
@@ -54,18 +54,18 @@ def place_solids(document: Document) -> None:
 
 
 class _Outdoors(msgspec.Struct):
-    """What things outdoors are checked as, so that errors name `outdoors`."""
+    """Wrapper, so that errors name `outdoors`."""
 
     outdoors: tuple[OutdoorObject, ...]
 
 
 def place_outdoors(document: Document) -> None:
-    """Tell things outdoors how high the terrain, which is resolved, is below them.
+    """Fill in the height of the resolved terrain below outdoor objects.
 
     Raises
     ------
     ScenarioError
-        when there is none below one, or one is not described as it should be.
+        when an object is off the terrain, or described wrongly.
     """
     described, terrain = document.at(OUTDOORS), document.at(TERRAIN)
     if not described or terrain is None:

@@ -22,7 +22,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "lockstep": {"choices": ("sensors", "ros")},
     "overload": {"choices": ("slow", "skip", "fail")},
 }
-"""By field of `Time`: how its option is read."""
+"""Argument parser settings of each option, by field of `Time`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,12 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def with_time_options(scenario: Scenario, options: argparse.Namespace) -> Scenario:
-    """Return a scenario in the time that was asked for.
+    """Return a scenario with the given time options.
 
     Raises
     ------
     UserError
-        when it cannot run so.
+        when the scenario cannot run with them.
     """
     given = {field: v for field in OPTIONS if (v := getattr(options, field)) is not None}
     if not given.get("factor", 1.0) > 0:
@@ -55,6 +55,6 @@ def with_time_options(scenario: Scenario, options: argparse.Namespace) -> Scenar
 
 
 def forwarded(options: argparse.Namespace) -> list[str]:
-    """Return the options as they were given, for another command."""
+    """Return the given options as arguments for another command."""
     given = ((field, getattr(options, field)) for field in OPTIONS)
     return [word for f, value in given if value is not None for word in (f"--{f}", str(value))]

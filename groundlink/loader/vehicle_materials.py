@@ -15,7 +15,7 @@ def merge_materials(document: Document) -> None:
     Raises
     ------
     ScenarioError
-        when two vehicles mean different things by one name.
+        when two vehicles define a material differently.
     """
     world: DataPath = ("world", "materials")
     listed, vehicles = document.at(world), document.at(("vehicles",))

@@ -20,21 +20,21 @@ from .elements import XmlElement
 from .robot import Robot, UrdfInertial, UrdfJoint, UrdfLink, UrdfShape
 
 BASE_LINK = "base_link"
-"""By REP 105 the frame of the body, also where a `base_footprint` without mass is the root."""
+"""Base frame (REP 105), also below a massless `base_footprint`."""
 
 Placed = tuple[Floats, UrdfShape]
-"""The pose of a shape in its body's frame, shape (4, 4), and the rest of it."""
+"""Pose of a shape in its body's frame, shape (4, 4), and the shape."""
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Links that move as one, in one frame."""
+    """Links that move together, in one frame."""
 
     element: XmlElement
-    """Of the link whose frame it is."""
+    """Element of the link whose frame is the body's."""
 
     body_from_link: dict[str, Floats]
-    """Poses of all its links, shape (4, 4) each."""
+    """Poses of the links, shape (4, 4) each."""
 
     inertial: UrdfInertial
     visuals: tuple[Placed, ...]
@@ -43,32 +43,32 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class WheelBody:
-    """A body that turns on the base."""
+    """A body that rotates on the base."""
 
     joint: UrdfJoint
     center_m: Floats
-    """Of its axle in the base's frame, shape (3,)."""
+    """Center of the axle in the base frame, shape (3,)."""
 
     body: Body
-    """In a frame at that place with the axes of the base's."""
+    """In a frame at `center_m` with the axes of the base frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class MovingBody:
-    """Links that a servo moves; their masses and collisions are the base's."""
+    """Links moved by a servo; their masses and collisions belong to the base."""
 
     joint: UrdfJoint
     parent: str | None
-    """The joint that carries this one; None for the base."""
+    """Parent joint; None for the base."""
 
     at_m: Floats
-    """Of the joint in its parent's frame at position zero, shape (3,)."""
+    """Position of the joint in its parent's frame at zero, shape (3,)."""
 
     axis: Floats
-    """Of unit length, shape (3,)."""
+    """Unit vector, shape (3,)."""
 
     visuals: tuple[Placed, ...]
-    """In a frame at the joint that has the axes of the base's at position zero."""
+    """In a frame at the joint with the axes of the base frame at position zero."""
 
 
 def bodies(
@@ -76,12 +76,12 @@ def bodies(
 ) -> tuple[str, Body, dict[str, WheelBody], dict[str, MovingBody]]:
     """Return the base link's name, the base, and wheels and moving bodies by their joints' names.
 
-    Casters may hang on a joint of any type: however they turn, they are balls that slide.
+    Casters may have a joint of any type; they are simulated as sliding balls.
 
     Raises
     ------
     ScenarioError
-        when a joint cannot be a wheel's, or something that moves has no mass.
+        when a joint cannot carry a wheel, or a moving body has no mass.
     """
     joints = [_wheel_joint(robot, name, is_caster=name in casters) for name in wheels]
     root_from = {robot.root: np.eye(4)}
@@ -139,10 +139,10 @@ def bodies(
 def _movers(
     robot: Robot, wheels: Sequence[UrdfJoint], still: Container[str]
 ) -> dict[str, str | None]:
-    """Return by link the joint whose servo moves it; None on the base and on wheels."""
+    """Return by link the joint that moves it; None for the base and wheels."""
     above = {joint.child: joint for joint in robot.joints.values()}
     held, ahead = set(), [*wheels]
-    while ahead:  # Joints between the base and a wheel are held, such as those that steer.
+    while ahead:  # Joints between the base and a wheel, such as steering joints, are held.
         held.add(joint := ahead.pop())
         ahead += [above[joint.parent]] if joint.parent in above else []
     mover: dict[str, str | None] = {robot.root: None}
@@ -165,7 +165,7 @@ def _wheel_joint(robot: Robot, name: str, *, is_caster: bool) -> UrdfJoint:
 
 
 def _check_masses(robot: Robot, rigid: Mapping[str, str]) -> None:
-    """Refuse what moves and has no mass; `rigid` says what each link moves as one with."""
+    """Refuse moving bodies without mass; `rigid` maps each link to the link it moves with."""
     heavy = {
         rigid[name]
         for name, link in robot.links.items()
@@ -180,7 +180,7 @@ def _check_masses(robot: Robot, rigid: Mapping[str, str]) -> None:
 
 
 def _merged(robot: Robot, name: str, body_from: dict[str, Floats]) -> Body:
-    """Return the body that links make, with the poses that they have in it."""
+    """Return the body of links with given poses."""
     links: list[tuple[Floats, UrdfLink]] = [(p, robot.links[link]) for link, p in body_from.items()]
     return Body(
         robot.links[name].element,
@@ -192,7 +192,7 @@ def _merged(robot: Robot, name: str, body_from: dict[str, Floats]) -> Body:
 
 
 def _visuals(robot: Robot, body_from: dict[str, Floats]) -> tuple[Placed, ...]:
-    """Return what links look like, with the poses that they have in a body."""
+    """Return the visuals of links with given poses."""
     return tuple(
         (pose @ shape.link_from_shape, shape)
         for link, pose in body_from.items()
@@ -201,7 +201,7 @@ def _visuals(robot: Robot, body_from: dict[str, Floats]) -> tuple[Placed, ...]:
 
 
 def _sum(parts: Sequence[tuple[Floats, UrdfInertial]]) -> UrdfInertial:
-    """Return the inertia of bodies in one frame, by Steiner's theorem; of none it is zero."""
+    """Return the total inertia of bodies in one frame (parallel axis theorem)."""
     mass = sum(part.mass_kg for _, part in parts)
     if mass <= 0:
         return UrdfInertial(0.0, np.zeros(3), np.zeros((3, 3)))

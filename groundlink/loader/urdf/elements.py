@@ -13,7 +13,7 @@ from xml.parsers import expat
 from groundlink.loader.document import ScenarioError, SourceLine
 
 MAX_NUMBER = 1e9
-"""Number in a URDF: more is no vehicle's, and overflows where squares of it are summed."""
+"""Maximum absolute number in a URDF; sums of larger squares overflow."""
 
 EXPAND_HINT = "expand it first: `xacro {name} > robot.urdf`"
 
@@ -36,14 +36,14 @@ class XmlElement:
         return next(iter(self.all(tag)), None)
 
     def need(self, tag: str) -> XmlElement:
-        """Return the first child with a tag; without one, that is a mistake."""
+        """Return the first child with a tag; raise if there is none."""
         child = self.first(tag)
         if child is None:
             raise self.mistake(f"<{tag}> is missing in it; add it")
         return child
 
     def text(self, attribute: str) -> str:
-        """Return an attribute; without it, that is a mistake."""
+        """Return an attribute; raise if there is none."""
         value = self.attributes.get(attribute, "").strip()
         if not value:
             raise self.mistake(f'`{attribute}="..."` is missing; add it')
@@ -80,7 +80,7 @@ class XmlElement:
         return numbers
 
     def mistake(self, problem: str) -> ScenarioError:
-        """Return the error that something is wrong with this element."""
+        """Return an error about this element."""
         name = self.attributes.get("name")
         called = f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
         return ScenarioError(f"{self.mark}: {called}: {problem}")

@@ -26,9 +26,9 @@ Scale = tuple[float, ...]
 
 
 class UrdfMeshes:
-    """The meshes of one URDF; one that is named twice is read once.
+    """Loader of a URDF's meshes with a cache.
 
-    `warn` takes what is doubtful about their files.
+    `warn` receives warnings about their files.
     """
 
     def __init__(self, warn: Warn) -> None:
@@ -36,12 +36,12 @@ class UrdfMeshes:
         self._made: dict[tuple[Path, Scale], Mesh] = {}
 
     def get(self, element: XmlElement) -> Mesh:
-        """Return what a `<mesh>` names.
+        """Return the mesh of a `<mesh>` element.
 
         Raises
         ------
         ScenarioError
-            when there is no such file, or none that can be used.
+            when the file is missing or unusable.
         """
         folder, name = _file(element)
         file = folder / name
@@ -53,7 +53,7 @@ class UrdfMeshes:
                 made = import_mesh(MeshFile(file=name, up="z"), folder, self._warn)
             except BadFile as error:
                 raise element.mistake(str(error)) from None
-            # A mirror turns faces inside out.
+            # A mirroring scale inverts the winding of faces.
             faces = made.faces if np.prod(scale) > 0 else made.faces[:, ::-1]
             scaled = (made.vertices * scale).astype(np.float32)
             self._made[file, scale] = replace(made, vertices=scaled, faces=faces).shape()
@@ -61,7 +61,7 @@ class UrdfMeshes:
 
 
 def _file(element: XmlElement) -> tuple[Path, str]:
-    """Return the folder that a mesh is from, and the name of its file therein."""
+    """Return the folder of a mesh and the name of its file in it."""
     name = element.text("filename")
     scheme, has_scheme, rest = name.partition("://")
     urdf = element.mark.file
@@ -90,7 +90,7 @@ def _file(element: XmlElement) -> tuple[Path, str]:
 
 
 def _packages(urdf: Path, name: str) -> Iterator[Path]:
-    """Yield the folders that may be a package's, the nearest first."""
+    """Yield candidate folders of a package, the nearest first."""
     for folder in urdf.parents:
         if folder.name == name:
             yield folder

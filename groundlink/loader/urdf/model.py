@@ -35,25 +35,25 @@ from .robot import Robot, read_urdf
 from .shapes import solids, wheel_size
 
 LEAST_WHEEL_SHARE = 0.08
-"""Of what a wheel carries, in its own mass: less would swing on a spring in steps of 2.5 ms. What a
-lighter wheel lacks is taken from the base."""
+"""Minimum mass of a wheel as a share of its load: lighter wheels are unstable with steps of 2.5 ms.
+Missing mass is taken from the base."""
 
 SPRING_HZ, DAMPING_RATIO = 4.3, 0.84
-"""Of the base on its springs: as on the air-filled tires of the shipped rover."""
+"""Natural frequency and damping of the base on its springs, as for the shipped rover."""
 
 TRAVEL_SHARE = 0.35
-"""Travel of a spring to each side as a share of the wheel's radius."""
+"""Suspension travel to each side, as a share of the wheel's radius."""
 
 Plain = dict[str, Any]
 
 
 def refuse_bare_urdf(document: Document, path: DataPath) -> None:
-    """Refuse the name of a URDF in the place of a vehicle.
+    """Refuse a bare URDF name as a vehicle.
 
     Raises
     ------
     ScenarioError
-        with what is wrong in the URDF, or with what has to be said beside it.
+        with the mistake in the URDF, or with the fields to add.
     """
     given = document.at(path)
     if not isinstance(given, str) or not given.endswith((".urdf", ".xacro")):
@@ -70,14 +70,14 @@ def refuse_bare_urdf(document: Document, path: DataPath) -> None:
 
 
 def expand(document: Document, path: DataPath, warn: Warn) -> None:
-    """Put a model into the place of a vehicle that names a URDF; leave others as they are.
+    """Expand a vehicle with a URDF into a model; leave other vehicles unchanged.
 
-    `warn` takes what is doubtful about its meshes.
+    `warn` receives warnings about its meshes.
 
     Raises
     ------
     ScenarioError
-        with what is wrong in the URDF, or with what the vehicle says of it.
+        with the mistake in the URDF or in the vehicle's fields.
     """
     given = document.at(path)
     if not isinstance(given, dict) or "urdf" not in given:
@@ -118,7 +118,7 @@ def _file(document: Document, path: DataPath) -> Path:
 
 
 def _wheels(document: Document, path: DataPath, robot: Robot) -> dict[str, Plain]:
-    """Return what a vehicle says of its wheels, by their joints' names."""
+    """Return the vehicle's fields for its wheels, by joint name."""
     wheels = document.at(path)
     if isinstance(wheels, dict) and wheels:
         fields = {joint: {} if own is None else own for joint, own in wheels.items()}
@@ -144,7 +144,7 @@ def _model(
     turning: Mapping[str, WheelBody],
     meshes: UrdfMeshes,
 ) -> Plain:
-    """Return all of a model that a URDF says, as plain data."""
+    """Return the model of a URDF as plain data."""
     visuals, materials = solids(base.visuals, base_frame, meshes)
     collisions, _ = solids(base.collisions, base_frame, meshes)
     mass_kg = base.inertial.mass_kg
@@ -181,7 +181,7 @@ def _model(
 
 
 def _joints(moving: Mapping[str, MovingBody], materials: Plain, meshes: UrdfMeshes) -> list[Plain]:
-    """Return the joints that servos move; add the materials of what they look like."""
+    """Return the joints moved by servos; add the materials of their visuals."""
     joints = []
     for name, part in moving.items():
         visuals, own_materials = solids(part.visuals, name, meshes)
@@ -204,7 +204,7 @@ def _joints(moving: Mapping[str, MovingBody], materials: Plain, meshes: UrdfMesh
 def _wheel(
     joint: str, wheel: WheelBody, meshes: UrdfMeshes, *, least_kg: float
 ) -> tuple[Plain, dict[str, Material]]:
-    """Return a wheel and the materials of what it looks like."""
+    """Return a wheel and the materials of its visuals."""
     visuals, materials = solids(wheel.body.visuals, joint, meshes)
     touching, touching_materials = solids(wheel.body.collisions, joint, meshes)
     if not (round_parts := touching or visuals):
@@ -232,7 +232,7 @@ def _wheel(
 
 
 def _spring(load_kg: float, radius_m: float) -> Plain:
-    """Return a spring for a wheel that carries so much."""
+    """Return a suspension spring for a wheel load."""
     stiffness_npm = load_kg * (2 * pi * SPRING_HZ) ** 2
     return {
         "travel_m": TRAVEL_SHARE * radius_m,
@@ -252,6 +252,6 @@ def _size(center_m: Floats, parts: Sequence[Solid]) -> list[float]:
 
 
 def _name(joint: str, kind: str) -> str:
-    """Return a joint's name as scenarios allow it: in lower case, `_` for what no name has."""
+    """Return a joint's name in lower case, with `_` for characters that names exclude."""
     plain = re.sub(r"[^a-z0-9_]", "_", joint.lower())
     return plain if plain[0].isalpha() else f"{kind}{plain}"

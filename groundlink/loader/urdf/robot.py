@@ -22,21 +22,21 @@ from groundlink.scenario.vehicle import ROUNDED
 from .elements import EXPAND_HINT, XmlElement, parse
 
 DEFAULT_SPEED_RADPS = 1.0
-"""Of a continuous joint whose URDF does not say how fast it turns."""
+"""Speed of a continuous joint without a limit."""
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-"""Of joints, http://wiki.ros.org/urdf/XML/joint."""
+"""Joint types, http://wiki.ros.org/urdf/XML/joint."""
 
 SHAPES = ("box", "cylinder", "sphere", "mesh")
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfInertial:
-    """How heavy a body is, and how hard to turn."""
+    """Mass properties of a body."""
 
     mass_kg: float
     center_m: Floats
-    """Of mass, shape (3,)."""
+    """Center of mass, shape (3,)."""
 
     inertia_kgm2: Floats
     """About the center of mass, along the axes of the body's frame, shape (3, 3)."""
@@ -44,21 +44,21 @@ class UrdfInertial:
 
 @dataclass(frozen=True, eq=False)
 class UrdfShape:
-    """What a link looks like or collides with: one of its shapes in place."""
+    """A visual or collision shape of a link."""
 
     element: XmlElement
-    """Of the shape, one of `SHAPES`."""
+    """Element of the shape, one of `SHAPES`."""
 
     link_from_shape: Floats
     """Shape (4, 4)."""
 
     color: tuple[float, ...] | None
-    """Red, green, blue and alpha as URDF has them, gamma encoded; None where it says nothing."""
+    """sRGB color and alpha; None if not given."""
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfLink:
-    """A link with what it weighs, looks like and collides with."""
+    """A link with its mass properties and shapes."""
 
     element: XmlElement
     inertial: UrdfInertial | None
@@ -68,7 +68,7 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class JointLimits:
-    """How far and how fast a joint moves."""
+    """Position and speed limits of a joint."""
 
     lower: float | None
     """Smallest position, rad or m; None for no limit."""
@@ -88,13 +88,13 @@ class UrdfJoint:
     parent: str
     child: str
     parent_from_child: Floats
-    """With the joint at zero, shape (4, 4)."""
+    """Pose with the joint at zero, shape (4, 4)."""
 
     axis: Floats
-    """Of unit length, in the child's frame, shape (3,)."""
+    """Unit vector in the child's frame, shape (3,)."""
 
     motion: JointLimits | None
-    """None where a servo cannot move it."""
+    """None for a joint that no servo can move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +111,12 @@ class Robot:
 
 
 def read_urdf(file: Path) -> Robot:
-    """Return what a URDF file describes.
+    """Return the robot of a URDF file.
 
     Raises
     ------
     ScenarioError
-        with the first thing that is wrong in it.
+        for the first mistake.
     """
     if file.suffix == ".xacro":
         raise ScenarioError(f"{file}: this is xacro; {EXPAND_HINT.format(name=file.name)}")
@@ -145,14 +145,14 @@ _Color = tuple[float, ...] | None
 
 
 def _colors(top: XmlElement) -> dict[str, _Color]:
-    """Return the colors of materials by name, whether a robot or a visual of it defines them."""
+    """Return colors by material name, defined by the robot or by a visual."""
     visuals = [visual for link in top.all("link") for visual in link.all("visual")]
     materials = [m for element in (top, *visuals) for m in element.all("material") if m.children]
     return {m.attributes["name"]: _color(m) for m in reversed(materials) if "name" in m.attributes}
 
 
 def _color(material: XmlElement) -> _Color:
-    """Return what a material says of its color; its picture is not looked at."""
+    """Return the color of a material; textures are ignored."""
     if (color := material.first("color")) is None:
         return None
     rgba = color.numbers("rgba", 4)
@@ -236,7 +236,7 @@ def _joint(element: XmlElement, links: Iterable[str]) -> UrdfJoint:
 
 
 def _motion(element: XmlElement, kind: str) -> JointLimits | None:
-    """Return how a joint moves on its own; None where it does not, or where 0 is out of limits."""
+    """Return the limits of a joint; None if it is fixed, mimics another, or excludes zero."""
     if kind not in ("revolute", "continuous", "prismatic") or element.first("mimic"):
         return None
     limit, endless = element.first("limit"), kind == "continuous"
@@ -252,7 +252,7 @@ def _motion(element: XmlElement, kind: str) -> JointLimits | None:
 
 
 def _pose(element: XmlElement) -> Floats:
-    """Return the pose that an element's origin gives, shape (4, 4)."""
+    """Return the pose of an element's origin, shape (4, 4)."""
     origin = element.first("origin")
     if origin is None:
         return np.eye(4)
@@ -290,7 +290,8 @@ def _tree(
     for joint in joints:
         if joint.name not in ordered:
             passed = set()
-            while joint.name not in passed:  # It may hang on the circle: upwards it gets there.
+            # The joint may only lead to the cycle: follow parents until one repeats.
+            while joint.name not in passed:
                 passed.add(joint.name)
                 joint = carriers[joint.parent]
             raise joint.element.mistake(

@@ -20,17 +20,17 @@ from .elements import XmlElement
 from .meshes import UrdfMeshes
 
 MAX_SIZE_M = 20.0
-"""Of a part of a vehicle: longer than any, and as a number of millimeters shorter than any."""
+"""Maximum size of a vehicle part; larger sizes are taken for millimeters."""
 
 DEFAULT_RGBA = (0.7, 0.7, 0.7, 1.0)
 MIN_REFLECTIVITY, MAX_REFLECTIVITY = 0.05, 0.9
-"""Diffuse reflectances: of black rubber and of white paint."""
+"""Diffuse reflectance of black rubber and of white paint."""
 
 
 def solids(
     placed: Iterable[Placed], name: str, meshes: UrdfMeshes
 ) -> tuple[list[Solid], dict[str, Material]]:
-    """Return shapes as solids called `name`, `name_2` and so on, and the materials they are of."""
+    """Return shapes as solids named `name`, `name_2` and so on, and their materials."""
     made, materials = [], {}
     for number, (pose, geometry) in enumerate(placed, 1):
         material, materials[material] = _material(geometry.color or DEFAULT_RGBA)
@@ -60,7 +60,7 @@ def _shape(element: XmlElement, meshes: UrdfMeshes) -> Shape:
 
 
 def _in_metres(element: XmlElement, shape: Shape) -> Shape:
-    """Return a shape, if it is as large as a part of a vehicle may be."""
+    """Return a shape; refuse one that is too large for a vehicle part."""
     size_m = 2 * half_extents(shape)
     if max(size_m) > MAX_SIZE_M:
         large = " x ".join(f"{length:.4g}" for length in size_m)
@@ -73,9 +73,9 @@ def _in_metres(element: XmlElement, shape: Shape) -> Shape:
 
 
 def _material(rgba: tuple[float, ...]) -> tuple[str, Material]:
-    """Return the name and the material of a gamma-coded color: the same for the same one."""
+    """Return the name and the material of an sRGB color."""
     coded = [round(part * 255) for part in rgba[:3]]
-    # IEC 61966-2-1, which screens show URDF's colors by.
+    # IEC 61966-2-1.
     red, green, blue = (
         c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
         for c in (part / 255 for part in coded)
@@ -87,7 +87,7 @@ def _material(rgba: tuple[float, ...]) -> tuple[str, Material]:
 
 
 def wheel_size(parts: Iterable[Solid]) -> tuple[float, float, float]:
-    """Return radius, width and middle along y of solids that turn about their frame's y axis."""
+    """Return radius, width and y of the middle of solids that rotate about their frame's y axis."""
     radius, low, high = 0.0, np.inf, -np.inf
     for part in parts:
         corners = bounds(part)
