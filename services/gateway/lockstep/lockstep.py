@@ -317,7 +317,7 @@ class Lockstep:
         assert due is not None
         messages, self._forwarded = self._forwarded, []
         sent, before = self._newly_sent(), self._sent
-        barrier = Barrier(due.life, due.tick, LIMIT_MS, sent, before.barrier.answers)
+        barrier = Barrier(due.life, due.tick, LIMIT_MS, sent, before.barrier.responses)
         self._sent = _SentBarrier(
             *(barrier, due.stamp_nanos, messages, self._now), resent_seconds=before.resent_seconds
         )

@@ -23,7 +23,7 @@ BARRIER = Barrier(
     tick=800,
     limit_ms=2000,
     sent=(SentMessages(36, "/odom", 7, 2), SentMessages(8, "/clock", 0xFFFFFFFF, 1)),
-    answers=(ExpectedResponse("/cmd_vel", "/odom", 9), ExpectedResponse("/ready", "/clock")),
+    responses=(ExpectedResponse("/cmd_vel", "/odom", 9), ExpectedResponse("/ready", "/clock")),
 )
 BARRIER_BYTES = bytes.fromhex(
     "04 02 02 00  d0 07 00 00  08 07 06 05 04 03 02 01  20 03 00 00 00 00 00 00"
@@ -119,7 +119,7 @@ def test_bad_values_are_refused(body: bytes, at: int, byte: int) -> None:
 
 
 def test_an_empty_name_is_refused() -> None:
-    body = BARRIER._replace(sent=(), answers=()).pack()
+    body = BARRIER._replace(sent=(), responses=()).pack()
     for rest in (b"\x24\0\x01\0\0\0\0\0", b"\x09\0\0\0"):
         one = bytearray(body + rest)
         one[1 if len(rest) == 8 else 2] = 1
@@ -131,8 +131,8 @@ def test_an_empty_name_is_refused() -> None:
     "value",
     [
         BARRIER._replace(tick=-2),
-        BARRIER._replace(answers=(ExpectedResponse("/a", "/b"),) * 256),
-        BARRIER._replace(answers=(ExpectedResponse("", "/b"),)),
+        BARRIER._replace(responses=(ExpectedResponse("/a", "/b"),) * 256),
+        BARRIER._replace(responses=(ExpectedResponse("", "/b"),)),
         BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 1),) * 256),
         BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 1), SentMessages(8, "/clock", 1, 1))),
         BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 0),)),

@@ -39,7 +39,7 @@ def test_ros_is_asked_whether_it_is_there_before_anything_goes_out() -> None:
     it = Rig()
     it.clock(0)
     assert it.link.barriers == [
-        Barrier(0, -1, LIMIT_MS, answers=(ExpectedResponse("/cmd_vel", "/clock", TWIST),))
+        Barrier(0, -1, LIMIT_MS, responses=(ExpectedResponse("/cmd_vel", "/clock", TWIST),))
     ]
     assert {kind for kind, *_ in it.link.sent} == {CONTROL}
     it.turn(0.1)

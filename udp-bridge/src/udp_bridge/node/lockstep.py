@@ -171,7 +171,7 @@ class BarrierResponder:
                 self._settled_s = now_s + SETTLE_S
                 self._log.info(
                     f"in lockstep with {sender[0]}:{sender[1]}: time waits for "
-                    + (", ".join(f"{a.topic} to {a.of}" for a in barrier.answers) or "nothing")
+                    + (", ".join(f"{a.topic} to {a.of}" for a in barrier.responses) or "nothing")
                 )
             gateway.barrier_s = now_s
             if gateway.was_sent_before_start(barrier):
@@ -186,7 +186,7 @@ class BarrierResponder:
                 if barrier.tick < 0:
                     for message in gateway.buffer.take_all():
                         self._drop(message, sender)
-                self._responses.expect(barrier.answers)
+                self._responses.expect(barrier.responses)
                 self._publish_if_complete(sender, gateway, barrier)
                 if gateway.is_queued:
                     return

@@ -57,7 +57,7 @@ class AddressChallenge(NamedTuple):
 
     @classmethod
     def parse(cls, body: Buffer) -> AddressChallenge:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         return _parsed(cls, body)
 
 
@@ -72,7 +72,7 @@ class AddressResponse(NamedTuple):
 
     @classmethod
     def parse(cls, body: Buffer) -> AddressResponse:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         return _parsed(cls, body)
 
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of length-prefixed datagrams: a uint32, little-endian, then that many bytes, repeated.
-
-Says where a file is broken; what the datagrams mean is not asked here.
-"""
+"""Capture files: datagrams, each preceded by its length as a uint32, little-endian."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ _LENGTH = Struct("<I")
 
 
 class BadRecording(ValueError):
-    """A file that is no recording; the text has the offset and what is wrong there."""
+    """The file is no capture; the text has the offset and the problem."""
 
 
 def datagrams(file: BinaryIO) -> Iterator[bytes]:

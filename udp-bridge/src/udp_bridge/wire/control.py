@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies of the bridge's own messages, to the byte: Subscribe (type 7) and Control (type 64).
 
-Each class packs itself and parses itself; `parse` tells the kinds of Control apart, of which
-`reports`, `lockstep`, `wishing` and `address_validation` have two each. A body that is not exactly
-right raises `Refused` (`body_size` or `body_value`). Nothing here acts on them.
+Each class packs and parses itself; `parse` reads any kind of Control, whose other bodies are in
+`reports`, `lockstep`, `run_commands` and `address_validation`. An invalid body raises `Refused`
+(`body_size` or `body_value`).
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ _CREDIT_REQUEST = Struct("<B3x")
 
 
 class Subscribe(NamedTuple):
-    """Type 7: the sender wants a topic, which the header names, or no longer wants it."""
+    """Type 7: requests the topic that the header names, or ends the request."""
 
     wanted_type: int
-    """The msg_type of the wanted messages, one with a ROS type."""
+    """The msg_type of the requested messages, one with a ROS type."""
     action: int = 1
     """1 subscribe, 0 unsubscribe."""
     lease_s: int = 0
-    """Seconds that the wish holds unless it is repeated; 0 = until unsubscribed."""
+    """Seconds until the request expires unless it is repeated; 0 = until unsubscribed."""
     max_rate_hz: float = 0.0
-    """Highest rate wanted; 0 = all."""
+    """Highest rate; 0 = all messages."""
 
     def pack(self) -> bytes:
         """Return the 8 bytes of the body.
@@ -61,23 +61,23 @@ class Subscribe(NamedTuple):
         BadMessage
             When a field is out of its range.
         """
-        if not _is_wanted(self):
-            raise BadMessage(f"no peer would take {self}")
+        if not _is_valid(self):
+            raise BadMessage(f"a field is out of its range: {self}")
         if not 0 <= self.lease_s <= 0xFFFF:
             raise BadMessage(f"lease_s is {self.lease_s}; 0..65535 is possible")
         return _SUBSCRIBE.pack(*self)
 
     @classmethod
     def parse(cls, body: Buffer) -> Subscribe:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         subscribe = cls(*_unpack(_SUBSCRIBE, body))
-        if not _is_wanted(subscribe):
+        if not _is_valid(subscribe):
             raise Refused("body_value")
         return subscribe
 
 
 class Credit(NamedTuple):
-    """Kind 0: a datagram, and so all sent before it on this path, left the buffer or was lost.
+    """Kind 0: a datagram, and all sent before it on this path, left the buffer or was lost.
 
     The header carries the topic and the time of the acknowledged datagram.
     """
@@ -94,13 +94,13 @@ class Credit(NamedTuple):
 
     @classmethod
     def parse(cls, body: Buffer) -> Credit:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         _, *fields = _unpack(_CREDIT, body)
         return cls(*fields)
 
 
 class CreditRequest(NamedTuple):
-    """Kind 3: the sender wants a Credit for this very datagram, at once."""
+    """Kind 3: requests a Credit for this very datagram, at once."""
 
     def pack(self) -> bytes:
         """Return the 4 bytes of the body."""
@@ -108,7 +108,7 @@ class CreditRequest(NamedTuple):
 
     @classmethod
     def parse(cls, body: Buffer) -> CreditRequest:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         _unpack(_CREDIT_REQUEST, body)
         return cls()
 
@@ -164,7 +164,7 @@ def _unpack(layout: Struct, body: Buffer) -> tuple:  # type: ignore[type-arg]
     return layout.unpack(body)
 
 
-def _is_wanted(subscribe: Subscribe) -> bool:
+def _is_valid(subscribe: Subscribe) -> bool:
     rate = subscribe.max_rate_hz
     return (
         subscribe.wanted_type in ROS_TYPES

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""RaptorQ (RFC 6330) over the parts of one message: repair symbols, and what they bring back.
+"""RaptorQ (RFC 6330) over the parts of one message: repair symbols and recovery.
 
-The one place that imports `raptorq`, an extra, and only when it is needed. One source block, no
-sub-blocks: symbol i is part i, the last one filled with zeros. Times, order and bytes of
-headers are elsewhere. As the code works byte column by byte column, a body that is larger than the
-library's block is coded in stripes of columns, and the symbols are the same.
+The only importer of `raptorq`, an extra, and only when it is needed. One source block, no
+sub-blocks: symbol i is part i, the last one filled with zeros. The code works on byte columns, so a
+body larger than the library's block is coded in stripes of columns, with the same symbols.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _PADDING_SYMBOLS = 16
 
 @lru_cache(maxsize=None)
 def is_available() -> bool:
-    """Tell whether the library is installed."""
+    """Return whether the library is installed."""
     return find_spec("raptorq") is not None
 
 

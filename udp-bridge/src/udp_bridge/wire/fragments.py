@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Splitting a message into datagrams: how large the parts are, and the header before each.
+"""Fragmentation: the part size of a message, and the header of each part.
 
-The body is never copied, only sliced; sending a header and a slice as one datagram
-(`sendmsg([header, slice])`) is the caller's. Nothing here knows a network.
+A body is sliced, never copied: the caller sends header and slice as one datagram.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The header of a datagram: bytes to `Header` and back, and nothing about bodies or order.
+"""The header of a datagram: bytes to `Header` and back.
 
-Two errors, by blame: `Refused` is the peer's fault (a bad datagram, to be counted and dropped),
-`BadMessage` is the caller's. Whatever bytes come in, `parse` returns or raises `Refused`.
+Two errors, by cause: `Refused` is the peer's fault (a bad datagram, to be counted and dropped),
+`BadMessage` is the caller's. For any bytes, `parse` returns or raises `Refused`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FIXED_SIZE = _FIXED.size
 _NAMES_OFFSET = 2  # behind their sizes
 _SIZES_OFFSET = FIXED_SIZE - _NAMES_OFFSET
 _NAMES_KEPT = 1024
-"""Headers' ends that are known, for most come again and again."""
+"""Parsed header ends that are cached, because most of them recur."""
 SMALLEST_HEADER = 20
 LARGEST_HEADER = 252
 """The largest multiple of 4 that a byte can hold."""
@@ -45,7 +45,7 @@ Buffer = Union[bytes, bytearray, memoryview]
 
 
 class Refused(Exception):
-    """A datagram that the rules of the wire forbid; `reason` is the name it is counted under."""
+    """A datagram breaks a rule of the protocol; `reason` is the name of its counter."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -53,7 +53,7 @@ class Refused(Exception):
 
 
 class BadMessage(ValueError):
-    """A message that the caller may not send; the text says which field, and its limit."""
+    """The caller can't send a message; the text names the field and its limit."""
 
 
 class Header(NamedTuple):
@@ -82,7 +82,7 @@ class Header(NamedTuple):
         Parameters
         ----------
         signed_peer
-            Keep to what a peer understands that reads the counts as signed integers.
+            Keep within the limits of a peer that reads the counts as signed integers.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Header(NamedTuple):
             and 0 <= self.part_number < self.parts_max <= parts
             and -(1 << 31) <= self.time_sec < 1 << 31
             and 0 <= self.time_nsec < NANOS
-        ):  # once more, one by one, for the text
+        ):  # test again, field by field, for the error's text
             _check("msg_type", self.msg_type, 0, 255)
             _check("seq_number", self.seq_number, 0, seq_numbers - 1)
             _check("parts_max", self.parts_max, 1, parts)
@@ -143,7 +143,7 @@ def parse(datagram: Buffer) -> Tuple[Header, int]:
     Raises
     ------
     Refused
-        For every datagram that the format forbids; nothing else is ever raised.
+        For every datagram that breaks the format; nothing else is raised.
     """
     size = len(datagram)
     if size < FIXED_SIZE:
@@ -177,19 +177,19 @@ def header_size(names: int) -> int:
 
 
 def is_stamp(stamp_nanos: int) -> bool:
-    """Tell whether a header can carry a stamp."""
+    """Return whether a header can carry a stamp."""
     return -(1 << 31) * NANOS <= stamp_nanos < (1 << 31) * NANOS
 
 
 def restamped(packed: bytes, seq_number: int, stamp_nanos: int) -> bytes:
-    """Return the header of part 0 of another message, equal but for number and stamp.
+    """Return a copy of the header of part 0 with another number and stamp.
 
     Parameters
     ----------
     packed
-        The header of part 0 of one.
+        The header to copy.
     seq_number, stamp_nanos
-        Within their ranges, which is not checked.
+        The new values; their ranges are not checked.
     """
     sec, nsec = divmod(stamp_nanos, NANOS)
     anew = _NUMBER_TO_STAMP.pack(seq_number, 0, packed[PARTS_MAX_OFFSET], sec, nsec)
@@ -197,14 +197,14 @@ def restamped(packed: bytes, seq_number: int, stamp_nanos: int) -> bytes:
 
 
 def type_label(msg_type: int) -> str:
-    """Return the name of a type, or its number in words where no type has it."""
+    """Return the name of a type, or a text with an unknown number."""
     row = MSG_TYPES.get(msg_type)
     return row.name if row else f"type {msg_type}"
 
 
 @lru_cache(maxsize=_NAMES_KEPT)
 def _names(rest: bytes) -> Tuple[str, str]:
-    """Return topic and link of a header's end, their two sizes included."""
+    """Return topic and link of a header's end, which begins with their sizes."""
     topic_end = _NAMES_OFFSET + rest[0]
     link_end = topic_end + rest[1]
     if topic_end > len(rest):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared keys from a file or the environment, and what is said when those of two ends differ.
+"""Shared keys from a file or the environment, and hints about refusals that a user can fix.
 
-Rule: no error shows a key, or what was in its place.
+No error shows a key, or what stood in its place.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LARGEST_TEXT = 4096
 
 
 class BadKey(ValueError):
-    """There is no usable key; the text is one line that says why and how to mend it."""
+    """There is no usable key; the text is one line with the reason and the fix."""
 
 
 def read_key(
@@ -42,7 +42,7 @@ def read_key(
 
 
 def key_of_file(file: str) -> bytes:
-    """Return the key in a file that nobody but its owner can read.
+    """Return the key in a file that only its owner can read.
 
     Raises
     ------
@@ -62,12 +62,12 @@ def key_of_file(file: str) -> bytes:
 
 
 def parse_key(text: bytes, where: str) -> bytes:
-    """Return the key that a text holds: as hexadecimal digits if it is nothing else, or as it is.
+    """Return the key in a text: decoded when it is all hexadecimal digits, else as it is.
 
     Raises
     ------
     BadKey
-        When it is no key; the error says `where`, not what it was.
+        When the text is no key; the error says `where`, never the text.
     """
     if len(text) > LARGEST_TEXT:
         raise BadKey(f"{where}: this is no key, it has more than {LARGEST_TEXT} bytes")
@@ -92,19 +92,19 @@ REFUSAL_HINTS: Dict[str, str] = {
     "can't; name it as the peer, or give both ends a key",
     "stale": "the clocks of the two ends differ by more than 10 s, or somebody repeats old ones",
 }
-"""Why an end refuses all that comes, by the reason that it counts."""
+"""Explanations of refusals, by reason."""
 TOLERATED: Dict[str, int] = {"unvalidated": 100}
-"""How many may be refused before that is told: a sender asks some times before it is validated."""
+"""Refusals before a hint is given: a sender is refused some times before it is validated."""
 
 
 class RefusalHints:
-    """What is to be told people of datagrams that no key fits: each reason once."""
+    """Log lines about refused datagrams that a user can fix; one line for each reason."""
 
     def __init__(self) -> None:
         self._told: Dict[str, str] = {}
 
     def new(self, refused: Mapping[str, int]) -> List[str]:
-        """Return lines for reasons that are new among those counted so far."""
+        """Return lines for the reasons that were not reported before."""
         found = {
             why: text
             for why, text in REFUSAL_HINTS.items()

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies of lockstep in Control (type 64), to the byte: Barrier and its answer, BarrierReply.
+"""Bodies of Barrier and BarrierReply in Control (type 64), to the byte.
 
-A run stands still between the two: the simulator's side has said what it sent up to a tick, and
-waits until ROS has been given all of that and has sent what it says to it. Each packs itself and
-parses itself. Nothing here waits: what came is compared with what was sent in `barrier_buffer`.
+A run waits between the two: the simulator's side has listed what it sent up to a tick, and waits
+until ROS has all of it and has responded. Each class packs and parses itself.
 """
 
 from __future__ import annotations
@@ -15,108 +14,108 @@ from .header import BadMessage, Buffer, Refused
 from .types import ROS_TYPES
 
 _BARRIER = Struct("<BBBxIQq")
-_WORD = Struct("<BBBxIQq")
+_REPLY = Struct("<BBBxIQq")
 _SENT = Struct("<BBHI")
-_ANSWER = Struct("<BBBx")
-TOPICS_TOLD = 255
-"""Topics in one Barrier or BarrierReply, and answers in a Barrier."""
+_RESPONSE = Struct("<BBBx")
+TOPICS_MAX = 255
+"""Topics in a Barrier or BarrierReply, and expected responses in a Barrier, at most."""
 
 DONE, WAITING, INCOMPLETE, RESTARTED = range(4)
-"""States of a BarrierReply: all was published and answered; an answer is awaited; messages are
+"""States of a BarrierReply: all was published and responded to; a response is awaited; messages are
 missing; the ROS side was restarted since they were sent and needs them again."""
 _STATES = (DONE, WAITING, INCOMPLETE, RESTARTED)
 
 
 class SentMessages(NamedTuple):
-    """What was sent of one topic since the last Barrier or BarrierReply."""
+    """Messages of one topic that were sent since the last Barrier or BarrierReply."""
 
     msg_type: int
     topic: str
     first: int
     """The seq_number of the first message."""
     messages: int
-    """How many from that one on, 1..65 535."""
+    """Number of messages from the first on, 1..65 535."""
 
 
 class ExpectedResponse(NamedTuple):
-    """A topic of ROS on which a message is due for each message of another topic."""
+    """A ROS topic on which a message is due for each message of another topic."""
 
     topic: str
     of: str
-    """The topic that is answered, one that goes to ROS."""
+    """The topic that causes the responses, one that goes to ROS."""
     msg_type: int = 0
-    """Of the answers; 0 is any, of which nothing is sent back."""
+    """Type of the responses; 0 is any type, of which nothing is sent back."""
 
 
 class Barrier(NamedTuple):
-    """Kind 4: all was sent up to this tick, and nothing more is until a BarrierReply says `DONE`.
+    """Kind 4: all up to this tick was sent, and nothing more until a BarrierReply with `DONE`.
 
     The header carries the run's time at the tick; topic and link are empty.
     """
 
     episode: int
-    """Tells apart the lives of a run; each begins at its tick 0."""
+    """Identifies the episode of the run; each begins at its tick 0."""
     tick: int
-    """-1 for before the first: nothing was sent, and the question is whether ROS is there."""
+    """-1 before the first tick: nothing was sent, and the Barrier asks whether ROS is there."""
     limit_ms: int
-    """For so long after the Barrier came are messages awaited that are missing."""
+    """Time after the arrival of the Barrier to wait for missing messages."""
     sent: Tuple[SentMessages, ...] = ()
-    """Of each topic with messages since the last Barrier."""
-    answers: Tuple[ExpectedResponse, ...] = ()
-    """What ROS has to say before it is done."""
+    """Every topic with messages since the last Barrier."""
+    responses: Tuple[ExpectedResponse, ...] = ()
+    """Responses that ROS must send before it is done."""
 
     def pack(self) -> bytes:
-        """Return the body: 24 bytes, and those of topics and answers.
+        """Return the body: 24 bytes, and those of topics and responses.
 
         Raises
         ------
         BadMessage
             When a field is out of its range.
         """
-        if self.tick < -1 or len(self.answers) > TOPICS_TOLD:
-            raise BadMessage(f"no peer would take {self}")
+        if self.tick < -1 or len(self.responses) > TOPICS_MAX:
+            raise BadMessage(f"a field is out of its range: {self}")
         fixed = _BARRIER.pack(
-            4, _counted(self.sent), len(self.answers), self.limit_ms, self.episode, self.tick
+            4, _counted(self.sent), len(self.responses), self.limit_ms, self.episode, self.tick
         )
-        answers = [
-            _ANSWER.pack(answer.msg_type, _size(answer.topic), _size(answer.of))
-            + (answer.topic + answer.of).encode()
-            for answer in self.answers
+        responses = [
+            _RESPONSE.pack(response.msg_type, _size(response.topic), _size(response.of))
+            + (response.topic + response.of).encode()
+            for response in self.responses
         ]
-        return b"".join([fixed, _packed(self.sent), *answers])
+        return b"".join([fixed, _packed(self.sent), *responses])
 
     @classmethod
     def parse(cls, body: Buffer) -> Barrier:
-        """Return what the body says, or raise `Refused`."""
-        rest = _Rest(body)
-        _, topics, answers, limit_ms, episode, tick = rest.take(_BARRIER)
-        sent = _parse_sent(rest, topics)
-        told: List[ExpectedResponse] = []
-        for _ in range(answers):
-            msg_type, topic_size, of_size = rest.take(_ANSWER)
-            told.append(ExpectedResponse(rest.name(topic_size), rest.name(of_size), msg_type))
+        """Return the parsed body, or raise `Refused`."""
+        reader = _Reader(body)
+        _, topics, responses, limit_ms, episode, tick = reader.take(_BARRIER)
+        sent = _parse_sent(reader, topics)
+        listed: List[ExpectedResponse] = []
+        for _ in range(responses):
+            msg_type, topic_size, of_size = reader.take(_RESPONSE)
+            listed.append(ExpectedResponse(reader.name(topic_size), reader.name(of_size), msg_type))
             if msg_type and msg_type not in ROS_TYPES:
                 raise Refused("body_value")
-        rest.end()
+        reader.end()
         if tick < -1:
             raise Refused("body_value")
-        return cls(episode, tick, limit_ms, sent, tuple(told))
+        return cls(episode, tick, limit_ms, sent, tuple(listed))
 
 
 class BarrierReply(NamedTuple):
-    """Kind 5: how far ROS is with a Barrier. It is the answer to each copy of that Barrier.
+    """Kind 5: the progress of ROS with a Barrier, sent in reply to each copy of it.
 
-    The header carries, of a BarrierReply that says `WAITING`, the topic that is waited for.
+    With `WAITING`, the header carries the topic that is waited for.
     """
 
     episode: int
     tick: int
-    """Both are the Barrier's."""
+    """Episode and tick of the Barrier."""
     state: int = DONE
     lost: int = 0
-    """Messages that the Barrier spoke of and that did not come within its limit."""
+    """Messages that the Barrier listed and that did not arrive within its limit."""
     sent: Tuple[SentMessages, ...] = ()
-    """Of each topic with messages to the simulator since the last BarrierReply that said `DONE`."""
+    """Every topic with messages to the simulator since the last BarrierReply with `DONE`."""
 
     def pack(self) -> bytes:
         """Return the body: 24 bytes, and those of topics.
@@ -127,24 +126,24 @@ class BarrierReply(NamedTuple):
             When a field is out of its range.
         """
         if self.tick < -1 or self.state not in _STATES:
-            raise BadMessage(f"no peer would take {self}")
-        fixed = _WORD.pack(5, _counted(self.sent), self.state, self.lost, self.episode, self.tick)
+            raise BadMessage(f"a field is out of its range: {self}")
+        fixed = _REPLY.pack(5, _counted(self.sent), self.state, self.lost, self.episode, self.tick)
         return fixed + _packed(self.sent)
 
     @classmethod
     def parse(cls, body: Buffer) -> BarrierReply:
-        """Return what the body says, or raise `Refused`."""
-        rest = _Rest(body)
-        _, topics, state, lost, episode, tick = rest.take(_WORD)
-        sent = _parse_sent(rest, topics)
-        rest.end()
+        """Return the parsed body, or raise `Refused`."""
+        reader = _Reader(body)
+        _, topics, state, lost, episode, tick = reader.take(_REPLY)
+        sent = _parse_sent(reader, topics)
+        reader.end()
         if tick < -1 or state not in _STATES:
             raise Refused("body_value")
         return cls(episode, tick, state, lost, sent)
 
 
-class _Rest:
-    """A body that is read from the front."""
+class _Reader:
+    """Reads a body from the front."""
 
     def __init__(self, body: Buffer) -> None:
         self._body = bytes(body)
@@ -174,16 +173,16 @@ class _Rest:
         return taken
 
 
-def _parse_sent(rest: _Rest, topics: int) -> Tuple[SentMessages, ...]:
-    told: List[SentMessages] = []
+def _parse_sent(reader: _Reader, topics: int) -> Tuple[SentMessages, ...]:
+    listed: List[SentMessages] = []
     for _ in range(topics):
-        msg_type, size, messages, first = rest.take(_SENT)
-        told.append(SentMessages(msg_type, rest.name(size), first, messages))
+        msg_type, size, messages, first = reader.take(_SENT)
+        listed.append(SentMessages(msg_type, reader.name(size), first, messages))
         if not messages or msg_type not in ROS_TYPES:
             raise Refused("body_value")
-    if _repeats(told):
+    if _repeats(listed):
         raise Refused("body_value")
-    return tuple(told)
+    return tuple(listed)
 
 
 def _packed(sent: Iterable[SentMessages]) -> bytes:
@@ -195,16 +194,16 @@ def _packed(sent: Iterable[SentMessages]) -> bytes:
 
 def _counted(sent: Tuple[SentMessages, ...]) -> int:
     if (
-        len(sent) > TOPICS_TOLD
+        len(sent) > TOPICS_MAX
         or _repeats(sent)
         or any(not 1 <= row.messages <= 0xFFFF for row in sent)
     ):
-        raise BadMessage(f"no peer would take {sent}")
+        raise BadMessage(f"a field is out of its range: {sent}")
     return len(sent)
 
 
 def _repeats(sent: Sequence[SentMessages]) -> bool:
-    """Return whether a topic is told of twice."""
+    """Return whether a topic is listed twice."""
     return len({(row.msg_type, row.topic) for row in sent}) != len(sent)
 
 

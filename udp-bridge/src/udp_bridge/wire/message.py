@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole message, as a sender hands it in and as a receiver gets it out. No bytes of headers."""
+"""A whole message, as a user sends and receives it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Escapes text of a peer for log lines, so that no name can begin a line or move the cursor."""
+"""Escapes text of a peer for log lines, so that no name can start a line or move the cursor."""
 
 from __future__ import annotations
 

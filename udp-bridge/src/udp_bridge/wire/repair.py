@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies of the repair messages, to the byte: Resend (type 65) and Repair (type 66).
 
-Each class packs itself and parses itself. A body that is not exactly right raises `Refused`
-(`body_size` or `body_value`). Nothing here acts on them.
+Each class packs and parses itself. An invalid body raises `Refused` (`body_size` or `body_value`).
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ SYMBOL_PREFIX = _SYMBOL.size
 SYMBOL_UNIT = 8
 """Symbols are multiples of this."""
 WHOLE_MAX = 64
-"""Messages that one request may ask for as a whole."""
+"""Whole messages that one request may request."""
 
 
 class Offer(NamedTuple):
@@ -35,7 +34,7 @@ class Offer(NamedTuple):
     parts_max: int
     """Of the newest message."""
     limit_ms: int
-    """How old a message may be when it is asked for."""
+    """Greatest age of a message that may be requested."""
 
     def pack(self) -> bytes:
         """Return the 8 bytes of the body."""
@@ -46,16 +45,16 @@ class Request(NamedTuple):
     """Kind 1 of Resend: these parts of the message that the header names are missing.
 
     Or, with parts_max 0, `messages` whole messages from the header's seq_number on, of which
-    nothing came; then the header's time means nothing.
+    nothing arrived; then the header's time has no meaning.
     """
 
     msg_type: int
     parts_max: int
     messages: int
     goodput: int
-    """Bytes that came from this sender within the last second, headers included."""
+    """Bytes that arrived from this sender within the last second, headers included."""
     parts: Tuple[int, ...] = ()
-    """Part numbers, ascending; empty where whole messages are asked for."""
+    """Part numbers, ascending; empty when whole messages are requested."""
 
     def pack(self) -> bytes:
         """Return the body: 8 bytes and a bitmap of the parts."""
@@ -86,13 +85,13 @@ def parse_resend(body: Buffer) -> Union[Offer, Request]:
 
 
 def parts_of(bitmap: bytes) -> Tuple[int, ...]:
-    """Return the numbers of the bits that are set."""
+    """Return the numbers of the set bits."""
     bits = int.from_bytes(bitmap, "little")
     return tuple(part for part in range(8 * len(bitmap)) if bits >> part & 1)
 
 
 class Symbol(NamedTuple):
-    """What stands before a repair symbol: which message it repairs, and how it was made.
+    """The fields before a repair symbol: the message that it repairs, and the code.
 
     The header has the message's topic, link, seq_number and time; its part_number is the
     symbol's index among the parts_max that were sent.

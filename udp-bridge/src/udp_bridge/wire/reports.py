@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies of the two reports in Control (type 64), to the byte: TopicReport and LinkReport.
+"""Bodies of the reports in Control (type 64), to the byte: TopicReport and LinkReport.
 
-Each packs itself and parses itself. Nothing here counts: `delivery_log` fills them, `accounts`
-reads them.
+Each class packs and parses itself. Nothing here counts.
 """
 
 from __future__ import annotations
@@ -17,15 +16,15 @@ _TOPIC_REPORT = Struct("<BBxxIqQQQQQQQQQqqqqq")
 _LINK_REPORT = Struct("<BxxxIQQQQ")
 _REASON = Struct("<QB")
 _REASON_NAME = re.compile(rb"[a-z0-9_]{1,32}")
-REASONS_TOLD = 32
-"""Reasons for refusal in a LinkReport; the most frequent ones."""
+REASONS_MAX = 32
+"""Reasons for refusal in a LinkReport at most; the most frequent ones."""
 
 NO_AGE = -(1 << 63)
-"""The age in a report when no message was published lately."""
+"""Age in a report without recently published messages."""
 
 
 class TopicReport(NamedTuple):
-    """Kind 1: what became of the messages of one topic, since the receiver knows this sender.
+    """Kind 1: delivery counts of one topic, since the receiver knows this sender.
 
     The header carries the reported topic and the link last seen, and the receiver's wall clock.
     """
@@ -33,29 +32,29 @@ class TopicReport(NamedTuple):
     msg_type: int
     """Type of the reported topic."""
     first_number: int
-    """Lowest seq_number of which anything came."""
+    """Lowest seq_number of which a datagram arrived."""
     since_nanos: int
-    """Names this count: another one means that it began anew, for either side was restarted."""
+    """Identifies this count: another value means that the count was restarted."""
     numbers: int
     """Messages from the first to the one with the highest number seen, both included."""
     published: int
-    """Messages that reached their user, such as a publisher of ROS."""
+    """Messages that reached their user, such as a ROS publisher."""
     dropped: int
-    """Whole messages that a newer one pushed out, or that their user can't take."""
+    """Whole messages that a newer one displaced, or that the user can't take."""
     incomplete: int
     """Messages given up with parts missing."""
     late: int
     """Whole messages behind a newer one."""
     pending: int
-    """Messages whose parts are still awaited, or that wait for being published."""
+    """Messages whose parts are still awaited, or that wait to be published."""
     repaired: int
-    """Of those handed over, the ones that would be incomplete without repair."""
+    """Messages handed over that would be incomplete without repair."""
     duplicates: int
-    """Datagrams that had been there before, since the receiver began."""
+    """Datagrams that had arrived before, since the receiver started."""
     body_bytes: int
     """Of the messages published."""
     first_seen_stamp_nanos: int
-    """Stamp of the first message of which anything came."""
+    """Stamp of the first message of which a datagram arrived."""
     first_stamp_nanos: int
     """Stamp of the first message published; 0 when there was none."""
     last_stamp_nanos: int
@@ -64,11 +63,11 @@ class TopicReport(NamedTuple):
     """Median of receiver's wall clock minus stamp at publication, over the last 10 s and at most
     1024 messages; `NO_AGE` when there were none."""
     age_p99_nanos: int
-    """The same that 99 % do not exceed."""
+    """Age that 99 % of these messages do not exceed."""
 
     @property
     def missing(self) -> int:
-        """Messages between the first and the highest number of which nothing came."""
+        """Messages between the first and the highest number of which no datagram arrived."""
         known = self.published + self.dropped + self.incomplete + self.late + self.pending
         return self.numbers - known
 
@@ -78,7 +77,7 @@ class TopicReport(NamedTuple):
 
     @classmethod
     def parse(cls, body: Buffer) -> TopicReport:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         if len(body) != _TOPIC_REPORT.size:
             raise Refused("body_size")
         _, *fields = _TOPIC_REPORT.unpack(body)
@@ -89,14 +88,14 @@ class TopicReport(NamedTuple):
 
 
 class LinkReport(NamedTuple):
-    """Kind 2: what arrived at a socket altogether, counted since the receiver began."""
+    """Kind 2: totals of a socket, counted since the receiver started."""
 
     receive_buffer: int
     """Bytes of the receive buffer as the kernel accounts them."""
     datagrams: int
     bytes_received: int
     refused: int
-    """Datagrams that broke a rule of the wire."""
+    """Datagrams that broke a rule of the protocol."""
     kernel_drops: int
     """Datagrams that the kernel dropped because the receive buffer was full."""
     reasons: Tuple[Tuple[str, int], ...] = ()
@@ -112,7 +111,7 @@ class LinkReport(NamedTuple):
         refused: Dict[str, int],
     ) -> LinkReport:
         """Return a report with the refused datagrams counted and their reasons in order."""
-        reasons = sorted(refused.items(), key=lambda row: (-row[1], row[0]))[:REASONS_TOLD]
+        reasons = sorted(refused.items(), key=lambda row: (-row[1], row[0]))[:REASONS_MAX]
         total = sum(refused.values())
         return cls(receive_buffer, datagrams, bytes_received, total, kernel_drops, tuple(reasons))
 
@@ -125,7 +124,7 @@ class LinkReport(NamedTuple):
 
     @classmethod
     def parse(cls, body: Buffer) -> LinkReport:
-        """Return what the body says, or raise `Refused`."""
+        """Return the parsed body, or raise `Refused`."""
         if len(body) < _LINK_REPORT.size:
             raise Refused("body_size")
         _, *fields = _LINK_REPORT.unpack_from(body)
@@ -134,7 +133,7 @@ class LinkReport(NamedTuple):
 
 
 def _reasons(rest: bytes) -> Iterator[Any]:
-    for _ in range(REASONS_TOLD):
+    for _ in range(REASONS_MAX):
         if not rest:
             return
         if len(rest) < _REASON.size:

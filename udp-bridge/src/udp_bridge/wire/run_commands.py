@@ -11,26 +11,26 @@ from typing import NamedTuple
 
 from .header import BadMessage, Buffer, Refused
 
-_WISH = Struct("<BBxxIQ")
-_ANSWER = Struct("<BB6xQq")
+_COMMAND = Struct("<BBxxIQ")
+_REPLY = Struct("<BB6xQq")
 
 QUERY, PAUSE, RESUME, STEP, RESET = range(5)
-"""What is wished; to ask is to wish nothing but the answer."""
+"""Actions; a query only requests a reply."""
 STOPPED, RUNNING, PAUSED = range(3)
-"""How a run is."""
+"""States of a run."""
 ERROR_BYTES = 1024
-"""Of the text of an answer, at most."""
+"""Bytes of the error in a reply, at most."""
 
 
 class RunCommand(NamedTuple):
-    """Kind 6: ROS wishes something of the run, until it is answered; topic and link are empty."""
+    """Kind 6: a command to the run, repeated until it is answered; topic and link are empty."""
 
     number: int
-    """The wall clock in ns when it was made, or one more than the last one's. What has this number
-    and comes from the same sender is the same wish, which is done once."""
+    """The sender's wall clock in ns, or one more than the last number. A command with this number
+    from the same sender is a repetition, and is executed once."""
     action: int = QUERY
     ticks: int = 0
-    """How far to step; 0 for other wishes."""
+    """Ticks to step; 0 with other actions."""
 
     def pack(self) -> bytes:
         """Return the 16 bytes of the body.
@@ -40,32 +40,32 @@ class RunCommand(NamedTuple):
         BadMessage
             When a field is out of its range.
         """
-        if not _is_wish(self):
-            raise BadMessage(f"no peer would take {self}")
-        return _WISH.pack(6, self.action, self.ticks, self.number)
+        if not _is_valid_command(self):
+            raise BadMessage(f"a field is out of its range: {self}")
+        return _COMMAND.pack(6, self.action, self.ticks, self.number)
 
     @classmethod
     def parse(cls, body: Buffer) -> RunCommand:
-        """Return what the body says, or raise `Refused`."""
-        if len(body) != _WISH.size:
+        """Return the parsed body, or raise `Refused`."""
+        if len(body) != _COMMAND.size:
             raise Refused("body_size")
-        _, action, ticks, number = _WISH.unpack(body)
-        wish = cls(number, action, ticks)
-        if not _is_wish(wish):
+        _, action, ticks, number = _COMMAND.unpack(body)
+        command = cls(number, action, ticks)
+        if not _is_valid_command(command):
             raise Refused("body_value")
-        return wish
+        return command
 
 
 class RunCommandReply(NamedTuple):
-    """Kind 7: what became of a wish; topic and link are empty."""
+    """Kind 7: the result of a command; topic and link are empty."""
 
     number: int
-    """The wish's."""
+    """The command's."""
     state: int
     tick: int
-    """The last one that was stepped to; -1 where there is no run."""
+    """The last tick of the run; -1 when there is none."""
     error: str = ""
-    """Why the wish could not be done; empty where it was."""
+    """Why the command was not executed; empty if it was."""
 
     def pack(self) -> bytes:
         """Return the body: 24 bytes and the error.
@@ -76,34 +76,32 @@ class RunCommandReply(NamedTuple):
             When a field is out of its range.
         """
         error = self.error.encode()
-        if not _is_answer(self) or len(error) > ERROR_BYTES:
-            raise BadMessage(f"no peer would take {self}")
-        return _ANSWER.pack(7, self.state, self.number, self.tick) + error
+        if not _is_valid_reply(self) or len(error) > ERROR_BYTES:
+            raise BadMessage(f"a field is out of its range: {self}")
+        return _REPLY.pack(7, self.state, self.number, self.tick) + error
 
     @classmethod
     def parse(cls, body: Buffer) -> RunCommandReply:
-        """Return what the body says, or raise `Refused`."""
-        if not _ANSWER.size <= len(body) <= _ANSWER.size + ERROR_BYTES:
+        """Return the parsed body, or raise `Refused`."""
+        if not _REPLY.size <= len(body) <= _REPLY.size + ERROR_BYTES:
             raise Refused("body_size")
-        _, state, number, tick = _ANSWER.unpack_from(body)
+        _, state, number, tick = _REPLY.unpack_from(body)
         try:
-            answer = cls(number, state, tick, bytes(body)[_ANSWER.size :].decode())
+            reply = cls(number, state, tick, bytes(body)[_REPLY.size :].decode())
         except UnicodeDecodeError:
             raise Refused("body_value") from None
-        if not _is_answer(answer):
+        if not _is_valid_reply(reply):
             raise Refused("body_value")
-        return answer
+        return reply
 
 
-def _is_wish(wish: RunCommand) -> bool:
-    if wish.action == STEP:
-        return 1 <= wish.ticks <= 0xFFFFFFFF
-    return wish.action in (QUERY, PAUSE, RESUME, RESET) and wish.ticks == 0
+def _is_valid_command(command: RunCommand) -> bool:
+    if command.action == STEP:
+        return 1 <= command.ticks <= 0xFFFFFFFF
+    return command.action in (QUERY, PAUSE, RESUME, RESET) and command.ticks == 0
 
 
-def _is_answer(answer: RunCommandReply) -> bool:
+def _is_valid_reply(reply: RunCommandReply) -> bool:
     return (
-        answer.state in range(STOPPED, PAUSED + 1)
-        and answer.tick >= -1
-        and "\0" not in answer.error
+        reply.state in range(STOPPED, PAUSED + 1) and reply.tick >= -1 and "\0" not in reply.error
     )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sealed datagrams (type 68): who has the shared key may send, each datagram once, one way only.
+"""Sealed datagrams (type 68): only holders of the shared key can send, each datagram once, one way.
 
 No socket, no clock: the wall clock comes in as nanoseconds. Contents are authenticated, not
-hidden. Nothing is kept of what was refused, so that only holders of the key can use memory here.
+encrypted. A refused datagram leaves no state, so only holders of the key can use memory here.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ TAG_SIZE = 16
 OVERHEAD = HEAD_SIZE + TAG_SIZE
 """Bytes that sealing adds to a datagram."""
 WINDOW = 1024
-"""Counters that are remembered of a sender: a datagram may come behind so many later ones."""
+"""Remembered counters of a sender: a datagram may arrive behind so many later ones."""
 STALE_NANOS = 10 * NANOS
-"""The first datagram of a sender must not be sealed longer ago than this by our wall clock."""
+"""Greatest age of the first datagram of a sender, by our wall clock."""
 SENDERS = 64
-"""Senders that are remembered."""
+"""Remembered senders."""
 
 TO_ROS = 0
 """The simulator's side sealed it."""
@@ -40,7 +40,7 @@ _KEY_PERSON = b"udp-bridge key"
 
 
 class _Window:
-    """The newest counters of one sender that were seen; what is older than all is refused."""
+    """The newest counters seen of one sender; older ones are refused."""
 
     def __init__(self, first: int) -> None:
         self._seen = {first}
@@ -48,7 +48,7 @@ class _Window:
         self._oldest = first
 
     def take(self, counter: int) -> bool:
-        """Return whether a counter is new; a known one, or one that is too old, is not."""
+        """Return whether a counter is new; a known or too old counter is not."""
         if counter <= self._oldest or counter in self._seen:
             return False
         self._seen.add(counter)
@@ -61,16 +61,16 @@ class _Window:
 
 
 class Seal:
-    """Seals what one end sends, and opens what the other end has sealed.
+    """Seals the datagrams of one end, and opens those of the other end.
 
     Parameters
     ----------
     secret
-        What both ends share, 16 bytes or more.
+        The secret of both ends, 16 bytes or more.
     sends
-        `TO_ROS` or `FROM_ROS`: the direction of what this end seals. It opens the other only.
+        `TO_ROS` or `FROM_ROS`: the direction that this end seals. It opens the other one alone.
     sender
-        A random number of 32 bits that this end has for as long as it lives.
+        A random number of 32 bits, constant for the lifetime of this end.
     """
 
     def __init__(self, secret: bytes, *, sends: int, sender: int) -> None:
@@ -87,7 +87,7 @@ class Seal:
         return self._counter
 
     def sealed(self, buffers: Sequence[Buffer], counter: int) -> List[Buffer]:
-        """Return the buffers of a sealed datagram, with those of the plain one among them."""
+        """Return the buffers of a sealed datagram; they include those of the plain one."""
         head = _HEAD.pack(SEALED, 20, self._sender, 0, 1, self._sends, 0, 0, 0, 0, counter)
         tag = self._keyed.copy()
         tag.update(head)
@@ -96,12 +96,12 @@ class Seal:
         return [head, *buffers, tag.digest()]
 
     def opened(self, datagram: memoryview, wall_nanos: int) -> memoryview:
-        """Return the datagram that was sealed, as a view into what came.
+        """Return the datagram inside, as a view into the sealed one.
 
         Raises
         ------
         Refused
-            When it is not sealed, or not with our key, or not for us, or was here before.
+            When the datagram is not sealed, or with another key or direction, or is a replay.
         """
         if not datagram or datagram[0] != SEALED:
             raise Refused("unsealed")

@@ -48,7 +48,7 @@ def pack_typed(ros_type: str, cdr: Buffer) -> bytes:
 
 @lru_cache(maxsize=256)
 def typed_prefix(ros_type: str) -> bytes:
-    """Return what stands before the CDR: the size of the name, the name and its padding.
+    """Return the bytes before the CDR: the size of the name, the name and its padding.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one table of message types. Whatever knows a type's number, name or topic asks here.
+"""The table of message types: number, name, ROS type, default topic and direction.
 
-Numbers are wire format: a row may be added, never renumbered. Bodies are not described here;
-those of ROS types are plain CDR, the bridge's own are in `control`.
+Numbers are wire format: a row may be added, never renumbered. `python -m tools.wire_types` writes
+the table into PROTOCOL.md and the files of other languages. Bodies of the bridge's own types are in
+`control`, `repair` and `typed`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ ANY_ROS_TYPE = "*"
 
 
 class MessageType(NamedTuple):
-    """One row: a type of message as the wire and ROS know it."""
+    """One row of the table."""
 
     number: int
     """The header's msg_type, 0..255."""
     name: str
-    """What users write and read."""
+    """The name for users."""
     ros_type: Optional[str]
     """Full ROS 2 type name; `ANY_ROS_TYPE` where the body names it (`typed`); None for the bridge's
     own messages, which are not CDR."""
@@ -58,7 +59,7 @@ _ROWS = (
 )
 
 MSG_TYPES: Dict[int, MessageType] = {row.number: row for row in _ROWS}
-"""Every message type that this version knows, by number."""
+"""All message types of this version, by number."""
 
 ROS_TYPES = frozenset(row.number for row in _ROWS if row.ros_type is not None)
 """Numbers of the types whose body is CDR; the others are the bridge's own."""
@@ -77,7 +78,7 @@ def type_number(name: str) -> int:
     Raises
     ------
     ValueError
-        When no type has this name; the text lists those that exist.
+        When no type has this name; the text lists the names.
     """
     try:
         return _BY_NAME[name]
@@ -89,10 +90,10 @@ def type_number(name: str) -> int:
 STAMP_ORDERED = frozenset(
     map(type_number, ("Imu", "WheelEncoders", "Twist", "Odometry", "TwistStamped"))
 )
-"""Types whose users integrate or obey: a message older than the newest one does harm. Topics of
-other types may mix stamps of several sources (TFMessage), or a late message is still of use."""
+"""Types whose users integrate or obey them: a message older than the newest one is harmful. Topics
+of other types may mix stamps of several sources (TFMessage), or a late message is still of use."""
 SEALED = 68
-"""An envelope around a datagram (`seal`), no message, so not in the table."""
+"""An envelope around a datagram (`seal`), not a message, so not in the table."""
 SUBSCRIBE = type_number("Subscribe")
 CONTROL = type_number("Control")
 RESEND = type_number("Resend")
