@@ -16,7 +16,12 @@ from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.loader.namespaces import into_namespaces
 from groundlink.scenario.route import FIGURES, Route
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensor_kinds import sheet_folders
+from groundlink.scenario.sensor_kinds import (
+    OWN_DISTRIBUTION,
+    distribution_of,
+    sensor_kinds,
+    sheet_folders,
+)
 
 from . import urdf
 from .asset_import import import_assets
@@ -143,6 +148,7 @@ def _follow_references(document: Document, warn: Warn) -> None:
         for s, sensor in enumerate(_sequence(vehicle.get("sensors"))):
             _fill_from_datasheet(document, (*here, "sensors", s), sensor)
             _place_on_mount(document, (*here, "sensors", s), vehicle.get("model"))
+            _name_package(sensor)
     merge_materials(document)
 
 
@@ -220,6 +226,14 @@ def _fill_from_datasheet(document: Document, path: DataPath, sensor: Any) -> Non
             sensor[key] = None
             marks = {p[1:]: m for p, m in sheet.marks.items() if p[:1] == (key,)}
             document.put((*path, key), Document(value, marks))
+
+
+def _name_package(sensor: Any) -> None:
+    """State which distribution installs the kind of a sensor, where it is not Groundlink's own."""
+    kind = sensor.get("kind") if isinstance(sensor, dict) else None
+    if isinstance(kind, str) and kind in sensor_kinds():
+        if (distribution := distribution_of(kind)) != OWN_DISTRIBUTION:
+            sensor["package"] = distribution
 
 
 def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import os
 import socket
+import sys
 import threading
 import time
 from collections.abc import Sequence
-
-import msgspec
 
 from groundlink.bus.core_topics import HEALTH, ROOT
 from groundlink.bus.queries import scenario_key
@@ -17,6 +16,7 @@ from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health, StreamReport
 from groundlink.scenario import Scenario
+from groundlink.scenario.decoding import decode_scenario, missing_kinds
 
 from . import asset_exchange
 from .liveness_file import LivenessFile
@@ -45,7 +45,7 @@ def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Sc
                 f"several runs on the bus: {', '.join(runs)}. Fix: choose one with --run"
             )
         for name, payload in runs.items():
-            return name, msgspec.msgpack.decode(payload, type=Scenario)
+            return name, decode_scenario(payload)
         if time.monotonic() > deadline:
             wanted = f"run `{run_name}`" if run_name else "run"
             raise UserError(
@@ -54,6 +54,15 @@ def join(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Sc
             )
         stop.wait(0.2)
     raise SystemExit(0)
+
+
+def report_missing_kinds(process: str, scenario: Scenario) -> None:
+    """Print a line for each sensor kind of a run that is not installed here.
+
+    For processes that carry readings; others do not need the kinds of other processes.
+    """
+    for line in missing_kinds(scenario):
+        print(f"{process}: {line}", file=sys.stderr, flush=True)
 
 
 def join_world(bus: Bus, run_name: str | None, stop: threading.Event) -> tuple[str, Scenario]:
@@ -79,7 +88,7 @@ def changed_world(bus: Bus, run_name: str, world: str) -> Scenario | None:
     """
     replies = bus.query(scenario_key(run_name), world, seconds=JOIN_SECONDS)
     for payload in replies.values():
-        scenario = msgspec.msgpack.decode(payload, type=Scenario)
+        scenario = decode_scenario(payload)
         asset_exchange.fetch(bus, run_name, scenario)
         return scenario
     return None

@@ -16,9 +16,11 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from groundlink import __version__
 from groundlink.scenario import Scenario
+from groundlink.scenario.decoding import put_unknown, take_unknown
 from groundlink.world.build import world_hash
 
 RUN_RECORD = "groundlink.run"
@@ -106,9 +108,11 @@ def run_facts(entries: Mapping[str, str]) -> RunFacts:
     plain: dict[str, Any] = dict(entries)
     for name in ("scenario", "versions"):
         plain[name] = msgspec.json.decode(entries.get(name, ""))
+    unknown = take_unknown(plain["scenario"])
     while True:
         try:
-            return msgspec.convert(plain, RunFacts, strict=False)
+            facts = msgspec.convert(plain, RunFacts, strict=False)
+            return replace(facts, scenario=put_unknown(facts.scenario, unknown))
         except msgspec.ValidationError as error:
             if not _drop_unknown(plain, str(error)):
                 raise

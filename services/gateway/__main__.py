@@ -11,7 +11,7 @@ from groundlink.bus.core_topics import GATEWAY
 from groundlink.bus.session import Bus
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
-from groundlink.process.joining import join
+from groundlink.process.joining import join, report_missing_kinds
 from groundlink.process.name_claim import claim_name
 from groundlink.scenario import Scenario
 
@@ -44,6 +44,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     keep_memory()
     with Bus(connect=process.endpoint(options), name=GATEWAY) as bus:
         run, joined = join(bus, options.run, stop)
+        report_missing_kinds(GATEWAY, joined)
         scenario: Scenario | None = joined
         session = BusSession(bus, run, claim_name(bus, run, GATEWAY))
         resolver = PeerResolver(options.peer or joined.gateway.peer, process.address)

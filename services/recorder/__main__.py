@@ -14,7 +14,7 @@ from groundlink.core.clock import NANOS
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
-from groundlink.process.joining import join
+from groundlink.process.joining import join, report_missing_kinds
 
 with process_needs(NAME, "record"):
     from .mcap_files import McapFiles
@@ -46,6 +46,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     duration = None if options.duration is None else round(options.duration * NANOS)
     with Bus(connect=process.endpoint(options), name=NAME) as bus:
         run, scenario = join(bus, options.run, stop)
+        report_missing_kinds("recorder", scenario)
 
         def journal(part: str) -> bytes:
             return b"".join(bus.query(journal_key(run), part, seconds=JOURNAL_SECONDS).values())

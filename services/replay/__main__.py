@@ -28,7 +28,7 @@ from groundlink.core.extras import process_needs
 from groundlink.messages.base import Ack, Clock, Message
 from groundlink.process import asset_exchange
 from groundlink.process import runner as process
-from groundlink.process.joining import Heartbeat
+from groundlink.process.joining import Heartbeat, report_missing_kinds
 from groundlink.ros.streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 
@@ -93,6 +93,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             raise UserError(f"--from {options.start:g}: the recording has {length:.1f} s")
         run = options.run or recording.run.run
         scenario = _as_served(recording.run.scenario, options.gateway)
+        report_missing_kinds("replay", scenario)
         listen = options.listen or (None if options.connect else DEFAULT_ENDPOINT)
         with Bus(connect=options.connect, listen=listen) as bus:
             for name in TIME_KEEPERS:

@@ -23,7 +23,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.messages.base import Health, Message, State
 from groundlink.process import runner as process
-from groundlink.process.joining import Heartbeat, changed_world, join_world
+from groundlink.process.joining import Heartbeat, changed_world, join_world, report_missing_kinds
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.world.build import world_hash
@@ -87,6 +87,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         return
     with Bus(connect=process.endpoint(options), observer=True, name=NAME) as bus:
         run, scenario = join_world(bus, options.run, stop)
+        report_missing_kinds("view", scenario)
         intake = ViewerSubscriptions(bus, scenario, run)
         view = _view(options, scenario, run, intake.streams)
         if options.save is None:

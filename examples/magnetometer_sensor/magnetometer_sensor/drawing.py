@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from services.view.drawing_context import DrawingContext, VehicleHistory
+from services.view.drawing import Drawing, Track
 
 from .message import MagneticField
 
 
-def draw(
-    context: DrawingContext, history: VehicleHistory, path: str, message: MagneticField
-) -> None:
+def draw(drawing: Drawing, track: Track, path: str, message: MagneticField) -> None:
     """Plot the field."""
-    at_nanos = context.sim_nanos(message.stamp_nanos)
-    context.plots.add(f"{path}/field", at_nanos, message.field_t, ("x", "y", "z"))
+    at_nanos = drawing.sim_nanos(message.stamp_nanos)
+    drawing.plots.add(f"{path}/field", at_nanos, message.field_t, ("x", "y", "z"))
